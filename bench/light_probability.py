@@ -4,8 +4,9 @@
 Grounds of light_scenes.py, half of them without a light, with lamps of 2.5 cycles and more; crops of photographs in
 both directions, half of them with lamps put onto them; and, one in eleven, whole scenes of light_scenes.py. The
 printed coefficients are of tones in their whole boxes and of their own pixels; calibration is judged fold by fold, with
-fits to the other folds, which have other photographs, and of the code. The code's coefficients
-(cpp/src/lights/light_probability.cpp) are of an earlier version of the own pixels, see docs/explanation/lights.md.
+fits to the other folds, which have other photographs, and of the code. The coefficients of the code's fit
+(cpp/src/lights/light_probability.cpp) are of an earlier version of the own pixels; its many_lights is what
+`--first 20000 --scenes 1800 --only tones` prints.
 
 usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--first SEED] [--only tones|data] [--json]
 """
@@ -33,6 +34,8 @@ NARROW = 200  # columns of a frame that a light fills
 BENCH_SCENES = 11  # every one of these is a scene of light_scenes.py
 SAME_FREQUENCY = 0.03  # relative, as of light_scenes.judge
 FOLDS = 6  # of scenes by their seeds; each has photographs of its own
+DOUBTFUL = 3.0  # largest logit that many_lights is fitted to
+MOST_LIGHTS = 7  # of scene()
 SPOT = 0.75  # reach of a lamp's light around its centre, relative to its size
 RIDGE = 1.0  # prior precision of a coefficient, of features in standard deviations
 
@@ -45,6 +48,7 @@ class Candidates:
     light: np.ndarray
     seed: np.ndarray
     told: np.ndarray  # probability by the code
+    fitted: np.ndarray  # before its correction
     inside: np.ndarray  # features of its own pixels
     listed: np.ndarray  # what the code considers at a place: the most probable one
 
@@ -110,7 +114,7 @@ def crop(random: np.random.Generator, photo: np.ndarray) -> np.ndarray:
 def scene(seed: int, photos: list[np.ndarray], data: bool = False) -> tuple[np.ndarray, list[dict[str, float]]]:
     """Bytes, and the truth of each light."""
     random = np.random.default_rng(90_000 + seed)
-    lights = int(random.integers(1, 3 if data else 8)) if random.random() < 0.5 else 0
+    lights = int(random.integers(1, 3 if data else MOST_LIGHTS + 1)) if random.random() < 0.5 else 0
     if photos and random.random() < 0.5:
         own = photos[seed % FOLDS :: FOLDS]
         photo = own[int(random.integers(len(own)))].astype(np.float64)
@@ -168,18 +172,19 @@ def is_light(
 
 def candidates(count: int, photos: list[np.ndarray], data: bool = False, first: int = 0) -> Candidates:
     rows: list[list[float]] = []
-    light, seeds, told, inside, listed = [], [], [], [], []
+    light, seeds, told, fitted, inside, listed = [], [], [], [], [], []
     for seed in range(first, first + count):
         frame, truth = any_scene(seed, photos, data)
         found = _core.light_candidates(frame[None], light_scenes.CAMERA._handle, data)
-        for box, frequency, probability, features, own, best in found:
+        for box, frequency, probability, before, features, own, best in found:
             rows.append(features)
             light.append(is_light(box, frequency, truth, data))
             seeds.append(seed)
             told.append(probability)
+            fitted.append(before)
             inside.append(own)
             listed.append(best)
-    columns = (rows, np.array(light, float), seeds, told, inside, listed)
+    columns = (rows, np.array(light, float), seeds, told, fitted, inside, listed)
     return Candidates(*(np.array(column) for column in columns))
 
 
@@ -270,12 +275,38 @@ def fit(found: Candidates, names: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
+def many_lights(found: Candidates) -> float:
+    """What scenes with more than MOST_LIGHTS lights add to the logit of the code's fit, most of whose scenes had fewer.
+
+    Maximum likelihood from scenes with up to 20 lights, of candidates that are not clear.
+    """
+    told = np.clip(found.fitted, 1e-12, 1 - 1e-12)
+    logit = np.log(told / (1 - told))
+    used = (found.seed % BENCH_SCENES == 0) & (np.abs(logit) < DOUBTFUL)
+    more = 1 / (1 + np.exp(MOST_LIGHTS - np.expm1(found.features[used, COMPANY])))
+    value = 0.0
+    for _ in range(40):
+        now = 1 / (1 + np.exp(-(logit[used] + value * more)))
+        value += float(more @ (found.light[used] - now) / max(more**2 @ (now * (1 - now)), 1e-9))
+    return value
+
+
+def between(told: np.ndarray, light: np.ndarray) -> dict[str, float]:
+    """Of probabilities from 0.1 to 0.9: number, mean, share of lights, and its standard error if they are right."""
+    inside = (told >= 0.1) & (told < 0.9)
+    count = int(inside.sum())
+    error = float(np.sqrt((told * (1 - told))[inside].sum())) / max(count, 1)
+    means = (float(x[inside].mean()) if count else 0.0 for x in (told, light))
+    return {"count": count, **dict(zip(("told", "lights"), means, strict=True)), "standard_error": error}
+
+
 def of_the_code(found: Candidates) -> dict[str, Any]:
-    """Calibration of the code's probabilities: of all scenes, and of those with up to 20 lights."""
-    many = found.part(found.seed % BENCH_SCENES == 0)
+    """Calibration of the code's probabilities: of all scenes, those with up to 20 lights, and the others."""
+    many = found.seed % BENCH_SCENES == 0
+    parts = {"": found, "_many_lights": found.part(many), "_other_scenes": found.part(~many)}
     return {
-        "calibration_of_the_code": calibration(found.told, found.light),
-        "calibration_of_the_code_many_lights": calibration(many.told, many.light),
+        **{f"calibration_of_the_code{name}": calibration(part.told, part.light) for name, part in parts.items()},
+        **{f"between_0.1_and_0.9{name}": between(part.told, part.light) for name, part in parts.items()},
     }
 
 
@@ -295,7 +326,8 @@ def main() -> None:
             report[kind] = fit(found.part(found.listed & ~found.inside), names)
             if kind == "tones":
                 report["own pixels"] = fit(found.part(found.listed & found.inside), names)
-                report["both"] = of_the_code(found.part(found.listed))
+                both = found.part(found.listed)
+                report["both"] = {"many_lights": round(many_lights(both), 2), **of_the_code(both)}
     if options.json:
         print(json.dumps(report))
         return

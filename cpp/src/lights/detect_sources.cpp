@@ -64,6 +64,7 @@ struct Found {
   double odds = 1;         // by the phase in other frames
   double alone = 0;        // probability without regard to other lights
   double probability = 0;  // with regard to them
+  double told = 0;         // corrected
 };
 
 bool one_frequency(double f, double g) { return std::abs(f - g) <= frequency_apart * std::max(f, g); }
@@ -207,7 +208,7 @@ void join_parts(std::vector<Found>& found, const Across& across, const Down& dow
         continue;
       }
       one.known = one.known || other.known;
-      one.probability = std::max(one.probability, other.probability);
+      one.told = std::max(one.told, other.told);
       one.data = one.data || other.data || !beside || !one_frequency(one.light.frequency, other.light.frequency);
       one.merged += 1 + other.merged;
       one.joined = true;
@@ -245,7 +246,7 @@ void find_reflections(std::vector<Found>& found) {
 std::vector<Found> by_probability(const std::vector<Found>& found) {
   std::vector<std::size_t> order(found.size()), place(found.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  std::ranges::stable_sort(order, std::greater{}, [&](std::size_t i) { return found[i].probability; });
+  std::ranges::stable_sort(order, std::greater{}, [&](std::size_t i) { return found[i].told; });
   for (std::size_t k = 0; k < order.size(); ++k) place[order[k]] = k;
   std::vector<Found> sorted;
   for (const std::size_t i : order) {
@@ -264,7 +265,7 @@ LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Came
   LightSource source;
   source.frame = frame;
   source.box = found.part.box;
-  source.probability = found.probability;
+  source.probability = found.told;
   source.frequency = frequency;
   source.frequency_std = light.frequency_std / camera.row_time;
   source.gain = gain.gain[0], source.gain_std = gain.gain_std[0];
@@ -340,7 +341,7 @@ class Look {
       update(one);
       const ToneFeatures features = features_now(one);
       const bool inside = one.light.inside;
-      if (sharpen(one)) all.push_back(candidate(one.light, one.probability, features, inside, listed));
+      if (sharpen(one)) all.push_back(candidate(one, features, inside, listed));
     };
     for (const Found& one : tried_) add(one, false);
     auto tones = without_doubles(found_);
@@ -468,9 +469,9 @@ class Look {
   }
 
   template <class Features>
-  [[nodiscard]] LightCandidate candidate(const RefinedLight& light, double probability, const Features& features,
-                                         bool inside, bool listed) const {
-    return {light.box, light.frequency / camera_.row_time, probability, {features.begin(), features.end()}, inside,
+  [[nodiscard]] LightCandidate candidate(const Found& one, const Features& features, bool inside, bool listed) const {
+    return {one.light.box,   one.light.frequency / camera_.row_time, one.told,
+            one.probability, {features.begin(), features.end()},     inside,
             listed};
   }
 
@@ -538,11 +539,11 @@ class Look {
 
   // Probabilities of a tone beside the suspects and lights of now.
   void update(Found& one) const {
-    const auto told = [&](const ToneFeatures& features) {
-      return with_odds(probability_of(features, one.light.inside), one.odds);
-    };
-    one.alone = told(features_of(one.light, suspects_, 0));
-    one.probability = told(features_now(one));
+    const bool inside = one.light.inside;
+    const ToneFeatures features = features_now(one);
+    one.alone = with_odds(probability_of(features_of(one.light, suspects_, 0), inside), one.odds);
+    one.probability = with_odds(probability_of(features, inside), one.odds);
+    one.told = with_odds(corrected_probability_of(features, inside), one.odds);
   }
 
   [[nodiscard]] bool convincing(const Found& one) const {
@@ -594,18 +595,18 @@ class Look {
       const DataFeatures features = features_of(*data, suspects.size());
       const double probability = with_odds(probability_of(features),
                                            waveform_odds(frames_, frame_, stored_.dark_level, floor_, part_of(light)));
-      data_candidates_.push_back(candidate(light, probability, features, false, true));
+      Found one{.light = light, .part = part_of(light), .data = true, .probability = probability, .told = probability};
+      data_candidates_.push_back(candidate(one, features, false, true));
       if (probability < probability_for(data_odds, options_.false_alarms)) continue;
       if (made_of_tones(light)) {
         tones.push_back(light);
         continue;
       }
-      const auto part = [&](const Found& one) {
-        return !one.known && shared_of_smaller(one.light.box, light.box) > 0.5;
+      const auto part = [&](const Found& other) {
+        return !other.known && shared_of_smaller(other.light.box, light.box) > 0.5;
       };
-      const std::size_t parts = std::erase_if(found_, part);
-      found_.push_back(
-          {.light = light, .part = part_of(light), .merged = parts, .data = true, .probability = probability});
+      one.merged = std::erase_if(found_, part);
+      found_.push_back(one);
     }
   }
 

@@ -10,6 +10,9 @@ namespace {
 constexpr double rounding = 0.01;       // of shares near 0
 constexpr double clear_texture = 0.25;  // below it noise, which log light shows in dark rows, makes texture uneven
 
+constexpr std::size_t company_feature = 9;
+constexpr double most_lights = 7;     // in ten of eleven scenes that the models were fitted to
+constexpr double many_lights = 1.41;  // logit, of a picture with more
 constexpr double intercept = -18.673;
 constexpr ToneFeatures linear{-1.029, 4.853, 1.9, -0.546, -1.407, -3.92, -0.248, 4.782, 0.17, 1.646, 0.148};
 constexpr ToneFeatures square{0, -0.198, -0.271, -0.06, 6.883, -0.553, -0.114, -3.047, 2.032, -0.208, 0.364};
@@ -22,11 +25,18 @@ constexpr DataFeatures data_square{0, 0.092, 0.288, 0.15, 0.148, 0.019, -6.611};
 
 double log_share(double share) { return std::log(std::max(share, 0.0) + rounding); }
 
+double logistic(double logit) { return 1 / (1 + std::exp(-logit)); }
+
 template <class Features>
-double logistic(double sum, const Features& linear_terms, const Features& square_terms, const Features& features) {
-  for (std::size_t i = 0; i < features.size(); ++i)
+double logit(double sum, const Features& linear_terms, const Features& square_terms, const Features& features) {
+  for (std::size_t i = 0; i < linear_terms.size(); ++i)
     sum += (linear_terms[i] + square_terms[i] * features[i]) * features[i];
-  return 1 / (1 + std::exp(-sum));
+  return sum;
+}
+
+double tone_logit(const ToneFeatures& features, bool inside) {
+  return inside ? logit(inner_intercept, inner_linear, inner_square, features)
+                : logit(intercept, linear, square, features);
 }
 
 }  // namespace
@@ -57,13 +67,15 @@ DataFeatures features_of(const DataLight& data, std::size_t suspects) {
           log_share(1 - data.periodic)};
 }
 
-double probability_of(const ToneFeatures& features, bool inside) {
-  return inside ? logistic(inner_intercept, inner_linear, inner_square, features)
-                : logistic(intercept, linear, square, features);
+double probability_of(const ToneFeatures& features, bool inside) { return logistic(tone_logit(features, inside)); }
+
+double corrected_probability_of(const ToneFeatures& features, bool inside) {
+  const double others = std::expm1(features[company_feature]);
+  return logistic(tone_logit(features, inside) + many_lights * logistic(others - most_lights));
 }
 
 double probability_of(const DataFeatures& features) {
-  return logistic(data_intercept, data_linear, data_square, features);
+  return logistic(logit(data_intercept, data_linear, data_square, features));
 }
 
 }  // namespace ocisac

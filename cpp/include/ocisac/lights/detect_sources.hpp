@@ -51,6 +51,7 @@ struct LightCandidate {
   Region box;
   double frequency;  // Hz
   double probability;
+  double fitted;  // probability before its correction
   std::vector<double> features;
   bool inside;  // features of a light's own pixels
   bool listed;  // else another fit of the same suspect is more probable, or a light was found there
