@@ -13,6 +13,7 @@
 
 #include "columns/lamp_slope.hpp"
 #include "columns/moving_mean.hpp"
+#include "columns/pooling_kernels.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/camera/linear_light.hpp"
 
@@ -399,6 +400,12 @@ std::vector<double> weighted_rows(const FramesView<const T>& view, const ToneCur
   constexpr std::size_t kLanes = 8;  // independent sums, for vectorisation
   std::vector<double> signal(view.rows);
   const bool dense = curve.kind == ToneCurve::Kind::linear && view.column_stride == 1;
+  if constexpr (std::is_integral_v<T>)
+    if (dense) {
+      kernels::pool_rows({view.at(0, 0, 0), view.row_stride, view.rows, view.columns}, weights.data(), signal.data());
+      for (double& row : signal) row -= curve.dark_level;
+      return signal;
+    }
   const std::size_t in_lanes = dense ? view.columns / kLanes * kLanes : 0;
   for (std::size_t row = 0; row < view.rows; ++row) {
     const T* values = view.at(0, row, 0);
