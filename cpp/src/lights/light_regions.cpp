@@ -72,10 +72,12 @@ Region first_to_last_swing(const AnyFramesView& frame, const Region& region, con
 
 class Cutter {
  public:
-  Cutter(const AnyFramesView& frame, const ToneCurve& curve) : frame_(frame), curve_(curve) {}
+  Cutter(const AnyFramesView& frame, const ToneCurve& curve, std::size_t most)
+      : frame_(frame), curve_(curve), most_(most) {}
 
   // Cuts by columns, then by rows, until nothing is cut. Dark chips of the strongest light are no end of the others.
   void cut(const Region& region, int depth) {
+    if (regions_.size() == most_) return;
     const auto parts = depth < kMaxCuts ? parts_of(region) : std::vector<Region>{};
     if (parts.size() < 2) {
       regions_.push_back(swinging_rows(frame_, region, curve_));
@@ -104,6 +106,7 @@ class Cutter {
 
   const AnyFramesView& frame_;
   const ToneCurve& curve_;
+  std::size_t most_;
   std::vector<Region> regions_;
 };
 
@@ -115,11 +118,11 @@ Region swinging_rows(const AnyFramesView& frame, const Region& region, const Ton
   return most ? region : swinging;
 }
 
-std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve) {
+std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve, std::size_t most) {
   const Shape shape = shape_of(frame);
   const Region whole{0, 0, shape.columns, shape.rows};
   if (shape.rows < 2 * kMinRows) return {whole};
-  Cutter cutter(frame, curve);
+  Cutter cutter(frame, curve, most);
   cutter.cut(whole, 0);
   auto regions = std::move(cutter).regions();
   std::ranges::sort(regions, {}, [](const Region& region) { return std::tuple(region.x, region.y); });

@@ -191,14 +191,14 @@ ProfileLearning::UseReading ChipReceiver::use_of_earlier(ReceivedFrame& result, 
 // count from the beginning on. `reading`: of the current frame, in the `lit` rows.
 void ChipReceiver::read_again(const FrameReading& reading, RowRange lit, const CombinedColumn& column,
                               std::size_t first_row, ReceivedFrame& result, std::optional<Payload>& payload) {
-  if (kept_.misfits() == 0) return;
+  if (kept_.doubtful() == 0) return;
   const LightState before = rows_.state();
   LightState& state = rows_.state();
   if (state.tracker) state.tracker->reset();
   state.fits = true;
   state.relative_noise = reading.relative_noise;
   rows_.accept(reading, std::span(column.signal).subspan(lit.begin, lit.size()));
-  if (kept_.misfits() + 1 == kept_.size())
+  if (kept_.doubtful() + 1 == kept_.size())
     assembler_.restart();  // all its chips are in doubt
   else
     assembler_.lose_clock();
@@ -221,7 +221,7 @@ double ChipReceiver::drop_given_again() {
 std::optional<Payload> ChipReceiver::learn(const std::optional<FrameReading>& reading, FrameRows& now,
                                            std::size_t first_row, RowRange lit, ReceivedFrame& result) {
   if (!kept_.follow(reading, rows_)) assembler_.lose_clock();
-  const bool in_doubt = kept_.all_misfit();
+  const bool in_doubt = kept_.all_doubtful();
   std::optional<Payload> payload;
   const bool due = kept_.comes_due();
   if (due) now.time -= drop_given_again();

@@ -14,6 +14,7 @@ namespace {
 constexpr double kWrongPerViolation = 2;
 constexpr double kMinDeviations = 3;  // standard deviations of the count of violations
 constexpr int kHalvings = 30;
+constexpr double kSureErrors = 0.05;           // chips in a frame
 constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
 double expected_wrong(std::span<const double> llr, double scale) {
@@ -42,6 +43,13 @@ std::vector<double> reliable_llr(const FrameReading& reading) {
     if (misfit || reading.excess[k] > 1)
       llr[k] = std::copysign(kTail * std::log1p(std::abs(llr[k]) / (kUnderstated * reading.excess[k])), llr[k]);
   return llr;
+}
+
+bool is_sure(const FrameReading& reading) {
+  const auto llr = reliable_llr(reading);
+  const ChipClock& clock = reading.channel.clock;
+  const auto edge = static_cast<std::size_t>(std::ceil(clock.exposure_rows / clock.rows_per_chip)) + 1;
+  return llr.size() > 2 * edge && expected_wrong(std::span(llr).subspan(edge, llr.size() - 2 * edge), 1) < kSureErrors;
 }
 
 std::vector<double> code_weights(const FrameReading& reading) {

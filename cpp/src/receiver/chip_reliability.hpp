@@ -15,6 +15,10 @@ namespace ocisac {
 // The factor of 6 is measured (docs/measured/field.md): chips are chosen so that little is left.
 std::vector<double> reliable_llr(const FrameReading& reading);
 
+// True where less than one chip in twenty frames is expected to be wrong, beside those near the frame's ends that only
+// a part of the exposure covers.
+bool is_sure(const FrameReading& reading);
+
 // Ratios by which the packet's code weighs a reading's chips. They keep sure and weak chips further apart than
 // reliable_llr: rows whose residual is correlated by r count as (1 − r)/(1 + r) of independent ones.
 std::vector<double> code_weights(const FrameReading& reading);

@@ -111,7 +111,7 @@ void LightReceiver::follow(const CombinedColumn& column, std::size_t columns) {
 // Returns the received colour.
 std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, RowRange free, const FrameStamp& stamp,
                                         LightFrame& result) {
-  const bool hold = !can_move_ && chips_->compares_rows();
+  const bool hold = chips_->compares_rows(can_move_);
   Region read = region_;
   if (can_move_) {
     read.y = free.begin;
@@ -131,7 +131,7 @@ std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, 
   if (!is_known && colours.size() > 1) learn_streams(columns, *result.received, read.y);
   if (result.received->outcome != FrameOutcome::received && !hold)
     for (auto& follower : followers_) follower.forget();
-  else if (can_move_)
+  else if (can_move_ && !hold)
     follow(best, shape_of(colours[colour]).columns);
   return colour;
 }

@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "receiver/chip_reliability.hpp"
 #include "receiver/repeated_frames.hpp"
 
 namespace ocisac {
@@ -29,12 +30,25 @@ constexpr double kMaxProfileNoise = 1.0 / 3;  // of a frame that cannot be read
 constexpr double kMaxLearnedErrors = 0.08;    // expected error rate of chips that a profile is learned from
 constexpr double kMaxProfileGrowth = 1.5;     // ratio of a frame's noise to that of those that the profile is of
 constexpr double kMinProfileSwing = 0.1;      // of the largest: darker rows are not read
+constexpr std::size_t kOwnSmoothing = 3;      // rows either side, of the swing at a lamp's ends
 constexpr double kProfileFrameShare = 0.5;    // of the kept frames that a profile must explain
 constexpr double kProfileChips = 8;           // chips either side over which a profile's swing is smoothed, at least
 
 bool is_bright(const RowProfile& profile, RowRange rows) {
   return std::ranges::all_of(std::span(profile.swing).subspan(rows.begin, rows.size()),
                              [](double swing) { return swing > 0; });
+}
+
+// The first profile's bright rows. Its smoothing reaches beyond the lamp's ends, where chips could be invented that
+// show nothing of themselves: rows at the ends must swing by themselves.
+RowRange swinging_rows(const RowProfile& first, std::span<const ProfileFrame> frames) {
+  RowRange rows = profile_rows(first, kMinProfileSwing);
+  const auto own = first_profile(frames, kOwnSmoothing);
+  if (!own) return rows;
+  const double lowest = kMinProfileSwing * *std::ranges::max_element(first.swing);
+  while (rows.size() > 0 && !(own->swing[rows.begin] > lowest)) ++rows.begin;
+  while (rows.size() > 0 && !(own->swing[rows.end - 1] > lowest)) --rows.end;
+  return rows;
 }
 
 std::size_t smoothing(const RowModelSearch& rows) {
@@ -124,19 +138,22 @@ void ProfileLearning::keep(const CombinedColumn& column, std::int64_t frame, dou
   now.lamp = now.signal;
   now.exposed.clear();
   now.bright = column.quality > kBrightLight;
-  now.seen = now.fits = now.repeats = false;
+  now.seen = now.fits = now.sure = now.repeats = false;
   kept_.push_back(std::move(now));
 }
 
-bool ProfileLearning::compares_rows() const {
+bool ProfileLearning::compares_rows(bool can_move) const {
   if (profile_) return true;
   const bool seen = std::ranges::any_of(kept_, &KeptFrame::seen) ||
                     (kept_.size() < kKeptFrames && std::ranges::any_of(kept_, &KeptFrame::bright));
-  return seen && attempts_ < kMaxHeldAttempts && std::ranges::none_of(kept_, &KeptFrame::fits);
+  return seen && attempts_ < kMaxHeldAttempts && std::ranges::none_of(kept_, [can_move](const KeptFrame& kept) {
+           return kept.fits || (can_move && kept.sure);
+         });
 }
 
-std::size_t ProfileLearning::misfits() const {
-  return static_cast<std::size_t>(std::ranges::count(kept_, false, &KeptFrame::fits));
+std::size_t ProfileLearning::doubtful() const {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(kept_, [](const KeptFrame& kept) { return !kept.fits && !kept.sure; }));
 }
 
 std::vector<std::span<const double>> ProfileLearning::rows_of_all(std::size_t first_row, std::size_t rows) const {
@@ -173,6 +190,7 @@ ProfileLearning::KeptFit ProfileLearning::read_kept(RowModelSearch& rows, const 
     if (std::isfinite(effort.rows)) searches -= 1 - now.effort.rows / effort.rows;
     kept.exposed.clear();
     kept.fits = fits_well(reading);
+    kept.sure = !kept.fits && reading && is_sure(*reading);
     fit.frames += kept.fits;
     fit.read += reading.has_value();
     fit.noise += (reading ? reading->relative_noise : kMaxProfileNoise) / static_cast<double>(kept_.size());
@@ -226,7 +244,7 @@ std::optional<LearnedProfile> ProfileLearning::first_learned(std::size_t smooth,
   for (const auto& lamp : lamps) signals.push_back({lamp, {}});
   auto first = first_profile(signals, smooth);
   if (!first) return std::nullopt;
-  const RowRange bright = profile_rows(*first, kMinProfileSwing);
+  const RowRange bright = swinging_rows(*first, signals);
   std::fill_n(first->swing.begin(), bright.begin, 0.0);
   std::fill(first->swing.begin() + static_cast<std::ptrdiff_t>(bright.end), first->swing.end(), 0.0);
   return LearnedProfile{std::move(*first), bright, 0, false, !beside.empty()};
@@ -325,8 +343,11 @@ std::optional<LearnedProfile> ProfileLearning::learn(RowModelSearch& rows, const
 
 bool ProfileLearning::comes_due() {
   if (until_attempt_ > 0) --until_attempt_;
-  const bool poor = static_cast<double>(misfits()) > kProfileFrameShare * static_cast<double>(kept_.size());
-  return until_attempt_ == 0 && kept_.size() >= kMinProfileFrames && !(profile_ ? profile_->fits : !poor);
+  const double most = kProfileFrameShare * static_cast<double>(kept_.size());
+  const bool poor = static_cast<double>(std::ranges::count(kept_, false, &KeptFrame::fits)) > most,
+             in_doubt = static_cast<double>(doubtful()) > most;
+  return until_attempt_ == 0 && kept_.size() >= kMinProfileFrames && poor &&
+         (profile_ ? in_doubt && !profile_->fits : in_doubt || attempts_ < kQuickAttempts);
 }
 
 std::int64_t ProfileLearning::drop_given_again() {
@@ -383,6 +404,7 @@ bool ProfileLearning::follow(const std::optional<FrameReading>& reading, RowMode
   now.seen = reading.has_value();
   now.noise = reading ? reading->relative_noise : kMaxProfileNoise;
   now.fits = fits_well(reading);
+  now.sure = !now.fits && reading && is_sure(*reading);
   if (!profile_) return true;
   const bool explained = explains(*profile_, reading);
   if (explained) {

@@ -18,7 +18,8 @@ namespace {
 constexpr std::size_t kFirstPatience = 8, kMaxPatience = 256;          // frames
 constexpr std::size_t kSearchInterval = 60, kMaxSearchInterval = 240;  // frames between searches for further lights
 constexpr std::size_t kSearchedColumns = 640;                          // evenly spaced, at most
-constexpr std::size_t kMinMargin = 8;  // columns added on either side of a light's region
+constexpr std::size_t kMinMargin = 8;       // columns added on either side of a light's region
+constexpr std::size_t kRegionsOfLight = 4;  // that a search may propose, for each light that is allowed
 constexpr double kSamePlace = 0.5;
 constexpr std::size_t kFramesAgreed = 3, kMaxAttempts = 12;
 constexpr std::size_t kGivenUp = 90;  // frames without reception until a light is dropped
@@ -67,10 +68,12 @@ std::vector<Region> light_boxes(const AnyFramesView& frame, const Camera& camera
 }
 
 // Separate lights; a region that overlaps a larger one is a part of it. Lights with data swing without a common tone.
-std::vector<Region> several_lights(const AnyFramesView& frame, const Camera& camera, bool data) {
+std::vector<Region> several_lights(const AnyFramesView& frame, const Camera& camera, bool data,
+                                   std::size_t max_lights) {
   const std::size_t columns = shape_of(frame).columns, step = thinning_of(columns);
   const AnyFramesView thin = thinned(frame, step);
-  auto regions = data ? light_regions(thin, camera.tone_curve) : light_boxes(thin, camera);
+  auto regions =
+      data ? light_regions(thin, camera.tone_curve, kRegionsOfLight * max_lights) : light_boxes(thin, camera);
   for (Region& region : regions) {
     region.x *= step;
     region.width = std::min(region.width * step, columns - region.x);
@@ -173,7 +176,7 @@ void Receiver::search_one(const AnyFramesView& frame) {
 // Several lights are adopted only if consecutive frames agree on their places: false detections from long runs of one
 // light change place between frames.
 void Receiver::search_several(const AnyFramesView& frame) {
-  auto found = several_lights(frame, camera_, options_.light.data.has_value());
+  auto found = several_lights(frame, camera_, options_.light.data.has_value(), options_.max_sources);
   if (found.size() < 2) {
     agreed_ = attempts_ = 0;
     return;

@@ -9,6 +9,7 @@
 #include "ocisac/chips/chip_clock.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/receive.hpp"
+#include "receiver/chip_reliability.hpp"
 #include "receiver/rows_of_noise.hpp"
 
 namespace ocisac {
@@ -31,6 +32,7 @@ constexpr double kPreambleShare = 0.3;       // of the effort, for an exposure t
 constexpr std::size_t kPhases = 6;           // tried per chip without a prediction
 constexpr double kMinChips = 12;             // in a frame
 constexpr std::size_t kMaxVainTries = 4;     // doublings of the frames from one try of other models to the next
+constexpr std::size_t kEnoughTries = 4;      // of other models in vain, where chips are sure
 constexpr double kFollowedEffort = 0.1;      // of the others' effort, where a clock is tracked
 constexpr double kWarpEffort = 3;            // of the other models'
 constexpr double kBetter = 0.8;              // ratio of the residual noise required of another model
@@ -145,7 +147,8 @@ bool RowModelSearch::start_slow_light() {
 void RowModelSearch::forget() {
   rows_per_chip_.reset();
   if (options_.chip_rate) rows_per_chip_ = 1 / (*options_.chip_rate * camera_.row_time);
-  vain_tries_ = until_try_ = 0;
+  vain_tries_ = until_try_ = examined_ = 0;
+  unexplained_ = 0;
   restart_clock();
 }
 
@@ -344,7 +347,7 @@ std::optional<FrameReading> RowModelSearch::read_with(std::span<const double> si
   }
   if (!model.nuisance.empty() && reading)
     reading = refine_nuisance(signal, *reading, model.nuisance, model.exposure_known, &frame.effort);
-  if (model.slow_light && reading && is_misfit(*reading)) {
+  if (model.slow_light && reading && is_misfit(*reading) && !is_sure(*reading)) {
     auto shaped = refine_shape(rest, *reading, model.exposure_known, &frame.effort);
     if (shaped && shaped->relative_noise < reading->relative_noise) reading = std::move(shaped);
   }
@@ -373,15 +376,31 @@ bool RowModelSearch::try_models(std::span<const double> signal, bool searches, F
   return false;
 }
 
+// Takes note of what no model explains; forgets it where one does.
+void RowModelSearch::examine(const FrameReading& reading, bool in_vain) {
+  examined_ = in_vain ? examined_ + 1 : 0;
+  unexplained_ = in_vain ? std::max(reading.relative_noise, unexplained_) : 0.0;
+}
+
+// Where several tries were in vain in frames whose chips were sure, no model is tried until more is left than then.
+bool RowModelSearch::is_examined(const FrameReading& reading) const {
+  return examined_ >= kEnoughTries && reading.relative_noise < kAsNoisy * unexplained_;
+}
+
 // Reads with the model of the last frame; if its residual exceeds noise, tries other models until one fits.
 std::optional<FrameReading> RowModelSearch::read(std::span<const double> signal, FrameRows& frame) {
   auto best = read_with(signal, state_.model, frame);
   if (best ? !is_misfit(*best) : !frame.may_search) return best;
+  const bool sure = best && is_sure(*best);
+  if (sure && is_examined(*best)) {
+    until_try_ = 0;
+    return best;
+  }
   if (best && until_try_ > 0) {
     --until_try_;
     return best;
   }
-  if (best && state_.model.nuisance.empty()) {
+  if (best && !sure && state_.model.nuisance.empty()) {
     auto even = refine_warp(signal, *best, state_.model.exposure_known, &frame.effort_of_others);
     if (!is_misfit(even) && is_sound(even)) {
       best = std::move(even);
@@ -390,12 +409,13 @@ std::optional<FrameReading> RowModelSearch::read(std::span<const double> signal,
       return best;
     }
   }
-  // All from the tracked clock, then all by a search.
+  // All from the tracked clock, then all by a search for another clock, where chips are in doubt.
   for (const bool searches : {false, true}) {
-    if (searches ? !frame.may_search : !(state_.channel && state_.fits)) continue;
+    if (searches ? !frame.may_search || sure : !(state_.channel && state_.fits)) continue;
     if (try_models(signal, searches, frame, best)) break;
   }
   vain_tries_ = best && !is_misfit(*best) ? 0 : vain_tries_ + 1;
+  if (best && (sure || vain_tries_ == 0)) examine(*best, vain_tries_ > 0);
   until_try_ = (std::size_t{1} << std::min<std::size_t>((vain_tries_ + 1) / 2, kMaxVainTries)) - 1;
   return best;
 }

@@ -44,8 +44,7 @@ inline std::vector<KernelCase> all() {
   std::vector<KernelCase> cases;
   for (const auto& some :
        {projection_cases, gain_cases, screening_cases, refinement_cases, equalizer_cases, column_dft_cases,
-        folding_cases, waveform_cases, sequence_cases, channel_cases, frequency_cases, packed_cases,
-        pooling_cases})
+        folding_cases, waveform_cases, sequence_cases, channel_cases, frequency_cases, packed_cases, pooling_cases})
     for (auto& one : some()) cases.push_back(std::move(one));
   return cases;
 }

@@ -27,9 +27,9 @@ KernelCase pooling_case(std::size_t rows, std::size_t columns) {
       for (std::size_t c = whole; c < columns; ++c) out[r] += weights->data()[c] * static_cast<double>(row[c]);
     }
   };
-  return kernel_case<double>("pool_rows " + std::to_string(8 * sizeof(T)) + " bit, " + std::to_string(rows) + " x " +
-                                 std::to_string(columns),
-                             0, {1, rows, rows}, run, rows > 500);
+  return kernel_case<double>(
+      "pool_rows " + std::to_string(8 * sizeof(T)) + " bit, " + std::to_string(rows) + " x " + std::to_string(columns),
+      0, {1, rows, rows}, run, rows > 500);
 }
 
 template <class T>

@@ -57,6 +57,13 @@ ocisac::FrameReading reading_with(double ripple, unsigned seed) {
 
 }  // namespace
 
+TEST_CASE("chips are sure where what is left could not change one") {
+  for (unsigned seed = 0; seed < 10; ++seed) {
+    CHECK(ocisac::is_sure(reading_with(0, seed)));
+    CHECK(!ocisac::is_sure(reading_with(30, seed)));
+  }
+}
+
 TEST_CASE("white noise about a chip is no excess, a ripple is one where it is") {
   int frames = 0;
   for (unsigned seed = 0; seed < 20; ++seed) {

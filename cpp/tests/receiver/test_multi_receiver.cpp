@@ -104,6 +104,22 @@ TEST_CASE("lights beside and above each other are streams of their own") {
   }
 }
 
+TEST_CASE("a texture ends the search for lights after as many regions as are asked for") {
+  constexpr std::size_t kTile = 40, kTall = 1080, kWide = 640;
+  std::mt19937 random(1);
+  std::normal_distribution<double> brightness(70, 12), noise(0, 2);
+  std::vector<double> tiles(kTall * kWide / (kTile * kTile));
+  for (double& tile : tiles) tile = brightness(random);
+  std::vector<std::uint8_t> picture(kTall * kWide);
+  for (std::size_t row = 0; row < kTall; ++row)
+    for (std::size_t column = 0; column < kWide; ++column)
+      picture[row * kWide + column] = static_cast<std::uint8_t>(
+          std::clamp(tiles[row / kTile * (kWide / kTile) + column / kTile] + noise(random), 0.0, 255.0));
+  const auto view = ocisac::dense_view<const std::uint8_t>(picture.data(), 1, kTall, kWide);
+  CHECK(ocisac::light_regions(view, {}, 1000).size() > 8);
+  CHECK(ocisac::light_regions(view, {}, 8).size() == 8);
+}
+
 TEST_CASE("regions that are given are read, those outside refused") {
   const auto lamps = lamps_in({{10, 0, 60, 440}, {10, 440, 60, 460}});  // they touch
   ocisac::Receiver receiver(kCamera, given_options({lamps[0].box, lamps[1].box}));

@@ -62,7 +62,7 @@ class ChipReceiver {
                      const FrameStamp& stamp = {});
 
   // True while the lamp's profile is learned or used: the next frame's columns should be weighted as the last one's.
-  [[nodiscard]] bool compares_rows() const { return kept_.compares_rows(); }
+  [[nodiscard]] bool compares_rows(bool can_move) const { return kept_.compares_rows(can_move); }
 
   // Resets clock, channel and rate; the packet keeps its bytes.
   void forget();

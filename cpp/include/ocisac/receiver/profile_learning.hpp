@@ -33,6 +33,7 @@ struct KeptFrame {
   bool bright = false;       // its columns show a common light
   bool seen = false;         // chips were detected
   bool fits = false;         // no more than noise is left
+  bool sure = false;         // more is, too little to put a chip in doubt
   bool counted = false;      // its place in the stream is stated
   bool repeats = false;      // found to be the frame before it, given twice
   double noise = 1;          // that is left, relative to the swing
@@ -55,12 +56,13 @@ class ProfileLearning {
 
   // In use.
   [[nodiscard]] const std::optional<LearnedProfile>& profile() const { return profile_; }
-  // True while a profile is learned or used.
-  [[nodiscard]] bool compares_rows() const;
-  // Kept frames; those that fit no model; whether these are all.
+  // True while a profile is learned or used. `can_move`: the light need not stay where it is, which only a doubt about
+  // its chips is worth.
+  [[nodiscard]] bool compares_rows(bool can_move) const;
+  // Kept frames; those that fit no model and leave chips in doubt; whether these are all.
   [[nodiscard]] std::size_t size() const { return kept_.size(); }
-  [[nodiscard]] std::size_t misfits() const;
-  [[nodiscard]] bool all_misfit() const { return misfits() == kept_.size(); }
+  [[nodiscard]] std::size_t doubtful() const;
+  [[nodiscard]] bool all_doubtful() const { return doubtful() == kept_.size(); }
   // These rows of all kept frames.
   [[nodiscard]] std::vector<std::span<const double>> rows_of_all(std::size_t first_row, std::size_t rows) const;
 
@@ -68,7 +70,8 @@ class ProfileLearning {
   // longer: it is dropped, and the clock restarts.
   bool follow(const std::optional<FrameReading>& reading, RowModelSearch& rows);
 
-  // True where most frames fit no model, with growing pauses. Once per frame.
+  // True where most frames fit no model, with growing pauses; where their chips are sure, only without a profile and a
+  // few times. Once per frame.
   bool comes_due();
   // Drops frames that were given again: these have their times, and later ones are as much earlier. Returns the number.
   std::int64_t drop_given_again();

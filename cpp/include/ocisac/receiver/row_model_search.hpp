@@ -108,6 +108,8 @@ class RowModelSearch {
   [[nodiscard]] std::vector<RowNuisance> other_nuisances(std::span<const double> signal, const FrameRows& frame) const;
   [[nodiscard]] std::vector<SignalModel> other_models(std::span<const double> signal, const FrameRows& frame,
                                                       bool searches) const;
+  void examine(const FrameReading& reading, bool in_vain);
+  [[nodiscard]] bool is_examined(const FrameReading& reading) const;
   bool try_models(std::span<const double> signal, bool searches, FrameRows& frame, std::optional<FrameReading>& best);
   [[nodiscard]] std::optional<FrameReading> follow(std::span<const double> signal, const SignalModel& model,
                                                    FrameRows& frame, const RowsBeside* beside = nullptr) const;
@@ -124,6 +126,8 @@ class RowModelSearch {
   LightState state_;
   std::optional<double> rows_per_chip_;         // nominal, or estimated from earlier frames
   std::size_t vain_tries_ = 0, until_try_ = 0;  // of other models in a row; frames until the next
+  std::size_t examined_ = 0;                    // tries in vain, chips being sure, since one found a model
+  double unexplained_ = 0;                      // max relative noise that they left
 };
 
 }  // namespace ocisac

@@ -1,0 +1,84 @@
+"""What a receiver has learned of a light is carried from frame to frame, and dropped where it holds no longer.
+
+A round lamp before a still texture: its profile along the rows is learned. Then something changes.
+"""
+
+import numpy as np
+import pytest
+
+from ocisac_fast import Camera, Chips, integrate_exposure
+from ocisac_fast.packets import PacketFormat, transmit
+from ocisac_fast.receiver import MultiReceiver
+
+ROWS, COLUMNS, ROW_TIME, FRAME_TIME, CHIP_RATE = 1080, 160, 22.2e-6, 1 / 30, 8e3
+CAMERA = Camera(ROW_TIME, 5 / CHIP_RATE, FRAME_TIME)
+PAYLOAD = np.random.default_rng(3).bytes(60)
+SENT = transmit(PAYLOAD, format=PacketFormat(block_bytes=8))
+CHANGED, FRAMES, LEARNED = 26, 62, 20
+OLDER = 6  # frames after the change that may complete the payload of those before it
+LATER = 16  # frames until the payload, beyond those from the change on alone: six to notice it, eight to learn from
+
+
+def texture(random):
+    cells = random.normal(size=(ROWS // 40, COLUMNS // 20))
+    return 70 + 12 * np.kron(cells, np.ones((40, 20)))
+
+
+def lamp(right=0, down=0):
+    """90 DN inside of a circle of 400 rows and as many parts of the columns, with an edge of a tenth."""
+    y, x = np.mgrid[:ROWS, :COLUMNS]
+    radius = np.hypot((y - ROWS / 2 - down) / 400, (x - COLUMNS / 2 - right) / (0.3 * COLUMNS))
+    return 90 * np.clip(10 * (1 - radius), 0, 1)
+
+
+def filmed(change, seed):
+    """(number, frame) of a stream whose scene changes at frame CHANGED."""
+    random = np.random.default_rng(seed)
+    light = integrate_exposure(Chips(SENT.chips, CHIP_RATE, repeat=True), CAMERA, ROWS, frames=np.arange(FRAMES))
+    before, after = texture(random), texture(random)
+    rows = np.arange(ROWS) * ROW_TIME
+    for number in range(FRAMES):
+        changed = number >= CHANGED
+        if change == "lost frames" and changed and number % 5 in (1, 2):
+            continue
+        shape = lamp(0.1 * COLUMNS, 40) if change == "moved lamp" and changed else lamp()
+        if change == "other brightness" and changed:
+            shape = 0.7 * shape
+        picture = shape * light[number][:, None] + (after if change == "cut scene" and changed else before)
+        if change == "hum begins" and changed:
+            picture += 15 * np.sin(2 * np.pi * 100 * (rows + number * FRAME_TIME + 1e-3))[:, None]
+        picture += random.normal(0, 2, picture.shape)
+        yield number, np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+
+
+def wrong_chips(received, number):
+    """Count of wrong chips, at the place of the light's chips that the frame's clock tells within one chip."""
+    bits = np.frombuffer(received.bits.encode(), np.uint8) - ord("0")
+    began = (received.phase * ROW_TIME - CAMERA.exposure / 2 + number * FRAME_TIME) * CHIP_RATE
+    first = round(began) + np.arange(-1, 2)[:, None]
+    sent = np.asarray(SENT.chips)[(first + np.arange(bits.size)) % len(SENT.chips)]
+    return np.count_nonzero(bits != sent, axis=1).min()
+
+
+def payload_frames(frames):
+    """Frames that complete the payload, one after the other; none is another, and no sure chips are wrong."""
+    receiver = MultiReceiver(CAMERA, chip_rate=CHIP_RATE, format=SENT.format)
+    for number, pixels in frames:
+        for light in receiver.push(pixels, number=number):
+            got = light.received
+            if got.bits:
+                wrong = wrong_chips(got, number)
+                assert wrong <= 0.05 * len(got.bits) or got.error_rate >= 0.01, number
+                assert wrong == 0 or not LEARNED <= number < CHANGED, number
+            if got.payload is not None:
+                assert got.payload.data == PAYLOAD
+                yield number
+
+
+@pytest.mark.parametrize("change", ["moved lamp", "other brightness", "hum begins", "cut scene", "lost frames"])
+def test_a_change_is_noticed_and_costs_no_payload(change):
+    carried = payload_frames(filmed(change, seed=1))
+    assert next(carried) < CHANGED
+    fresh = next(payload_frames(frame for frame in filmed(change, seed=1) if frame[0] >= CHANGED))
+    after = next(number for number in carried if number >= CHANGED + OLDER)
+    assert after <= fresh + LATER
