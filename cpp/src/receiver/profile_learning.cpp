@@ -31,6 +31,7 @@ constexpr double kMaxLearnedErrors = 0.08;    // expected error rate of chips th
 constexpr double kMaxProfileGrowth = 1.5;     // ratio of a frame's noise to that of those that the profile is of
 constexpr double kMinProfileSwing = 0.1;      // of the largest: darker rows are not read
 constexpr std::size_t kOwnSmoothing = 3;      // rows either side, of the swing at a lamp's ends
+constexpr double kMinOwnSwing = 0.5;          // of the smoothed swing, of a row at a lamp's end
 constexpr double kProfileFrameShare = 0.5;    // of the kept frames that a profile must explain
 constexpr double kProfileChips = 8;           // chips either side over which a profile's swing is smoothed, at least
 
@@ -39,15 +40,15 @@ bool is_bright(const RowProfile& profile, RowRange rows) {
                              [](double swing) { return swing > 0; });
 }
 
-// The first profile's bright rows. Its smoothing reaches beyond the lamp's ends, where chips could be invented that
-// show nothing of themselves: rows at the ends must swing by themselves.
+// The first profile's bright rows. Its smoothing reaches beyond the end of a lamp, where chips could be invented that
+// show nothing of themselves: rows at the ends must swing by themselves about as much as those nearby.
 RowRange swinging_rows(const RowProfile& first, std::span<const ProfileFrame> frames) {
   RowRange rows = profile_rows(first, kMinProfileSwing);
   const auto own = first_profile(frames, kOwnSmoothing);
   if (!own) return rows;
-  const double lowest = kMinProfileSwing * *std::ranges::max_element(first.swing);
-  while (rows.size() > 0 && !(own->swing[rows.begin] > lowest)) ++rows.begin;
-  while (rows.size() > 0 && !(own->swing[rows.end - 1] > lowest)) --rows.end;
+  const auto swings = [&](std::size_t row) { return own->swing[row] > kMinOwnSwing * first.swing[row]; };
+  while (rows.size() > 0 && !swings(rows.begin)) ++rows.begin;
+  while (rows.size() > 0 && !swings(rows.end - 1)) --rows.end;
   return rows;
 }
 
