@@ -2,10 +2,11 @@
 """Processor time of commands on a 1080p video, over that of decoding it: gain, receive, detect, sense.
 
 Videos, H.264 as cameras write it: a lamp of 500 px with a tone, or with packets, before a still texture, and one with
-a tone in a picture that moves by 4 px a frame. Start-up cancels: each command reads a long and a short cut of a video,
-and the difference of the least times of several rounds counts. Decoding is PyAV alone, which makes no array.
+a tone in a picture that moves by 4 px a frame. Start-up, in which lights are found and lamps learned, cancels: each
+command reads a short and a long cut of a video, and the difference of the least times of several rounds counts.
+Decoding is PyAV alone, which makes no array.
 
-usage: bench/commands.py [--commands NAME...] [--rounds N] [--short FRAMES] [--long FRAMES] [--json] [--check]
+usage: bench/commands.py [--commands NAME...] [--rounds N] [--frames N] [--json] [--check]
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from ocisac_fast import Camera, Chips, Tone, integrate_exposure
 from ocisac_fast.packets import transmit
 
 ROWS, COLUMNS, ROW_TIME, EXPOSURE, RATE, CHIP_RATE, PAN = 1080, 1920, 22.2e-6, 622e-6, 30, 8e3, 4
+SHORT = {"tone": 16, "moving": 16, "packets": 76}  # frames; the payload comes after 54 of them
 LIMIT = 0.2  # of decoding
 MOVING = "detect, moving"
 OWN = {"gain": "tone", "detect": "tone", "sense": "tone", MOVING: "moving", "receive": "packets"}  # videos
@@ -63,7 +65,7 @@ def seconds_of(command: list[str], path: Path) -> float:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def measure(folder: Path, names: list[str], rounds: int, short: int, long: int) -> dict[str, float]:
+def measure(folder: Path, names: list[str], rounds: int, frames: int) -> dict[str, float]:
     """Milliseconds a frame: of decoding each video, and of each command of these."""
     payload = np.random.default_rng(2).bytes(200)
     packets = Chips(transmit(payload).chips, chip_rate=CHIP_RATE, repeat=True)
@@ -73,10 +75,10 @@ def measure(folder: Path, names: list[str], rounds: int, short: int, long: int) 
         "packets": (packets, 0),
     }
     used = {OWN[name] for name in names}
-    paths = {(name, n): folder / f"{name}-{n}.mp4" for name in used for n in (short, long)}
-    for (name, frames), path in paths.items():
+    paths = {(name, n): folder / f"{name}-{n}.mp4" for name in used for n in (SHORT[name], SHORT[name] + frames)}
+    for (name, n), path in paths.items():
         waveform, pan = videos[name]
-        write_video(path, waveform, frames, pan)
+        write_video(path, waveform, n, pan)
     ocisac = [sys.executable, "-m", "ocisac_fast.cli"]
     decode = [sys.executable, "-c", DECODE, "FILE"]
     commands = {
@@ -91,13 +93,14 @@ def measure(folder: Path, names: list[str], rounds: int, short: int, long: int) 
     }
     asked = {*names, *(f"decoding, {video}" for video in used)}
     commands = {name: command for name, command in commands.items() if name in asked}
-    least = {(name, n): math.inf for name in commands for n in (short, long)}
+    least = {(name, more): math.inf for name in commands for more in (0, frames)}
     for _ in range(rounds):
-        for (name, n), before in least.items():
+        for (name, more), before in least.items():
             video, command = commands[name]
+            n = SHORT[video] + more
             now = seconds_of([str(n) if part == "FRAMES" else part for part in command], paths[video, n])
-            least[name, n] = min(before, now)
-    return {name: 1e3 * (least[name, long] - least[name, short]) / (long - short) for name in commands}
+            least[name, more] = min(before, now)
+    return {name: 1e3 * (least[name, frames] - least[name, 0]) / frames for name in commands}
 
 
 def main() -> int:
@@ -105,13 +108,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
     parser.add_argument("--commands", nargs="+", choices=OWN, default=list(OWN))
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--short", type=int, default=16, help="frames of the short cut")
-    parser.add_argument("--long", type=int, default=76, help="frames of the long cut")
+    parser.add_argument("--frames", type=int, default=90, help="by which the long cut is longer")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("--check", action="store_true", help="exit code 1 if a limit is not reached")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        found = measure(Path(folder), arguments.commands, arguments.rounds, arguments.short, arguments.long)
+        found = measure(Path(folder), arguments.commands, arguments.rounds, arguments.frames)
     shares = {name: found[name] / found[f"decoding, {OWN[name]}"] - 1 for name in arguments.commands}
     if arguments.json:
         print(json.dumps({"milliseconds": found, "shares": shares}))
