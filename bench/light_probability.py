@@ -276,9 +276,9 @@ def fit(found: Candidates, names: tuple[str, ...]) -> dict[str, Any]:
 
 
 def many_lights(found: Candidates) -> float:
-    """What scenes with more than MOST_LIGHTS lights add to the logit of the code's fit, most of whose scenes had fewer.
+    """Estimate the logit that corrects the code's fit in scenes with more than MOST_LIGHTS lights, which it hardly had.
 
-    Maximum likelihood from scenes with up to 20 lights, of candidates that are not clear.
+    Maximum likelihood over scenes with up to 20 lights, of candidates that are not clear.
     """
     told = np.clip(found.fitted, 1e-12, 1 - 1e-12)
     logit = np.log(told / (1 - told))
@@ -292,7 +292,7 @@ def many_lights(found: Candidates) -> float:
 
 
 def between(told: np.ndarray, light: np.ndarray) -> dict[str, float]:
-    """Of probabilities from 0.1 to 0.9: number, mean, share of lights, and its standard error if they are right."""
+    """Compare probabilities from 0.1 to 0.9 with the share of lights; the standard error holds if they are right."""
     inside = (told >= 0.1) & (told < 0.9)
     count = int(inside.sum())
     error = float(np.sqrt((told * (1 - told))[inside].sum())) / max(count, 1)

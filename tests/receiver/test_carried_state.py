@@ -1,4 +1,4 @@
-"""What a receiver has learned of a light is carried from frame to frame, and dropped where it holds no longer.
+"""A receiver carries a light's profile from frame to frame, and drops it where it holds no longer.
 
 A round lamp before a still texture: its profile along the rows is learned. Then something changes.
 """

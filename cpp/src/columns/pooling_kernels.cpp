@@ -14,9 +14,8 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-constexpr std::size_t kSums = 8;  // of a row, for vectors of any target
-constexpr std::size_t kGroup =
-    4;  // rows that are pooled at once, which share the weights and hide each other's latency
+constexpr std::size_t kSums = 8;   // of a row, for vectors of any target
+constexpr std::size_t kGroup = 4;  // rows pooled at once: they share weights and hide each other's latency
 
 const hn::CappedTag<double, kSums> d_sum;
 
