@@ -164,12 +164,12 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 
 // Rows are prefetched in one of two ways (figures: bench/README.md):
 //
-// * In runs of lines, in memory order, one block ahead. The hardware prefetchers of Zen 3 do not follow strip by strip.
-// * Wide vectors: every row prefetches its own lines of strips ahead, each line four times, because Zen 5 drops
-//   prefetches while too many lines are pending. Zen 4 needs runs as well, into the second-level cache; from there,
-//   each line is prefetched twice.
-constexpr std::size_t kStripsAhead[] = {2, 1, 5, 3};
-constexpr std::size_t kLinesOfStrips = std::size(kStripsAhead), kLinesAfterRuns = kWide ? 2 : 0;
+// * In runs of lines, in memory order, one block ahead: the hardware prefetchers of Zen 3 and 4 do not follow strip by
+//   strip. Wide vectors: into the second-level cache. Each row then prefetches its own line of strips ahead again,
+//   because processors drop prefetches while too many lines are pending.
+// * Wide vectors, on other processors: every row prefetches its own lines of strips ahead, each line four times.
+constexpr std::size_t kStripsAhead[] = {kWide ? 2 : 6, 1, 5, 3};
+constexpr std::size_t kLinesOfStrips = std::size(kStripsAhead), kLinesAfterRuns = kWide ? 2 : 1;
 
 // How rows are taken: the lines that each of them prefetches, and products by AVX-512 VNNI.
 template <std::size_t kLineCount, bool kDotProducts>
@@ -366,7 +366,7 @@ class StripGrid {
     return std::max<std::ptrdiff_t>(std::min(wanted, columns_ - kWidth), 0);
   }
   // Offset from strip i to the one `ahead` of it; after the last strip, to those `next_rows` further on.
-  [[nodiscard]] std::ptrdiff_t step(std::size_t i, std::size_t ahead, std::ptrdiff_t next_rows) const {
+  [[nodiscard]] HWY_INLINE std::ptrdiff_t step(std::size_t i, std::size_t ahead, std::ptrdiff_t next_rows) const {
     const std::size_t to = i + ahead;
     return to < count_ ? first(to) - first(i) : next_rows + first(std::min(to - count_, count_ - 1)) - first(i);
   }

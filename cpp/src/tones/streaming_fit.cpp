@@ -97,19 +97,19 @@ bool keeps(double efficiency, const RowMajor& all_rows, const RowMajor& sums) {
 
 }  // namespace
 
-StreamingFit::StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, bool add_rows)
+StreamingFit::StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows)
     : estimates_(1 + 2 * cycles_per_row.size()), weights_(std::vector<double>(rows), 1, rows, 1, 1) {
-  if (rows > 2 * estimates_) choose(rows, cycles_per_row, efficiency, add_rows);
+  if (rows > 2 * estimates_) choose(rows, cycles_per_row, efficiency, most_rows);
 }
 
-void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, bool add_rows) {
+void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows) {
   const Candidate all_rows = candidate(rows, cycles_per_row, 1);
   flags_ = all_rows.flags;
   const Flags hard = flag::few_cycles | flag::unresolvable | flag::ill_conditioned;
   well_posed_ = std::ranges::none_of(flags_, [](Flags flags) { return (flags & hard) != 0; });
   if (!well_posed_) return;
   for (const int row_group : {8, 4, 2}) {
-    if (!add_rows || !may_keep(efficiency, cycles_per_row, row_group)) continue;
+    if (row_group > most_rows || !may_keep(efficiency, cycles_per_row, row_group)) continue;
     if (rows / static_cast<std::size_t>(row_group) <= 2 * estimates_) continue;
     const Candidate sums = candidate(rows, cycles_per_row, row_group);
     if (keeps(efficiency, all_rows.covariance, sums.covariance)) return adopt(rows, sums, 1);
@@ -142,23 +142,26 @@ namespace {
 struct PlanKey {
   std::size_t rows;
   double efficiency;
-  bool add_rows;
+  int most_rows;
   std::vector<double> cycles_per_row;
   bool operator==(const PlanKey&) const = default;
 };
 
-// In a pass over bytes: false with AVX-512 and one tone, where reading and weighting single rows is as fast, and two
-// threads are faster (bench/README.md).
-bool added_rows_are_faster(std::size_t tones) { return tones > 1 || !kernels::has_wide_vectors(); }
+// Rows that are added up at most. One tone in bytes comes from memory as fast with fewer: 1 with AVX-512, where two
+// threads are faster, and 2 with narrow vectors (bench/README.md).
+int most_rows_added(std::size_t tones, bool bytes) {
+  if (!bytes || tones > 1) return 8;
+  return kernels::has_wide_vectors() ? 1 : 2;
+}
 
 }  // namespace
 
 std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const std::vector<double>& cycles_per_row,
                                                        double efficiency, bool bytes) {
   static RecentlyUsed<PlanKey, StreamingFit, 32> kept;
-  const bool add_rows = !bytes || added_rows_are_faster(cycles_per_row.size());
-  return kept.get({rows, efficiency, add_rows, cycles_per_row},
-                  [&] { return std::make_shared<const StreamingFit>(rows, cycles_per_row, efficiency, add_rows); });
+  const int most_rows = most_rows_added(cycles_per_row.size(), bytes);
+  return kept.get({rows, efficiency, most_rows, cycles_per_row},
+                  [&] { return std::make_shared<const StreamingFit>(rows, cycles_per_row, efficiency, most_rows); });
 }
 
 void StreamingFit::add_up(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
