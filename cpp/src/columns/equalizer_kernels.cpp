@@ -127,43 +127,52 @@ HWY_INLINE void product_tile(const T* matrix, std::size_t inputs, const T* in, s
     for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(sum[i][v], d, out + v * lanes);
 }
 
-// Inputs that are read more than once are copied next to each other, unless they are near: rows of a block, a power of
-// two apart, would evict one another from the first-level cache.
-template <std::size_t kVectors, class T>
+// The same for a number of outputs up to kMost.
+template <std::size_t kMost, std::size_t kVectors, class T>
+HWY_INLINE void product_tile_of(std::size_t outputs, const T* matrix, std::size_t inputs, const T* in,
+                                std::ptrdiff_t stride, T* out, std::ptrdiff_t out_stride) {
+  if (outputs == kMost) return product_tile<kMost, kVectors>(matrix, inputs, in, stride, out, out_stride);
+  if constexpr (kMost > 1)
+    product_tile_of<kMost - 1, kVectors>(outputs, matrix, inputs, in, stride, out, out_stride);
+}
+
+// Tiles of up to kMost outputs, of about the same number each. Inputs that are read more than once are copied next to
+// each other, unless they are near: rows of a block, a power of two apart, would evict one another from the first-level
+// cache.
+template <std::size_t kMost, std::size_t kVectors, class T>
 HWY_INLINE void product_columns(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in,
                                 std::ptrdiff_t stride, T* out, std::ptrdiff_t out_stride) {
-  constexpr std::size_t kOutputs = 4, kNear = 2;
+  constexpr std::size_t kNear = 2;
   const hn::ScalableTag<T> d;
   const std::size_t width = kVectors * hn::Lanes(d);
   thread_local std::vector<T> packed;  // reused from call to call
-  if (outputs > kOutputs && std::abs(stride) > static_cast<std::ptrdiff_t>(kNear * width)) {
+  if (outputs > kMost && std::abs(stride) > static_cast<std::ptrdiff_t>(kNear * width)) {
     packed.resize(inputs * width);
     for (std::size_t j = 0; j < inputs; ++j)
       std::copy_n(in + static_cast<std::ptrdiff_t>(j) * stride, width, &packed[j * width]);
     in = packed.data();
     stride = static_cast<std::ptrdiff_t>(width);
   }
-  const auto row = [&](std::size_t i) { return out + static_cast<std::ptrdiff_t>(i) * out_stride; };
-  std::size_t i = 0;
-  for (; i + kOutputs <= outputs; i += kOutputs)
-    product_tile<kOutputs, kVectors>(matrix + i * inputs, inputs, in, stride, row(i), out_stride);
-  const auto rest = [&]<std::size_t kRest>() {
-    if (outputs - i == kRest)
-      product_tile<kRest, kVectors>(matrix + i * inputs, inputs, in, stride, row(i), out_stride);
-  };
-  rest.template operator()<1>();
-  rest.template operator()<2>();
-  rest.template operator()<3>();
+  for (std::size_t tiles = (outputs + kMost - 1) / kMost; tiles > 0; --tiles) {
+    const std::size_t here = (outputs + tiles - 1) / tiles;
+    product_tile_of<kMost, kVectors>(here, matrix, inputs, in, stride, out, out_stride);
+    matrix += here * inputs;
+    out += static_cast<std::ptrdiff_t>(here) * out_stride;
+    outputs -= here;
+  }
 }
 
+// A multiply-add waits for the one before it in the same sum: many sums at a time, as many as fit into 16 registers.
 template <class T>
 void rows_product(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in, std::ptrdiff_t stride, T* out,
                   std::ptrdiff_t out_stride, std::size_t width) {
   const std::size_t lanes = hn::Lanes(hn::ScalableTag<T>());
   std::size_t c = 0;
+  for (; outputs <= 2 && c + 4 * lanes <= width; c += 4 * lanes)
+    product_columns<2, 4>(matrix, outputs, inputs, in + c, stride, out + c, out_stride);
   for (; c + 2 * lanes <= width; c += 2 * lanes)
-    product_columns<2>(matrix, outputs, inputs, in + c, stride, out + c, out_stride);
-  for (; c < width; c += lanes) product_columns<1>(matrix, outputs, inputs, in + c, stride, out + c, out_stride);
+    product_columns<6, 2>(matrix, outputs, inputs, in + c, stride, out + c, out_stride);
+  for (; c < width; c += lanes) product_columns<6, 1>(matrix, outputs, inputs, in + c, stride, out + c, out_stride);
 }
 
 // NOLINTBEGIN(bugprone-macro-parentheses): T names a type, which takes no parentheses.
