@@ -61,11 +61,11 @@ def hashing_on_two() -> Iterator[Callable[[], float]]:
         yield lambda: gain_of_processors(workers)
 
 
-def rounds_on_two(times: Callable[[], tuple[float, ...]], seconds: float) -> np.ndarray:
-    """(rounds, times + 1): the times measured, and the gain of the second processor at that time."""
-    rounds: list[tuple[float, ...]] = []
+def rounds_on_two(pair: Callable[[], tuple[float, float]], seconds: float) -> np.ndarray:
+    """(rounds, 3): the two times measured by `pair`, and the gain of the second processor at that time."""
+    rounds: list[tuple[float, float, float]] = []
     end = time.perf_counter() + seconds
     with hashing_on_two() as hashing:
         while len(rounds) < 9 or time.perf_counter() < end:
-            rounds.append((*times(), hashing()))
+            rounds.append((*pair(), hashing()))
     return np.array(rounds)

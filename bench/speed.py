@@ -194,23 +194,20 @@ def four_tones(seconds: float) -> Iterator[Figure]:
 
 
 def of_rounds_on_two_cores(
-    name: str, times: Callable[[], tuple[float, ...]], seconds: float, limit: float, at_most: bool
+    name: str, pair: Callable[[], tuple[float, float]], seconds: float, limit: float, at_most: bool
 ) -> Iterator[Figure]:
-    """Ratio of the first two of the times; half of the third, one thread's, is the bound of what two can reach.
+    """Ratio of the two times of a pair.
 
     The processors of a shared host may be threads of one core for seconds. Rounds are used if a reference timed next
     to them finds two cores; if that is rare, all are used.
     """
-    rounds = rounds_on_two(times, seconds)
-    whole = rounds[:, -1] >= TWO_CORES
+    rounds = rounds_on_two(pair, seconds)
+    whole = rounds[:, 2] >= TWO_CORES
     counted = rounds[whole] if np.sum(whole) >= 9 else rounds
-    bound = float(np.median(counted[:, 2] / counted[:, 1])) / 2 if rounds.shape[1] > 3 else 0.0
-    yield figure_of(name, Timing.of(*counted[:, :2].T.tolist()), max(limit, OVER_BOUND * bound), at_most)
-    if bound:
-        yield Figure("  bound: half of the time of one thread", bound, "x")
+    yield figure_of(name, Timing.of(*counted[:, :2].T.tolist()), limit, at_most)
     yield figure_of("  in all rounds", Timing.of(*rounds[:, :2].T.tolist()))
     yield Figure("  rounds on two cores", 100.0 * float(np.mean(whole)), "%")
-    yield Figure("  gain of hashing by the second processor, all rounds", float(np.median(rounds[:, -1])), "x")
+    yield Figure("  gain of hashing by the second processor, all rounds", float(np.median(rounds[:, 2])), "x")
 
 
 def two_threads_in_cache(seconds: float) -> Iterator[Figure]:
@@ -233,24 +230,21 @@ def two_threads_from_memory(seconds: float) -> Iterator[Figure]:
     read = functools.partial(_core.read_bytes, threads=2)
     if read(stacks[0]) != int(stacks[0].sum(dtype=np.uint64)):
         raise SystemExit("speed.py: reading with two threads: another sum; not timed")
-    third = len(stacks) // 3  # data that one call read has left the caches before another call reads it
+    half = len(stacks) // 2  # data that one call read has left the caches before the other call reads it
 
-    def times(calls: tuple[Callable[[np.ndarray], object], ...]) -> tuple[float, ...]:
+    def pair(call: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
         """Medians of the second pass over the stacks: full speed is reached some ms after the reference."""
-        each = [
-            [seconds_of(call, stacks[i - third * k]) for k, call in enumerate(calls)] for i in 2 * [*range(len(stacks))]
-        ]
-        return tuple(float(t) for t in np.median(each[len(stacks) :], axis=0))
+        times = [(seconds_of(call, stacks[i]), seconds_of(read, stacks[i - half])) for i in 2 * [*range(len(stacks))]]
+        mine, reading = np.median(times[len(stacks) :], axis=0)
+        return float(mine), float(reading)
 
     for efficiency in (0.99, 1.0):
-        one, both = gains(SLOW, efficiency), gains(SLOW, efficiency, threads=2)
-        if not np.array_equal(both(stacks[0]), one(stacks[0])):
+        both = gains(SLOW, efficiency, threads=2)
+        if not np.array_equal(both(stacks[0]), gains(SLOW, efficiency)(stacks[0])):
             raise SystemExit("speed.py: two threads: another result than one thread; not timed")
         name = f"gain / reading, two threads each, frames from memory, efficiency {efficiency:g}"
         if two_processors():
-            yield from of_rounds_on_two_cores(
-                name, functools.partial(times, (both, read, one)), 4 * seconds, 1.3, at_most=True
-            )
+            yield from of_rounds_on_two_cores(name, functools.partial(pair, both), 4 * seconds, 1.3, at_most=True)
         else:
             yield figure_of(name, in_turn(both, read, stacks, seconds, (9, 200)), 1.3)
     yield figure_of("  reading with one thread / two", in_turn(_core.read_bytes, read, stacks, seconds, (9, 200)))
