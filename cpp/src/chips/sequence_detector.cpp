@@ -168,24 +168,27 @@ class Trellis {
   // Squared residuals over 2σ², added up over the rows whose oldest chip lies `back` before the newest. In chips, a
   // row's light is the number m of bright chips between and a constant: the sum is a polynomial in m.
   void fill_tables(std::span<const RowView> rows, std::size_t back) {
-    for (std::size_t newest = 0; newest < 2; ++newest)
-      for (std::size_t oldest = 0; oldest < (back == 0 ? 1 : 2); ++oldest) {
-        double squares = 0, linear = 0, constant = 0;
-        for (const RowView& row : rows) {
-          if (row.back != back) continue;
-          const double at_ends = back == 0
-                                     ? static_cast<double>(newest) * length_
-                                     : static_cast<double>(newest) * row.end + static_cast<double>(oldest) * row.begin;
-          const double off = length_ * row.value - at_ends, weight = row.scale / (length_ * length_);
-          squares += weight;
-          linear += weight * off;
-          constant += weight * off * off;
+    double squares = 0, linear[2][2] = {}, constant[2][2] = {};  // of the newest and the oldest chip
+    for (const RowView& row : rows) {
+      if (row.back != back) continue;
+      const double of_newest = back == 0 ? length_ : row.end, of_oldest = back == 0 ? 0 : row.begin;
+      const double weight = row.scale / (length_ * length_);
+      squares += weight;
+      for (std::size_t newest = 0; newest < 2; ++newest)
+        for (std::size_t oldest = 0; oldest < 2; ++oldest) {
+          const double at_ends = static_cast<double>(newest) * of_newest + static_cast<double>(oldest) * of_oldest;
+          const double off = length_ * row.value - at_ends;
+          linear[newest][oldest] += weight * off;
+          constant[newest][oldest] += weight * off * off;
         }
+    }
+    for (std::size_t newest = 0; newest < 2; ++newest)
+      for (std::size_t oldest = 0; oldest < (back == 0 ? 1 : 2); ++oldest)
         for (std::size_t between = 0; between < std::max<std::size_t>(back, 1); ++between) {
           const auto m = static_cast<double>(between);
-          tables_[newest][oldest][between] = static_cast<float>(constant - m * (2 * linear - m * squares));
+          tables_[newest][oldest][between] =
+              static_cast<float>(constant[newest][oldest] - m * (2 * linear[newest][oldest] - m * squares));
         }
-      }
   }
 
   // Counts the tables among the costs of a chip.
@@ -232,9 +235,9 @@ class Trellis {
     return {grouped_, costs_.data()};
   }
 
-  // A check takes as long as a small trellis takes for a chip.
+  // A check takes as long as a small trellis takes for a chip; a thousand states take a microsecond.
   void check_interrupt_at(std::size_t chip) const {
-    constexpr std::size_t kStatesPerCheck = 2048;
+    constexpr std::size_t kStatesPerCheck = 1 << 16;
     if (chip % std::max<std::size_t>(kStatesPerCheck / states_, 1) == 0) check_interrupt();
   }
 
