@@ -5,8 +5,8 @@ Grounds of light_scenes.py, half of them without a light, with lamps of 2.5 cycl
 both directions, half of them with lamps put onto them; and, one in eleven, whole scenes of light_scenes.py. The
 printed coefficients are of tones in their whole boxes and of their own pixels; calibration is judged fold by fold, with
 fits to the other folds, which have other photographs, and of the code. The coefficients of the code's fit
-(cpp/src/lights/light_probability.cpp) are of an earlier version of the own pixels; its many_lights is what
-`--first 20000 --scenes 1800 --only tones` prints.
+(cpp/src/lights/light_probability.cpp) are of an earlier version of the own pixels; its step to what users see is the
+correction that `--first 40000 --scenes 8200 --only tones` prints.
 
 usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--first SEED] [--only tones|data] [--json]
 """
@@ -34,8 +34,8 @@ NARROW = 200  # columns of a frame that a light fills
 BENCH_SCENES = 11  # every one of these is a scene of light_scenes.py
 SAME_FREQUENCY = 0.03  # relative, as of light_scenes.judge
 FOLDS = 6  # of scenes by their seeds; each has photographs of its own
-DOUBTFUL = 3.0  # largest logit that many_lights is fitted to
 MOST_LIGHTS = 7  # of scene()
+MANY_LIGHTS = 10  # expected number of others beyond which a picture is one of many; 7, 8.5 and 12 fit worse
 SPOT = 0.75  # reach of a lamp's light around its centre, relative to its size
 RIDGE = 1.0  # prior precision of a coefficient, of features in standard deviations
 
@@ -275,20 +275,21 @@ def fit(found: Candidates, names: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-def many_lights(found: Candidates) -> float:
-    """Estimate the logit that corrects the code's fit in scenes with more than MOST_LIGHTS lights, which it hardly had.
+def correction(found: Candidates) -> dict[str, float]:
+    """Fit the code's step from its fit p to the probability that users see, by maximum likelihood.
 
-    Maximum likelihood over scenes with up to 20 lights, of candidates that are not clear.
+    Its logit is above·(−ln(1 − p)) + below·ln p + shift (beta calibration, Kull et al. 2017) and, among K other lights,
+    many_lights/(1 + e^(10 − K)).
     """
-    told = np.clip(found.fitted, 1e-12, 1 - 1e-12)
-    logit = np.log(told / (1 - told))
-    used = (found.seed % BENCH_SCENES == 0) & (np.abs(logit) < DOUBTFUL)
-    more = 1 / (1 + np.exp(MOST_LIGHTS - np.expm1(found.features[used, COMPANY])))
-    value = 0.0
+    fitted = np.clip(found.fitted, 1e-12, 1 - 1e-12)
+    many = 1 / (1 + np.exp(MANY_LIGHTS - np.expm1(found.features[:, COMPANY])))
+    design = np.stack([-np.log(1 - fitted), np.log(fitted), np.ones(len(fitted)), many], axis=1)
+    values = np.array([1.0, 1.0, 0.0, 0.0])
     for _ in range(40):
-        now = 1 / (1 + np.exp(-(logit[used] + value * more)))
-        value += float(more @ (found.light[used] - now) / max(more**2 @ (now * (1 - now)), 1e-9))
-    return value
+        told = 1 / (1 + np.exp(-design @ values))
+        bend = (design * (told * (1 - told))[:, None]).T @ design + 1e-6 * np.eye(len(values))
+        values = values + np.linalg.solve(bend, design.T @ (found.light - told))
+    return dict(zip(("above", "below", "shift", "many_lights"), np.round(values, 2).tolist(), strict=True))
 
 
 def between(told: np.ndarray, light: np.ndarray) -> dict[str, float]:
@@ -327,7 +328,7 @@ def main() -> None:
             if kind == "tones":
                 report["own pixels"] = fit(found.part(found.listed & found.inside), names)
                 both = found.part(found.listed)
-                report["both"] = {"many_lights": round(many_lights(both), 2), **of_the_code(both)}
+                report["both"] = {"correction": correction(both), **of_the_code(both)}
     if options.json:
         print(json.dumps(report))
         return

@@ -28,7 +28,7 @@ constexpr double few_cycles = 2;
 constexpr double same_frequency = 0.02;  // relative
 constexpr double even_snr = 6;           // of a tone over the whole frame: outlines, text and lines leave 4 and less
 constexpr double outline_cycles = 3;     // in the frame: the outline of a lamp resembles fewer
-constexpr double likely = 0.62;          // probability of a light
+constexpr double likely = 0.575;         // probability of a light
 
 // Energy of the pixels that a tone with its first harmonics explains, DN².
 double explained_energy(const AnyFramesView& frames, double frequency) {

@@ -11,8 +11,9 @@ constexpr double rounding = 0.01;       // of shares near 0
 constexpr double clear_texture = 0.25;  // below it noise, which log light shows in dark rows, makes texture uneven
 
 constexpr std::size_t company_feature = 9;
-constexpr double most_lights = 7;     // in ten of eleven scenes that the models were fitted to
-constexpr double many_lights = 1.41;  // logit, of a picture with more
+// From the fit to what users see, by bench/light_probability.py: weights of −ln(1 − p) and ln p, a logit, and that of a
+// picture where more than `many` others are expected.
+constexpr double above = 1.21, below = 0.79, shift = -0.49, many_lights = 0.8, many = 10;
 constexpr double intercept = -18.673;
 constexpr ToneFeatures linear{-1.029, 4.853, 1.9, -0.546, -1.407, -3.92, -0.248, 4.782, 0.17, 1.646, 0.148};
 constexpr ToneFeatures square{0, -0.198, -0.271, -0.06, 6.883, -0.553, -0.114, -3.047, 2.032, -0.208, 0.364};
@@ -26,6 +27,9 @@ constexpr DataFeatures data_square{0, 0.092, 0.288, 0.15, 0.148, 0.019, -6.611};
 double log_share(double share) { return std::log(std::max(share, 0.0) + rounding); }
 
 double logistic(double logit) { return 1 / (1 + std::exp(-logit)); }
+
+// ln(1 + e^x), without overflow.
+double softplus(double x) { return std::max(x, 0.0) + std::log1p(std::exp(-std::abs(x))); }
 
 template <class Features>
 double logit(double sum, const Features& linear_terms, const Features& square_terms, const Features& features) {
@@ -69,9 +73,10 @@ DataFeatures features_of(const DataLight& data, std::size_t suspects) {
 
 double probability_of(const ToneFeatures& features, bool inside) { return logistic(tone_logit(features, inside)); }
 
+// ln p = −softplus(−z) and ln(1 − p) = −softplus(z) for p = logistic(z).
 double corrected_probability_of(const ToneFeatures& features, bool inside) {
-  const double others = std::expm1(features[company_feature]);
-  return logistic(tone_logit(features, inside) + many_lights * logistic(others - most_lights));
+  const double z = tone_logit(features, inside), others = std::expm1(features[company_feature]);
+  return logistic(above * softplus(z) - below * softplus(-z) + shift + many_lights * logistic(others - many));
 }
 
 double probability_of(const DataFeatures& features) {

@@ -20,8 +20,8 @@ DataFeatures features_of(const DataLight& data, std::size_t suspects);
 // 1/(1 + e^{−(c + Σ a·x + Σ b·x²)}) of the features x; coefficients by bench/light_probability.py.
 // `inside`: of a light's own pixels.
 double probability_of(const ToneFeatures& features, bool inside);
-// For users; decisions rest on the fit. Most of the fit's scenes have up to seven lights, so that beyond them a tone
-// beside many others has too low a probability.
+// For users; decisions rest on the fit p. The logit is a·ln p − b·ln(1 − p) + c (beta calibration, Kull et al. 2017),
+// and more among many lights, which few of the fit's scenes have.
 double corrected_probability_of(const ToneFeatures& features, bool inside);
 double probability_of(const DataFeatures& features);
 

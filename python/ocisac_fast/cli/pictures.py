@@ -27,7 +27,7 @@ from ocisac_fast.files.recording import Frame
 _RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
 _LUMA_WEIGHTS = (0.299, 0.587, 0.114)  # ITU-R BT.601
 _BATCH_BYTES = 64 << 20
-_SURE_LIGHT = 0.996  # probability of a light that contradicts a statement
+_SURE_LIGHT = 0.998  # probability of a light that contradicts a statement
 
 
 class _Region(ParameterType):

@@ -48,7 +48,7 @@ def calibrate(
     A tone that explains the whole frame is used as :func:`find_frequency` finds it. Otherwise the frequency is that of
     the light, among those that :func:`detect_sources` finds, that explains most of the picture, measured in its box:
     the outline of a lamp, text and drawn lines bias a tone over the whole frame. ``MODEL_MISFIT`` is set where light
-    and whole frame disagree, where the light's probability is below 0.62, and where a tone that explains a part of the
+    and whole frame disagree, where the light's probability is below 0.58, and where a tone that explains a part of the
     frame, or less than three cycles of it, is no light: it may be an outline.
 
     Args:

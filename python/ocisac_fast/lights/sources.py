@@ -94,7 +94,7 @@ def detect_sources(
         camera: row time; exposure, tone curve, dark and white level where known.
         false_alarms: upper bound of the expected number of false lights in a picture without lights, above 0 up to 1,
             on overlapping boxes of 720 x 960 pixels, the most critical texture; noise, clouds and text give fewer. It
-            sets the ``probability`` required: 0.62 at 0.02, more below. Photographs of regular things, such as text or
+            sets the ``probability`` required: 0.72 at 0.02, more below. Photographs of regular things, such as text or
             rows of pins, may show more. In a single picture a grating of bars is detected as a light.
         min_cycles: min. cycles of the light in its box, 2 or above; with fewer, edges and blinds resemble lights.
         max_sources: max. lights per frame, the strongest; 1 or above.
