@@ -9,6 +9,7 @@ import warnings
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
+import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import (
@@ -32,10 +33,9 @@ from ocisac_fast.cli.pictures import (
     picture_options,
     plot_option,
     rows_and_columns,
-    stack,
 )
 from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
-from ocisac_fast.files.recording import Frame
+from ocisac_fast.files.recording import Frame, gathered
 
 if TYPE_CHECKING:
     from ocisac_fast.sensing import SensedRegion
@@ -100,7 +100,8 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
 def _read(file: str, picture: PictureOptions, max_frames: int, frame_rate: Quantity | None) -> tuple[Frame, Camera]:
     """The first frames in grey, (frames, height, width, 1), and their camera."""
     with open_pictures(file, picture, axis_of_light=False) as pictures:
-        view = stack([grey_of(frame) for frame in itertools.islice(pictures.frames, max_frames)])
+        greys = (grey_of(frame) for frame in itertools.islice(pictures.frames, max_frames))
+        view = gathered(greys, min(max_frames, pictures.frame_count or max_frames))[..., np.newaxis]
         camera = pictures.camera
     if frame_rate is not None:
         if not (math.isfinite(frame_rate) and frame_rate > 0.0):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from types import TracebackType
@@ -182,30 +183,39 @@ class RecordingStream:
         Raises:
             FileError: no frame, frames of different shapes or types, or more than ``max_bytes`` of them.
         """
-        whole: Frame = np.empty(0)
-        count = 0
-        for frame in self:
-            if (count + 1) * frame.nbytes > max_bytes:
-                raise FileError(f"more than {max_bytes >> 20} MiB of frames (max_bytes), read it frame by frame")
-            if count == 0:
-                whole = frame[np.newaxis]
-            elif frame.shape != whole.shape[1:]:
-                raise FileError(f"frame {count} is {frame.shape} after frames of {whole.shape[1:]}")
-            elif frame.dtype != whole.dtype:
-                raise FileError(f"frame {count} is {frame.dtype} after frames of {whole.dtype}")
-            elif count == 1:  # memory pages are committed when written: fewer frames may arrive
-                announced = min(self.frame_count or 2, max_bytes // frame.nbytes)
-                first, whole = whole, np.empty((max(announced, 2), *frame.shape), frame.dtype)
-                whole[0], whole[1] = first[0], frame
-                del first
-            else:
-                if count == len(whole):
-                    whole.resize((count + 1, *frame.shape), refcheck=False)  # moves no data where it is large
-                whole[count] = frame
-            count += 1
-            del frame  # before the next one is made
+        return Recording(gathered(self, self.frame_count, max_bytes), self.kind, self.response, self.frame_rate)
+
+
+def gathered(frames: Iterable[Frame], announced: int | None, max_bytes: float = math.inf) -> Frame:
+    """(frames, ...) in one array, made for the ``announced`` number of frames: each is copied before the next is read.
+
+    Raises:
+        FileError: no frame, frames of different shapes or types, or more than ``max_bytes`` of them.
+    """
+    whole: Frame = np.empty(0)
+    count = 0
+    for frame in frames:
+        if (count + 1) * frame.nbytes > max_bytes:
+            raise FileError(f"more than {int(max_bytes) >> 20} MiB of frames (max_bytes), read it frame by frame")
         if count == 0:
-            raise FileError("no frame in it")
-        if count < len(whole):
-            whole.resize((count, *whole.shape[1:]), refcheck=False)
-        return Recording(whole, self.kind, self.response, self.frame_rate)
+            whole = frame[np.newaxis]
+        elif frame.shape != whole.shape[1:]:
+            raise FileError(f"frame {count} is {frame.shape} after frames of {whole.shape[1:]}")
+        elif frame.dtype != whole.dtype:
+            raise FileError(f"frame {count} is {frame.dtype} after frames of {whole.dtype}")
+        elif count == 1:  # memory pages are committed when written: fewer frames may arrive
+            room = int(min(announced or 2, max_bytes // frame.nbytes))
+            first, whole = whole, np.empty((max(room, 2), *frame.shape), frame.dtype)
+            whole[0], whole[1] = first[0], frame
+            del first
+        else:
+            if count == len(whole):
+                whole.resize((count + 1, *frame.shape), refcheck=False)  # moves no data where it is large
+            whole[count] = frame
+        count += 1
+        del frame  # before the next one is made
+    if count == 0:
+        raise FileError("no frame in it")
+    if count < len(whole):
+        whole.resize((count, *whole.shape[1:]), refcheck=False)
+    return whole
