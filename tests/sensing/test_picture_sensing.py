@@ -324,8 +324,7 @@ def test_command_refuses_in_one_line(run, tmp_path, options, message):
     assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize("axis", ["y", "-x"])
-@pytest.mark.parametrize("option", ["--beside", "--unlit"])
+@pytest.mark.parametrize(("axis", "option"), [("y", "--unlit"), ("-x", "--beside")])
 def test_a_long_recording_gives_on_the_command_line_what_all_of_its_frames_give(axis, option, tmp_path, run):
     lit, dark = (in_stored_order(scene(10, seed=4, lit=lit), axis) for lit in (True, False))
     np.save(tmp_path / "lit.npy", lit)
