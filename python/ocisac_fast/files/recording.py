@@ -117,7 +117,7 @@ class RecordingStream:
         luma: True if the frames are the luma plane of a video.
         key_frames: function of a number of frames: where a longer recording can be cut, else None; reads the stream.
         video: format of a video's stream, else None.
-        times: time stamps of the video's frames read so far, s; None for a frame without one.
+        stamps: time stamps of the video's frames read so far, in its time base; None for a frame without one.
     """
 
     def __init__(
@@ -131,7 +131,7 @@ class RecordingStream:
         close: Callable[[], object] | None = None,
         key_frames: Callable[[int], KeyFrames | None] = lambda _: None,
         video: VideoFormat | None = None,
-        times: list[Fraction | None] | None = None,
+        stamps: list[int | None] | None = None,
     ) -> None:
         self._frames = frames
         self.kind = kind
@@ -141,7 +141,7 @@ class RecordingStream:
         self.luma = luma
         self.key_frames = key_frames
         self.video = video
-        self.times = [] if times is None else times
+        self.stamps = [] if stamps is None else stamps
         self._cleanup = contextlib.ExitStack()
         if close is not None:
             self._cleanup.callback(close)
@@ -154,6 +154,12 @@ class RecordingStream:
         if frames.ndim < 3:
             raise ValueError(f"frames: got {frames.ndim} dimensions, allowed: (frames, rows, columns[, colours])")
         return cls(iter(frames), kind, response, frame_count=len(frames))
+
+    @checked
+    def time_of(self, frame: int) -> Fraction | None:
+        """Time of one of the frames read so far, s; None where the video states none."""
+        stamp = self.stamps[frame] if frame < len(self.stamps) else None
+        return None if stamp is None or self.video is None else stamp * self.video.time_base
 
     @checked
     def map_frames(self, function: Callable[[Iterator[Frame]], Iterator[Frame]]) -> RecordingStream:
