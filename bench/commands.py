@@ -27,7 +27,7 @@ from ocisac_fast import Camera, Chips, Tone, integrate_exposure
 from ocisac_fast.packets import transmit
 
 ROWS, COLUMNS, ROW_TIME, EXPOSURE, RATE, CHIP_RATE, PAN = 1080, 1920, 22.2e-6, 622e-6, 30, 8e3, 4
-SHORT = {"tone": 16, "moving": 16, "packets": 76}  # frames; the payload comes after 54 of them
+SHORT = {"tone": 40, "moving": 16, "packets": 76}  # frames; gain selects columns in 32, the payload comes after 54
 LIMIT = 0.2  # of decoding
 MOVING = "detect, moving"
 OWN = {"gain": "tone", "detect": "tone", "sense": "tone", MOVING: "moving", "receive": "packets"}  # videos

@@ -10,6 +10,7 @@ import pytest
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag, reference
+from ocisac_fast.core.arrays import in_stored_order
 from ocisac_fast.sensing import KnownMotion
 
 ROW_TIME, FRAME_TIME, EXPOSURE = 22.2e-6, 1 / 30, 300e-6
@@ -321,3 +322,22 @@ def test_command_refuses_in_one_line(run, tmp_path, options, message):
     assert (code, out) == (2, "")
     assert message in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(("axis", "option"), [("y", "--unlit"), ("-x", "--beside")])
+def test_a_long_recording_gives_on_the_command_line_what_all_of_its_frames_give(axis, option, tmp_path, run):
+    lit, dark = (in_stored_order(scene(10, seed=4, lit=lit), axis) for lit in (True, False))
+    np.save(tmp_path / "lit.npy", lit)
+    np.save(tmp_path / "dark.npy", dark)
+    known = ["--beside"] if option == "--beside" else ["--unlit", str(tmp_path / "dark.npy")]
+    given = [*TIMES, f"--scan-axis={axis}"]
+    code, out, _ = run("sense", tmp_path / "lit.npy", "--frames", 10, "--json", *known, *given)
+    assert code == 0
+    told = json.loads(out)["regions"]
+    asked = {"beside": True} if option == "--beside" else {"unlit": dark}
+    found = ocisac.sense(lit, Camera(ROW_TIME, EXPOSURE, FRAME_TIME, scan_axis=axis), **asked)
+    assert [(one["x"], one["y"], one["width"], one["height"]) for one in told] == [one.region for one in found]
+    for name in ("gain", "gain_std", "mean", "frequency_hz", "frequency_std_hz"):
+        values = [getattr(one, name.removesuffix("_hz")) for one in found]
+        shown = [math.nan if one[name] is None else one[name] for one in told]
+        assert shown == pytest.approx(values, rel=1e-9, nan_ok=True)

@@ -344,6 +344,15 @@ def test_streaming_flags_what_cannot_be_told():
         ocisac.tone_gain(np.full((100, 2), np.nan), camera, 0.1, efficiency=0.9)
 
 
+def test_pooled_columns_without_light_are_those_of_the_least_background():
+    frame = np.full((200, 6), 10, np.uint8)
+    background = np.array([20.0, 12.0, 1e300, 12.0, 30.0, np.finfo(float).max])
+    found = ocisac.tone_gain(frame, Camera(1e-5), 2e3, background=background, pooled=True)
+    assert Flag(int(found.flags)) & Flag.NO_LIGHT
+    assert found.mean == pytest.approx(-2.0)
+    assert reference.tone_gain(frame, Camera(1e-5), 2e3, background=background, pooled=True).mean == pytest.approx(-2.0)
+
+
 def test_read_only_strided_views_are_taken():
     pixels = tone_columns(300, 0.02, 6).astype(np.uint8)
     pixels.setflags(write=False)

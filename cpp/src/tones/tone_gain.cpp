@@ -509,7 +509,8 @@ struct PooledColumn {
 };
 
 // With equal noise in all columns, brightness is the weight that maximises the signal-to-noise ratio; rounded to
-// integers, it costs 10⁻⁹ of it. `light`: of the columns, above dark. Saturated columns get none if others remain.
+// integers, it costs 10⁻⁹ of it. `light`: of the columns, above dark. Saturated columns get none if others remain;
+// without light above the background, those of the least background are equal.
 std::vector<std::int16_t> weigh_columns(const Context& context, std::size_t frame, const ColumnTotals& light,
                                         const StoredLight& stored, bool& saturated) {
   const auto rows = static_cast<double>(context.shape.rows);
@@ -520,7 +521,13 @@ std::vector<std::int16_t> weigh_columns(const Context& context, std::size_t fram
     require(std::isfinite(light_above_dark), "columns", light_above_dark,
             "columns whose mean light above dark_level and background is finite");
   const auto is_zero = [](double w) { return w == 0; };
-  if (std::ranges::all_of(weights, is_zero)) std::ranges::fill(weights, 1.0);
+  if (std::ranges::all_of(weights, is_zero)) {
+    double least = background_of(context, frame, 0);
+    for (std::size_t column = 1; column < weights.size(); ++column)
+      least = std::min(least, background_of(context, frame, column));
+    for (std::size_t column = 0; column < weights.size(); ++column)
+      weights[column] = background_of(context, frame, column) == least ? 1.0 : 0.0;
+  }
   std::vector<double> unsaturated = weights;
   for (std::size_t column = 0; column < weights.size(); ++column)
     if (light.maximum[column] >= stored.saturated) unsaturated[column] = 0;

@@ -142,7 +142,7 @@ class _Cleaner:
             options = {name: value for name, value in self._options.items() if name != "still"}
             self._video = self._video or VideoCleaner(camera, **options)
             number = len(self.facts)
-            time = self._carried.times[number] if number < len(self._carried.times) else None
+            time = self._carried.time_of(number)
             done = self._video.push(stack(views), time=None if time is None else float(time))
         else:
             done = remove_bands(stack(views), camera, **self._options)

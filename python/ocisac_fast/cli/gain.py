@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -34,6 +35,9 @@ from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
 from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
 from ocisac_fast.light.response import exposure_response
+
+if TYPE_CHECKING:
+    from ocisac_fast.tones import ToneGain
 
 
 @click.command(short_help="Gain of a tone in a recording, and its theoretical value.")
@@ -136,6 +140,23 @@ class Light:
         edges = np.flatnonzero(np.diff(np.concatenate([[False], self.used, [False]]).astype(np.int8)))
         runs = [one[..., first:last] for first, last in zip(edges[::2], edges[1::2], strict=True)]
         return runs[0] if len(runs) == 1 else np.concatenate([*runs, one[..., :0]], axis=-1)
+
+    def pooled_gain(self, frames: Frame, camera: Camera, background: float, **options: Any) -> ToneGain:
+        """Gain of the selected columns together. Those between them are not left out by a copy: all of their light is
+        background, which gives them no weight."""
+        from ocisac_fast.tones import tone_gain
+
+        span, between = self._span
+        columns = frames[..., span, self.colour or 0]
+        of_columns = np.where(between, np.finfo(np.float64).max, background)
+        return tone_gain(columns, camera, self.frequency, background=of_columns, pooled=True, **options)
+
+    @functools.cached_property
+    def _span(self) -> tuple[slice, npt.NDArray[np.bool_]]:
+        """From the first to the last selected column, and those of them that are not selected."""
+        places = np.flatnonzero(self.used)
+        span = slice(places[0], places[-1] + 1)
+        return span, ~self.used[span]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -244,7 +265,7 @@ def frame_gains(
     """
     from ocisac_fast.tones import tone_gain
 
-    options = {**options, "waveform": picture.waveform, "duty": picture.duty, "pooled": True}
+    options = {**options, "waveform": picture.waveform, "duty": picture.duty}
     with open_pictures(file, picture, part) as pictures:
         camera, batches = pictures.camera.in_time_order, pictures.row_batches(_BYTES_AT_ONCE)
         first = next(batches)
@@ -257,10 +278,10 @@ def frame_gains(
             return FrameGains(camera, light, {name: np.zeros(0) for name in _FRAME_VALUES}, columns, len(first))
         gains, of_columns = [], []
         for batch in _shown(itertools.chain(parts, batches), pictures.frame_count, at_once):
-            gains.append(tone_gain(light.columns(batch), camera, light.frequency, **options))
+            gains.append(light.pooled_gain(batch, camera, **options))
             if per_column:
                 every = batch[..., light.colour or 0]
-                of_columns.append(tone_gain(every, camera, light.frequency, **{**options, "pooled": False}))
+                of_columns.append(tone_gain(every, camera, light.frequency, **options))
     values = _joined(gains)
     return FrameGains(camera, light, values, columns, len(values["gain"]), _joined(of_columns) if of_columns else {})
 

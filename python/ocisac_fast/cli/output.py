@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import enum
+import functools
 import json
 import math
 import re
@@ -18,6 +19,7 @@ import numpy as np
 from ocisac_fast.cli.text import is_utf8
 
 _SURROGATES = re.compile("[\ud800-\udfff]")  # Python's representation of file name bytes that are not UTF-8
+_AS_THEY_ARE = (int, bool, type(None))
 _UNBROKEN = 20_000  # columns of output to a file or pipe: lines are not wrapped
 _Item = TypeVar("_Item")
 _collected: ContextVar[list[Any] | None] = ContextVar("collected", default=None)
@@ -30,16 +32,21 @@ def plain(value: Any) -> Any:
 
     Bytes of a file name that are not UTF-8 become U+FFFD.
     """
+    kind = type(value)
+    if kind is float:
+        return value if math.isfinite(value) else None
+    if kind in _AS_THEY_ARE:
+        return value
+    if kind is str:
+        return value if value.isascii() else _SURROGATES.sub("\ufffd", value)
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
-        value = value.item()
+        return plain(value.item())
     if isinstance(value, Mapping):
         return {plain(str(key)): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):
         return [plain(item) for item in value]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, str):
-        return _SURROGATES.sub("\ufffd", value)
+    if isinstance(value, (float, str)):
+        return plain(float(value) if isinstance(value, float) else str(value))
     return value
 
 
@@ -88,7 +95,7 @@ def emit_json(record: Mapping[str, Any]) -> None:
         if records is not None:
             records.append(record)
     if not is_collected() and _printed.get():
-        click.echo(json.dumps(record, allow_nan=False, ensure_ascii=not is_utf8(sys.stdout)))
+        print(json.dumps(record, allow_nan=False, ensure_ascii=not is_utf8(sys.stdout)), flush=True)
 
 
 def emit_summary(text: str, as_json: bool) -> None:
@@ -180,5 +187,9 @@ def flag_names(flags: enum.IntFlag | int) -> list[str]:
     """Lower-case names of the bits that are set."""
     from ocisac_fast.core import Flag
 
-    every = flags if isinstance(flags, enum.IntFlag) else Flag(int(flags))
-    return [str(bit.name).lower() for bit in type(every) if bit in every]
+    return list(_names_of(flags if isinstance(flags, enum.IntFlag) else Flag(int(flags))))
+
+
+@functools.lru_cache
+def _names_of(flags: enum.IntFlag) -> tuple[str, ...]:
+    return tuple(str(bit.name).lower() for bit in type(flags) if bit in flags)

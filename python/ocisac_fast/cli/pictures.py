@@ -195,16 +195,26 @@ class OpenPictures:
     frame_rate: float | None
 
     def batches(self, later_bytes: int = _BATCH_BYTES) -> Iterator[Frame]:
-        """The frames in arrays (frames, height, width, colours) of a bounded size, after the first of another."""
-        batch: list[Frame] = []
-        most = _BATCH_BYTES
+        """The frames in arrays (frames, height, width, colours) of a bounded size, after the first of another.
+
+        Several frames are copied as they are decoded, so that the decoder's memory is used again; one is not copied.
+        """
+        batch, count, room, most = np.empty(0), 0, 0, _BATCH_BYTES
         for frame in self.frames:
-            if batch and (frame.shape != batch[0].shape or (len(batch) + 1) * frame.nbytes > most):
-                yield stack(batch)
-                batch, most = [], later_bytes
-            batch.append(frame)
-        if batch:
-            yield stack(batch)
+            if count and frame.shape != batch.shape[1:]:
+                yield with_colours(batch[:count])
+                count, most = 0, later_bytes
+            if count == 0:
+                room = max(min(most // frame.nbytes, self.frame_count or most), 1)
+                batch = frame[np.newaxis] if room == 1 else np.empty((room, *frame.shape), frame.dtype)
+            if room > 1:
+                batch[count] = frame
+            count += 1
+            if count == room:
+                yield with_colours(batch)
+                count, most = 0, later_bytes
+        if count:
+            yield with_colours(batch[:count])
 
     def row_batches(self, later_bytes: int = _BATCH_BYTES) -> Iterator[Frame]:
         """`batches` as (frames, rows, columns, colours) with rows in time order, for ``camera.in_time_order``."""
@@ -219,8 +229,12 @@ def rows_and_columns(shape: tuple[int, ...], camera: Camera) -> tuple[int, int]:
 
 def stack(frames: list[Frame]) -> Frame:
     """(frames, height, width, colours) of pictures with or without colours; a view of a single one."""
-    stacked = frames[0][np.newaxis] if len(frames) == 1 else np.stack(frames)
-    return stacked[..., np.newaxis] if stacked.ndim == 3 else stacked
+    return with_colours(frames[0][np.newaxis] if len(frames) == 1 else np.stack(frames))
+
+
+def with_colours(frames: Frame) -> Frame:
+    """(frames, height, width, colours) of (frames, height, width) or the same."""
+    return frames[..., np.newaxis] if frames.ndim == 3 else frames
 
 
 @contextlib.contextmanager

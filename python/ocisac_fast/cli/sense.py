@@ -6,9 +6,11 @@ import dataclasses
 import itertools
 import math
 import warnings
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
+import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import (
@@ -32,10 +34,10 @@ from ocisac_fast.cli.pictures import (
     picture_options,
     plot_option,
     rows_and_columns,
-    stack,
 )
 from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
-from ocisac_fast.files.recording import Frame
+from ocisac_fast.core.regions import Region
+from ocisac_fast.files.recording import Frame, gathered
 
 if TYPE_CHECKING:
     from ocisac_fast.sensing import SensedRegion
@@ -79,73 +81,99 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
         for name in ("frame_rate", "speed"):
             if options[name] is not None:
                 raise click.UsageError(f"--{name.replace('_', '-')}: needs --row-time")
-    view, stored = _read(file, picture, frames, options.pop("frame_rate"))
-    if options["unlit"] is not None:
-        options["unlit"] = _read(options["unlit"], picture, len(view), None)[0]
-    camera, regions = _along_best_axis(view, stored, picture, options)
+    from ocisac_fast.sensing.picture import SEARCHED
+
+    with open_pictures(file, picture, axis_of_light=False) as pictures:
+        greys = (grey_of(frame) for frame in itertools.islice(pictures.frames, frames))
+        count = min(frames, pictures.frame_count or frames)
+        first = gathered(itertools.islice(greys, SEARCHED), min(count, SEARCHED))
+        stored = _at_frame_rate(pictures.camera, options.pop("frame_rate"))
+        if options["unlit"] is not None:
+            options["unlit"] = _read_unlit(options["unlit"], picture, count)
+        found = _along_best_axis(first, stored, picture, options)
+        kept = gathered((found.part.cut(frame) for frame in itertools.chain(first, greys)), count)
+    regions = found.measure(kept) if len(kept) > len(first) else found.regions
+    camera = found.camera
     if plot is not None:
         from ocisac_fast.plots import plot_regions
 
-        plot_regions(view[0, ..., 0], camera, path=plot, regions=regions)
+        plot_regions(first[0], camera, path=plot, regions=regions)
     facts = [_facts(region, picture) for region in regions]
     axis = camera.scan_axis
     if as_json:
-        rows, columns = rows_and_columns(view.shape[1:], camera)
-        emit_json({"frames": len(view), "rows": rows, "columns": columns, "regions": facts, "scan_axis": axis})
+        rows, columns = rows_and_columns(first.shape[1:], camera)
+        emit_json({"frames": len(kept), "rows": rows, "columns": columns, "regions": facts, "scan_axis": axis})
         return
     table = [_row(k, one, picture) for k, one in enumerate(facts)]
     emit_table(f"scan axis {axis}" if picture.names(axis) else "", _HEADER, table, left=("kind", "flags"))
 
 
-def _read(file: str, picture: PictureOptions, max_frames: int, frame_rate: Quantity | None) -> tuple[Frame, Camera]:
-    """The first frames in grey, (frames, height, width, 1), and their camera."""
+def _read_unlit(file: str, picture: PictureOptions, max_frames: int) -> Frame:
+    """The first frames of the view without the lights, in grey."""
     with open_pictures(file, picture, axis_of_light=False) as pictures:
-        view = stack([grey_of(frame) for frame in itertools.islice(pictures.frames, max_frames)])
-        camera = pictures.camera
-    if frame_rate is not None:
-        if not (math.isfinite(frame_rate) and frame_rate > 0.0):
-            raise ValueError(f"--frame-rate: got {frame_rate}, allowed: a finite number above 0")
-        camera = dataclasses.replace(camera, frame_time=1.0 / float(frame_rate))
-    return view, camera
+        greys = (grey_of(frame) for frame in itertools.islice(pictures.frames, max_frames))
+        return gathered(greys, min(max_frames, pictures.frame_count or max_frames))
 
 
-def _along_best_axis(
-    view: Frame, camera: Camera, picture: PictureOptions, options: dict[str, Any]
-) -> tuple[Camera, list[SensedRegion]]:
-    """Regions along the stated axis, or along y or x, whichever has more evidence of being read along it.
+def _at_frame_rate(camera: Camera, rate: Quantity | None) -> Camera:
+    if rate is None:
+        return camera
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise ValueError(f"--frame-rate: got {rate}, allowed: a finite number above 0")
+    return dataclasses.replace(camera, frame_time=1.0 / float(rate))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Found:
+    """What is seen along an axis.
+
+    Attributes:
+        regions: of the first frames.
+        part: of the picture as stored, which ``measure`` needs of all frames.
+        measure: a function from (frames, height, width) of that part to regions.
+    """
+
+    camera: Camera
+    regions: list[SensedRegion]
+    part: Region
+    measure: Callable[[Frame], list[SensedRegion]]
+
+
+def _along_best_axis(first: Frame, camera: Camera, picture: PictureOptions, options: dict[str, Any]) -> _Found:
+    """What is seen along the stated axis, or along y or x, whichever has more evidence of being read along it.
 
     Moving stripes look like lights along the other axis, but their phases do not advance from frame to frame as they do
     from row to row. Without evidence, an axis along which there is nothing yields to one with a light. The other axis
     is tried only where not everything along the first one is clearly in step.
     """
-    regions = _regions(view, camera, picture, options)
-    evidence, stated = _axis_evidence(regions, camera), picture.scan_axis != "auto"
-    if (stated and is_collected()) or (evidence > _CLEAR_EVIDENCE and all(map(_in_step, regions))):
-        return camera, regions
+    found = _found(first, camera, picture, options)
+    evidence, stated = _axis_evidence(found), picture.scan_axis != "auto"
+    if (stated and is_collected()) or (evidence > _CLEAR_EVIDENCE and all(map(_in_step, found.regions))):
+        return found
     other = dataclasses.replace(camera, scan_axis="y" if camera.scan_axis.endswith("x") else "x")
-    crossed = _regions(view, other, picture, options)
-    seen = [one for one in regions if one.kind != "unknown"]
-    alone = evidence == 0.0 and not seen and any(one.kind == "light" for one in crossed)
-    if not (alone or _axis_evidence(crossed, other) > evidence):
-        return camera, regions
+    crossed = _found(first, other, picture, options)
+    seen = [one for one in found.regions if one.kind != "unknown"]
+    alone = evidence == 0.0 and not seen and any(one.kind == "light" for one in crossed.regions)
+    if not (alone or _axis_evidence(crossed) > evidence):
+        return found
     if not stated:
-        return other, crossed
+        return crossed
     warnings.warn(
         f"--scan-axis: got {picture.scan_axis}, but what is seen along {other.scan_axis} is more probably read in "
         f"time: probably --scan-axis {other.scan_axis}",
         stacklevel=2,
     )
-    return camera, regions
+    return found
 
 
-def _axis_evidence(regions: list[SensedRegion], camera: Camera) -> float:
+def _axis_evidence(found: _Found) -> float:
     """Logarithm of 1 over the probability that the phase of the clearest region in step is a coincidence."""
     from ocisac_fast.sensing import KnownMotion
     from ocisac_fast.sensing.kind import step_allowance
 
     tolerance, least = KnownMotion().timing_tolerance, 1.0
-    frame_time = math.nan if camera.frame_time is None else camera.frame_time
-    for one in filter(_in_step, regions):
+    frame_time = math.nan if found.camera.frame_time is None else found.camera.frame_time
+    for one in filter(_in_step, found.regions):
         drift, expected = one.frequency_std * frame_time, one.frequency * frame_time
         least = min(least, 2.0 * step_allowance(one.cycles_per_frame_std, drift, expected, tolerance))
     return -math.log(least)
@@ -160,26 +188,48 @@ def _in_step(region: SensedRegion) -> bool:
     return region.kind == "light" or math.isclose(region.motion_frequency, region.frequency)
 
 
-def _regions(view: Frame, camera: Camera, picture: PictureOptions, options: dict[str, Any]) -> list[SensedRegion]:
-    from ocisac_fast.sensing import KnownMotion, background_light, sense as sense_picture, sense_region
+def _found(first: Frame, camera: Camera, picture: PictureOptions, options: dict[str, Any]) -> _Found:
+    from ocisac_fast.sensing import KnownMotion, background_light, sense_region
+    from ocisac_fast.sensing.picture import find_periodic
+    from ocisac_fast.sensing.region import Request
 
     options = dict(options)
     frequency = picture.check_frequency("--frequency", options.pop("frequency"))
     background, dark, beside = options.pop("background"), options.pop("unlit"), options.pop("beside")
     direction, axis = _DIRECTIONS.get(options.pop("direction"), 0), options.pop("motion")
     light: dict[str, Any] = {"waveform": picture.waveform, "duty": picture.duty, "depth": options.pop("depth")}
-    motion = KnownMotion(axis=axis, direction=direction, **options)
+    light["motion"] = KnownMotion(axis=axis, direction=direction, **options)
     if picture.region is None:
         for name, value in (("frequency", frequency), ("background", background)):
             if value is not None:
                 raise click.UsageError(f"--{name}: needs --region")
-        return sense_picture(view, camera, unlit=dark, beside=beside, motion=motion, **light)
+        request = Request(**light)
+        found = find_periodic(_with_colour(first), camera)
+        regions = found.measure(_with_colour(first), request, _with_colour(dark), beside=beside)
+        inner = found.cut(beside=beside)
+        inner_dark = None if dark is None else _with_colour(inner.part.cut(dark))
+        return _Found(
+            camera,
+            regions,
+            inner.part,
+            lambda frames: inner.measure(_with_colour(frames), request, inner_dark, beside=beside),
+        )
     if beside:
         raise click.UsageError("--beside: not with --region")
     if dark is not None and background is not None:
         raise click.UsageError("--background: not with --unlit")
-    measured = background if dark is None else background_light(dark, camera)
-    return [sense_region(view, camera, frequency, background=measured, motion=motion, **light)]
+    measured = background if dark is None else background_light(_with_colour(dark), camera)
+
+    def measure(frames: Frame) -> list[SensedRegion]:
+        return [sense_region(_with_colour(frames), camera, frequency, background=measured, **light)]
+
+    height, width = first.shape[1:]
+    return _Found(camera, measure(first), Region(0, 0, width, height), measure)
+
+
+def _with_colour(frames: Frame | None) -> Any:
+    """(frames, height, width, 1), which is unambiguous where there are three or four columns."""
+    return None if frames is None else frames[..., np.newaxis]
 
 
 def _facts(region: SensedRegion, picture: PictureOptions) -> dict[str, Any]:

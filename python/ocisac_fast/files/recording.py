@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from types import TracebackType
@@ -116,7 +117,7 @@ class RecordingStream:
         luma: True if the frames are the luma plane of a video.
         key_frames: function of a number of frames: where a longer recording can be cut, else None; reads the stream.
         video: format of a video's stream, else None.
-        times: time stamps of the video's frames read so far, s; None for a frame without one.
+        stamps: time stamps of the video's frames read so far, in its time base; None for a frame without one.
     """
 
     def __init__(
@@ -130,7 +131,7 @@ class RecordingStream:
         close: Callable[[], object] | None = None,
         key_frames: Callable[[int], KeyFrames | None] = lambda _: None,
         video: VideoFormat | None = None,
-        times: list[Fraction | None] | None = None,
+        stamps: list[int | None] | None = None,
     ) -> None:
         self._frames = frames
         self.kind = kind
@@ -140,7 +141,7 @@ class RecordingStream:
         self.luma = luma
         self.key_frames = key_frames
         self.video = video
-        self.times = [] if times is None else times
+        self.stamps = [] if stamps is None else stamps
         self._cleanup = contextlib.ExitStack()
         if close is not None:
             self._cleanup.callback(close)
@@ -153,6 +154,12 @@ class RecordingStream:
         if frames.ndim < 3:
             raise ValueError(f"frames: got {frames.ndim} dimensions, allowed: (frames, rows, columns[, colours])")
         return cls(iter(frames), kind, response, frame_count=len(frames))
+
+    @checked
+    def time_of(self, frame: int) -> Fraction | None:
+        """Time of one of the frames read so far, s; None where the video states none."""
+        stamp = self.stamps[frame] if frame < len(self.stamps) else None
+        return None if stamp is None or self.video is None else stamp * self.video.time_base
 
     @checked
     def map_frames(self, function: Callable[[Iterator[Frame]], Iterator[Frame]]) -> RecordingStream:
@@ -182,30 +189,39 @@ class RecordingStream:
         Raises:
             FileError: no frame, frames of different shapes or types, or more than ``max_bytes`` of them.
         """
-        whole: Frame = np.empty(0)
-        count = 0
-        for frame in self:
-            if (count + 1) * frame.nbytes > max_bytes:
-                raise FileError(f"more than {max_bytes >> 20} MiB of frames (max_bytes), read it frame by frame")
-            if count == 0:
-                whole = frame[np.newaxis]
-            elif frame.shape != whole.shape[1:]:
-                raise FileError(f"frame {count} is {frame.shape} after frames of {whole.shape[1:]}")
-            elif frame.dtype != whole.dtype:
-                raise FileError(f"frame {count} is {frame.dtype} after frames of {whole.dtype}")
-            elif count == 1:  # memory pages are committed when written: fewer frames may arrive
-                announced = min(self.frame_count or 2, max_bytes // frame.nbytes)
-                first, whole = whole, np.empty((max(announced, 2), *frame.shape), frame.dtype)
-                whole[0], whole[1] = first[0], frame
-                del first
-            else:
-                if count == len(whole):
-                    whole.resize((count + 1, *frame.shape), refcheck=False)  # moves no data where it is large
-                whole[count] = frame
-            count += 1
-            del frame  # before the next one is made
+        return Recording(gathered(self, self.frame_count, max_bytes), self.kind, self.response, self.frame_rate)
+
+
+def gathered(frames: Iterable[Frame], announced: int | None, max_bytes: float = math.inf) -> Frame:
+    """(frames, ...) in one array, made for the ``announced`` number of frames: each is copied before the next is read.
+
+    Raises:
+        FileError: no frame, frames of different shapes or types, or more than ``max_bytes`` of them.
+    """
+    whole: Frame = np.empty(0)
+    count = 0
+    for frame in frames:
+        if (count + 1) * frame.nbytes > max_bytes:
+            raise FileError(f"more than {int(max_bytes) >> 20} MiB of frames (max_bytes), read it frame by frame")
         if count == 0:
-            raise FileError("no frame in it")
-        if count < len(whole):
-            whole.resize((count, *whole.shape[1:]), refcheck=False)
-        return Recording(whole, self.kind, self.response, self.frame_rate)
+            whole = frame[np.newaxis]
+        elif frame.shape != whole.shape[1:]:
+            raise FileError(f"frame {count} is {frame.shape} after frames of {whole.shape[1:]}")
+        elif frame.dtype != whole.dtype:
+            raise FileError(f"frame {count} is {frame.dtype} after frames of {whole.dtype}")
+        elif count == 1:  # memory pages are committed when written: fewer frames may arrive
+            room = int(min(announced or 2, max_bytes // frame.nbytes))
+            first, whole = whole, np.empty((max(room, 2), *frame.shape), frame.dtype)
+            whole[0], whole[1] = first[0], frame
+            del first
+        else:
+            if count == len(whole):
+                whole.resize((count + 1, *frame.shape), refcheck=False)  # moves no data where it is large
+            whole[count] = frame
+        count += 1
+        del frame  # before the next one is made
+    if count == 0:
+        raise FileError("no frame in it")
+    if count < len(whole):
+        whole.resize((count, *whole.shape[1:]), refcheck=False)
+    return whole

@@ -42,7 +42,7 @@ def write_video(path: Path, frames: Iterable[Frame], frame_rate: float, like: Re
                 writer = _Writer(container, codec, frame, frame_rate, None if like is None else like.video)
                 sound = _sound(av, container, like, opened)
             writer.check(frame, count)
-            time = like.times[count] if like is not None and count < len(like.times) else None
+            time = None if like is None else like.time_of(count)
             picture = writer.picture(frame, count, time)
             try:
                 container.mux(writer.stream.encode(picture))

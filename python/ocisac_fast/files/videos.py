@@ -138,9 +138,9 @@ def _stream(
     pixel_format = context.pix_fmt or ""
     values, response = _layout(av, pixel_format, context, colour)
     rate = float(stream.average_rate) if stream.average_rate else None
-    times: list[Fraction | None] = []
+    stamps: list[int | None] = []
     return RecordingStream(
-        _frames(av, container, stream, name, values, part, times),
+        _frames(av, container, stream, name, values, part, stamps),
         "video",
         response,
         rate,
@@ -149,7 +149,7 @@ def _stream(
         close=close,
         key_frames=lambda max_frames: video_key_frames(container, stream, max_frames),
         video=_format(pixel_format, context, stream.time_base, path),
-        times=times,
+        stamps=stamps,
     )
 
 
@@ -203,9 +203,10 @@ def _luma(frame: Any, dtype: np.dtype[Any], first: int, step: int) -> Frame:
     The array keeps its frame, so the decoder does not reuse that memory; it may still predict other frames from it,
     hence nobody may write.
     """
-    plane = frame.planes[0]
-    lines = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: frame.height]
-    values = lines[:, : frame.width * step * dtype.itemsize].view(dtype)[:, first::step]
+    plane, size = frame.planes[0], dtype.itemsize
+    values: Frame = np.ndarray(
+        (frame.height, frame.width), dtype, plane, offset=first * size, strides=(plane.line_size, step * size)
+    )
     luma = np.ascontiguousarray(values, dtype=dtype.newbyteorder("="))
     luma.flags.writeable = False
     return luma
@@ -218,13 +219,12 @@ def _frames(
     name: str,
     values: Callable[[Any], Frame],
     part: Part | None,
-    times: list[Fraction | None],
+    stamps: list[int | None],
 ) -> Iterator[Frame]:
     if part is not None:
         yield from _part_frames(av, container, stream, values, part)
         return
     count = damaged = 0
-    end = None
     try:
         for frame in container.decode(stream):
             if frame.is_corrupt:
@@ -232,9 +232,7 @@ def _frames(
                 continue
             _require_progressive(frame)
             count += 1
-            time = frame.pts * frame.time_base if frame.pts is not None and frame.time_base else None
-            end = end if time is None else float(time)
-            times.append(time)
+            stamps.append(frame.pts)
             yield values(frame)
     except av.FFmpegError as error:
         if count == 0:
@@ -242,6 +240,8 @@ def _frames(
         damaged += 1
     if count == 0:
         raise FileError("no frame that can be decoded")
+    last = next((stamp for stamp in reversed(stamps) if stamp is not None), None)
+    end = None if last is None or stream.time_base is None else float(last * stream.time_base)
     if damaged or ends_early(container, stream, count, end):
         announced = f" of {stream.frames}" if stream.frames else ""
         message = f"{name}: truncated or damaged video: {count}{announced} frames are whole"

@@ -299,10 +299,12 @@ def _shift(now: _Look, then: _Look, gradient: Float64s | None, box: Region) -> t
         return 0, 0
     slope = gradient.reshape(2, -1)
     change = (then.mean - now.mean * (then.mean.sum() / now.mean.sum())).ravel()
-    squares = slope @ slope.T
-    if not np.linalg.det(squares) > _FLAT * np.trace(squares) ** 2:
+    (across, mixed), (_, along) = (slope @ slope.T).tolist()
+    determinant = across * along - mixed * mixed
+    if not determinant > _FLAT * (across + along) ** 2:
         return 0, 0
-    ways = zip(np.linalg.solve(squares, slope @ change), (box.width, box.height), strict=True)
+    x, y = (slope @ change / determinant).tolist()
+    ways = zip((along * x - mixed * y, across * y - mixed * x), (box.width, box.height), strict=True)
     right, down = (0 if abs(way) < max(size / _PLACES, 1.0) else round(way) for way, size in ways)
     return right, down
 

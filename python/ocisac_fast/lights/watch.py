@@ -164,10 +164,8 @@ class _Overview:
         sampled = pixels[:, ::_STEP]
         summed = min(_SUMMED, sampled.shape[1])
         groups = sampled.shape[1] // summed
-        self._light = np.zeros((pixels.shape[0], groups), np.float32)
-        for k in range(summed):
-            self._light += sampled[:, k : k + summed * groups : summed]
-        self._light /= summed
+        some = sampled[:, : summed * groups].astype(np.float32, order="C")
+        self._light = some.reshape(-1, groups, summed) @ np.full(summed, 1.0 / summed, np.float32)
         self._least = _STEPS if pixels.dtype.kind == "u" else 0.0
 
     def is_changed(self, now: _Overview, lights: list[Region]) -> bool:

@@ -145,8 +145,8 @@ def _pool(
     Weights are integers of 14 bits, as in the kernels for bytes.
     """
     weights = np.maximum(light.mean(axis=1) - ambient, 0.0)
-    lit = np.asarray(weights.any(axis=1))
-    weights[~lit] = 1.0
+    dark = np.flatnonzero(~weights.any(axis=1))
+    weights[dark] = (ambient == ambient.min(axis=1, keepdims=True))[dark]
     clean = np.where(saturated, 0.0, weights)
     only_saturated = np.asarray(~np.asarray(clean.any(axis=1)))
     weights = np.where(only_saturated[:, None], weights, clean)

@@ -14,7 +14,7 @@ from ocisac_fast.sensing.fit import Columns, Fitted, fit, make_model
 
 Float64s = npt.NDArray[np.float64]
 
-_CHUNK = 1 << 22  # samples
+_CHUNK = 1 << 19  # samples, of which float64 stays in the cache
 _MAX_DRAWN = 64  # columns
 
 
@@ -105,18 +105,16 @@ def over_frames(region: npt.NDArray[Any], camera: Camera, advance: float, fitted
         return None
     model = make_model(count, at, (1,), (), degree=0)
     step = max(1, _CHUNK // (count * columns))
-    parts = [
-        fit(Columns(_course(region, camera, fitted, slice(top, top + step)), Camera(1.0)), model)
-        for top in range(0, rows, step)
-    ]
+    parts = [fit(_course(region, camera, fitted, slice(top, top + step)), model) for top in range(0, rows, step)]
     parameters = np.concatenate([part.parameters for part in parts], axis=2)
     return Fitted(model, parameters, np.concatenate([part.noise for part in parts], axis=1), 0.0)
 
 
-def _course(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, rows: slice) -> Float64s:
-    """(1, frames, pixels) linear light of some rows, without harmonics and other tones."""
+def _course(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, rows: slice) -> Columns:
+    """Pixels of some rows as columns of one frame, whose rows are the frames; without harmonics and other tones."""
     beside = fitted.model.first + 2
-    light = linear_light(region[:, rows], camera)
+    part = region[:, rows]
     if beside < fitted.model.design.shape[1]:
-        light -= fitted.model.design[rows, beside:] @ fitted.parameters[:, beside:]
-    return light.reshape(1, len(region), -1)
+        part = linear_light(part, camera) - fitted.model.design[rows, beside:] @ fitted.parameters[:, beside:]
+        camera = Camera(1.0)
+    return Columns(part.reshape(1, len(region), -1), camera)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -11,7 +13,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
-from ocisac_fast.core.arrays import as_grey_frames, in_stored_order, stored_box
+from ocisac_fast.core.arrays import as_grey_frames, box_in_time_order, in_stored_order, stored_box
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
@@ -21,7 +23,8 @@ from ocisac_fast.sensing.region import BackgroundLight, Request, SensedRegion, b
 from ocisac_fast.sensing.search import PeriodicRegion, periodic_regions, without_repeats
 
 _MIN_BESIDE = 4  # columns
-_COMPARED = 8  # frames
+SEARCHED = 8  # frames
+_NOTHING = Region(0, 0, 1, 1)
 
 
 @checked
@@ -59,27 +62,76 @@ def sense(
     Raises:
         ValueError: frames or ``unlit`` of wrong shape or type, or as for ``sense_region``.
     """
+    found = find_periodic(frames, camera)
+    return found.measure(frames, Request(waveform, duty, depth, motion), unlit, beside=beside)
+
+
+@dataclass(frozen=True, slots=True)
+class FoundPeriodic:
+    """Lights and textures found in the first frames of a recording, to be measured in all of them.
+
+    Attributes:
+        camera: as given.
+        part: of the picture as stored, in which they are.
+        boxes: in this part, rows in time order.
+    """
+
+    camera: Camera
+    part: Region
+    boxes: list[PeriodicRegion]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the part."""
+        turned = self.camera.scan_axis.endswith("x")
+        return (self.part.width, self.part.height) if turned else (self.part.height, self.part.width)
+
+    def cut(self, *, beside: bool) -> FoundPeriodic:
+        """The same in the smallest part with all boxes, and with the columns ``beside`` them if these are needed."""
+        axis, columns = self.camera.scan_axis, self.shape[1]
+        boxes = [_with_surroundings(box.region, columns) if beside else box.region for box in self.boxes]
+        inner = stored_box(functools.reduce(Region.hull, boxes, boxes[0] if boxes else _NOTHING), self.shape, axis)
+        smaller = FoundPeriodic(self.camera, inner._replace(x=self.part.x + inner.x, y=self.part.y + inner.y), [])
+        for box in self.boxes:
+            stored = stored_box(box.region, self.shape, axis)
+            stored = stored._replace(x=stored.x - inner.x, y=stored.y - inner.y)
+            moved = box_in_time_order(stored, smaller.shape, axis)
+            smaller.boxes.append(dataclasses.replace(box, region=moved))
+        return smaller
+
+    def measure(
+        self, frames: npt.ArrayLike, request: Request, unlit: npt.ArrayLike | None = None, *, beside: bool = False
+    ) -> list[SensedRegion]:
+        """:func:`sense` of these boxes; frames of the part."""
+        scan_axis, camera = self.camera.scan_axis, self.camera.in_time_order
+        pictures = as_grey_frames(frames, "frames", scan_axis)
+        dark = None if unlit is None else _same_view(unlit, self.part, scan_axis)
+        found = []
+        for box in self.boxes:
+            bounds = (0.8 * box.cycles / camera.row_period, min(1.25 * box.cycles, 0.499) / camera.row_period)
+            asked = dataclasses.replace(request, bounds=bounds)
+            region = _measured(pictures, camera, box, dark, beside, self.boxes, asked)
+            if region.kind != "unknown" and not region.flags & Flag.WEAK:
+                x, y, width, height = stored_box(box.region, self.shape, scan_axis)
+                x, y = self.part.x + x, self.part.y + y
+                found.append(dataclasses.replace(region, x=x, y=y, width=width, height=height))
+        return sorted(found, key=lambda region: -np.nan_to_num(region.snr))
+
+
+def find_periodic(frames: npt.ArrayLike, camera: Camera) -> FoundPeriodic:
+    """Find the boxes of :func:`sense` in the first frames, of which at most 8 are read."""
     if np.ndim(frames) == 1:
         raise ValueError("frames: got 1 dimension, allowed: (rows, columns) or (frames, rows, columns)")
-    pictures = as_grey_frames(frames, "frames", camera.scan_axis)
-    dark = None if unlit is None else _same_view(unlit, pictures, camera.scan_axis)
-    scan_axis, camera = camera.scan_axis, camera.in_time_order
-    request = Request(waveform, duty, depth, motion)
-
+    pictures = as_grey_frames(frames, "frames", camera.scan_axis)[:SEARCHED]
+    in_order = camera.in_time_order
     lights = [
-        PeriodicRegion(one.region, *_per_row(one, camera))
-        for one in detect_sources(pictures[0], camera)
+        PeriodicRegion(one.region, *_per_row(one, in_order))
+        for one in detect_sources(pictures[0], in_order)
         if one.reflection_of is None
     ]
-    every = without_repeats([*lights, *periodic_regions(_changing(pictures, camera), still=len(pictures) == 1)])
-    found = []
-    for box in every:
-        bounds = (0.8 * box.cycles / camera.row_period, min(1.25 * box.cycles, 0.499) / camera.row_period)
-        region = _measured(pictures, camera, box, dark, beside, every, dataclasses.replace(request, bounds=bounds))
-        if region.kind != "unknown" and not region.flags & Flag.WEAK:
-            x, y, width, height = stored_box(box.region, pictures.shape[1:], scan_axis)
-            found.append(dataclasses.replace(region, x=x, y=y, width=width, height=height))
-    return sorted(found, key=lambda region: -np.nan_to_num(region.snr))
+    textures = periodic_regions(_changing(pictures, in_order), still=len(pictures) == 1)
+    height, width = in_stored_order(pictures, camera.scan_axis).shape[1:]
+    return FoundPeriodic(camera, Region(0, 0, width, height), without_repeats([*lights, *textures]))
 
 
 def _per_row(light: LightSource, camera: Camera) -> tuple[float, float]:
@@ -87,18 +139,17 @@ def _per_row(light: LightSource, camera: Camera) -> tuple[float, float]:
 
 
 def _changing(pictures: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.float64]:
-    """The first frame minus the mean of up to 8 frames; a single frame is unchanged."""
+    """The first frame minus the mean of the frames; a single frame is unchanged."""
     first = linear_light(pictures[0], camera)
     if len(pictures) == 1:
         return first
-    return np.asarray(first - np.mean([linear_light(one, camera) for one in pictures[:_COMPARED]], axis=0))
+    return np.asarray(first - np.mean([linear_light(one, camera) for one in pictures], axis=0))
 
 
-def _same_view(unlit: npt.ArrayLike, pictures: npt.NDArray[Any], scan_axis: str) -> npt.NDArray[Any]:
+def _same_view(unlit: npt.ArrayLike, part: Region, scan_axis: str) -> npt.NDArray[Any]:
     dark = as_grey_frames(unlit, "unlit", scan_axis)
-    if np.ndim(unlit) == 1 or dark.shape[1:] != pictures.shape[1:]:
-        rows, columns = in_stored_order(pictures, scan_axis).shape[1:]
-        raise ValueError(f"unlit: got shape {np.shape(unlit)}, allowed: (..., {rows}, {columns})")
+    if np.ndim(unlit) == 1 or in_stored_order(dark, scan_axis).shape[1:] != (part.height, part.width):
+        raise ValueError(f"unlit: got shape {np.shape(unlit)}, allowed: (..., {part.height}, {part.width})")
     return dark
 
 
@@ -134,13 +185,25 @@ def _measured(
     return region
 
 
+def _gap_and_reach(region: Region) -> tuple[int, int]:
+    """Columns from a box to the first and the last one that is beside it."""
+    gap = max(2, region.width // 4)
+    return gap, gap + max(region.width // 2, _MIN_BESIDE)
+
+
+def _with_surroundings(region: Region, columns: int) -> Region:
+    """A box with the columns beside it, in a picture of ``columns``."""
+    reach = _gap_and_reach(region)[1]
+    first, last = max(region.x - reach, 0), min(region.right + reach, columns)
+    return region._replace(x=first, width=last - first)
+
+
 def _beside(
     pictures: npt.NDArray[Any], camera: Camera, box: PeriodicRegion, every: list[PeriodicRegion]
 ) -> BackgroundLight | None:
     """Light left and right of a box, a few columns away, outside all other boxes; None without four such columns."""
     region = box.region
-    gap = max(2, region.width // 4)
-    reach = gap + max(region.width // 2, _MIN_BESIDE)
+    gap, reach = _gap_and_reach(region)
     left = range(region.x - reach, region.x - gap)
     right = range(region.right + gap, region.right + reach)
     free = [

@@ -91,7 +91,8 @@ def tone_gain(
             less than a cycle in the frame and nearly collinear tones are fitted in float64, many times slower;
             converting to float64 selects that fit.
         threads: maximum number, 1 to 1024, at most that of processors; the result does not depend on it.
-        pooled: combine the columns of a frame first, weighted by brightness, without saturated columns.
+        pooled: combine the columns of a frame first, weighted by brightness above the background, without saturated
+            columns.
 
     Returns:
         :class:`ToneGain`.
