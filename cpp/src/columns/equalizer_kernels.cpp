@@ -132,8 +132,7 @@ template <std::size_t kMost, std::size_t kVectors, class T>
 HWY_INLINE void product_tile_of(std::size_t outputs, const T* matrix, std::size_t inputs, const T* in,
                                 std::ptrdiff_t stride, T* out, std::ptrdiff_t out_stride) {
   if (outputs == kMost) return product_tile<kMost, kVectors>(matrix, inputs, in, stride, out, out_stride);
-  if constexpr (kMost > 1)
-    product_tile_of<kMost - 1, kVectors>(outputs, matrix, inputs, in, stride, out, out_stride);
+  if constexpr (kMost > 1) product_tile_of<kMost - 1, kVectors>(outputs, matrix, inputs, in, stride, out, out_stride);
 }
 
 // Tiles of up to kMost outputs, of about the same number each. Inputs that are read more than once are copied next to

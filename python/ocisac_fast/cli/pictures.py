@@ -201,7 +201,7 @@ class OpenPictures:
         """
         batch, count, room, most = np.empty(0), 0, 0, _BATCH_BYTES
         for frame in self.frames:
-            if count and frame.shape != batch.shape[1:]:
+            if count and (frame.shape != batch.shape[1:] or frame.dtype != batch.dtype):
                 yield with_colours(batch[:count])
                 count, most = 0, later_bytes
             if count == 0:
