@@ -165,8 +165,8 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 // Rows are prefetched in one of two ways (figures: bench/README.md):
 //
 // * In runs of lines, in memory order, one block ahead: the hardware prefetchers of Zen 3 and 4 do not follow strip by
-//   strip. Wide vectors: into the second-level cache. Each row then prefetches its own line of strips ahead again,
-//   because processors drop prefetches while too many lines are pending.
+//   strip. Wide vectors: into the second-level cache. On these processors each row then prefetches its own lines of
+//   strips ahead again, because they drop prefetches while too many lines are pending.
 // * Wide vectors, on other processors: every row prefetches its own lines of strips ahead, each line four times.
 constexpr std::size_t kStripsAhead[] = {kWide ? 2 : 6, 1, 5, 3};
 constexpr std::size_t kLinesOfStrips = std::size(kStripsAhead), kLinesAfterRuns = kWide ? 2 : 1;
@@ -723,7 +723,7 @@ class BlockProjector {
         weights_(weights),
         strips_(strips),
         rows_ahead_(std::min(kRows, block.groups * kGroup)),
-        runs_(Mode::kLines == kLinesAfterRuns && asks_for_runs(block)
+        runs_(Mode::kLines <= kLinesAfterRuns && asks_for_runs(block)
                   ? runs_of(kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs)
                   : std::vector<std::ptrdiff_t>()) {}
 
@@ -803,11 +803,12 @@ class BlockProjector {
 
 template <int kGroup, bool kFold, bool kMore, bool kDot>
 void project_blocks(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
-  if constexpr (!kWide || kDot)  // all processors with wide vectors whose strips come late have VNNI
-    if (!kWide || asks_for_runs(block))
-      return BlockProjector<kGroup, kFold, kMore, RowMode<kLinesAfterRuns, kDot> >(block, weights, strips).run();
-  if constexpr (kWide)
-    BlockProjector<kGroup, kFold, kMore, RowMode<kLinesOfStrips, kDot> >(block, weights, strips).run();
+  const auto project = [&]<std::size_t kLines>() {
+    BlockProjector<kGroup, kFold, kMore, RowMode<kLines, kDot> >(block, weights, strips).run();
+  };
+  if constexpr (HWY_TARGET == HWY_AVX2 || (kWide && kDot))  // wide vectors: all processors concerned have VNNI
+    if (!block.cached && strips_come_late()) return project.template operator()<kLinesAfterRuns>();
+  project.template operator()<kWide ? kLinesOfStrips : 0>();
 }
 
 template <int kGroup, bool kFold, bool kDot>

@@ -148,10 +148,11 @@ struct PlanKey {
 };
 
 // Rows that are added up at most. One tone in bytes comes from memory as fast with fewer: 1 with AVX-512, where two
-// threads are faster, and 2 with narrow vectors (bench/README.md).
+// threads are faster, and 2 with AVX2 where strips come late (bench/README.md).
 int most_rows_added(std::size_t tones, bool bytes) {
   if (!bytes || tones > 1) return 8;
-  return kernels::has_wide_vectors() ? 1 : 2;
+  if (kernels::has_wide_vectors()) return 1;
+  return kernels::strips_come_late() ? 2 : 8;
 }
 
 }  // namespace
