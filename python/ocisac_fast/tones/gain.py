@@ -83,13 +83,13 @@ def tone_gain(
             background lowers the gain to the source's share times |sinc|.
         efficiency: min. share of the fit's statistical efficiency, in (0, 1]. Integers, float32 and, below 1, linear
             float64 are fitted in one streaming pass over the pixels, in any layout; below 1, 2, 4 or 8 rows are added
-            first where the share allows it and it is faster (not for one tone in linear bytes with AVX-512, where no
-            share is lost). The estimate stays unbiased. Where no rows are added, as at 1, it agrees with the fit in
-            float64 to a thousandth of ``gain_std`` for bytes (weights have 13 bits or more: 1e-7 of the variance) and
-            for integers with a tone curve (light in float32), to 1e-8 for linear uint16 and float32, whose noise below
-            1e-7 of the light, as rounding to float32 makes, counts as none. float64 at 1, floats with a tone curve,
-            less than a cycle in the frame and nearly collinear tones are fitted in float64, many times slower;
-            converting to float64 selects that fit.
+            first where the share allows it and it is faster (of one tone in linear bytes none with AVX-512, where no
+            share is lost, and at most two with AVX2 on AMD processors). The estimate stays unbiased. Where no rows are
+            added, as at 1, it agrees with the fit in float64 to a thousandth of ``gain_std`` for bytes (weights have 13
+            bits or more: 1e-7 of the variance) and for integers with a tone curve (light in float32), to 1e-8 for
+            linear uint16 and float32, whose noise below 1e-7 of the light, as rounding to float32 makes, counts as
+            none. float64 at 1, floats with a tone curve, less than a cycle in the frame and nearly collinear tones are
+            fitted in float64, many times slower; converting to float64 selects that fit.
         threads: maximum number, 1 to 1024, at most that of processors; the result does not depend on it.
         pooled: combine the columns of a frame first, weighted by brightness above the background, without saturated
             columns.
