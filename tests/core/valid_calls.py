@@ -200,6 +200,7 @@ VALID: dict[str, Any] = {
     "sensing.sense_region": FRAMES | {"frequency": 4.8e3},
     "files.RecordingStream.of_array": (files.RecordingStream, STREAM),
     "files.RecordingStream.map_frames": (lambda: files.RecordingStream.of_array(**STREAM), {"function": iter}),
+    "files.RecordingStream.time_of": (lambda: files.RecordingStream.of_array(**STREAM), {"frame": 0}),
     "files.RecordingStream.read": (lambda: files.RecordingStream.of_array(**STREAM), {"max_bytes": 1 << 20}),
     "files.atomic_path": {"path": "out.npy"},
     "files.cut_recording": {"path": "absent.npy", "max_frames": 4},

@@ -157,7 +157,13 @@ class RecordingStream:
 
     @checked
     def time_of(self, frame: int) -> Fraction | None:
-        """Time of one of the frames read so far, s; None where the video states none."""
+        """Time of one of the frames read so far, s; None where the video states none.
+
+        Raises:
+            ValueError: ``frame`` below 0.
+        """
+        if frame < 0:
+            raise ValueError(f"frame: got {frame}, allowed: 0 or above")
         stamp = self.stamps[frame] if frame < len(self.stamps) else None
         return None if stamp is None or self.video is None else stamp * self.video.time_base
 
