@@ -807,7 +807,7 @@ void project_blocks(const ByteBlock& block, const ByteWeights& weights, Strips& 
     BlockProjector<kGroup, kFold, kMore, RowMode<kLines, kDot> >(block, weights, strips).run();
   };
   if constexpr (HWY_TARGET == HWY_AVX2 || (kWide && kDot))  // wide vectors: all processors concerned have VNNI
-    if (!block.cached && strips_come_late()) return project.template operator()<kLinesAfterRuns>();
+    if (asks_for_runs(block) && strips_come_late()) return project.template operator()<kLinesAfterRuns>();
   project.template operator()<kWide ? kLinesOfStrips : 0>();
 }
 
