@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import itertools
 import os
 import re
 import sys
@@ -22,7 +23,7 @@ from ocisac_fast.core.arrays import as_frames
 from ocisac_fast.core.checks import shown
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files import LightResponse, Part, RecordingStream, open_recording
-from ocisac_fast.files.recording import Frame
+from ocisac_fast.files.recording import Frame, gathered
 
 _RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
 _LUMA_WEIGHTS = (0.299, 0.587, 0.114)  # ITU-R BT.601
@@ -199,22 +200,14 @@ class OpenPictures:
 
         Several frames are copied as they are decoded, so that the decoder's memory is used again; one is not copied.
         """
-        batch, count, room, most = np.empty(0), 0, 0, _BATCH_BYTES
-        for frame in self.frames:
-            if count and (frame.shape != batch.shape[1:] or frame.dtype != batch.dtype):
-                yield with_colours(batch[:count])
-                count, most = 0, later_bytes
-            if count == 0:
-                room = max(min(most // frame.nbytes, self.frame_count or most), 1)
-                batch = frame[np.newaxis] if room == 1 else np.empty((room, *frame.shape), frame.dtype)
-            if room > 1:
-                batch[count] = frame
-            count += 1
-            if count == room:
-                yield with_colours(batch)
-                count, most = 0, later_bytes
-        if count:
-            yield with_colours(batch[:count])
+        most = _BATCH_BYTES
+        for _, group in itertools.groupby(self.frames, lambda frame: (frame.shape, frame.dtype)):
+            alike = iter(group)
+            for frame in alike:
+                room = max(most // frame.nbytes, 1)
+                batch = itertools.chain([frame], itertools.islice(alike, room - 1))
+                yield with_colours(gathered(batch, min(room, self.frame_count or room)))
+                most = later_bytes
 
     def row_batches(self, later_bytes: int = _BATCH_BYTES) -> Iterator[Frame]:
         """`batches` as (frames, rows, columns, colours) with rows in time order, for ``camera.in_time_order``."""

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
-import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import (
@@ -34,6 +33,7 @@ from ocisac_fast.cli.pictures import (
     picture_options,
     plot_option,
     rows_and_columns,
+    with_colours,
 )
 from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
 from ocisac_fast.core.regions import Region
@@ -125,7 +125,7 @@ def _at_frame_rate(camera: Camera, rate: Quantity | None) -> Camera:
 
 @dataclasses.dataclass(frozen=True)
 class _Found:
-    """What is seen along an axis.
+    """Regions along an axis, and how they are measured in more frames.
 
     Attributes:
         regions: of the first frames.
@@ -140,7 +140,7 @@ class _Found:
 
 
 def _along_best_axis(first: Frame, camera: Camera, picture: PictureOptions, options: dict[str, Any]) -> _Found:
-    """What is seen along the stated axis, or along y or x, whichever has more evidence of being read along it.
+    """Find regions along the stated axis, or along y or x, whichever has more evidence of being read along it.
 
     Moving stripes look like lights along the other axis, but their phases do not advance from frame to frame as they do
     from row to row. Without evidence, an axis along which there is nothing yields to one with a light. The other axis
@@ -197,6 +197,7 @@ def _found(first: Frame, camera: Camera, picture: PictureOptions, options: dict[
     frequency = picture.check_frequency("--frequency", options.pop("frequency"))
     background, dark, beside = options.pop("background"), options.pop("unlit"), options.pop("beside")
     direction, axis = _DIRECTIONS.get(options.pop("direction"), 0), options.pop("motion")
+    unlit = None if dark is None else with_colours(dark)
     light: dict[str, Any] = {"waveform": picture.waveform, "duty": picture.duty, "depth": options.pop("depth")}
     light["motion"] = KnownMotion(axis=axis, direction=direction, **options)
     if picture.region is None:
@@ -204,32 +205,27 @@ def _found(first: Frame, camera: Camera, picture: PictureOptions, options: dict[
             if value is not None:
                 raise click.UsageError(f"--{name}: needs --region")
         request = Request(**light)
-        found = find_periodic(_with_colour(first), camera)
-        regions = found.measure(_with_colour(first), request, _with_colour(dark), beside=beside)
+        found = find_periodic(with_colours(first), camera)
+        regions = found.measure(with_colours(first), request, unlit, beside=beside)
         inner = found.cut(beside=beside)
-        inner_dark = None if dark is None else _with_colour(inner.part.cut(dark))
+        inner_dark = None if dark is None else with_colours(inner.part.cut(dark))
         return _Found(
             camera,
             regions,
             inner.part,
-            lambda frames: inner.measure(_with_colour(frames), request, inner_dark, beside=beside),
+            lambda frames: inner.measure(with_colours(frames), request, inner_dark, beside=beside),
         )
     if beside:
         raise click.UsageError("--beside: not with --region")
     if dark is not None and background is not None:
         raise click.UsageError("--background: not with --unlit")
-    measured = background if dark is None else background_light(_with_colour(dark), camera)
+    measured = background if unlit is None else background_light(unlit, camera)
 
     def measure(frames: Frame) -> list[SensedRegion]:
-        return [sense_region(_with_colour(frames), camera, frequency, background=measured, **light)]
+        return [sense_region(with_colours(frames), camera, frequency, background=measured, **light)]
 
     height, width = first.shape[1:]
     return _Found(camera, measure(first), Region(0, 0, width, height), measure)
-
-
-def _with_colour(frames: Frame | None) -> Any:
-    """(frames, height, width, 1), which is unambiguous where there are three or four columns."""
-    return None if frames is None else frames[..., np.newaxis]
 
 
 def _facts(region: SensedRegion, picture: PictureOptions) -> dict[str, Any]:
