@@ -232,6 +232,17 @@ def logits(values: np.ndarray, features: np.ndarray) -> np.ndarray:
     return np.asarray(values[0] + terms(features) @ values[1:])
 
 
+def likeliest(design: np.ndarray, light: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Coefficients of a logistic regression by maximum likelihood: Newton steps of at most 0.2."""
+    values = start
+    for _ in range(40):
+        told = 1 / (1 + np.exp(-design @ values))
+        bend = (design * (told * (1 - told))[:, None]).T @ design + 1e-6 * np.eye(len(values))
+        step = np.linalg.solve(bend, design.T @ (light - told))
+        values = values + 0.2 * step / max(0.2, float(np.abs(step).max()))
+    return values
+
+
 def shrunk(found: Candidates, used: np.ndarray) -> np.ndarray:
     """A fit to the candidates `used`, corrected to what fits without a fold tell of that fold.
 
@@ -245,12 +256,7 @@ def shrunk(found: Candidates, used: np.ndarray) -> np.ndarray:
         fresh[fold == one] = logits(fitted(found.features[others], found.light[others]), found.features[fold == one])
     company = found.features[used][:, COMPANY : COMPANY + 1]  # none of data
     design = np.concatenate([np.ones((int(used.sum()), 1)), fresh[used][:, None], company], axis=1)
-    change = np.eye(design.shape[1])[1]
-    for _ in range(40):
-        told = 1 / (1 + np.exp(-design @ change))
-        bend = (design * (told * (1 - told))[:, None]).T @ design + 1e-6 * np.eye(len(change))
-        step = np.linalg.solve(bend, design.T @ (found.light[used] - told))
-        change = change + 0.2 * step / max(0.2, float(np.abs(step).max()))
+    change = likeliest(design, found.light[used], np.eye(design.shape[1])[1])
     values = change[1] * fitted(found.features[used], found.light[used])
     values[0] += change[0]
     values[1 + COMPANY : 1 + COMPANY + company.shape[1]] += change[2:]
@@ -284,11 +290,7 @@ def correction(found: Candidates) -> dict[str, float]:
     fitted = np.clip(found.fitted, 1e-12, 1 - 1e-12)
     many = 1 / (1 + np.exp(MANY_LIGHTS - np.expm1(found.features[:, COMPANY])))
     design = np.stack([-np.log(1 - fitted), np.log(fitted), np.ones(len(fitted)), many], axis=1)
-    values = np.array([1.0, 1.0, 0.0, 0.0])
-    for _ in range(40):
-        told = 1 / (1 + np.exp(-design @ values))
-        bend = (design * (told * (1 - told))[:, None]).T @ design + 1e-6 * np.eye(len(values))
-        values = values + np.linalg.solve(bend, design.T @ (found.light - told))
+    values = likeliest(design, found.light, np.array([1.0, 1.0, 0.0, 0.0]))
     return dict(zip(("above", "below", "shift", "many_lights"), np.round(values, 2).tolist(), strict=True))
 
 
