@@ -149,34 +149,46 @@ class RunAdder {
   std::size_t reaching_ = 0;
 };
 
-// The bytes of whole vectors, and a rest of which a vector may be read.
+// Runs of one width: whole vectors, and a rest of which a vector may be read.
 template <bool kCount>
-HWY_INLINE RunSum sum_of_run(const std::uint8_t* run, std::size_t count, unsigned level) {
-  const std::size_t lanes = hn::Lanes(d_run);
-  RunAdder<kCount> adder(level);
-  std::size_t i = 0;
-  for (; i + lanes <= count; i += lanes) adder.add(hn::LoadU(d_run, run + i), hn::FirstN(d_run, lanes));
-  const auto rest = hn::FirstN(d_run, count - i);
-  if (i < count) adder.add(hn::IfThenElseZero(rest, hn::LoadU(d_run, run + i)), rest);
-  return adder.result();
-}
+class Run {
+ public:
+  HWY_INLINE Run(std::size_t width, unsigned level)
+      : whole_(width / hn::Lanes(d_run) * hn::Lanes(d_run)),
+        has_rest_(whole_ < width),
+        rest_(hn::FirstN(d_run, width - whole_)),
+        level_(level) {}
+
+  HWY_INLINE RunSum sum(const std::uint8_t* run) const {
+    RunAdder<kCount> adder(level_);
+    for (std::size_t i = 0; i < whole_; i += hn::Lanes(d_run))
+      adder.add(hn::LoadU(d_run, run + i), hn::FirstN(d_run, hn::Lanes(d_run)));
+    if (has_rest_) adder.add(hn::IfThenElseZero(rest_, hn::LoadU(d_run, run + whole_)), rest_);
+    return adder.result();
+  }
+
+ private:
+  std::size_t whole_;
+  bool has_rest_;
+  hn::Mask<decltype(d_run)> rest_;
+  unsigned level_;
+};
 
 #endif
 
 template <bool kCount>
 void sum_all_runs(const std::uint8_t* row, std::size_t columns, std::size_t width, unsigned level, std::uint32_t* sums,
                   std::uint32_t* reaching) {
-  for (std::size_t first = 0; first < columns; first += width, ++sums, ++reaching) {
-    const std::size_t count = std::min(width, columns - first);
-#if HWY_TARGET == HWY_SCALAR
-    const RunSum of = sum_singly(row + first, count, level);
-#else
-    const bool beyond = first + count + hn::Lanes(d_run) > columns;
-    const RunSum of = beyond ? sum_singly(row + first, count, level) : sum_of_run<kCount>(row + first, count, level);
+  const auto put = [&](const RunSum& of) {
+    *sums++ = of.sum;
+    *reaching++ = of.reaching;
+  };
+  std::size_t first = 0;
+#if HWY_TARGET != HWY_SCALAR
+  const Run<kCount> run(width, level);
+  for (; first + width + hn::Lanes(d_run) <= columns; first += width) put(run.sum(row + first));
 #endif
-    *sums = of.sum;
-    *reaching = of.reaching;
-  }
+  for (; first < columns; first += width) put(sum_singly(row + first, std::min(width, columns - first), level));
 }
 
 void SumRuns(const std::uint8_t* row, std::size_t columns, std::size_t width, unsigned level, std::uint32_t* sums,

@@ -1,5 +1,6 @@
 #include "ocisac/tones/find_frequency.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -67,18 +68,20 @@ class UnitSignals {
   static std::vector<double> energies_of(std::span<const double> samples, std::size_t rows) {
     std::vector<double> energies(samples.size() / rows);
     for (std::size_t s = 0; s < energies.size(); ++s)
-      for (const double v : samples.subspan(s * rows, rows)) energies[s] += v * v;
+      energies[s] = Eigen::Map<const Eigen::VectorXd>(&samples[s * rows], static_cast<Eigen::Index>(rows)).squaredNorm();
     return energies;
   }
 
   [[nodiscard]] Signals scaled(std::span<const double> samples, std::size_t rows) const {
-    Signals out{{}, rows};
-    out.samples.reserve(samples.size());
+    Signals out{std::vector<double>(samples.size()), rows};
+    auto to = out.samples.begin();
     for (std::size_t s = 0; s < energies_.size(); ++s) {
       if (!(energies_[s] > 0)) continue;
       const double scale = 1 / std::sqrt(energies_[s]);
-      for (const double v : samples.subspan(s * rows, rows)) out.samples.push_back(scale * v);
+      const auto signal = samples.subspan(s * rows, rows);
+      to = std::transform(signal.begin(), signal.end(), to, [=](double v) { return scale * v; });
     }
+    out.samples.erase(to, out.samples.end());
     return out;
   }
 
@@ -184,7 +187,8 @@ Candidate judged(const PeriodicSignals& signals, double frequency, const Range& 
 double coarse_frequency(const UnitSignals& signals, const Range& range) {
   if (signals.signals().count() == 0) return nan;
   std::vector<double> frequencies = spectral_peaks(signals.signals(), range, 5);
-  for (const double f : grid_minima(signals.prepared(), range)) frequencies.push_back(f);
+  for (const double f : grid_minima(signals.prepared(), range))
+    if (std::ranges::find(frequencies, f) == frequencies.end()) frequencies.push_back(f);
   Candidate best;
   for (const double frequency : frequencies) {
     const Candidate candidate = judged(signals.prepared(), frequency, range, best.misfit);

@@ -270,18 +270,17 @@ double PeriodicFit::total_residual() const {
 }
 
 PeriodicSignals::PeriodicSignals(std::span<const double> samples, std::size_t rows) : samples_(samples), rows_(rows) {
-  require(rows > 0 && samples.size() % rows == 0, "rows", rows, "a divisor of the number of samples");
-  const std::size_t signals = samples.size() / rows;
+  const Signals all = as_matrix(samples, rows);
+  energies_ = as_vector(all.colwise().squaredNorm());
+  const std::size_t signals = count();
   in_lanes_ = signals >= kManySignals;
   width_ = in_lanes_ ? (signals + kStrip - 1) / kStrip * kStrip : signals;
-  energies_.resize(signals);
   even_.assign(half() * width_, 0.0);
   odd_.assign(half() * width_, 0.0);
   const std::size_t step = in_lanes_ ? kStrip : 1;
   for (std::size_t s = 0; s < signals; ++s) {
     const auto signal = samples.subspan(s * rows, rows);
     const std::size_t first = in_lanes_ ? s / kStrip * half() * kStrip + s % kStrip : s * half();
-    for (const double v : signal) energies_[s] += v * v;
     for (std::size_t i = 0; i < half(); ++i) {
       const std::size_t after = rows / 2 + i, before = rows - 1 - after;
       even_[first + i * step] = after == before ? signal[after] : signal[after] + signal[before];

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <span>
 
+#include "ocisac/core/require.hpp"
 #include "ocisac/tones/tone_design.hpp"
 
 namespace ocisac {
@@ -12,13 +13,11 @@ namespace {
 
 constexpr double kMinOscillation = 2;  // rows·|sin(x/2)|: above it, moments are exact to 4·10⁻¹⁶·rows up to power 4
 
-// Of the frequency 0.
-void add_powers(std::size_t rows, std::span<double> moments) {
-  for (std::size_t i = 0; i < (rows + 1) / 2; ++i) {
-    const double v = (2 * static_cast<double>(i) + (rows % 2 == 0 ? 1 : 0)) / static_cast<double>(rows);
-    double power = v == 0 ? 1 : 2;  // the middle row once, all others on both sides
-    for (std::size_t p = 0; p < moments.size(); p += 2, power *= v * v) moments[p] += power;
-  }
+// Of the frequency 0: sums of powers of whole or half numbers.
+void fill_powers(std::size_t rows, std::span<double> moments) {
+  const auto n = static_cast<double>(rows);
+  const std::array sums{n, (n * n - 1) / (3 * n), (n * n - 1) * (3 * n * n - 7) / (15 * n * n * n)};
+  for (std::size_t p = 0; p < moments.size(); p += 2) moments[p] = sums[p / 2];
 }
 
 void add_up(std::size_t rows, double cycles_per_row, std::span<double> moments) {
@@ -30,7 +29,7 @@ void add_up(std::size_t rows, double cycles_per_row, std::span<double> moments) 
     wave = i % kAnchors == 0 ? phasor(cycles_per_row, u)
                              : Phasor{wave.cosine * turn.cosine - wave.sine * turn.sine,
                                       wave.sine * turn.cosine + wave.cosine * turn.sine};
-    double power = u == 0 ? 1 : 2;  // as above
+    double power = u == 0 ? 1 : 2;  // the middle row once, all others on both sides
     for (std::size_t p = 0; p < moments.size(); ++p, power *= 2 * u / static_cast<double>(rows))
       moments[p] += power * (p % 2 == 0 ? wave.cosine : wave.sine);
   }
@@ -63,7 +62,8 @@ void differentiate(std::size_t rows, double cycles_per_row, std::span<double> mo
 
 RowMoments::RowMoments(std::size_t rows, double frequency, std::size_t highest, std::size_t power)
     : powers_(power + 1), values_((highest + 1) * powers_) {
-  add_powers(rows, std::span(values_).first(powers_));
+  require(power <= 4, "power", power, "0 to 4");
+  fill_powers(rows, std::span(values_).first(powers_));
   for (std::size_t k = 1; k <= highest; ++k) {
     const double cycles = static_cast<double>(k) * frequency;
     const std::span<double> moments = std::span(values_).subspan(k * powers_, powers_);

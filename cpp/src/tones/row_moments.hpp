@@ -11,7 +11,7 @@ namespace ocisac {
 // where these lose digits, plain sums.
 class RowMoments {
  public:
-  // frequency: f in cycles per row; k up to `highest`, p up to `power`.
+  // frequency: f in cycles per row; k up to `highest`, p up to `power`, at most 4.
   RowMoments(std::size_t rows, double frequency, std::size_t highest, std::size_t power);
 
   // |k| ≤ highest; odd in k for odd p.

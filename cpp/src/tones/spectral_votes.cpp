@@ -7,6 +7,7 @@
 #include <memory>
 #include <numbers>
 #include <numeric>
+#include <utility>
 
 #include "columns/column_dft.hpp"
 #include "core/recently_used.hpp"
@@ -25,25 +26,26 @@ std::vector<double> hann_window(std::size_t rows) {
   return window;
 }
 
-// A DFT and the rows of its spectra with the frequencies k and −k, for k up to half the length.
+// A window, a DFT, and the rows of its spectra with the frequencies k and −k, for k up to half the length.
 struct Plan {
   struct Places {
     std::size_t of_positive, of_negative;
   };
 
-  explicit Plan(std::size_t length) : dft(length), places(length / 2 + 1) {
+  Plan(std::size_t rows, std::size_t length) : window(hann_window(rows)), dft(length), places(length / 2 + 1) {
     std::vector<std::size_t> place(length);
     for (std::size_t row = 0; row < length; ++row) place[dft.order()[row]] = row;
     for (std::size_t k = 0; k < places.size(); ++k) places[k] = {place[k], place[(length - k) % length]};
   }
 
+  std::vector<double> window;
   ColumnDft<double> dft;
   std::vector<Places> places;
 };
 
-std::shared_ptr<const Plan> plan_of(std::size_t length) {
-  static RecentlyUsed<std::size_t, Plan, 4> kept;
-  return kept.get(length, [&] { return std::make_shared<const Plan>(length); });
+std::shared_ptr<const Plan> plan_of(std::size_t rows, std::size_t length) {
+  static RecentlyUsed<std::pair<std::size_t, std::size_t>, Plan, 4> kept;
+  return kept.get({rows, length}, [&] { return std::make_shared<const Plan>(rows, length); });
 }
 
 // Up to kSignals weighted signals as a block of the DFT, and what scales their powers to fractions of their energies.
@@ -53,17 +55,20 @@ struct Block {
 
   void fill(std::span<const double> samples, std::span<const double> window, std::size_t length) {
     const double window_sum = std::accumulate(window.begin(), window.end(), 0.0);
-    rows.assign(length * kSignals, 0.0);
-    scale.fill(0);
-    for (std::size_t s = 0; s * window.size() < samples.size(); ++s) {
-      const double* signal = &samples[s * window.size()];
-      double energy = 0;
-      for (std::size_t n = 0; n < window.size(); ++n) {
-        rows[n * kSignals + s] = window[n] * signal[n];
-        energy += window[n] * signal[n] * signal[n];
+    const std::size_t count = samples.size() / window.size();
+    rows.resize(length * kSignals);
+    std::array<double, kSignals> energies{};
+    for (std::size_t n = 0; n < window.size(); ++n) {
+      double* row = &rows[n * kSignals];
+      for (std::size_t s = 0; s < count; ++s) {
+        const double value = samples[s * window.size() + n];
+        row[s] = window[n] * value;
+        energies[s] += row[s] * value;
       }
-      scale[s] = 2 / (window_sum * energy);
+      std::fill(row + count, row + kSignals, 0.0);
     }
+    std::fill(rows.begin() + static_cast<std::ptrdiff_t>(window.size() * kSignals), rows.end(), 0.0);
+    for (std::size_t s = 0; s < kSignals; ++s) scale[s] = s < count ? 2 / (window_sum * energies[s]) : 0;
   }
 
   // Product over the signals of the fractions that a tone of a frequency leaves, each 10⁻⁴ or more. Two signals are the
@@ -85,13 +90,12 @@ struct Block {
 }  // namespace
 
 std::vector<double> spectral_votes(std::span<const double> samples, std::size_t rows, std::size_t length) {
-  const auto plan = plan_of(length);
-  const std::vector<double> window = hann_window(rows);
+  const auto plan = plan_of(rows, length);
   std::vector<double> votes(plan->places.size());
   thread_local Block block;  // memory reused from call to call
   for (std::size_t first = 0; first < samples.size(); first += kSignals * rows) {
     const auto these = samples.subspan(first, std::min(kSignals * rows, samples.size() - first));
-    block.fill(these, window, length);
+    block.fill(these, plan->window, length);
     plan->dft.forward(block.rows.data(), std::min(kPairs, these.size() / rows));
     for (std::size_t k = 0; k < votes.size(); ++k) votes[k] -= std::log(block.left_by(plan->places[k]));
   }
