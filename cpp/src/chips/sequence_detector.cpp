@@ -34,7 +34,10 @@ struct RowView {
 // A row whose oldest chip lies `back` chips before the newest depends only on the newest, the oldest and the number of
 // bright chips between: costs by that number stand in a table for each newest and oldest chip.
 constexpr std::size_t kTable = 32;  // a multiple of the number is read
-using Tables = std::array<std::array<std::array<float, kTable>, 2>, 2>;
+struct Tables {
+  std::size_t back;
+  std::array<std::array<std::array<float, kTable>, 2>, 2> costs;
+};
 
 // Groups of states by the pattern of their costs: 2·(bright chips between that a group shares) + oldest chip.
 class Grouping {
@@ -84,6 +87,7 @@ class Trellis {
 
   std::vector<double> detect() {
     find_rows();
+    fill_tables();
     if (is_slow()) find_lights();
     return run();
   }
@@ -151,6 +155,7 @@ class Trellis {
     const ChipClock& clock = question_.clock;
     std::size_t chip = 0;
     begin_of_chip_.assign(question_.count + 1, 0);
+    rows_.reserve(question_.rows.size());
     for (std::size_t row = 0; row < question_.rows.size(); ++row) {
       const double end = (static_cast<double>(row) + 0.5 * clock.exposure_rows - clock.phase) / clock.rows_per_chip -
                          static_cast<double>(question_.first);
@@ -167,7 +172,7 @@ class Trellis {
 
   // Squared residuals over 2σ², added up over the rows whose oldest chip lies `back` before the newest. In chips, a
   // row's light is the number m of bright chips between and a constant: the sum is a polynomial in m.
-  void fill_tables(std::span<const RowView> rows, std::size_t back) {
+  void add_tables(std::span<const RowView> rows, std::size_t back) {
     double squares = 0, linear[2][2] = {}, constant[2][2] = {};  // of the newest and the oldest chip
     for (const RowView& row : rows) {
       if (row.back != back) continue;
@@ -182,22 +187,51 @@ class Trellis {
           constant[newest][oldest] += weight * off * off;
         }
     }
+    Tables& tables = tables_.emplace_back(Tables{back, {}});
+    const int counts = std::max(static_cast<int>(back), 1);
     for (std::size_t newest = 0; newest < 2; ++newest)
-      for (std::size_t oldest = 0; oldest < (back == 0 ? 1 : 2); ++oldest)
-        for (std::size_t between = 0; between < std::max<std::size_t>(back, 1); ++between) {
-          const auto m = static_cast<double>(between);
-          tables_[newest][oldest][between] =
-              static_cast<float>(constant[newest][oldest] - m * (2 * linear[newest][oldest] - m * squares));
-        }
+      for (std::size_t oldest = 0; oldest < (back == 0 ? 1 : 2); ++oldest) {
+        const double at_none = constant[newest][oldest], slope = 2 * linear[newest][oldest];
+        for (int m = 0; m < counts; ++m)
+          tables.costs[newest][oldest][static_cast<std::size_t>(m)] =
+              static_cast<float>(at_none - m * (slope - m * squares));
+      }
   }
 
-  // Counts the tables among the costs of a chip.
-  void take_costs(std::size_t back) {
+  void add_tables_of_known(double level) {
+    Tables& tables = tables_.emplace_back(Tables{0, {}});
+    for (std::size_t newest = 0; newest < 2; ++newest) {
+      const double off = static_cast<double>(newest) - level;
+      tables.costs[newest][0][0] = static_cast<float>(0.5 * kKnownPrecision * off * off);
+    }
+  }
+
+  [[nodiscard]] std::span<const RowView> rows_of(std::size_t chip) const {
+    return std::span(rows_).subspan(begin_of_chip_[chip], begin_of_chip_[chip + 1] - begin_of_chip_[chip]);
+  }
+
+  // Tables of all chips, which each pass over the trellis reads: of rows whose light has settled, and of known levels.
+  void fill_tables() {
+    tables_.reserve(question_.count);
+    begin_of_tables_.assign(1, 0);
+    for (std::size_t chip = 0; chip < question_.count; ++chip) {
+      const auto rows = rows_of(chip);
+      if (!is_slow() && !rows.empty()) {
+        const auto [shortest, longest] = std::ranges::minmax_element(rows, {}, &RowView::back);
+        for (std::size_t back = shortest->back; back <= longest->back; ++back) add_tables(rows, back);
+      }
+      if (const auto level = known_level(question_, chip)) add_tables_of_known(*level);
+      begin_of_tables_.push_back(tables_.size());
+    }
+  }
+
+  // Counts tables among the costs of a chip.
+  void take_costs(const Tables& of) {
     if (grouped_.size() == kernels::kMostSummed) add_up_costs();
-    auto& grouping = groupings_[back];
-    if (!grouping) grouping.emplace(back, states_);
+    auto& grouping = groupings_[of.back];
+    if (!grouping) grouping.emplace(of.back, states_);
     auto& patterns = patterns_[grouped_.size()];
-    for (std::size_t newest = 0; newest < 2; ++newest) grouping->fill(tables_[newest], patterns[newest].data());
+    for (std::size_t newest = 0; newest < 2; ++newest) grouping->fill(of.costs[newest], patterns[newest].data());
     grouped_.push_back({{patterns[0].data(), patterns[1].data()}, grouping->of_group()});
   }
 
@@ -207,30 +241,14 @@ class Trellis {
     added_up_ = true;
   }
 
-  void take_known_level(double level) {
-    for (std::size_t newest = 0; newest < 2; ++newest) {
-      const double off = static_cast<double>(newest) - level;
-      tables_[newest][0][0] = static_cast<float>(0.5 * kKnownPrecision * off * off);
-    }
-    take_costs(0);
-  }
-
   // Costs of all histories at a chip, valid until the next call.
   kernels::HistoryCosts weigh(std::size_t chip) {
-    const auto rows = std::span(rows_).subspan(begin_of_chip_[chip], begin_of_chip_[chip + 1] - begin_of_chip_[chip]);
     if (added_up_) std::ranges::fill(costs_, 0.0F);
     grouped_.clear();
     added_up_ = is_slow();
-    for (const RowView& row : rows)
-      if (is_slow()) add_slow_row(row);
-    if (!is_slow() && !rows.empty()) {
-      const auto [shortest, longest] = std::ranges::minmax_element(rows, {}, &RowView::back);
-      for (std::size_t back = shortest->back; back <= longest->back; ++back) {
-        fill_tables(rows, back);
-        take_costs(back);
-      }
-    }
-    if (const auto level = known_level(question_, chip)) take_known_level(*level);
+    if (is_slow())
+      for (const RowView& row : rows_of(chip)) add_slow_row(row);
+    for (std::size_t k = begin_of_tables_[chip]; k < begin_of_tables_[chip + 1]; ++k) take_costs(tables_[k]);
     if (added_up_ || grouped_.empty()) add_up_costs();
     return {grouped_, costs_.data()};
   }
@@ -241,38 +259,46 @@ class Trellis {
     if (chip % std::max<std::size_t>(kStatesPerCheck / states_, 1) == 0) check_interrupt();
   }
 
-  // to[s]: min cost of the rows up to the chip, given the last chips s, from the same up to the previous chip.
-  void go_forward(std::size_t chip, const float* from, float* to) {
+  // to[s]: min cost of the rows up to the chip, given the last chips s, from the same up to the previous chip, whose
+  // least is taken off. Returns the least of `to`.
+  float go_forward(std::size_t chip, const float* from, float lowest, float* to) {
     check_interrupt_at(chip);
-    kernels::step_forward(from, weigh(chip), states_, to);
+    return kernels::step_forward(from, lowest, weigh(chip), states_, to);
   }
 
   // Costs before every chip of a block, kept at the first chips of all blocks alone: in the cache at all lengths.
   std::vector<double> run() {
     const std::size_t count = question_.count, block = chips_in_block(count, states_);
     const auto first_of = [&](std::size_t b) { return std::min(b * block, count); };
-    std::vector<float> starts((count + block - 1) / block * states_, 0.0F);
+    const std::size_t blocks = (count + block - 1) / block;
+    std::vector<float> starts(blocks * states_, 0.0F), lowest(blocks, 0.0F);
     thread_local std::vector<float> costs;  // its pages are asked for once
     costs.resize(std::max(costs.size(), (block + 1) * states_));
+    // Returns the least after its last chip.
     const auto fill_block = [&](std::size_t b) {
       std::copy_n(&starts[b * states_], states_, costs.data());
-      for (std::size_t chip = first_of(b); chip + 1 < first_of(b + 1); ++chip)
-        go_forward(chip, &costs[(chip - first_of(b)) * states_], &costs[(chip - first_of(b) + 1) * states_]);
+      float least = lowest[b];
+      for (std::size_t chip = first_of(b); chip < first_of(b + 1); ++chip) {
+        const float* from = &costs[(chip - first_of(b)) * states_];
+        least = go_forward(chip, from, least, &costs[(chip - first_of(b) + 1) * states_]);
+      }
+      return least;
     };
-    const std::size_t blocks = starts.size() / states_;
     for (std::size_t b = 0; b + 1 < blocks; ++b) {
-      fill_block(b);
-      go_forward(first_of(b + 1) - 1, &costs[(block - 1) * states_], &starts[(b + 1) * states_]);
+      lowest[b + 1] = fill_block(b);
+      std::copy_n(&costs[block * states_], states_, &starts[(b + 1) * states_]);
     }
     std::vector<double> llr(count);
     std::vector<float> after(states_, 0.0F), before(states_);
+    float lowest_after = 0;
     for (std::size_t b = blocks; b-- > 0;) {
       fill_block(b);
       for (std::size_t chip = first_of(b + 1); chip-- > first_of(b);) {
         check_interrupt_at(chip);
-        const auto best = kernels::step_backward(&costs[(chip - first_of(b)) * states_], weigh(chip), after.data(),
-                                                 states_, before.data());
-        llr[chip] = static_cast<double>(best[0]) - static_cast<double>(best[1]);
+        const auto step = kernels::step_backward(&costs[(chip - first_of(b) + 1) * states_], weigh(chip), after.data(),
+                                                 lowest_after, states_, before.data());
+        llr[chip] = static_cast<double>(step.best[0]) - static_cast<double>(step.best[1]);
+        lowest_after = step.lowest;
         std::swap(after, before);
       }
     }
@@ -283,12 +309,12 @@ class Trellis {
   double length_;                        // of the exposure, chips
   std::size_t reach_, memory_, states_;  // earlier chips in a row's exposure; chips in memory
   std::vector<RowView> rows_;
-  std::vector<std::size_t> begin_of_chip_;
+  std::vector<Tables> tables_;  // of chip k from begin_of_tables_[k] on
+  std::vector<std::size_t> begin_of_chip_, begin_of_tables_;
   std::vector<ChipLight> lights_;  // (chips of a history)
   // Costs of the histories at a chip: grouped ones, and the others added up, (2, states).
   std::vector<float> costs_;
   bool added_up_ = false;
-  Tables tables_{};
   std::vector<kernels::GroupedCosts> grouped_;
   std::array<std::array<std::array<float, kMaxPatterns * kernels::kTrellisGroup>, 2>, kernels::kMostSummed> patterns_;
   std::vector<std::optional<Grouping>> groupings_;  // (back) on demand

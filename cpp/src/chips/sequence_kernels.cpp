@@ -1,5 +1,6 @@
 #include "chips/sequence_kernels.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -29,6 +30,17 @@ void FillPatterns(const std::array<const float*, 2>& tables, std::size_t counts,
         hn::StoreU(hn::TableLookupLanes(hn::LoadU(d, table + m + kBits[i]), within), d, patterns);
 }
 
+// The costs of a group of histories: the sum of as many parts.
+template <std::size_t kParts>
+struct Group {
+  std::array<const float*, kParts> parts;
+  [[nodiscard]] HWY_INLINE Floats at(std::size_t i) const {
+    Floats sum = hn::LoadU(d, parts[0] + i);
+    for (std::size_t k = 1; k < kParts; ++k) sum = hn::Add(sum, hn::LoadU(d, parts[k] + i));
+    return sum;
+  }
+};
+
 // The costs of histories with a new chip.
 template <std::size_t kSummed>
 class Costs {
@@ -39,19 +51,15 @@ class Costs {
       of_group_[k] = from.grouped[k].of_group;
     }
   }
-  [[nodiscard]] HWY_INLINE Floats at(std::size_t state) const {
-    if (kSummed == 0) return hn::LoadU(d, all_ + state);
-    Floats sum = of_group(0, state);
-    for (std::size_t k = 1; k < kSummed; ++k) sum = hn::Add(sum, of_group(k, state));
-    return sum;
+  // The group that starts at a state.
+  [[nodiscard]] HWY_INLINE auto from(std::size_t state) const {
+    Group<std::max<std::size_t>(kSummed, 1)> group{{all_ + state}};
+    for (std::size_t k = 0; k < kSummed; ++k)
+      group.parts[k] = patterns_[k] + kTrellisGroup * of_group_[k][state / kTrellisGroup];
+    return group;
   }
 
  private:
-  [[nodiscard]] HWY_INLINE Floats of_group(std::size_t k, std::size_t state) const {
-    const std::size_t pattern = of_group_[k][state / kTrellisGroup];
-    return hn::LoadU(d, patterns_[k] + kTrellisGroup * pattern + state % kTrellisGroup);
-  }
-
   const float* all_;
   std::array<const float*, kMostSummed> patterns_;
   std::array<const std::uint8_t*, kMostSummed> of_group_;
@@ -60,8 +68,11 @@ class Costs {
 void AddCosts(const GroupedCosts& from, std::size_t states, float* HWY_RESTRICT costs) {
   for (std::size_t newest = 0; newest < 2; ++newest) {
     const Costs<1> own({{&from, 1}, costs}, states, newest);
-    for (std::size_t s = 0; s < states; s += hn::Lanes(d), costs += hn::Lanes(d))
-      hn::StoreU(hn::Add(hn::LoadU(d, costs), own.at(s)), d, costs);
+    for (std::size_t s = 0; s < states; s += kTrellisGroup) {
+      const auto group = own.from(s);
+      for (std::size_t i = 0; i < kTrellisGroup; i += hn::Lanes(d), costs += hn::Lanes(d))
+        hn::StoreU(hn::Add(hn::LoadU(d, costs), group.at(i)), d, costs);
+    }
   }
 }
 
@@ -81,51 +92,68 @@ void AddSlowRow(const SlowRow& row, std::size_t histories, float* HWY_RESTRICT c
   }
 }
 
-HWY_INLINE void take_off(Floats lowest, std::size_t states, float* values) {
-  for (std::size_t s = 0; s < states; s += hn::Lanes(d))
-    hn::StoreU(hn::Sub(hn::LoadU(d, values + s), lowest), d, values + s);
-}
+HWY_INLINE float least_of(Floats values) { return hn::GetLane(hn::MinOfLanes(d, values)); }
 
 template <std::size_t kSummed>
-void step_forward(const float* HWY_RESTRICT from, const HistoryCosts& costs, std::size_t states,
-                  float* HWY_RESTRICT to) {
+float step_forward(const float* HWY_RESTRICT from, float less, const HistoryCosts& costs, std::size_t states,
+                   float* HWY_RESTRICT to) {
   const std::size_t half = states / 2;  // states whose leaving chip is dark, then those whose leaving chip is bright
-  const Costs<kSummed> dark(costs, states, 0), bright(costs, states, 1);
-  Floats lowest = hn::Set(d, std::numeric_limits<float>::infinity());
-  for (std::size_t s = 0; s < half; s += hn::Lanes(d)) {
-    const Floats one = hn::LoadU(d, from + s), other = hn::LoadU(d, from + half + s);
-    const auto least = [&](const Costs<kSummed>& of) {
-      return hn::Min(hn::Add(one, of.at(s)), hn::Add(other, of.at(half + s)));
-    };
-    const Floats to_dark = least(dark), to_bright = least(bright);
-    lowest = hn::Min(lowest, hn::Min(to_dark, to_bright));
-    hn::StoreInterleaved2(to_dark, to_bright, d, to + 2 * s);
-  }
-  take_off(hn::MinOfLanes(d, lowest), states, to);
-}
-
-template <std::size_t kSummed>
-std::array<float, 2> step_backward(const float* HWY_RESTRICT from, const HistoryCosts& costs,
-                                   const float* HWY_RESTRICT after, std::size_t states, float* HWY_RESTRICT before) {
-  const std::size_t half = states / 2;
   const Costs<kSummed> costs_dark(costs, states, 0), costs_bright(costs, states, 1);
-  const Floats never = hn::Set(d, std::numeric_limits<float>::infinity());
-  Floats best_dark = never, best_bright = never, lowest = never;
-  for (std::size_t s = 0; s < half; s += hn::Lanes(d)) {
-    Floats after_dark, after_bright;
-    hn::LoadInterleaved2(d, after + 2 * s, after_dark, after_bright);
-    for (const std::size_t state : {s, half + s}) {
-      const Floats dark = hn::Add(costs_dark.at(state), after_dark);
-      const Floats bright = hn::Add(costs_bright.at(state), after_bright);
-      const Floats until = hn::LoadU(d, from + state), least = hn::Min(dark, bright);
-      best_dark = hn::Min(best_dark, hn::Add(until, dark));
-      best_bright = hn::Min(best_bright, hn::Add(until, bright));
-      lowest = hn::Min(lowest, least);
-      hn::StoreU(least, d, before + state);
+  const Floats taken_off = hn::Set(d, less);
+  Floats lowest = hn::Set(d, std::numeric_limits<float>::infinity());
+  for (std::size_t s = 0; s < half; s += kTrellisGroup) {
+    const auto dark = costs_dark.from(s), dark_other = costs_dark.from(half + s);
+    const auto bright = costs_bright.from(s), bright_other = costs_bright.from(half + s);
+    for (std::size_t i = 0; i < kTrellisGroup; i += hn::Lanes(d)) {
+      const Floats one = hn::LoadU(d, from + s + i), other = hn::LoadU(d, from + half + s + i);
+      const auto least = [&](const auto& of, const auto& of_other) {
+        return hn::Sub(hn::Min(hn::Add(one, of.at(i)), hn::Add(other, of_other.at(i))), taken_off);
+      };
+      const Floats to_dark = least(dark, dark_other), to_bright = least(bright, bright_other);
+      lowest = hn::Min(lowest, hn::Min(to_dark, to_bright));
+      hn::StoreInterleaved2(to_dark, to_bright, d, to + 2 * (s + i));
     }
   }
-  take_off(hn::MinOfLanes(d, lowest), states, before);
-  return {hn::GetLane(hn::MinOfLanes(d, best_dark)), hn::GetLane(hn::MinOfLanes(d, best_bright))};
+  return least_of(lowest);
+}
+
+// The least of interleaved values that two vectors hold: of those at even and of those at odd places.
+HWY_INLINE std::array<float, 2> least_of_each(Floats first, Floats second) {
+  HWY_ALIGN float values[2 * kTrellisGroup];
+  hn::StoreU(first, d, values);
+  hn::StoreU(second, d, values + hn::Lanes(d));
+  hn::LoadInterleaved2(d, values, first, second);
+  return {least_of(first), least_of(second)};
+}
+
+template <std::size_t kSummed>
+BackwardStep step_backward(const float* HWY_RESTRICT until, const HistoryCosts& costs, const float* HWY_RESTRICT after,
+                           float less, std::size_t states, float* HWY_RESTRICT before) {
+  const std::size_t half = states / 2;
+  const Costs<kSummed> costs_dark(costs, states, 0), costs_bright(costs, states, 1);
+  const Floats never = hn::Set(d, std::numeric_limits<float>::infinity()), taken_off = hn::Set(d, less);
+  Floats best_first = never, best_second = never, lowest = never;
+  for (std::size_t s = 0; s < half; s += kTrellisGroup) {
+    const auto dark = costs_dark.from(s), dark_other = costs_dark.from(half + s);
+    const auto bright = costs_bright.from(s), bright_other = costs_bright.from(half + s);
+    for (std::size_t i = 0; i < kTrellisGroup; i += hn::Lanes(d)) {
+      const auto best_with = [&](Floats best, std::size_t state) {
+        return hn::Min(best, hn::Add(hn::LoadU(d, until + state), hn::LoadU(d, after + state)));
+      };
+      best_first = best_with(best_first, 2 * (s + i));
+      best_second = best_with(best_second, 2 * (s + i) + hn::Lanes(d));
+      Floats after_dark, after_bright;
+      hn::LoadInterleaved2(d, after + 2 * (s + i), after_dark, after_bright);
+      const auto step = [&](std::size_t state, const auto& of_dark, const auto& of_bright) {
+        const Floats least = hn::Min(hn::Add(of_dark.at(i), after_dark), hn::Add(of_bright.at(i), after_bright));
+        hn::StoreU(hn::Sub(least, taken_off), d, before + state);
+        lowest = hn::Min(lowest, least);
+      };
+      step(s + i, dark, bright);
+      step(half + s + i, dark_other, bright_other);
+    }
+  }
+  return {least_of_each(best_first, best_second), least_of(hn::Sub(lowest, taken_off))};
 }
 
 // Calls step<number of summed costs>().
@@ -139,14 +167,15 @@ HWY_INLINE auto for_summed(const HistoryCosts& costs, Step step) {
   }
 }
 
-void StepForward(const float* from, const HistoryCosts& costs, std::size_t states, float* to) {
-  for_summed(costs, [&]<std::size_t kSummed>() { step_forward<kSummed>(from, costs, states, to); });
+float StepForward(const float* from, float less, const HistoryCosts& costs, std::size_t states, float* to) {
+  return for_summed(costs,
+                    [&]<std::size_t kSummed>() { return step_forward<kSummed>(from, less, costs, states, to); });
 }
 
-std::array<float, 2> StepBackward(const float* from, const HistoryCosts& costs, const float* after, std::size_t states,
-                                  float* before) {
-  return for_summed(costs,
-                    [&]<std::size_t kSummed>() { return step_backward<kSummed>(from, costs, after, states, before); });
+BackwardStep StepBackward(const float* until, const HistoryCosts& costs, const float* after, float less,
+                          std::size_t states, float* before) {
+  return for_summed(
+      costs, [&]<std::size_t kSummed>() { return step_backward<kSummed>(until, costs, after, less, states, before); });
 }
 
 }  // namespace HWY_NAMESPACE
@@ -174,13 +203,13 @@ void add_slow_row(const SlowRow& row, std::size_t histories, float* costs) {
   HWY_DYNAMIC_DISPATCH(AddSlowRow)(row, histories, costs);
 }
 
-void step_forward(const float* from, const HistoryCosts& costs, std::size_t states, float* to) {
-  HWY_DYNAMIC_DISPATCH(StepForward)(from, costs, states, to);
+float step_forward(const float* from, float less, const HistoryCosts& costs, std::size_t states, float* to) {
+  return HWY_DYNAMIC_DISPATCH(StepForward)(from, less, costs, states, to);
 }
 
-std::array<float, 2> step_backward(const float* from, const HistoryCosts& costs, const float* after, std::size_t states,
-                                   float* before) {
-  return HWY_DYNAMIC_DISPATCH(StepBackward)(from, costs, after, states, before);
+BackwardStep step_backward(const float* until, const HistoryCosts& costs, const float* after, float less,
+                           std::size_t states, float* before) {
+  return HWY_DYNAMIC_DISPATCH(StepBackward)(until, costs, after, less, states, before);
 }
 
 }  // namespace ocisac::kernels

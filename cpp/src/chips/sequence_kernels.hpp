@@ -55,12 +55,18 @@ struct HistoryCosts {
   const float* all;
 };
 
-// to (states): the least of from + costs over the chip that leaves, less the least of all.
-void step_forward(const float* from, const HistoryCosts& costs, std::size_t states, float* to);
+// to (states): the least of from + costs over the chip that leaves, less `less`; the least of `from` there keeps the
+// numbers small. Returns the least of `to`.
+float step_forward(const float* from, float less, const HistoryCosts& costs, std::size_t states, float* to);
 
-// before (states): the least of costs + after over the new chip, less the least of all. Returns the least of from +
-// costs + after over the histories with a dark and with a bright new chip.
-std::array<float, 2> step_backward(const float* from, const HistoryCosts& costs, const float* after, std::size_t states,
-                                   float* before);
+struct BackwardStep {
+  std::array<float, 2> best;  // the least of until + after over the states whose newest chip is dark, is bright
+  float lowest;               // the least of before
+};
+
+// before (states): the least of costs + after over the new chip, less `less`. `until`: of step_forward, the new chip
+// included.
+BackwardStep step_backward(const float* until, const HistoryCosts& costs, const float* after, float less,
+                           std::size_t states, float* before);
 
 }  // namespace ocisac::kernels

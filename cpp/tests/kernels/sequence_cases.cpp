@@ -41,11 +41,15 @@ struct Trellis {
   }
 };
 
-void take_lowest_off(float* values, std::size_t count) {
-  const float lowest = *std::min_element(values, values + count);
-  for (std::size_t i = 0; i < count; ++i) values[i] -= lowest;
+constexpr float kLess = 0.625F;
+
+// Takes kLess off; returns the least.
+float take_off(float* values, std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) values[i] -= kLess;
+  return *std::min_element(values, values + count);
 }
 
+// to, then its least.
 void plain_forward(const Trellis& trellis, std::size_t summed, float* to) {
   std::fill_n(to, trellis.states, std::numeric_limits<float>::infinity());
   for (std::size_t state = 0; state < trellis.states; ++state)
@@ -53,21 +57,21 @@ void plain_forward(const Trellis& trellis, std::size_t summed, float* to) {
       float& best = to[(2 * state + newest) % trellis.states];
       best = std::min(best, trellis.from.data()[state] + trellis.cost(summed, newest, state));
     }
-  take_lowest_off(to, trellis.states);
+  to[trellis.states] = take_off(to, trellis.states);
 }
 
-// before, then the best of histories with a dark and a bright new chip.
+// before, then the best of states whose newest chip is dark and is bright, and the least of before. `from` stands for
+// the costs until the chip.
 void plain_backward(const Trellis& trellis, std::size_t summed, float* out) {
   std::fill_n(out, trellis.states + 2, std::numeric_limits<float>::infinity());
-  for (std::size_t state = 0; state < trellis.states; ++state)
-    for (std::size_t newest = 0; newest < 2; ++newest) {
-      const float rest =
-          trellis.cost(summed, newest, state) + trellis.after.data()[(2 * state + newest) % trellis.states];
-      out[state] = std::min(out[state], rest);
-      float& best = out[trellis.states + newest];
-      best = std::min(best, trellis.from.data()[state] + rest);
-    }
-  take_lowest_off(out, trellis.states);
+  for (std::size_t state = 0; state < trellis.states; ++state) {
+    float& best = out[trellis.states + state % 2];
+    best = std::min(best, trellis.from.data()[state] + trellis.after.data()[state]);
+    for (std::size_t newest = 0; newest < 2; ++newest)
+      out[state] = std::min(out[state], trellis.cost(summed, newest, state) +
+                                            trellis.after.data()[(2 * state + newest) % trellis.states]);
+  }
+  out[trellis.states + 2] = take_off(out, trellis.states);
 }
 
 template <class Run>
@@ -82,21 +86,23 @@ void add_cases_of(std::size_t states, std::vector<KernelCase>& cases) {
   for (std::size_t summed = 0; summed <= ocisac::kernels::kMostSummed; ++summed) {
     const std::string name = " of " + std::to_string(summed) + " grouped costs";
     add_case(
-        "step_forward" + name, states, states,
+        "step_forward" + name, states + 1, states,
         [=](bool plain, float* out) {
           if (plain) return plain_forward(*trellis, summed, out);
           const auto grouped = trellis->grouped(summed);
-          ocisac::kernels::step_forward(trellis->from.data(), {grouped, trellis->all.data()}, states, out);
+          out[states] =
+              ocisac::kernels::step_forward(trellis->from.data(), kLess, {grouped, trellis->all.data()}, states, out);
         },
         cases);
     add_case(
-        "step_backward" + name, states + 2, states,
+        "step_backward" + name, states + 3, states,
         [=](bool plain, float* out) {
           if (plain) return plain_backward(*trellis, summed, out);
           const auto grouped = trellis->grouped(summed);
-          const auto best = ocisac::kernels::step_backward(trellis->from.data(), {grouped, trellis->all.data()},
-                                                           trellis->after.data(), states, out);
-          std::ranges::copy(best, out + states);
+          const auto step = ocisac::kernels::step_backward(trellis->from.data(), {grouped, trellis->all.data()},
+                                                           trellis->after.data(), kLess, states, out);
+          std::ranges::copy(step.best, out + states);
+          out[states + 2] = step.lowest;
         },
         cases);
   }
