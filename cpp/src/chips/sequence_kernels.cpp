@@ -168,8 +168,7 @@ HWY_INLINE auto for_summed(const HistoryCosts& costs, Step step) {
 }
 
 float StepForward(const float* from, float less, const HistoryCosts& costs, std::size_t states, float* to) {
-  return for_summed(costs,
-                    [&]<std::size_t kSummed>() { return step_forward<kSummed>(from, less, costs, states, to); });
+  return for_summed(costs, [&]<std::size_t kSummed>() { return step_forward<kSummed>(from, less, costs, states, to); });
 }
 
 BackwardStep StepBackward(const float* until, const HistoryCosts& costs, const float* after, float less,

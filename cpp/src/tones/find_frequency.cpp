@@ -68,7 +68,8 @@ class UnitSignals {
   static std::vector<double> energies_of(std::span<const double> samples, std::size_t rows) {
     std::vector<double> energies(samples.size() / rows);
     for (std::size_t s = 0; s < energies.size(); ++s)
-      energies[s] = Eigen::Map<const Eigen::VectorXd>(&samples[s * rows], static_cast<Eigen::Index>(rows)).squaredNorm();
+      energies[s] =
+          Eigen::Map<const Eigen::VectorXd>(&samples[s * rows], static_cast<Eigen::Index>(rows)).squaredNorm();
     return energies;
   }
 
