@@ -85,6 +85,12 @@ struct Parities {
 Parities parities_of(const PeriodicModel& model, std::size_t rows) {
   require(model.trend_degree <= kMaxTrend, "trend_degree", model.trend_degree, "0 to 2");
   Parities both;
+  for (Parity* parity : {&both.even, &both.odd}) {
+    parity->functions.reserve(kMaxTrend + model.harmonics.size());
+    parity->slopes.reserve(model.harmonics.size());
+    parity->at.reserve(kMaxTrend + model.harmonics.size());
+    parity->slopes_at.reserve(model.harmonics.size());
+  }
   for (std::size_t d = 0; d <= model.trend_degree; ++d) {
     Parity& own = d % 2 == 0 ? both.even : both.odd;
     own.functions.push_back(kLegendre[d]);
@@ -117,6 +123,33 @@ MatrixXd inner_products(const std::vector<Function>& some, const std::vector<Fun
       static_cast<Index>(some.size()), static_cast<Index>(others.size()), [&](Index a, Index b) {
         return inner_product(some[static_cast<std::size_t>(a)], others[static_cast<std::size_t>(b)], moments);
       });
+}
+
+MatrixXd inner_products(const std::vector<Function>& functions, const RowMoments& moments) {
+  const auto count = static_cast<Index>(functions.size());
+  MatrixXd gram(count, count);
+  for (Index a = 0; a < count; ++a)
+    for (Index b = 0; b <= a; ++b)
+      gram(a, b) = gram(b, a) =
+          inner_product(functions[static_cast<std::size_t>(a)], functions[static_cast<std::size_t>(b)], moments);
+  return gram;
+}
+
+// x with triangleᵀ·x = right and with triangle·x = right, for an upper triangle: small, or of few right sides.
+MatrixXd solve_forward(const MatrixXd& triangle, MatrixXd right) {
+  for (Index c = 0; c < right.cols(); ++c)
+    for (Index i = 0; i < right.rows(); ++i)
+      right(i, c) = (right(i, c) - triangle.col(i).head(i).dot(right.col(c).head(i))) / triangle(i, i);
+  return right;
+}
+
+MatrixXd solve_backward(const MatrixXd& triangle, MatrixXd right) {
+  for (Index c = 0; c < right.cols(); ++c)
+    for (Index i = right.rows(); i-- > 0;) {
+      right(i, c) /= triangle(i, i);
+      right.col(c).head(i) -= right(i, c) * triangle.col(i).head(i);
+    }
+  return right;
 }
 
 // Distance of the first row of the second half from the middle.
@@ -381,8 +414,16 @@ struct Equations {
   Index trend;                   // functions of the trend, the first ones
   MatrixXd triangle;             // R of the model's functions, basis = functions·R⁻¹ orthonormal
   MatrixXd coordinates;          // of the signals in the basis
-  MatrixXd inside, slopes_gram;  // of the slopes in the basis; inner products of the slopes
+  MatrixXd with_slopes;          // inner products with the slopes: of the functions, or of the basis
+  bool of_basis;                 // the latter
+  MatrixXd slopes_gram;          // inner products of the slopes
   MatrixXd slopes_signals;       // inner products of the slopes and the signals
+
+  // Sums of the slopes, (slopes × signals), in the basis.
+  [[nodiscard]] MatrixXd in_basis(const MatrixXd& slopes) const {
+    MatrixXd sums = product(with_slopes, slopes);
+    return of_basis ? sums : solve_forward(triangle, std::move(sums));
+  }
 };
 
 constexpr double kMinPivot = 0.03;  // less loses more than three digits by normal equations: orthogonal factors then
@@ -395,20 +436,19 @@ struct ParityProducts {
 
 std::optional<Equations> normal_equations(const Parity& parity, const RowMoments& moments, const PeriodicModel& model,
                                           const ParityProducts& products) {
-  auto triangle = cholesky_factor(inner_products(parity.functions, parity.functions, moments), kMinPivot);
+  auto triangle = cholesky_factor(inner_products(parity.functions, moments), kMinPivot);
   if (!triangle) return std::nullopt;
   MatrixXd own(parity.trend + products.harmonics.rows(), products.harmonics.cols());
   own << products.trend.topRows(parity.trend), products.harmonics;
-  MatrixXd coordinates = solve_upper_transposed(*triangle, own);
-  Equations equations{parity.at, parity.slopes_at, parity.trend, std::move(*triangle), std::move(coordinates), {}, {},
-                      {}};
+  MatrixXd coordinates = solve_forward(*triangle, std::move(own));
+  Equations equations{parity.at, parity.slopes_at, parity.trend, std::move(*triangle), std::move(coordinates), {}, false,
+                      {}, {}};
   if (products.u.size() == 0) return equations;
   equations.slopes_signals = 2 * std::numbers::pi * products.u;
   for (Index j = 0; j < equations.slopes_signals.rows(); ++j)
     equations.slopes_signals.row(j) *= static_cast<double>(model.harmonics[static_cast<std::size_t>(j)]);
-  equations.inside =
-      solve_upper_transposed(equations.triangle, inner_products(parity.functions, parity.slopes, moments));
-  equations.slopes_gram = inner_products(parity.slopes, parity.slopes, moments);
+  equations.with_slopes = inner_products(parity.functions, parity.slopes, moments);
+  equations.slopes_gram = inner_products(parity.slopes, moments);
   return equations;
 }
 
@@ -450,6 +490,7 @@ Equations orthogonal_equations(const PeriodicSignals& signals, const PeriodicMod
           std::move(factors.triangle),
           transposed_product(factors.basis, y),
           transposed_product(factors.basis, slopes),
+          true,
           transposed_product(slopes, slopes),
           transposed_product(slopes, y)};
 }
@@ -485,7 +526,7 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   for (const Equations& of : equations) {
     residual -= of.coordinates.colwise().squaredNorm();
     periodic += of.coordinates.bottomRows(of.coordinates.rows() - of.trend).colwise().squaredNorm();
-    const MatrixXd own = solve_upper(of.triangle, of.coordinates);
+    const MatrixXd own = solve_backward(of.triangle, of.coordinates);
     for (std::size_t j = 0; j < of.at.size(); ++j) coefficients.row(of.at[j]) = own.row(static_cast<Index>(j));
   }
   fit.residual_energy = as_vector(residual.cwiseMax(0.0));
@@ -503,11 +544,9 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
     MatrixXd turned(of.slopes_signals.rows(), count);
     for (std::size_t j = 0; j < of.slopes_at.size(); ++j)
       turned.row(static_cast<Index>(j)) = all_turned.row(of.slopes_at[j]);
-    const MatrixXd& inside = of.inside;  // projection of the slopes on the model
-    const MatrixXd gram = of.slopes_gram - transposed_product(inside, inside);
-    const MatrixXd against_residual = of.slopes_signals - transposed_product(inside, of.coordinates);
-    gradient += against_residual.cwiseProduct(turned).sum();
-    information += product(gram, turned).cwiseProduct(turned).sum();
+    const MatrixXd inside = of.in_basis(turned);  // what the model absorbs of ∂y/∂f
+    gradient += of.slopes_signals.cwiseProduct(turned).sum() - inside.cwiseProduct(of.coordinates).sum();
+    information += product(of.slopes_gram, turned).cwiseProduct(turned).sum() - inside.squaredNorm();
   }
   fit.step = information > 0 ? gradient / information : 0;
   return fit;
@@ -558,7 +597,7 @@ Projection project(const PeriodicModel& model, double frequency, const MatrixXd&
   const RowMoments moments = moments_of(model, rows, frequency);
   MatrixXd gram = MatrixXd::Zero(matrix.cols(), matrix.cols());
   for (const Parity* parity : {&both.even, &both.odd}) {
-    const MatrixXd own = inner_products(parity->functions, parity->functions, moments);
+    const MatrixXd own = inner_products(parity->functions, moments);
     for (Index a = 0; a < own.rows(); ++a)
       for (Index b = 0; b < own.cols(); ++b)
         gram(parity->at[static_cast<std::size_t>(a)], parity->at[static_cast<std::size_t>(b)]) = own(a, b);
