@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "chips/sequence_kernels.hpp"
+#include "core/aligned_memory.hpp"
 #include "core/check_interrupt.hpp"
 #include "ocisac/chips/chip_equations.hpp"
 #include "ocisac/core/require.hpp"
@@ -272,11 +273,11 @@ class Trellis {
     const auto first_of = [&](std::size_t b) { return std::min(b * block, count); };
     const std::size_t blocks = (count + block - 1) / block;
     std::vector<float> starts(blocks * states_, 0.0F), lowest(blocks, 0.0F);
-    thread_local std::vector<float> costs;  // its pages are asked for once
-    costs.resize(std::max(costs.size(), (block + 1) * states_));
+    thread_local AlignedMemory<float> kept;  // its pages are asked for once
+    float* const costs = kept.at_least((block + 1) * states_);
     // Returns the least after its last chip.
     const auto fill_block = [&](std::size_t b) {
-      std::copy_n(&starts[b * states_], states_, costs.data());
+      std::copy_n(&starts[b * states_], states_, costs);
       float least = lowest[b];
       for (std::size_t chip = first_of(b); chip < first_of(b + 1); ++chip) {
         const float* from = &costs[(chip - first_of(b)) * states_];
@@ -289,14 +290,16 @@ class Trellis {
       std::copy_n(&costs[block * states_], states_, &starts[(b + 1) * states_]);
     }
     std::vector<double> llr(count);
-    std::vector<float> after(states_, 0.0F), before(states_);
+    AlignedMemory<float> two[2];
+    float *after = two[0].at_least(states_), *before = two[1].at_least(states_);
+    std::fill_n(after, states_, 0.0F);
     float lowest_after = 0;
     for (std::size_t b = blocks; b-- > 0;) {
       fill_block(b);
       for (std::size_t chip = first_of(b + 1); chip-- > first_of(b);) {
         check_interrupt_at(chip);
-        const auto step = kernels::step_backward(&costs[(chip - first_of(b) + 1) * states_], weigh(chip), after.data(),
-                                                 lowest_after, states_, before.data());
+        const auto step = kernels::step_backward(&costs[(chip - first_of(b) + 1) * states_], weigh(chip), after,
+                                                 lowest_after, states_, before);
         llr[chip] = static_cast<double>(step.best[0]) - static_cast<double>(step.best[1]);
         lowest_after = step.lowest;
         std::swap(after, before);
@@ -316,7 +319,8 @@ class Trellis {
   std::vector<float> costs_;
   bool added_up_ = false;
   std::vector<kernels::GroupedCosts> grouped_;
-  std::array<std::array<std::array<float, kMaxPatterns * kernels::kTrellisGroup>, 2>, kernels::kMostSummed> patterns_;
+  alignas(64) std::array<std::array<std::array<float, kMaxPatterns * kernels::kTrellisGroup>, 2>,
+                         kernels::kMostSummed> patterns_;
   std::vector<std::optional<Grouping>> groupings_;  // (back) on demand
 };
 
