@@ -411,13 +411,13 @@ HarmonicProducts products_of_each(const PeriodicSignals& signals, const Periodic
 // Normal equations of functions of the model and of slopes, by their places.
 struct Equations {
   std::vector<Index> at, slopes_at;
-  Index trend;                   // functions of the trend, the first ones
-  MatrixXd triangle;             // R of the model's functions, basis = functions·R⁻¹ orthonormal
-  MatrixXd coordinates;          // of the signals in the basis
-  MatrixXd with_slopes;          // inner products with the slopes: of the functions, or of the basis
-  bool of_basis;                 // the latter
-  MatrixXd slopes_gram;          // inner products of the slopes
-  MatrixXd slopes_signals;       // inner products of the slopes and the signals
+  Index trend;              // functions of the trend, the first ones
+  MatrixXd triangle;        // R of the model's functions, basis = functions·R⁻¹ orthonormal
+  MatrixXd coordinates;     // of the signals in the basis
+  MatrixXd with_slopes;     // inner products with the slopes: of the functions, or of the basis
+  bool of_basis;            // the latter
+  MatrixXd slopes_gram;     // inner products of the slopes
+  MatrixXd slopes_signals;  // inner products of the slopes and the signals
 
   // Sums of the slopes, (slopes × signals), in the basis.
   [[nodiscard]] MatrixXd in_basis(const MatrixXd& slopes) const {
@@ -441,8 +441,8 @@ std::optional<Equations> normal_equations(const Parity& parity, const RowMoments
   MatrixXd own(parity.trend + products.harmonics.rows(), products.harmonics.cols());
   own << products.trend.topRows(parity.trend), products.harmonics;
   MatrixXd coordinates = solve_forward(*triangle, std::move(own));
-  Equations equations{parity.at, parity.slopes_at, parity.trend, std::move(*triangle), std::move(coordinates), {}, false,
-                      {}, {}};
+  Equations equations{
+      parity.at, parity.slopes_at, parity.trend, std::move(*triangle), std::move(coordinates), {}, false, {}, {}};
   if (products.u.size() == 0) return equations;
   equations.slopes_signals = 2 * std::numbers::pi * products.u;
   for (Index j = 0; j < equations.slopes_signals.rows(); ++j)
