@@ -41,6 +41,8 @@ py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const
                            const std::string& method, const std::string& waveform, double duty,
                            const Doubles& background, double efficiency, int threads, bool pooled) {
   const AnyFramesView view = any_view(columns);
+  if (frequencies.ndim() > 1)
+    refuse("frequency", "shape " + py::str(frequencies.attr("shape")).cast<std::string>(), "one value or (tones,)");
   const auto tones = span_of(frequencies);
   ToneGainOptions options{
       gain_method(method), waveform_shape(waveform), duty, span_of(background), efficiency, threads};

@@ -30,13 +30,9 @@ def as_columns(columns: npt.ArrayLike, *, name: str = "columns", scan_axis: str 
     Raises:
         ValueError: not a real-valued array of 1 to 3 dimensions, or without rows or columns.
     """
-    try:
-        array = np.asarray(columns)
-    except ValueError:  # rows of different lengths
-        raise ValueError(f"{name}: got {shown(columns)}, allowed: rows of one length") from None
-    if np.ma.is_masked(columns):
-        raise ValueError(f"{name}: got masked values, allowed: an array without them")
-    if array.dtype.kind not in "buif":
+    array = columns if type(columns) is np.ndarray else _as_array(columns, name)
+    known = array.dtype in _KINDS
+    if not known and array.dtype.kind not in "buif":
         raise ValueError(f"{name}: got dtype {array.dtype}, allowed: real numbers (uint8, uint16, float32, float64)")
     if not 1 <= array.ndim <= 3:
         raise ValueError(
@@ -45,11 +41,23 @@ def as_columns(columns: npt.ArrayLike, *, name: str = "columns", scan_axis: str 
     if array.size == 0:
         raise ValueError(f"{name}: got shape {array.shape}, allowed: at least one frame, row and column")
     flags = array.flags
-    if not (array.dtype in _KINDS and flags.aligned and (flags.c_contiguous or _whole_strides(array))):
-        array = np.array(array, dtype=np.float64 if array.dtype not in _KINDS else array.dtype.newbyteorder("="))
+    if not (known and flags.aligned and (flags.c_contiguous or _whole_strides(array))):
+        array = np.array(array, dtype=array.dtype.newbyteorder("=") if known else np.float64)
+    if isinstance(scan_axis, str) and scan_axis == "y":
+        return array
     if not _is_axis(scan_axis):
         raise ValueError(f"scan_axis: got {shown(scan_axis)}, allowed: y, -y, x, -x")
-    return array if scan_axis == "y" else in_time_order(array, scan_axis)
+    return in_time_order(array, scan_axis)
+
+
+def _as_array(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
+    try:
+        array = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        raise ValueError(f"{name}: got {shown(values)}, allowed: rows of one length") from None
+    if np.ma.is_masked(values):
+        raise ValueError(f"{name}: got masked values, allowed: an array without them")
+    return array
 
 
 def as_frames(frames: npt.ArrayLike, name: str = "frames", scan_axis: str = "y", *, single: bool = False) -> Columns:

@@ -69,6 +69,20 @@ def checked(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _
     return wrapped
 
 
+@functools.cache
+def _tests_of_function(function: Callable[..., Any]) -> dict[str, _Test]:
+    return _tests_of(function, tuple(inspect.signature(function).parameters), ())
+
+
+def check_arguments(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
+    """What :func:`checked` does before a call, for a function that first looks whether their types are the usual ones.
+
+    After a pass over a frame little else is in the caches: looking at ten types takes 1 us there, ten tests 5 to 15 us.
+    """
+    for name, test in _tests_of_function(function).items():
+        test(name, arguments[name])
+
+
 def checked_class(kind: type[_Class]) -> type[_Class]:
     """:func:`checked` for the arguments of the constructor."""
     kind.__init__ = checked(kind.__init__)  # type: ignore[method-assign]
