@@ -7,12 +7,9 @@ import functools
 import hashlib
 import os
 import statistics
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
-
-import numpy as np
 
 from studies.chart.measuring import seconds_of
 
@@ -59,13 +56,3 @@ def hashing_on_two() -> Iterator[Callable[[], float]]:
             for processor in two_processors()
         ]
         yield lambda: gain_of_processors(workers)
-
-
-def rounds_on_two(pair: Callable[[], tuple[float, float]], seconds: float) -> np.ndarray:
-    """(rounds, 3): the two times measured by `pair`, and the gain of the second processor at that time."""
-    rounds: list[tuple[float, float, float]] = []
-    end = time.perf_counter() + seconds
-    with hashing_on_two() as hashing:
-        while len(rounds) < 9 or time.perf_counter() < end:
-            rounds.append((*pair(), hashing()))
-    return np.array(rounds)

@@ -6,6 +6,7 @@
 #include <unsupported/Eigen/CXX11/ThreadPool>
 #endif
 #include <pthread.h>
+#include <sched.h>
 #include <signal.h>
 
 #include <algorithm>
@@ -17,6 +18,7 @@
 #include <system_error>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "core/check_interrupt.hpp"
 #include "ocisac/core/require.hpp"
@@ -32,21 +34,51 @@ struct Environment : Eigen::StlThreadEnvironment {
   };
   EnvThread* CreateThread(const std::function<void()>& loop) {
     try {
-      std::thread([loop] {
+      std::thread started([loop] {
         sigset_t all;
         sigfillset(&all);
         pthread_sigmask(SIG_BLOCK, &all, nullptr);
         loop();
-      }).detach();
+      });
+      threads->push_back(started.native_handle());
+      started.detach();
     } catch (const std::system_error&) {
     }
     return new EnvThread;
   }
+  std::vector<pthread_t>* threads;
 };
-using Helpers = Eigen::ThreadPoolTempl<Environment>;
+
+struct Helpers {
+  explicit Helpers(int count) : pool(count, Environment{{}, &threads}) {}
+
+  std::vector<pthread_t> threads;
+#ifdef __linux__
+  cpu_set_t processors{};  // that the threads may use; none before the first call
+#endif
+  Eigen::ThreadPoolTempl<Environment> pool;
+};
 
 std::mutex of_helpers;
 Helpers* kept_helpers = nullptr;
+
+// Linux may wake a helper on the processor of its caller while another one is idle, where no level of the topology says
+// that they share a cache (many virtual machines): the two take turns of 4 ms and are no faster than one. So helpers use
+// the caller's processors without the one that it is on.
+void keep_off_caller([[maybe_unused]] Helpers& helpers) {
+#ifdef __linux__
+  constexpr std::size_t kMostHelpers = 15;  // a system call each; more processors leave room anyway
+  const int own = sched_getcpu();
+  cpu_set_t others;
+  if (own < 0 || helpers.threads.size() > kMostHelpers ||
+      pthread_getaffinity_np(pthread_self(), sizeof others, &others) != 0)
+    return;
+  if (CPU_COUNT(&others) > 1) CPU_CLR(own, &others);
+  if (CPU_EQUAL(&others, &helpers.processors)) return;
+  for (const pthread_t thread : helpers.threads) pthread_setaffinity_np(thread, sizeof others, &others);
+  helpers.processors = others;
+#endif
+}
 
 // Created at first use and never destroyed: threads may be at work while the process ends. A forked child has none of
 // its parent's threads and creates its own. Null on a single processor.
@@ -60,6 +92,7 @@ Helpers* helpers() {
   if (processors < 2 || !ready_for_fork) return nullptr;
   const std::lock_guard lock(of_helpers);
   if (!kept_helpers) kept_helpers = new Helpers(processors - 1);
+  keep_off_caller(*kept_helpers);
   return kept_helpers;
 }
 
@@ -116,11 +149,11 @@ class Job {
 
 // At most `count` threads; fewer where memory does not suffice.
 void call_helpers(const std::shared_ptr<Job>& job, std::size_t count) {
-  Helpers* const pool = helpers();
-  if (!pool) return;
-  count = std::min(count, static_cast<std::size_t>(pool->NumThreads()));
+  Helpers* const kept = helpers();
+  if (!kept) return;
+  count = std::min(count, static_cast<std::size_t>(kept->pool.NumThreads()));
   try {
-    for (std::size_t i = 0; i < count; ++i) pool->Schedule([job] { job->help(); });
+    for (std::size_t i = 0; i < count; ++i) kept->pool.Schedule([job] { job->help(); });
   } catch (const std::bad_alloc&) {
   }
 }

@@ -108,7 +108,9 @@ def tone_gain(
     array = as_columns(columns, scan_axis=camera.scan_axis)
     light = background_values(background, array)
     # By position: keyword arguments increase the time of the call into the core from 3.1 to 5.8 us.
-    results = _core.tone_gain(array, camera._handle, frequency, method, waveform, duty, light, efficiency, threads, pooled)
+    results = _core.tone_gain(
+        array, camera._handle, frequency, method, waveform, duty, light, efficiency, threads, pooled
+    )
     return ToneGain(*results)
 
 
