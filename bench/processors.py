@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import hashlib
 import os
 import statistics
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
+
+import numpy as np
 
 from studies.chart.measuring import seconds_of
 
@@ -39,20 +41,46 @@ def one_and_two(one: Callable[[Any], object], two: Callable[[Any], object], item
     return statistics.harmonic_mean(each), seconds_of(two, item)
 
 
-def gain_of_processors(workers: list[ThreadPoolExecutor]) -> float:
-    """Gain by one more processor for arithmetic without memory: time of hashes on each alone over that on both."""
-    work = functools.partial(seconds_of, hashlib.sha256, bytes(1 << 22))
-    alone = [worker.submit(work).result() for worker in workers]
-    together = [future.result() for future in [worker.submit(work) for worker in workers]]
+def arithmetic() -> Callable[[None], object]:
+    """Products of matrices in the nearest caches: they keep the arithmetic units of a core busy.
+
+    A hash does not: it waits for its own last step, so two threads of one core hash twice as much as one.
+    """
+    factors = np.ones((24, 128, 128), np.float32)
+    out = np.empty_like(factors)
+    return lambda _: np.matmul(factors, factors[0], out=out)
+
+
+def gain_of_processors(workers: list[ThreadPoolExecutor], work: list[Callable[[None], object]]) -> float:
+    """Gain by one more processor for arithmetic without memory: its time on each alone over that on both."""
+    calls = [functools.partial(worker.submit, seconds_of, own, None) for worker, own in zip(workers, work, strict=True)]
+    alone = [call().result() for call in calls]
+    together = [future.result() for future in [call() for call in calls]]
     return sum(a / b for a, b in zip(alone, together, strict=True))
 
 
 @contextlib.contextmanager
-def hashing_on_two() -> Iterator[Callable[[], float]]:
+def arithmetic_on_two() -> Iterator[Callable[[], float]]:
     """A call of `gain_of_processors` with a thread on each of the first two processors."""
     with contextlib.ExitStack() as stack:
         workers = [
             stack.enter_context(ThreadPoolExecutor(1, initializer=os.sched_setaffinity, initargs=(0, {processor})))
             for processor in two_processors()
         ]
-        yield lambda: gain_of_processors(workers)
+        work = [arithmetic() for _ in workers]
+        yield lambda: gain_of_processors(workers, work)
+
+
+def rounds_on_two(pair: Callable[[], tuple[float, float]], seconds: float) -> np.ndarray:
+    """(rounds, 3): the two times measured by `pair`, and the gain of the second processor at that time.
+
+    It takes up to eight times as long if fewer than nine rounds find two cores.
+    """
+    rounds: list[tuple[float, float, float]] = []
+    start = time.perf_counter()
+    with arithmetic_on_two() as gain:
+        while len(rounds) < 9 or time.perf_counter() < start + (
+            seconds if sum(of >= TWO_CORES for *_, of in rounds) >= 9 else 8 * seconds
+        ):
+            rounds.append((*pair(), gain()))
+    return np.array(rounds)
