@@ -43,11 +43,9 @@ def as_columns(columns: npt.ArrayLike, *, name: str = "columns", scan_axis: str 
     flags = array.flags
     if not (known and flags.aligned and (flags.c_contiguous or _whole_strides(array))):
         array = np.array(array, dtype=array.dtype.newbyteorder("=") if known else np.float64)
-    if isinstance(scan_axis, str) and scan_axis == "y":
-        return array
     if not _is_axis(scan_axis):
         raise ValueError(f"scan_axis: got {shown(scan_axis)}, allowed: y, -y, x, -x")
-    return in_time_order(array, scan_axis)
+    return array if scan_axis == "y" else in_time_order(array, scan_axis)
 
 
 def _as_array(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
