@@ -8,6 +8,7 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <tuple>
 #include <type_traits>
 #include <utility>
 
@@ -293,46 +294,6 @@ std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t fra
       frames);
 }
 
-static std::vector<BlockGroup> groups_by(const Matrix& swings) {
-  const VectorXd power = swings.colwise().squaredNorm();
-  const VectorXd scale = (power.array() > 0).select(power.array().max(1e-300).sqrt().inverse(), 0.0);
-  return block_groups(scale.asDiagonal() * gram(swings.transpose()) * scale.asDiagonal(), power);
-}
-
-std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve) {
-  BlockedFrame pixels;
-  pixels.fill(frames, frame, curve, SaturatedColumns::leave_out, {});
-  auto& [clipped, usable, blocks, means, swings] = pixels;
-  Index reach = long_reach(means.rows());
-  auto groups = groups_by(swings);
-  // Some of several lamps on the same rows may differ by chance over the long reach too.
-  const Eigen::RowVectorXd swing = (swings.colwise().squaredNorm().array() > 0).cast<double>();
-  Matrix quick;
-  take_swings(means, swing, short_reach(means.rows()), quick);  // a block without swing has none but by rounding
-  leave_out_ends(quick);
-  if (auto quick_groups = groups_by(quick); groups.size() < 2 || quick_groups.size() > groups.size()) {
-    reach = short_reach(means.rows());
-    groups = std::move(quick_groups);
-    swings = std::move(quick);
-  }
-  if (groups.size() < 2) return {};
-  std::vector<LightGroup> lights;
-  for (const auto& group : groups) {
-    LightGroup light{std::vector<std::uint8_t>(usable.size(), 0), {}, static_cast<std::size_t>(reach)};
-    VectorXd sum = VectorXd::Zero(swings.rows());
-    for (const Index block : group.members) {
-      sum += swings.col(block);
-      const auto at = static_cast<std::size_t>(block);
-      for (std::size_t column = blocks.begin[at]; column < blocks.end[at]; ++column)
-        light.columns[column] = usable[column];
-    }
-    sum.normalize();
-    light.swings.assign(sum.begin(), sum.end());
-    lights.push_back(std::move(light));
-  }
-  return lights;
-}
-
 double agreement(std::span<const double> signal, const LightGroup& group) {
   const auto slow = moving_mean(signal, group.reach);
   double product = 0, square = 0;
@@ -385,12 +346,17 @@ double slope_of(const BlockedFrame& frame) {
   return lamp_slope({by_block.data(), static_cast<std::size_t>(by_block.size())}, centres);
 }
 
-CombinedColumn combined_from_covariance(const BlockedFrame& frame) {
-  const Eigen::MatrixXd covariance = gram(frame.swings.transpose()) / static_cast<double>(frame.swings.rows());
+// `products`: of the blocks' swings, summed over the rows.
+CombinedColumn combined_from_products(const BlockedFrame& frame, const Eigen::MatrixXd& products) {
+  const Eigen::MatrixXd covariance = products / static_cast<double>(frame.swings.rows());
   const auto count = static_cast<std::size_t>(covariance.rows());
   auto result = combined(frame, common_factor({covariance.data(), count * count}, count));
   if (count == 1) result.quality = covariance(0, 0);
   return result;
+}
+
+CombinedColumn combined_from_covariance(const BlockedFrame& frame) {
+  return combined_from_products(frame, gram(frame.swings.transpose()));
 }
 
 // Row signal with given weights of the columns, whose sum is 1.
@@ -471,6 +437,65 @@ CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, c
   result.beside = light_beside(pixels, result.weights);
   if (columns.empty()) result.slope = slope_of(pixels);
   return result;
+}
+
+static std::vector<BlockGroup> groups_by(const Matrix& swings, const Eigen::MatrixXd& products) {
+  const VectorXd power = swings.colwise().squaredNorm();
+  const VectorXd scale = (power.array() > 0).select(power.array().max(1e-300).sqrt().inverse(), 0.0);
+  return block_groups(scale.asDiagonal() * products * scale.asDiagonal(), power);
+}
+
+struct ColumnSums::Memory : BlockedFrame {
+  Eigen::MatrixXd products;  // (blocks × blocks) of the blocks' swings, summed over the rows
+};
+
+ColumnSums::ColumnSums(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve) {
+  auto memory = std::make_unique<Memory>();
+  memory->fill(frames, frame, curve, SaturatedColumns::leave_out, {});
+  memory->products = gram(memory->swings.transpose());
+  memory_ = std::move(memory);
+}
+ColumnSums::ColumnSums(ColumnSums&&) noexcept = default;
+ColumnSums& ColumnSums::operator=(ColumnSums&&) noexcept = default;
+ColumnSums::~ColumnSums() = default;
+
+CombinedColumn ColumnSums::combine() const { return combined_from_products(*memory_, memory_->products); }
+
+std::vector<LightGroup> ColumnSums::light_groups() const {
+  const auto& [usable, blocks, means] = std::tie(memory_->usable, memory_->blocks, memory_->means);
+  const Matrix* swings = &memory_->swings;
+  Index reach = long_reach(means.rows());
+  auto groups = groups_by(*swings, memory_->products);
+  // Some of several lamps on the same rows may differ by chance over the long reach too.
+  const Eigen::RowVectorXd swing = (swings->colwise().squaredNorm().array() > 0).cast<double>();
+  Matrix quick;
+  take_swings(means, swing, short_reach(means.rows()), quick);  // a block without swing has none but by rounding
+  leave_out_ends(quick);
+  if (auto quick_groups = groups_by(quick, gram(quick.transpose())); groups.size() < 2 || quick_groups.size() > groups.size()) {
+    reach = short_reach(means.rows());
+    groups = std::move(quick_groups);
+    swings = &quick;
+  }
+  if (groups.size() < 2) return {};
+  std::vector<LightGroup> lights;
+  for (const auto& group : groups) {
+    LightGroup light{std::vector<std::uint8_t>(usable.size(), 0), {}, static_cast<std::size_t>(reach)};
+    VectorXd sum = VectorXd::Zero(swings->rows());
+    for (const Index block : group.members) {
+      sum += swings->col(block);
+      const auto at = static_cast<std::size_t>(block);
+      for (std::size_t column = blocks.begin[at]; column < blocks.end[at]; ++column)
+        light.columns[column] = usable[column];
+    }
+    sum.normalize();
+    light.swings.assign(sum.begin(), sum.end());
+    lights.push_back(std::move(light));
+  }
+  return lights;
+}
+
+std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve) {
+  return ColumnSums(frames, frame, curve).light_groups();
 }
 
 struct ColumnFollower::Memory : BlockedFrame {};

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
+#include <cstdint>
 #include <tuple>
+#include <type_traits>
 #include <utility>
 #include <variant>
 
 #include "columns/moving_mean.hpp"
+#include "columns/row_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
 
@@ -15,7 +17,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr int kMaxCuts = 4;              // recursion depth
+constexpr int kMaxCuts = 4;              // of a region and its parts
 constexpr double kMaxRows = 0.9;         // of a box; lights with more rows get the whole box
 constexpr std::size_t kMinRows = 64;     // of a light
 constexpr std::size_t kReach = 14;       // rows to either side for the local mean of a swing
@@ -63,68 +65,114 @@ Run extent(const std::vector<std::uint8_t>& columns) {
   return {static_cast<std::size_t>(first - columns.begin()), static_cast<std::size_t>(columns.rend() - last)};
 }
 
-Region first_to_last_swing(const AnyFramesView& frame, const Region& region, const ToneCurve& curve) {
-  const auto runs = active_runs(combine_columns(part_of(frame, region), 0, curve));
+// From the first to the last run.
+Region hull_of(const std::vector<Run>& runs, const Region& region) {
   if (runs.empty()) return region;
   const std::size_t begin = runs.front().begin, end = runs.back().end;
   return {region.x, region.y + begin, region.width, end - begin};
 }
 
-class Cutter {
- public:
-  Cutter(const AnyFramesView& frame, const ToneCurve& curve, std::size_t most)
-      : frame_(frame), curve_(curve), most_(most) {}
+// The same, or the whole region if that is most of it.
+Region swinging_part(const std::vector<Run>& runs, const Region& region) {
+  const Region swinging = hull_of(runs, region);
+  const bool most = static_cast<double>(swinging.height) > kMaxRows * static_cast<double>(region.height);
+  return most ? region : swinging;
+}
 
-  // Cuts by columns, then by rows, until nothing is cut. Dark chips of the strongest light are no end of the others.
-  void cut(const Region& region, int depth) {
-    if (regions_.size() == most_) return;
-    const auto parts = depth < kMaxCuts ? parts_of(region) : std::vector<Region>{};
-    if (parts.size() < 2) {
-      regions_.push_back(swinging_rows(frame_, region, curve_));
-      return;
-    }
-    for (const Region& part : parts) cut(part, depth + 1);
+ColumnSums sums_of(const AnyFramesView& frame, const Region& region, const ToneCurve& curve) {
+  return {part_of(frame, region), 0, curve};
+}
+
+// A frame whose columns are contiguous: those of a cut region are read several times.
+class DenseFrame {
+ public:
+  explicit DenseFrame(const AnyFramesView& frame) {
+    std::visit([&]<class T>(const FramesView<const T>& view) { copy(view); }, frame);
   }
 
-  [[nodiscard]] std::vector<Region> regions() && { return std::move(regions_); }
+  [[nodiscard]] const AnyFramesView& view() const { return view_; }
 
  private:
-  [[nodiscard]] std::vector<Region> parts_of(const Region& region) const {
-    const auto view = part_of(frame_, region);
-    std::vector<Region> parts;
-    for (const auto& light : light_groups(view, 0, curve_)) {
-      const Run columns = extent(light.columns);
-      const Region part{region.x + columns.begin, region.y, columns.end - columns.begin, region.height};
-      parts.push_back(first_to_last_swing(frame_, part, curve_));
+  template <class T>
+  void copy(const FramesView<const T>& view) {
+    std::vector<T> pixels(view.rows * view.columns);
+    for (std::size_t row = 0; row < view.rows; ++row) {
+      T* to = pixels.data() + row * view.columns;
+      if constexpr (std::is_same_v<T, std::uint8_t>)
+        if (view.column_stride > 1) {
+          kernels::take_every(view.at(0, row, 0), static_cast<std::size_t>(view.column_stride), view.columns, to);
+          continue;
+        }
+      for (std::size_t column = 0; column < view.columns; ++column) to[column] = view(0, row, column);
     }
-    if (parts.size() > 1) return parts;
-    parts.clear();
-    for (const auto& run : active_runs(combine_columns(view, 0, curve_)))
-      parts.push_back({region.x, region.y + run.begin, region.width, run.end - run.begin});
-    return parts;
+    view_ = dense_view<const T>(pixels.data(), 1, view.rows, view.columns);
+    pixels_ = std::move(pixels);
   }
 
-  const AnyFramesView& frame_;
-  const ToneCurve& curve_;
-  std::size_t most_;
-  std::vector<Region> regions_;
+  std::variant<std::vector<std::uint8_t>, std::vector<std::uint16_t>, std::vector<float>, std::vector<double>> pixels_;
+  AnyFramesView view_;
 };
+
+// A region that is to be cut; `whole_height`: not yet cut to its rows with swings.
+struct Part {
+  Region region;
+  bool whole_height = false;
+};
+
+// The columns of each light that has some of its own.
+std::vector<Part> parts_by_columns(const Region& region, const ColumnSums& sums) {
+  std::vector<Part> parts;
+  for (const auto& light : sums.light_groups()) {
+    const Run columns = extent(light.columns);
+    parts.push_back({{region.x + columns.begin, region.y, columns.end - columns.begin, region.height}, true});
+  }
+  return parts;
+}
+
+// The parts of one by columns, else by rows; if it is not cut, its part with swings. Dark chips of the strongest light
+// are no end of the others.
+std::vector<Part> cut(const AnyFramesView& frame, const Part& part, bool may_cut, const ToneCurve& curve) {
+  Region region = part.region;
+  ColumnSums sums = sums_of(frame, region, curve);
+  if (part.whole_height) {
+    region = hull_of(active_runs(sums.combine()), region);
+    if (region.height < part.region.height) sums = sums_of(frame, region, curve);
+  }
+  auto parts = may_cut ? parts_by_columns(region, sums) : std::vector<Part>{};
+  if (parts.size() > 1) return parts;
+  const auto runs = active_runs(sums.combine());
+  if (!may_cut || runs.size() < 2) return {{swinging_part(runs, region)}};
+  parts.clear();
+  for (const Run& run : runs) parts.push_back({{region.x, region.y + run.begin, region.width, run.end - run.begin}});
+  return parts;
+}
 
 }  // namespace
 
 Region swinging_rows(const AnyFramesView& frame, const Region& region, const ToneCurve& curve) {
-  const Region swinging = first_to_last_swing(frame, region, curve);
-  const bool most = static_cast<double>(swinging.height) > kMaxRows * static_cast<double>(region.height);
-  return most ? region : swinging;
+  return swinging_part(active_runs(sums_of(frame, region, curve).combine()), region);
 }
 
 std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve, std::size_t most) {
   const Shape shape = shape_of(frame);
   const Region whole{0, 0, shape.columns, shape.rows};
   if (shape.rows < 2 * kMinRows) return {whole};
-  Cutter cutter(frame, curve, most);
-  cutter.cut(whole, 0);
-  auto regions = std::move(cutter).regions();
+  const DenseFrame dense(frame);
+  std::vector<Region> regions;
+  std::vector<Part> to_cut{{whole}};
+  for (int cuts = 0; !to_cut.empty(); ++cuts) {
+    std::vector<Part> next;
+    for (std::size_t k = 0; k < to_cut.size(); ++k) {
+      const auto parts = cut(dense.view(), to_cut[k], cuts < kMaxCuts, curve);
+      if (parts.size() == 1)
+        regions.push_back(parts.front().region);
+      else
+        next.insert(next.end(), parts.begin(), parts.end());
+      const std::size_t left = to_cut.size() - 1 - k;
+      if (regions.size() + next.size() + left > most) return {};
+    }
+    to_cut = std::move(next);
+  }
   std::ranges::sort(regions, {}, [](const Region& region) { return std::tuple(region.x, region.y); });
   return regions;
 }

@@ -10,10 +10,10 @@
 namespace ocisac {
 
 // Boxes of lights beside each other (groups of columns with different swings: light_groups) and above each other
-// (separated by rows without swings), cut recursively until each contains one. Rows without swings at the ends are
+// (separated by rows without swings), cut until each contains one. Rows without swings at the ends are
 // removed if there are many. Order: from the left, then from the top; the whole frame unless several lights are
-// detected. Lights that touch above each other are not separated. `most`: ends the search, since a texture resembles
-// any number of lights.
+// detected. Lights that touch above each other are not separated. None where more than `most` are detected: a texture
+// resembles any number of lights.
 std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve, std::size_t most);
 
 // The part of a region from the first to the last row with a common swing of its columns; the whole region if that is

@@ -40,6 +40,22 @@ struct LightGroup {
 // group.
 std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
 
+// Light of a frame's columns, read once for its lights beside each other and for their combination.
+class ColumnSums {
+ public:
+  ColumnSums(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
+  ColumnSums(ColumnSums&&) noexcept;
+  ColumnSums& operator=(ColumnSums&&) noexcept;
+  ~ColumnSums();
+
+  [[nodiscard]] std::vector<LightGroup> light_groups() const;
+  [[nodiscard]] CombinedColumn combine() const;  // without `slope` and `beside`
+
+ private:
+  struct Memory;
+  std::unique_ptr<const Memory> memory_;
+};
+
 // Cosine between a signal's swings about their moving mean and a group's.
 double agreement(std::span<const double> signal, const LightGroup& group);
 
