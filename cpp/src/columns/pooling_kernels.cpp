@@ -6,6 +6,7 @@
 #define HWY_TARGET_INCLUDE "columns/pooling_kernels.cpp"
 #include <hwy/foreach_target.h>  // compiles the rest once for each target
 //
+#include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -16,6 +17,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr std::size_t kSums = 8;   // of a row, for vectors of any target
 constexpr std::size_t kGroup = 4;  // rows pooled at once: they share weights and hide each other's latency
+constexpr std::size_t kLine = 64;  // bytes
+constexpr std::size_t kAhead = 8;  // rows that are asked for early: the processor foresees no line of the next row
 
 const hn::CappedTag<double, kSums> d_sum;
 
@@ -62,6 +65,9 @@ HWY_INLINE void pool_all(const PooledRows<T>& from, const double* weights, doubl
   for (std::size_t first = 0; first < from.rows; first += kGroup) {
     const T* rows[kGroup];
     double* sums[kGroup];
+    for (std::size_t row = first + kAhead; row < std::min(first + kAhead + kGroup, from.rows); ++row)
+      for (std::size_t column = 0; column < from.columns; column += kLine / sizeof(T))
+        hwy::Prefetch(from.samples + static_cast<std::ptrdiff_t>(row) * from.stride + column);
     for (std::size_t r = 0; r < kGroup; ++r) {
       const std::size_t row = std::min(first + r, from.rows - 1);
       rows[r] = from.samples + static_cast<std::ptrdiff_t>(row) * from.stride;

@@ -90,12 +90,25 @@ def is_collected() -> bool:
 
 def emit_json(record: Mapping[str, Any]) -> None:
     """Print one JSON object on a line of standard output, or keep it for a file of ``csv_of_objects``."""
-    record = plain(record)
     for records in (_collected.get(), _csv.get()):
         if records is not None:
-            records.append(record)
+            records.append(plain(record))
     if not is_collected() and _printed.get():
-        print(json.dumps(record, allow_nan=False, ensure_ascii=not is_utf8(sys.stdout)), flush=True)
+        print(_line(record), flush=True)
+
+
+_ENCODER = json.JSONEncoder(allow_nan=False, ensure_ascii=False, default=plain)
+
+
+def _line(record: Mapping[str, Any]) -> str:
+    """The JSON text; few objects need ``plain`` in every value: those with numbers that are not finite, or names."""
+    try:
+        text = _ENCODER.encode(record)
+    except (TypeError, ValueError):
+        text = ""
+    if text and text.isascii():
+        return text
+    return json.dumps(plain(record), allow_nan=False, ensure_ascii=not is_utf8(sys.stdout))
 
 
 def emit_summary(text: str, as_json: bool) -> None:
