@@ -2,6 +2,7 @@
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/lights/calibrate.hpp"
 #include "ocisac/lights/detect_sources.hpp"
+#include "ocisac/lights/picture_overview.hpp"
 #include "tones.hpp"
 
 namespace ocisac::bindings {
@@ -79,6 +80,18 @@ void register_lights(py::module_& module) {
   module.def("light_candidates", &candidates, arg("frame"), arg("camera"), arg("data"));
   module.def("follow_sources", &follow, arg("frame"), arg("camera"), arg("expected"), arg("false_alarms"),
              arg("min_cycles"));
+  py::class_<PictureOverview>(module, "PictureOverview")
+      .def(py::init([](const py::array& frame) {
+             const AnyFramesView view = any_view(frame);
+             return unlocked([&] { return PictureOverview(view); });
+           }),
+           arg("frame"))
+      .def(
+          "has_changed",
+          [](const PictureOverview& then, const PictureOverview& now, const std::vector<Region>& lights) {
+            return unlocked([&] { return then.has_changed(now, lights); });
+          },
+          arg("now"), arg("lights"));
   module.def("calibrate", &row_time_of, arg("columns"), arg("frequency"), arg("bounds"), arg("waveform"),
              arg("select_columns"));
   module.def("pick_colour", &colour_of, arg("colours"), arg("camera"), arg("bounds"), arg("waveform"));

@@ -230,6 +230,11 @@ def follow_sources(
     false_alarms: float,
     min_cycles: float,
 ) -> list[tuple[Any, ...]]: ...
+
+class PictureOverview:
+    def __init__(self, frame: npt.NDArray[Any]) -> None: ...
+    def has_changed(self, now: PictureOverview, lights: Sequence[tuple[int, int, int, int]]) -> bool: ...
+
 def calibrate(
     columns: npt.NDArray[Any],
     frequency: float,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_grey_frames, box_in_time_order
 from ocisac_fast.core.regions import Region
@@ -22,13 +23,6 @@ GROUP = 4  # frames that are compared in a search
 UNCHANGED = 10  # intervals after which a picture that seems unchanged is searched
 SAVED = 3  # searches, of intervals without one
 _LOOKS = 8  # frames between comparisons with the picture last searched
-_TILE = 32  # rows
-_STEP, _SUMMED = 4, 8  # every fourth column, in groups of eight
-_WIDE = 8  # groups
-_SKIPPED = 4  # rows: an estimate of the noise needs some
-_CLEAR = 8.0  # energy of a change over that of the noise
-_STEPS = 1.5  # DN^2 of integers: a light of amplitude 1 appears, the least that a search detects; compression makes 1
-_BESIDE = 0.25  # of the size of a light, around it: its faint rim changes as it does
 _FOREVER = 1 << 62  # frames
 
 
@@ -100,7 +94,7 @@ class _Watch:
         self._camera = camera
         self._tracker = SourceTracker(camera, full_every=_FOREVER, reflections=True, search_hidden=False, **options)
         self._origins: dict[int, int] = {}  # number of a reflection: that of its light
-        self._overview: _Overview | None = None
+        self._overview: _core.PictureOverview | None = None
         self._places: list[Region] = []  # of the lights in it
         self._since, self._alert, self._saved, self._first = 0, 0, float(SAVED), GROUP
         self._kind: tuple[Any, ...] = ()
@@ -116,10 +110,12 @@ class _Watch:
             return True
         if self._saved < 1.0 or self._since % min(_LOOKS, search_every):
             return False
-        lights = [track.source.region for track in self._tracker.tracks if track.visible]
-        return self._overview is not None and self._overview.is_changed(
-            _Overview(frame, self._camera), [*self._places, *lights]
-        )
+        if self._overview is None:
+            return False
+        pixels = self._in_time_order(frame)
+        lights = [*self._places, *(track.source.region for track in self._tracker.tracks if track.visible)]
+        boxes = [box_in_time_order(light, pixels.shape, self._camera.scan_axis) for light in lights]
+        return self._overview.has_changed(_core.PictureOverview(pixels), boxes)
 
     def searched(self, index: int, frame: Frame, sources: list[LightSource]) -> SeenLights:
         """Go on with the lights of a search."""
@@ -129,7 +125,8 @@ class _Watch:
             for one in sources
             if one.reflection_of is not None
         }
-        self._overview, self._kind = _Overview(frame, self._camera), (frame.shape, frame.dtype)
+        self._overview = _core.PictureOverview(self._in_time_order(frame))
+        self._kind = (frame.shape, frame.dtype)
         self._places = [one.region for one in sources]
         self._since = 0
         if not (self._first or self._alert):
@@ -142,6 +139,9 @@ class _Watch:
         self._tracker.update(frame, sources=None if self._tracker.tracks else [])
         return self._seen(index, frame, False)
 
+    def _in_time_order(self, frame: Frame) -> Frame:
+        return as_grey_frames(frame, "frame", self._camera.scan_axis, single=True)[0]
+
     def _seen(self, index: int, frame: Frame, searched: bool) -> SeenLights:
         visible = sorted((one for one in self._tracker.tracks if one.visible), key=lambda one: -one.source.probability)
         numbers = [one.identity for one in visible]
@@ -153,44 +153,6 @@ class _Watch:
         return dataclasses.replace(
             track.source, frame=index, reflection_of=numbers.index(origin) if origin in numbers else None
         )
-
-
-class _Overview:
-    """Mean of every fourth column of a frame, in groups of eight: (rows, groups), rows in time order."""
-
-    def __init__(self, frame: Frame, camera: Camera) -> None:
-        pixels = as_grey_frames(frame, "frame", camera.scan_axis, single=True)[0]
-        self._camera, self._shape = camera, pixels.shape
-        sampled = pixels[:, ::_STEP]
-        summed = min(_SUMMED, sampled.shape[1])
-        groups = sampled.shape[1] // summed
-        some = sampled[:, : summed * groups].astype(np.float32, order="C")
-        self._light = some.reshape(-1, groups, summed) @ np.full(summed, 1.0 / summed, np.float32)
-        self._least = _STEPS if pixels.dtype.kind == "u" else 0.0
-
-    def is_changed(self, now: _Overview, lights: list[Region]) -> bool:
-        """True if the picture outside of the lights changed by more than noise, in a tile or in eight beside."""
-        change = now._light - self._light
-        least = _CLEAR * _noise(change) + self._least
-        rows, groups = change.shape
-        for light in lights:
-            box = box_in_time_order(light, self._shape, self._camera.scan_axis)
-            x, y = round(_BESIDE * box.width) + _TILE, round(_BESIDE * box.height) + _TILE
-            first, last = max(box.x - x, 0) // (_STEP * _SUMMED), (box.right + x) // (_STEP * _SUMMED) + 1
-            change[max(box.y - y, 0) : box.bottom + y, first:last] = 0.0
-        tiles = change[: rows // _TILE * _TILE].reshape(-1, _TILE, groups)
-        wide = np.add.reduceat(tiles, np.arange(0, groups, _WIDE), axis=2) / _WIDE
-        return any(
-            bool((np.square(one).mean(axis=1) > most).any()) for one, most in ((tiles, least), (wide, least / _WIDE))
-        )
-
-
-def _noise(change: npt.NDArray[np.float32]) -> float:
-    """Variance, from the median of mixed differences, which is robust against edges and stripes."""
-    mixed, terms = change[1::_SKIPPED] - change[:-1:_SKIPPED], 2.0
-    if mixed.shape[1] > 1:
-        mixed, terms = mixed[:, 1:] - mixed[:, :-1], 4.0
-    return float(np.median(np.abs(mixed)) / 0.6745) ** 2 / terms if mixed.size else 0.0
 
 
 def _groups(frames: Iterable[Frame], count: int) -> Iterator[list[Frame]]:

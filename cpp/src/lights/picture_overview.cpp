@@ -1,0 +1,120 @@
+#include "ocisac/lights/picture_overview.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <type_traits>
+#include <variant>
+
+#include "ocisac/core/require.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t kStep = 4, kSummed = 8;  // every fourth column, in groups of eight
+constexpr std::size_t kTile = 32;              // rows
+constexpr std::size_t kWide = 8;               // groups
+constexpr std::size_t kSkipped = 4;            // rows: an estimate of the noise needs some
+constexpr double kClear = 8;                   // energy of a change over that of the noise
+constexpr double kSteps = 1.5;     // DN² of integers: a light of amplitude 1 appears, the least that a search detects;
+                                   // compression makes 1
+constexpr double kBeside = 0.25;   // of the size of a light, around it
+constexpr double kSigma = 0.6745;  // median absolute deviation over standard deviation
+
+template <class T>
+void reduce(const FramesView<const T>& view, std::size_t summed, std::size_t groups, std::vector<float>& light) {
+  const float scale = 1 / static_cast<float>(summed);
+  const std::ptrdiff_t step = view.column_stride * static_cast<std::ptrdiff_t>(kStep);
+  const auto of_group = [&](const T* sample, std::ptrdiff_t stride) {
+    std::conditional_t<std::is_integral_v<T>, std::uint32_t, float> sum = 0;
+    for (std::size_t k = 0; k < summed; ++k) sum += sample[static_cast<std::ptrdiff_t>(k) * stride];
+    return static_cast<float>(sum) * scale;
+  };
+  float* to = light.data();
+  for (std::size_t row = 0; row < view.rows; ++row)
+    for (std::size_t group = 0; group < groups; ++group) {
+      const T* first = view.at(0, row, group * summed * kStep);
+      *to++ = view.column_stride == 1 ? of_group(first, kStep) : of_group(first, step);
+    }
+}
+
+// Variance by the median of mixed differences, which is robust against edges and stripes.
+double noise_of(std::span<const float> change, std::size_t groups) {
+  const std::size_t rows = change.size() / groups;
+  const auto down = [&](std::size_t row, std::size_t group) {
+    return change[(row + 1) * groups + group] - change[row * groups + group];
+  };
+  std::vector<float> mixed;
+  const auto take = [&](float difference) {
+    if (std::isfinite(difference)) mixed.push_back(std::abs(difference));
+  };
+  for (std::size_t row = 0; row + 1 < rows; row += kSkipped) {
+    if (groups == 1) take(down(row, 0));
+    for (std::size_t group = 1; group < groups; ++group) take(down(row, group) - down(row, group - 1));
+  }
+  if (mixed.empty()) return 0;
+  const auto middle = mixed.begin() + static_cast<std::ptrdiff_t>(mixed.size() / 2);
+  std::ranges::nth_element(mixed, middle);
+  double median = *middle;
+  if (mixed.size() % 2 == 0) median = 0.5 * (median + *std::max_element(mixed.begin(), middle));
+  return std::pow(median / kSigma, 2) / (groups > 1 ? 4 : 2);
+}
+
+// Sets what belongs to a light to 0.
+void leave_out(const Region& light, std::size_t groups, std::vector<float>& change) {
+  constexpr std::size_t kGroup = kStep * kSummed;
+  const auto rim = [](std::size_t size) {
+    return static_cast<std::size_t>(std::nearbyint(kBeside * static_cast<double>(size))) + kTile;
+  };
+  const std::size_t rows = change.size() / groups, x = rim(light.width), y = rim(light.height);
+  const std::size_t first = (light.x - std::min(light.x, x)) / kGroup;
+  const std::size_t last = std::min((light.x + light.width + x) / kGroup + 1, groups);
+  for (std::size_t row = light.y - std::min(light.y, y); row < std::min(light.y + light.height + y, rows); ++row)
+    for (std::size_t group = first; group < last; ++group) change[row * groups + group] = 0;
+}
+
+}  // namespace
+
+PictureOverview::PictureOverview(const AnyFramesView& frame) {
+  std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        const std::size_t sampled = (view.columns + kStep - 1) / kStep, summed = std::min(kSummed, sampled);
+        require(summed > 0, "frame", view.columns, "columns");
+        rows_ = view.rows;
+        groups_ = sampled / summed;
+        least_ = std::is_integral_v<T> ? kSteps : 0.0;
+        light_.resize(rows_ * groups_);
+        reduce(view, summed, groups_, light_);
+      },
+      frame);
+}
+
+bool PictureOverview::has_changed(const PictureOverview& now, std::span<const Region> lights) const {
+  require(now.rows_ == rows_ && now.groups_ == groups_, "frame", now.rows_, "the shape of the first");
+  std::vector<float> change(light_.size());
+  for (std::size_t i = 0; i < change.size(); ++i) change[i] = now.light_[i] - light_[i];
+  const double least = kClear * noise_of(change, groups_) + least_;
+  for (const Region& light : lights) leave_out(light, groups_, change);
+  std::vector<double> tiles(groups_), wide((groups_ + kWide - 1) / kWide);  // energies
+  for (std::size_t row = 0; row < rows_ / kTile * kTile; ++row) {
+    const float* of_row = change.data() + row * groups_;
+    for (std::size_t k = 0; k < wide.size(); ++k) {
+      double sum = 0;
+      for (std::size_t group = k * kWide; group < std::min((k + 1) * kWide, groups_); ++group) {
+        const double value = of_row[group];
+        tiles[group] += value * value;
+        sum += value;
+      }
+      wide[k] += sum * sum / (kWide * kWide);
+    }
+    if ((row + 1) % kTile != 0) continue;
+    const auto exceeds = [](double most) { return [most](double energy) { return energy / kTile > most; }; };
+    if (std::ranges::any_of(tiles, exceeds(least)) || std::ranges::any_of(wide, exceeds(least / kWide))) return true;
+    std::ranges::fill(tiles, 0.0);
+    std::ranges::fill(wide, 0.0);
+  }
+  return false;
+}
+
+}  // namespace ocisac
