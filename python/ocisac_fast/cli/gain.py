@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import numpy as np
@@ -35,10 +34,6 @@ from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
 from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
 from ocisac_fast.light.response import exposure_response
-
-if TYPE_CHECKING:
-    from ocisac_fast.tones import ToneGain
-
 
 @click.command(short_help="Gain of a tone in a recording, and its theoretical value.")
 @click.argument("file", type=FILE_PATH)
@@ -141,22 +136,14 @@ class Light:
         runs = [one[..., first:last] for first, last in zip(edges[::2], edges[1::2], strict=True)]
         return runs[0] if len(runs) == 1 else np.concatenate([*runs, one[..., :0]], axis=-1)
 
-    def pooled_gain(self, frames: Frame, camera: Camera, background: float, **options: Any) -> ToneGain:
-        """Gain of the selected columns together. Those between them are not left out by a copy: all of their light is
-        background, which gives them no weight."""
-        from ocisac_fast.tones import tone_gain
+    def pooled(self, background: float) -> tuple[slice, npt.NDArray[np.float64]]:
+        """The columns that are pooled, from the first to the last selected one, and their background, (1, columns).
 
-        span, between = self._span
-        columns = frames[..., span, self.colour or 0]
-        of_columns = np.where(between, np.finfo(np.float64).max, background)
-        return tone_gain(columns, camera, self.frequency, background=of_columns, pooled=True, **options)
-
-    @functools.cached_property
-    def _span(self) -> tuple[slice, npt.NDArray[np.bool_]]:
-        """From the first to the last selected column, and those of them that are not selected."""
+        Those between them are not left out by a copy: all of their light is background, which gives them no weight.
+        """
         places = np.flatnonzero(self.used)
         span = slice(places[0], places[-1] + 1)
-        return span, ~self.used[span]
+        return span, np.where(self.used[span], background, np.finfo(np.float64).max)[np.newaxis]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -277,10 +264,12 @@ def frame_gains(
         if math.isnan(light.frequency):
             return FrameGains(camera, light, {name: np.zeros(0) for name in _FRAME_VALUES}, columns, len(first))
         gains, of_columns = [], []
+        span, of_span = light.pooled(options["background"])
+        pooled_options = {**options, "background": of_span, "pooled": True}
         for batch in _shown(itertools.chain(parts, batches), pictures.frame_count, at_once):
-            gains.append(light.pooled_gain(batch, camera, **options))
+            every = batch[..., light.colour or 0]
+            gains.append(tone_gain(every[..., span], camera, light.frequency, **pooled_options))
             if per_column:
-                every = batch[..., light.colour or 0]
                 of_columns.append(tone_gain(every, camera, light.frequency, **options))
     values = _joined(gains)
     return FrameGains(camera, light, values, columns, len(values["gain"]), _joined(of_columns) if of_columns else {})

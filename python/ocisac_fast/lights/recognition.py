@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import dataclasses
 import math
 from dataclasses import dataclass
@@ -224,7 +225,7 @@ class _Tone:
         mean, cosine, sine = found[0::3], found[1::3], found[2::3]
         swing = cosine - 1j * sine
         sides = swing[_INNER, 0], swing[_INNER, -1], swing[0, _INNER], swing[-1, _INNER]
-        beside = np.abs([side.sum() / len(side) for side in sides])
+        beside = np.array([abs(side.sum() / len(side)) for side in sides])
         noise = self._spread * _row_noise((rows - self._design @ found)[:, _INNER])
         return _Look(mean[_INNER, _INNER], noise, swing[_INNER, _INNER], beside)
 
@@ -241,11 +242,11 @@ class _Tone:
         return np.stack(slopes)
 
     def swing_where_alike(self, now: _Look, then: _Look) -> float | None:
-        halves, before = now.swing.sum(axis=1), then.swing.sum(axis=1)
-        turned = np.angle(halves[1:] * np.conj(halves[:1]) * np.conj(before[1:]) * before[:1])
-        swing = _ratio(abs(halves.sum()), abs(before.sum()))
-        amplitude = float(np.sqrt(np.mean(np.abs(then.swing) ** 2)))
-        if swing is None or np.abs(turned).max() > _TURNED or (now.beside - then.beside).max() > _GROWN * amplitude:
+        (upper, lower), (above, below) = now.swing.sum(axis=1).tolist(), then.swing.sum(axis=1).tolist()
+        turned = cmath.phase(lower * upper.conjugate() * below.conjugate() * above)
+        swing = _ratio(abs(upper + lower), abs(above + below))
+        amplitude = math.sqrt(np.vdot(then.swing, then.swing).real / then.swing.size)
+        if swing is None or abs(turned) > _TURNED or (now.beside - then.beside).max() > _GROWN * amplitude:
             return None
         return swing if _stays(now, then, amplitude) else None
 

@@ -209,32 +209,35 @@ class SourceTracker:
         return math.hypot(dx, dy) / (self._reach * size * steps) + 0.5 * (data[0] != data[1])
 
     def _next(self, track: Track, source: LightSource | None, shape: tuple[int, int]) -> Track:
+        steps, age = track.hidden + 1, track.age + 1
         if source is None:
-            later = dataclasses.replace(
-                track, frame=self._frame, visible=False, hidden=track.hidden + 1, age=track.age + 1
+            region = self._expected(track.source, track.velocity, steps, False, shape)
+            return dataclasses.replace(
+                track, frame=self._frame, visible=False, hidden=steps, age=age, region=region
             )
-            return dataclasses.replace(later, region=self._expected(later, shape))
-        steps = track.hidden + 1
         (x0, y0), (x1, y1) = _centre(track.source), _centre(source)
-        newest = ((x1 - x0) / steps, (y1 - y0) / steps)
         kept = 0.0 if track.age == 0 else 1.0 - _SMOOTHING  # the first step has no predecessor
-        velocity = tuple(kept * a + (1.0 - kept) * b for a, b in zip(track.velocity, newest, strict=True))
+        across, down = (x1 - x0) / steps, (y1 - y0) / steps
+        velocity = (
+            kept * track.velocity[0] + (1.0 - kept) * across,
+            kept * track.velocity[1] + (1.0 - kept) * down,
+        )
         share = 0.0 if source.frequency == track.source.frequency else _SMOOTHING  # measured there: nothing new
-        track = dataclasses.replace(
-            track,
+        return Track(
+            identity=track.identity,
             frame=self._frame,
             source=source,
             visible=True,
             hidden=0,
-            age=track.age + 1,
-            velocity=(velocity[0], velocity[1]),
+            age=age,
+            velocity=velocity,
             frequency=(1.0 - share) * track.frequency + share * source.frequency,
             frequency_std=math.hypot((1.0 - share) * track.frequency_std, share * source.frequency_std),
+            region=self._expected(source, velocity, 0, age >= _SETTLED, shape),
         )
-        return dataclasses.replace(track, region=self._expected(track, shape))
 
     def _begun(self, source: LightSource, shape: tuple[int, int]) -> Track:
-        track = Track(
+        return Track(
             identity=next(self._identities),
             frame=self._frame,
             source=source,
@@ -244,17 +247,17 @@ class SourceTracker:
             velocity=(0.0, 0.0),
             frequency=source.frequency,
             frequency_std=source.frequency_std,
-            region=source.region,
+            region=self._expected(source, (0.0, 0.0), 0, False, shape),
         )
-        return dataclasses.replace(track, region=self._expected(track, shape))
 
-    def _expected(self, track: Track, shape: tuple[int, int]) -> Region:
+    def _expected(
+        self, source: LightSource, velocity: tuple[float, float], hidden: int, settled: bool, shape: tuple[int, int]
+    ) -> Region:
         """Region of the next frame: the box moved by its velocity, widened by the reach for each hidden frame."""
-        source, steps = track.source, track.hidden + 1
-        settled = track.visible and track.age >= _SETTLED
+        steps = hidden + 1
         reach = min(self._reach, _SETTLED_REACH) if settled else self._reach
         margin = reach * max(source.width, source.height) * steps
-        left, top = source.x + steps * track.velocity[0] - margin, source.y + steps * track.velocity[1] - margin
+        left, top = source.x + steps * velocity[0] - margin, source.y + steps * velocity[1] - margin
         right, bottom = left + source.width + 2 * margin, top + source.height + 2 * margin
         rows, columns = shape
         x, y = min(max(math.floor(left), 0), columns - 1), min(max(math.floor(top), 0), rows - 1)
