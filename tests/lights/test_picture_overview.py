@@ -24,9 +24,7 @@ def test_change_agrees_with_the_reference(shape, dtype):
         if k % 2:  # other strides
             then, now = np.asfortranarray(then), now[::-1].copy()[::-1]
         lights = LIGHTS[k % 3]
-        wanted = reference.has_changed(
-            reference.overview(then), reference.overview(now), lights, integers
-        )
+        wanted = reference.has_changed(reference.overview(then), reference.overview(now), lights, integers)
         assert _core.PictureOverview(then).has_changed(_core.PictureOverview(now), lights) == wanted
         changed.append(wanted)
     if shape[0] > 64:

@@ -471,7 +471,8 @@ std::vector<LightGroup> ColumnSums::light_groups() const {
   Matrix quick;
   take_swings(means, swing, short_reach(means.rows()), quick);  // a block without swing has none but by rounding
   leave_out_ends(quick);
-  if (auto quick_groups = groups_by(quick, gram(quick.transpose())); groups.size() < 2 || quick_groups.size() > groups.size()) {
+  if (auto quick_groups = groups_by(quick, gram(quick.transpose()));
+      groups.size() < 2 || quick_groups.size() > groups.size()) {
     reach = short_reach(means.rows());
     groups = std::move(quick_groups);
     swings = &quick;

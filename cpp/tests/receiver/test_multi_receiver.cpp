@@ -104,6 +104,21 @@ TEST_CASE("lights beside and above each other are streams of their own") {
   }
 }
 
+TEST_CASE("a lamp that appears is received from the search after 60 frames on") {
+  const auto lamps = lamps_in({{4, 30, 40, 840}, {52, 0, 40, 900}});
+  ocisac::Receiver receiver(kCamera, given_options());
+  std::mt19937 random(9);
+  int first = -1;
+  for (int frame = 0; frame < 70 && first < 0; ++frame) {
+    const auto picture = picture_of({lamps.begin(), lamps.begin() + (frame < 20 ? 1 : 2)}, frame, random);
+    const ocisac::AnyFramesView view = ocisac::dense_view<const double>(picture.data(), 1, kRows, kColumns);
+    for (const auto& light : receiver.push({&view, 1}))
+      if (light.region.x >= 45 && light.received->outcome == ocisac::FrameOutcome::received) first = frame;
+  }
+  CHECK(first >= 62);  // three frames agree,
+  CHECK(first < 72);   // of twelve
+}
+
 TEST_CASE("a texture that resembles more lights than are allowed has none") {
   constexpr std::size_t kTile = 40, kTall = 1080, kWide = 640;
   std::mt19937 random(1);

@@ -35,6 +35,7 @@ from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
 from ocisac_fast.light.response import exposure_response
 
+
 @click.command(short_help="Gain of a tone in a recording, and its theoretical value.")
 @click.argument("file", type=FILE_PATH)
 @click.option("--frequency", type=FREQUENCY_OR_AUTO, required=True, help="Frequency of the light; auto: estimated.")

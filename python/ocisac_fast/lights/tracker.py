@@ -212,9 +212,7 @@ class SourceTracker:
         steps, age = track.hidden + 1, track.age + 1
         if source is None:
             region = self._expected(track.source, track.velocity, steps, False, shape)
-            return dataclasses.replace(
-                track, frame=self._frame, visible=False, hidden=steps, age=age, region=region
-            )
+            return dataclasses.replace(track, frame=self._frame, visible=False, hidden=steps, age=age, region=region)
         (x0, y0), (x1, y1) = _centre(track.source), _centre(source)
         kept = 0.0 if track.age == 0 else 1.0 - _SMOOTHING  # the first step has no predecessor
         across, down = (x1 - x0) / steps, (y1 - y0) / steps

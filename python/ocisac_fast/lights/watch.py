@@ -140,7 +140,8 @@ class _Watch:
         return self._seen(index, frame, False)
 
     def _in_time_order(self, frame: Frame) -> Frame:
-        return as_grey_frames(frame, "frame", self._camera.scan_axis, single=True)[0]
+        pixels: Frame = as_grey_frames(frame, "frame", self._camera.scan_axis, single=True)[0]
+        return pixels
 
     def _seen(self, index: int, frame: Frame, searched: bool) -> SeenLights:
         visible = sorted((one for one in self._tracker.tracks if one.visible), key=lambda one: -one.source.probability)

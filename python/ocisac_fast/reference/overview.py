@@ -33,9 +33,7 @@ def has_changed(then: Overview, now: Overview, lights: Sequence[tuple[int, int, 
         change[max(top - y, 0) : top + height + y, first:last] = 0.0
     tiles = change[: rows // TILE * TILE].reshape(-1, TILE, groups)
     wide = np.add.reduceat(tiles, np.arange(0, groups, WIDE), axis=2) / WIDE
-    return any(
-        bool((np.square(one).mean(axis=1) > most).any()) for one, most in ((tiles, least), (wide, least / WIDE))
-    )
+    return any(bool((np.square(one).mean(axis=1) > most).any()) for one, most in ((tiles, least), (wide, least / WIDE)))
 
 
 def noise(change: Overview) -> float:
