@@ -27,8 +27,9 @@ void reduce(const FramesView<const T>& view, std::size_t summed, std::size_t gro
   const float scale = 1 / static_cast<float>(summed);
   const std::ptrdiff_t step = view.column_stride * static_cast<std::ptrdiff_t>(kStep);
   const auto of_group = [&](const T* sample, std::ptrdiff_t stride) {
-    std::conditional_t<std::is_integral_v<T>, std::uint32_t, float> sum = 0;
-    for (std::size_t k = 0; k < summed; ++k) sum += sample[static_cast<std::ptrdiff_t>(k) * stride];
+    using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, float>;
+    Sum sum = 0;
+    for (std::size_t k = 0; k < summed; ++k) sum += static_cast<Sum>(sample[static_cast<std::ptrdiff_t>(k) * stride]);
     return static_cast<float>(sum) * scale;
   };
   float* to = light.data();
