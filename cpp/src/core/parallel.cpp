@@ -63,8 +63,8 @@ std::mutex of_helpers;
 Helpers* kept_helpers = nullptr;
 
 // Linux may wake a helper on the processor of its caller while another one is idle, where no level of the topology says
-// that they share a cache (many virtual machines): the two take turns of 4 ms and are no faster than one. So helpers use
-// the caller's processors without the one that it is on.
+// that they share a cache (many virtual machines): the two take turns of 4 ms and are no faster than one. So helpers
+// use the caller's processors without the one that it is on.
 void keep_off_caller([[maybe_unused]] Helpers& helpers) {
 #ifdef __linux__
   constexpr std::size_t kMostHelpers = 15;  // a system call each; more processors leave room anyway
