@@ -1,5 +1,6 @@
 """Helper threads of the core: where they run."""
 
+import ast
 import os
 import subprocess
 import sys
@@ -33,7 +34,7 @@ def test_helpers_keep_off_the_caller_and_use_its_processors():
     if not 2 <= len(everywhere) <= 16 or len(everywhere) != os.cpu_count():
         pytest.skip("needs 2 to 16 processors, all of the machine")
     done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True, timeout=60)
-    own, *calls = map(eval, done.stdout.splitlines())
+    own, *calls = map(ast.literal_eval, done.stdout.splitlines())
     for helpers, processors in zip(calls, (own, own[:1], own), strict=True):
         assert len(helpers) == len(own) - 1
         for allowed in helpers:

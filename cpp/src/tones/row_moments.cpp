@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kMinOscillation = 2;  // rows·|sin(x/2)|: above it, moments are exact to 4·10⁻¹⁶·rows up to power 4
 
-// Of the frequency 0: sums of powers of whole or half numbers.
+// Fills in the moments of the frequency 0: sums of powers of whole or half numbers in closed form.
 void fill_powers(std::size_t rows, std::span<double> moments) {
   const auto n = static_cast<double>(rows);
   const std::array sums{n, (n * n - 1) / (3 * n), (n * n - 1) * (3 * n * n - 7) / (15 * n * n * n)};
