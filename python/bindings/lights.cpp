@@ -2,6 +2,7 @@
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/lights/calibrate.hpp"
 #include "ocisac/lights/detect_sources.hpp"
+#include "ocisac/lights/known_light.hpp"
 #include "ocisac/lights/picture_overview.hpp"
 #include "tones.hpp"
 
@@ -51,6 +52,23 @@ py::list follow(const py::array& frame, const Camera& camera, const std::vector<
   return as_list(unlocked([&] { return follow_sources(view, camera, lights, {false_alarms, min_cycles}); }));
 }
 
+// In the order of ocisac_fast.lights.recognition.
+py::tuple as_tuple(const RecognisedLight& s) {
+  return py::make_tuple(s.box, s.frequency, s.swing, s.gain, s.gain_std, s.phase, s.mean, s.flags);
+}
+
+KnownLight known_light(const py::array& frame, const Camera& camera, const Region& box, double frequency,
+                       bool carries_data) {
+  const AnyFramesView view = any_view(frame);
+  return unlocked([&] { return KnownLight(view, camera, box, frequency, carries_data); });
+}
+
+py::object find_again(const KnownLight& light, const py::array& frame, const std::vector<Place>& places) {
+  const AnyFramesView view = any_view(frame);
+  const auto found = unlocked([&] { return light.find(view, places); });
+  return found ? as_tuple(*found) : py::object(py::none());
+}
+
 // Row time (s), its standard error (s) and the tone as of find(). Bounds: cycles per row.
 py::tuple row_time_of(const py::array& columns, double frequency, const Bounds& bounds, const std::string& waveform,
                       bool select_columns) {
@@ -92,6 +110,10 @@ void register_lights(py::module_& module) {
             return unlocked([&] { return then.has_changed(now, lights); });
           },
           arg("now"), arg("lights"));
+  py::class_<KnownLight>(module, "KnownLight")
+      .def(py::init(&known_light), arg("frame"), arg("camera"), arg("box"), arg("frequency"), arg("carries_data"))
+      .def_property_readonly("first", [](const KnownLight& light) { return as_tuple(light.first()); })
+      .def("find", &find_again, arg("frame"), arg("places"));
   module.def("calibrate", &row_time_of, arg("columns"), arg("frequency"), arg("bounds"), arg("waveform"),
              arg("select_columns"));
   module.def("pick_colour", &colour_of, arg("colours"), arg("camera"), arg("bounds"), arg("waveform"));

@@ -231,6 +231,19 @@ def follow_sources(
     min_cycles: float,
 ) -> list[tuple[Any, ...]]: ...
 
+class KnownLight:
+    def __init__(
+        self,
+        frame: npt.NDArray[Any],
+        camera: Camera,
+        box: tuple[int, int, int, int],
+        frequency: float,
+        carries_data: bool,
+    ) -> None: ...
+    @property
+    def first(self) -> tuple[Any, ...]: ...
+    def find(self, frame: npt.NDArray[Any], places: Sequence[tuple[int, int]]) -> tuple[Any, ...] | None: ...
+
 class PictureOverview:
     def __init__(self, frame: npt.NDArray[Any]) -> None: ...
     def has_changed(self, now: PictureOverview, lights: Sequence[tuple[int, int, int, int]]) -> bool: ...

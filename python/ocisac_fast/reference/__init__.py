@@ -53,6 +53,7 @@ from ocisac_fast.reference.packets import (
     longest_payload as longest_payload,
     transmit as transmit,
 )
+from ocisac_fast.reference.recognition import KnownLight as KnownLight
 from ocisac_fast.reference.rows import (
     first_profile as first_profile,
     fit_profile as fit_profile,

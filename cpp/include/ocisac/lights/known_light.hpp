@@ -1,0 +1,53 @@
+// Recognition of a light in later frames by how it looked when it was found.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <span>
+#include <utility>
+
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/core/flags.hpp"
+#include "ocisac/core/views.hpp"
+
+namespace ocisac {
+
+// A light found again. Gain, phase and mean are those of the whole box, as of tone_gain.
+struct RecognisedLight {
+  Region box;
+  double frequency = 0;  // Hz; of data that of the strongest tone
+  double swing = 1;      // relative to that in the frame in which the light was found
+  double gain = 0, gain_std = 0;
+  double phase = 0;  // rad in [−π, π], at the end of row 0's exposure
+  double mean = 0;   // DN above dark
+  Flags flags = 0;
+};
+
+using Place = std::pair<std::ptrdiff_t, std::ptrdiff_t>;  // x and y of a box, possibly outside of the frame
+
+// A light as it looked in the frame in which it was found. Its box is divided into 2 × 8 cells. A box of this size
+// shows the light if
+//   the mean of no cell, relative to that of the box, differs by more than 0.15 of the light's amplitude (and 4
+//   standard errors), the box swings 0.7 to 1.4 times as much, and the phases of its halves differ as before, beside
+//   it, an eighth of its width or a cycle away, the swing has not grown by more than 0.4 of the amplitude.
+// Its place is where the means agree best, to a pixel or a 32nd of its size. A light that sends data shows one waveform
+// in all cells, from the first quarter of the box to the last; it is recognised at the given places only.
+class KnownLight {
+ public:
+  // `frequency`: Hz; `carries_data`: compare waveforms instead of tones. Throws for a box outside of the frame.
+  KnownLight(const AnyFramesView& frame, const Camera& camera, const Region& box, double frequency, bool carries_data);
+
+  // The light in a later frame at or near one of the places, the first that shows it; absent too in a frame of another
+  // shape or without light.
+  [[nodiscard]] std::optional<RecognisedLight> find(const AnyFramesView& frame, std::span<const Place> places) const;
+
+  // In the frame in which it was found.
+  [[nodiscard]] const RecognisedLight& first() const;
+
+ private:
+  struct State;
+  std::shared_ptr<const State> state_;
+};
+
+}  // namespace ocisac

@@ -1,0 +1,226 @@
+#include "ocisac/lights/known_light.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <numbers>
+#include <numeric>
+#include <variant>
+#include <vector>
+
+#include "lights/light_look.hpp"
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/tones/tone_gain.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kMoved = 0.15;              // change of a cell's mean that movement makes, relative to the amplitude
+constexpr double kDeviations = 4;            // standard errors
+constexpr double kLeast = 0.7, kMost = 1.4;  // ratio of amplitudes, and of means, of a light that stays the same
+constexpr double kGrown = 0.4;               // of its amplitude, beside the box: it shows more of itself than before
+constexpr double kTurned = 0.5;              // rad between the halves of a box: another frequency
+constexpr double kUnlike = 0.8;              // ratio of the shares of a waveform that all cells have in common
+constexpr double kEndsUnlike = 4;            // ratio of a waveform's energies in the first or last quarter of a box
+constexpr std::size_t kAcross = 32, kDown = 16;  // steps of the gradient in a box: a quarter of a cell, an eighth
+constexpr int kSteps = 6;                        // to the place of a light
+constexpr double kPlaces = 32;                   // in a box: a smaller distance is no movement
+constexpr double kFlat = 1e-3;  // determinant over squared trace: means change along one direction only
+
+double sum_of(std::span<const double> values) { return std::accumulate(values.begin(), values.end(), 0.0); }
+
+double product_of(std::span<const double> a, std::span<const double> b) {
+  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+}
+
+// Of a light that stays the same, else absent.
+std::optional<double> ratio(double now, double then) {
+  if (!(then > 0 && kLeast < now / then && now / then < kMost)) return std::nullopt;
+  return now / then;
+}
+
+// The cells' means keep their ratios. Data changes them by different numbers of bright chips, all alike.
+bool means_stay(const LightLook& now, const LightLook& then, double amplitude) {
+  const auto brighter = ratio(sum_of(now.mean), sum_of(then.mean));
+  if (!brighter) return false;
+  std::vector<double> change(then.mean.size());
+  for (std::size_t k = 0; k < change.size(); ++k) change[k] = now.mean[k] / *brighter - then.mean[k];
+  if (!then.follow.empty()) {
+    const double alike = product_of(then.follow, change) / product_of(then.follow, then.follow);
+    for (std::size_t k = 0; k < change.size(); ++k) change[k] -= then.follow[k] * alike;
+  }
+  const double allowed = std::max(kMoved * amplitude, kDeviations * std::hypot(now.noise, then.noise));
+  return std::ranges::all_of(change, [&](double c) { return std::abs(c) <= allowed; });
+}
+
+bool grew_beside(const LightLook& now, const LightLook& then, double amplitude) {
+  for (std::size_t k = 0; k < now.beside.size(); ++k)
+    if (now.beside[k] - then.beside[k] > kGrown * amplitude) return true;
+  return false;
+}
+
+bool ends_alike(std::span<const double> now, std::span<const double> then) {
+  const std::size_t quarter = std::max<std::size_t>(now.size() / 4, 1);
+  const double whole = product_of(now, now), before = product_of(then, then);
+  const auto alike = [&](std::span<const double> end, std::span<const double> end_before) {
+    const double share = product_of(end, end) / whole, was = product_of(end_before, end_before) / before;
+    return was / kEndsUnlike < share && share < was * kEndsUnlike;
+  };
+  return alike(now.first(quarter), then.first(quarter)) && alike(now.last(quarter), then.last(quarter));
+}
+
+// Amplitude relative to that of the reference; absent if it is not the same light.
+std::optional<double> swing_of_tone(const LightLook& now, const LightLook& then) {
+  const auto half = [](const LightLook& look, std::size_t which) {
+    const auto cells = static_cast<std::ptrdiff_t>(look.swing.size() / 2);
+    const auto begin = look.swing.begin() + static_cast<std::ptrdiff_t>(which) * cells;
+    return std::accumulate(begin, begin + cells, std::complex<double>());
+  };
+  const auto upper = half(now, 0), lower = half(now, 1), above = half(then, 0), below = half(then, 1);
+  const double turned = std::arg(lower * std::conj(upper) * std::conj(below) * above);
+  const auto swing = ratio(std::abs(upper + lower), std::abs(above + below));
+  double energy = 0;
+  for (const auto& cell : then.swing) energy += std::norm(cell);
+  const double amplitude = std::sqrt(energy / static_cast<double>(then.swing.size()));
+  if (!swing || std::abs(turned) > kTurned || grew_beside(now, then, amplitude)) return std::nullopt;
+  return means_stay(now, then, amplitude) ? swing : std::nullopt;
+}
+
+std::optional<double> swing_of_waveform(const LightLook& now, const LightLook& then) {
+  const double before = std::sqrt(product_of(then.waveform, then.waveform));
+  const auto swing = ratio(std::sqrt(product_of(now.waveform, now.waveform)), before);
+  if (!swing || now.common < kUnlike * then.common || grew_beside(now, then, 1)) return std::nullopt;
+  if (!ends_alike(now.waveform, then.waveform)) return std::nullopt;
+  const double amplitude = std::sqrt(2.0 / static_cast<double>(then.waveform.size())) * before;
+  return means_stay(now, then, amplitude) ? swing : std::nullopt;
+}
+
+Region region_of(const FreeBox& box) {
+  return {static_cast<std::size_t>(box.x), static_cast<std::size_t>(box.y), box.width, box.height};
+}
+
+bool is_within(const FreeBox& box, const Shape& shape) {
+  return box.x >= 0 && box.y >= 0 && is_inside(region_of(box), shape.columns, shape.rows);
+}
+
+// Change of the cells' means by a step of the box to the right and by one down; none of data, which changes them too.
+using Gradient = std::array<std::vector<double>, 2>;
+
+Gradient gradient_of(const ToneLook& view, const AnyFramesView& frame, const FreeBox& box) {
+  const Shape shape = shape_of(frame);
+  Gradient slopes;
+  for (const std::size_t axis : {0U, 1U}) {
+    const std::size_t step = std::max<std::size_t>(axis == 0 ? box.width / kAcross : box.height / kDown, 1);
+    const auto moved = [&](std::ptrdiff_t by) {
+      FreeBox end = box;
+      (axis == 0 ? end.x : end.y) += by;
+      return is_within(end, shape) ? end : box;
+    };
+    const FreeBox first = moved(-static_cast<std::ptrdiff_t>(step)), last = moved(static_cast<std::ptrdiff_t>(step));
+    const auto way = static_cast<double>(std::max<std::ptrdiff_t>(last.x - first.x + last.y - first.y, 1));
+    const LightLook before = view.look(frame, first);
+    slopes[axis] = view.look(frame, last).mean;
+    for (std::size_t k = 0; k < before.mean.size(); ++k) slopes[axis][k] = (slopes[axis][k] - before.mean[k]) / way;
+  }
+  return slopes;
+}
+
+}  // namespace
+
+struct KnownLight::State {
+  Camera camera;
+  Shape shape;
+  FreeBox box;
+  std::variant<ToneLook, WaveformLook> view;
+  LightLook look;
+  Gradient gradient;
+  RecognisedLight first;
+
+  [[nodiscard]] LightLook look_at(const AnyFramesView& frame, const FreeBox& place) const {
+    return std::visit([&](const auto& known) { return known.look(frame, place); }, view);
+  }
+
+  [[nodiscard]] bool is_tone() const { return std::holds_alternative<ToneLook>(view); }
+
+  // Columns and rows by which the light lies right of and below the box, by least squares of the cells' means.
+  [[nodiscard]] Place shift(const LightLook& now) const {
+    const auto& [right, down] = gradient;
+    const double light = sum_of(now.mean), before = sum_of(look.mean);
+    if (right.empty() || !(light > 0 && before > 0)) return {0, 0};
+    std::vector<double> change(now.mean.size());
+    for (std::size_t k = 0; k < change.size(); ++k) change[k] = look.mean[k] - now.mean[k] * (before / light);
+    const double across = product_of(right, right), mixed = product_of(right, down), along = product_of(down, down);
+    const double determinant = across * along - mixed * mixed;
+    if (!(determinant > kFlat * (across + along) * (across + along))) return {0, 0};
+    const double x = product_of(right, change) / determinant, y = product_of(down, change) / determinant;
+    const auto step = [](double way, std::size_t size) {
+      const bool still = std::abs(way) < std::max(static_cast<double>(size) / kPlaces, 1.0);
+      return still ? 0 : static_cast<std::ptrdiff_t>(std::nearbyint(way));
+    };
+    return {step(along * x - mixed * y, box.width), step(across * y - mixed * x, box.height)};
+  }
+
+  // Gain, phase, mean and flags in a frame in which the light is in the box.
+  [[nodiscard]] RecognisedLight measured(const AnyFramesView& frame, const Region& region, double frequency,
+                                         double swing) const {
+    const ToneGain found = pooled_tone_gain(part_of(frame, region), camera, {&frequency, 1});
+    const double cycles = frequency * camera.row_time * static_cast<double>(region.y);
+    const double turned = 2 * std::numbers::pi * (cycles - std::floor(cycles));
+    return {region,        frequency,         swing,
+            found.gain[0], found.gain_std[0], std::remainder(found.phase[0] - turned, 2 * std::numbers::pi),
+            found.mean[0], found.flags[0]};
+  }
+
+  [[nodiscard]] std::optional<RecognisedLight> found_near(const AnyFramesView& frame, FreeBox place) const {
+    for (int k = 0; k < kSteps; ++k) {
+      if (!is_within(place, shape)) return std::nullopt;
+      const LightLook now = look_at(frame, place);
+      const auto [right, down] = shift(now);
+      if (right == 0 && down == 0) {
+        const auto swing = is_tone() ? swing_of_tone(now, look) : swing_of_waveform(now, look);
+        if (!swing) return std::nullopt;
+        const double frequency = now.frequency ? *now.frequency / camera.row_time : first.frequency;
+        return measured(frame, region_of(place), frequency, *swing);
+      }
+      place.x += right;
+      place.y += down;
+    }
+    return std::nullopt;
+  }
+};
+
+KnownLight::KnownLight(const AnyFramesView& frame, const Camera& camera, const Region& box, double frequency,
+                       bool carries_data) {
+  const Shape shape = shape_of(frame);
+  require_inside("box", box, shape.columns, shape.rows);
+  const FreeBox place{static_cast<std::ptrdiff_t>(box.x), static_cast<std::ptrdiff_t>(box.y), box.width, box.height};
+  const double dark = camera.tone_curve.dark_level;
+  using View = std::variant<ToneLook, WaveformLook>;
+  State state{
+      camera, shape,
+      place,  carries_data ? View(WaveformLook(place, dark)) : View(ToneLook(place, dark, frequency * camera.row_time)),
+      {},     {},
+      {}};
+  state.look = state.look_at(frame, place);
+  if (const auto* tone = std::get_if<ToneLook>(&state.view)) state.gradient = gradient_of(*tone, frame, place);
+  state.first = state.measured(frame, box, frequency, 1);
+  state_ = std::make_shared<const State>(std::move(state));
+}
+
+const RecognisedLight& KnownLight::first() const { return state_->first; }
+
+std::optional<RecognisedLight> KnownLight::find(const AnyFramesView& frame, std::span<const Place> places) const {
+  const Shape shape = shape_of(frame);
+  if (shape.rows != state_->shape.rows || shape.columns != state_->shape.columns) return std::nullopt;
+  for (auto place = places.begin(); place != places.end(); ++place) {
+    if (std::find(places.begin(), place, *place) != place) continue;
+    const FreeBox box{place->first, place->second, state_->box.width, state_->box.height};
+    const auto found = state_->found_near(frame, box);
+    if (found) return found->mean > 0 && state_->first.mean > 0 ? found : std::nullopt;
+  }
+  return std::nullopt;
+}
+
+}  // namespace ocisac

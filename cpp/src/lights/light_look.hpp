@@ -1,0 +1,78 @@
+// How a light's box looks in a frame: cells of 2 × 8, their means, and their tone or their common waveform.
+#pragma once
+
+#include <complex>
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "ocisac/core/views.hpp"
+
+namespace ocisac {
+
+// A box of a known size, possibly outside of the frame.
+struct FreeBox {
+  std::ptrdiff_t x = 0, y = 0;
+  std::size_t width = 0, height = 0;
+};
+
+struct LightLook {
+  std::vector<double> mean;                 // light of the cells, DN
+  double noise = 0;                         // standard error of a cell's mean, DN
+  std::vector<std::complex<double>> swing;  // of the cells' tone, the upper half of the box first
+  std::vector<double> waveform;             // (rows,) of all cells, where the light sends data
+  std::vector<double> beside;               // swing beside the box, DN; of a waveform relative
+  double common = 1;                        // share of the cells' swing that is this waveform
+  std::vector<double> follow;               // (cells,) share of the waveform that each cell has, 1 on average
+  std::optional<double> frequency;          // cycles per row of the waveform's strongest tone
+};
+
+// Mean light of cells of columns in every `row_step`-th row of a box and of `above` rows above and below it; the first
+// and the last cell lie beside the box. Outside of the frame its edge counts.
+class LightCells {
+ public:
+  LightCells(const FreeBox& box, double dark, std::size_t row_step = 1, std::size_t above = 0);
+
+  [[nodiscard]] std::vector<double> light(const AnyFramesView& frame, const FreeBox& box) const;  // (rows × cells)
+  [[nodiscard]] const std::vector<std::ptrdiff_t>& rows() const { return rows_; }  // 0: the first of the box
+  [[nodiscard]] std::size_t cells() const { return counts_.size(); }               // with those beside the box
+
+ private:
+  double dark_;
+  std::vector<std::ptrdiff_t> rows_, columns_;
+  std::vector<std::size_t> cell_of_;  // column
+  std::vector<double> counts_;        // columns of each cell
+};
+
+// Mean and tone of each cell in both halves of the box and in a cycle above and below it, by least squares.
+class ToneLook {
+ public:
+  ToneLook(const FreeBox& box, double dark, double frequency);  // cycles per row
+
+  [[nodiscard]] LightLook look(const AnyFramesView& frame, const FreeBox& box) const;
+
+ private:
+  struct Part {                   // above, halves, below
+    std::size_t first, rows;      // of those taken
+    std::vector<double> waves;    // (rows × 3): 1, cosine, sine
+    std::vector<double> weights;  // (3 × rows), the pseudoinverse
+  };
+  LightCells cells_;
+  std::vector<Part> parts_;
+  double spread_ = 0;  // standard error of a cell's mean over that of a row
+};
+
+// The waveform that all cells have in common, beside slow light.
+class WaveformLook {
+ public:
+  WaveformLook(const FreeBox& box, double dark);
+
+  [[nodiscard]] LightLook look(const AnyFramesView& frame, const FreeBox& box) const;
+
+ private:
+  LightCells cells_;
+  std::size_t terms_ = 0;
+  std::vector<double> slow_;  // (rows × terms), orthonormal
+};
+
+}  // namespace ocisac
