@@ -1,5 +1,5 @@
-// Outline and tone of a short light in log light, the slowest step of a lamp's detection; checked by truth before
-// timing.
+// Outline and tone of a short light in log light, the slowest step of a lamp's detection, and the recognition of a lamp
+// in a 1080p frame; checked by truth before timing.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -8,7 +8,9 @@
 #include <random>
 #include <vector>
 
+#include "frames.hpp"
 #include "lights/own_pixels.hpp"
+#include "ocisac/lights/known_light.hpp"
 
 namespace {
 
@@ -57,5 +59,26 @@ void light_of(benchmark::State& state) {
   for (auto _ : state) benchmark::DoNotOptimize(ocisac::light_of(pixels, *found, 0.0025));
 }
 BENCHMARK(light_of)->Unit(benchmark::kMicrosecond);
+
+// A lamp of 500 rows and a tone of 45 rows a cycle.
+void find_known_light(benchmark::State& state) {
+  constexpr std::size_t kLamp = 500, kFirst = 300;
+  std::vector<std::uint8_t> pixels = bench::noise<std::uint8_t>(bench::kRows * bench::kColumns);
+  for (std::size_t row = 0; row < bench::kRows; ++row)
+    for (std::size_t column = 0; column < bench::kColumns; ++column) {
+      std::uint8_t& pixel = pixels[row * bench::kColumns + column];
+      pixel /= 16;
+      if (row - kFirst < kLamp && column - kFirst < kLamp)
+        pixel += static_cast<std::uint8_t>(100 + 60 * std::sin(2 * std::numbers::pi * static_cast<double>(row) / 45));
+    }
+  const auto frame = ocisac::as_const(ocisac::dense_view(pixels.data(), 1, bench::kRows, bench::kColumns));
+  const ocisac::Camera camera{.row_time = 1e-5};
+  const ocisac::KnownLight light(frame, camera, {kFirst, kFirst, kLamp, kLamp}, 1e5 / 45, false);
+  const std::vector<ocisac::Place> places{{kFirst, kFirst}};
+  const auto found = light.find(frame, places);
+  if (!found || !(std::abs(found->swing - 1) < 1e-9)) return state.SkipWithError("not recognised");
+  for (auto _ : state) benchmark::DoNotOptimize(light.find(frame, places));
+}
+BENCHMARK(find_known_light)->Unit(benchmark::kMicrosecond);
 
 }  // namespace

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
 #include <numeric>
 #include <span>
+#include <type_traits>
 #include <variant>
 
 #include "core/legendre.hpp"
@@ -59,11 +61,9 @@ LightCells::LightCells(const FreeBox& box, double dark, std::size_t row_step, st
   const std::size_t rim = std::max<std::size_t>(inner / kCells, 1);
   const std::size_t cells = std::max<std::size_t>(std::min(kCells, inner / 2), 1);
   columns_ = positions(rim, inner + 2 * rim, step);
-  cell_of_.assign(columns_.size(), 0);
-  for (std::size_t k = 0; k < inner; ++k) cell_of_[rim + k] = 1 + k * cells / inner;
-  std::fill(cell_of_.end() - static_cast<std::ptrdiff_t>(rim), cell_of_.end(), cells + 1);
-  counts_.assign(cells + 2, 0);
-  for (const std::size_t cell : cell_of_) ++counts_[cell];
+  ends_.push_back(rim);
+  for (std::size_t cell = 1; cell <= cells; ++cell) ends_.push_back(rim + ceil_of(cell * inner, cells));
+  ends_.push_back(columns_.size());
   const std::size_t more = ceil_of(above, row_step);
   rows_ = positions(more, ceil_of(box.height, row_step) + 2 * more, row_step);
 }
@@ -71,16 +71,20 @@ LightCells::LightCells(const FreeBox& box, double dark, std::size_t row_step, st
 std::vector<double> LightCells::light(const AnyFramesView& frame, const FreeBox& box) const {
   std::vector<double> light(rows_.size() * cells());
   std::visit(
-      [&](const auto& view) {
+      [&]<class T>(const FramesView<const T>& view) {
         std::vector<std::ptrdiff_t> offsets(columns_.size());
         for (std::size_t k = 0; k < offsets.size(); ++k)
           offsets[k] = static_cast<std::ptrdiff_t>(in_frame(box.x + columns_[k], view.columns)) * view.column_stride;
-        double* to = light.data();
+        auto to = light.begin();
         for (const std::ptrdiff_t row : rows_) {
-          const auto* from = view.at(0, in_frame(box.y + row, view.rows), 0);
-          for (std::size_t k = 0; k < offsets.size(); ++k) to[cell_of_[k]] += static_cast<double>(from[offsets[k]]);
-          for (std::size_t cell = 0; cell < cells(); ++cell) to[cell] = to[cell] / counts_[cell] - dark_;
-          to += cells();
+          const T* from = view.at(0, in_frame(box.y + row, view.rows), 0);
+          std::size_t k = 0;
+          for (const std::size_t end : ends_) {
+            const auto count = static_cast<double>(end - k);
+            std::conditional_t<std::is_integral_v<T>, std::uint32_t, double> sum = 0;
+            for (; k < end; ++k) sum += from[offsets[k]];
+            *to++ = static_cast<double>(sum) / count - dark_;
+          }
         }
       },
       frame);

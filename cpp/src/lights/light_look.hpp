@@ -35,13 +35,12 @@ class LightCells {
 
   [[nodiscard]] std::vector<double> light(const AnyFramesView& frame, const FreeBox& box) const;  // (rows × cells)
   [[nodiscard]] const std::vector<std::ptrdiff_t>& rows() const { return rows_; }  // 0: the first of the box
-  [[nodiscard]] std::size_t cells() const { return counts_.size(); }               // with those beside the box
+  [[nodiscard]] std::size_t cells() const { return ends_.size(); }                 // with those beside the box
 
  private:
   double dark_;
   std::vector<std::ptrdiff_t> rows_, columns_;
-  std::vector<std::size_t> cell_of_;  // column
-  std::vector<double> counts_;        // columns of each cell
+  std::vector<std::size_t> ends_;  // of the cells, in columns_
 };
 
 // Mean and tone of each cell in both halves of the box and in a cycle above and below it, by least squares.
