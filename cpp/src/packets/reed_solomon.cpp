@@ -151,7 +151,7 @@ bool ReedSolomon::decode(Word& word, std::span<const int> erased) const {
 
   std::array<std::size_t, kOrder> powers{};  // at which the word is wrong
   std::size_t found = 0;
-  for (std::size_t power = 0; power < kOrder; ++power)
+  for (std::size_t power = 0; power < kOrder && found < degree; ++power)  // it has no more roots than its degree
     if (value_at(locator, degree, power_of_alpha(kOrder - power)) == 0) powers[found++] = power;
   if (found != degree) return false;
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -26,6 +27,7 @@ from ocisac_fast.cli.pictures import (
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 from ocisac_fast.core.regions import Region
+from ocisac_fast.files.recording import Frame
 from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 
 
@@ -126,6 +128,7 @@ def receive(
         raise click.exceptions.Exit(SOME_FAILED)
 
 
+_RUN = 8  # frames
 _HEADER = ("source", "chips", "rows per chip", "chip rate", "SNR", "flags", "bits")
 
 
@@ -142,8 +145,10 @@ def _received(
     from ocisac_fast.receiver import receive as receive_frames
 
     with open_pictures(file, picture) as pictures:
-        if stream is not None:  # frame by frame, so that a payload is printed at once
-            for count, frame in enumerate(progress(pictures.frames, "receiving", pictures.frame_count)):
+        if stream is not None:  # frame by frame, so that a payload of a live stream is printed at once
+            announced = pictures.frame_count
+            frames = pictures.frames if announced is None else _in_runs(pictures.frames)
+            for count, frame in enumerate(progress(frames, "receiving", announced)):
                 if plot is not None and count == 0:
                     _plot_first(plot, frame[None], pictures.camera, rate)
                 yield from stream.push(frame, pictures.camera, count)
@@ -155,6 +160,21 @@ def _received(
             for result in receive_frames(batch, pictures.camera, chip_rate=rate):
                 yield picture.in_units(_facts(result, count, batch.shape[1:], pictures.camera))
             count += len(batch)
+
+
+def _in_runs(frames: Iterator[Frame]) -> Iterator[Frame]:
+    """The same frames, decoded some at a time: decoding displaces the interpreter and the receiver from the caches."""
+    failure: Exception | None = None
+    run: list[Frame] | None = None
+    while failure is None and run != []:
+        run = []
+        try:
+            run.extend(itertools.islice(frames, _RUN))
+        except Exception as error:  # after the frames before it
+            failure = error
+        yield from run
+    if failure is not None:
+        raise failure
 
 
 def _plot_first(plot: str, frames: Any, camera: Any, rate: float | None) -> None:
