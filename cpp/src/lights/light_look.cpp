@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
-#include <numeric>
 #include <span>
 #include <type_traits>
 #include <variant>
@@ -41,8 +40,8 @@ std::size_t in_frame(std::ptrdiff_t at, std::size_t length) {
   return static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(at, 0, static_cast<std::ptrdiff_t>(length) - 1));
 }
 
-// Sum of the squared differences of following rows, which texture larger than a row hardly enters, and standard
-// deviation of a row from it. `rest`: (rows × cells).
+// Standard deviation of a row from the differences of following rows, which texture larger than a row hardly enters.
+// `rest`: (rows × cells).
 double row_noise(std::span<const double> rest, std::size_t cells) {
   double energy = 0;
   for (std::size_t k = cells; k < rest.size(); ++k) energy += (rest[k] - rest[k - cells]) * (rest[k] - rest[k - cells]);
@@ -50,8 +49,44 @@ double row_noise(std::span<const double> rest, std::size_t cells) {
   return std::sqrt(0.5 * energy / count);
 }
 
-double energy_of(std::span<const double> values) {
-  return std::inner_product(values.begin(), values.end(), values.begin(), 0.0);
+// (3 × rows): 1, cosine, sine at the rows.
+Eigen::MatrixXd waves_at(std::span<const std::ptrdiff_t> rows, double frequency) {
+  Eigen::MatrixXd waves(kWaves, static_cast<Eigen::Index>(rows.size()));
+  for (Eigen::Index k = 0; k < waves.cols(); ++k) {
+    const double angle = 2 * std::numbers::pi * frequency * static_cast<double>(rows[static_cast<std::size_t>(k)]);
+    waves.col(k) << 1, std::cos(angle), std::sin(angle);
+  }
+  return waves;
+}
+
+// Pseudoinverse of the transposed waves: W = (A·Aᵀ)⁺·A.
+Eigen::MatrixXd weights_of(const Eigen::MatrixXd& waves) {
+  const EigenFactors factors = symmetric_factors(gram(waves));
+  const Eigen::ArrayXd values = factors.values.array();
+  const Eigen::VectorXd inverse = (values > kSingular * values.maxCoeff()).select(values.inverse(), 0.0);
+  return product(product(factors.vectors * inverse.asDiagonal(), factors.vectors.transpose()), waves);
+}
+
+// Legendre polynomials up to kTrend, orthonormal: (rows × terms).
+Eigen::MatrixXd slow_waves(std::size_t rows) {
+  Eigen::MatrixXd trend(static_cast<Eigen::Index>(rows), kTrend + 1);
+  for (Eigen::Index row = 0; row < trend.rows(); ++row) {
+    std::array<double, kTrend + 1> values{};
+    legendre(2.0 * static_cast<double>(row) / static_cast<double>(std::max<std::size_t>(rows - 1, 1)) - 1, values);
+    trend.row(row) = Eigen::Map<const Eigen::RowVectorXd>(values.data(), kTrend + 1);
+  }
+  return pivoted_orthogonal_factors(trend).basis;
+}
+
+// Cycles per row of the strongest tone with two cycles or more in the rows.
+double strongest_tone(const std::vector<double>& waveform) {
+  std::vector<double> padded(kPadded * waveform.size());
+  std::ranges::copy(waveform, padded.begin());
+  const auto spectrum = half_spectra(padded, padded.size());
+  std::size_t strongest = kLowest;
+  for (std::size_t k = kLowest; k + kPadded < spectrum.size(); ++k)
+    if (std::norm(spectrum[k]) > std::norm(spectrum[strongest])) strongest = k;
+  return static_cast<double>(strongest) / static_cast<double>(padded.size());
 }
 
 }  // namespace
@@ -96,50 +131,56 @@ ToneLook::ToneLook(const FreeBox& box, double dark, double frequency)
              std::max<std::size_t>(static_cast<std::size_t>(std::nearbyint(1 / frequency)), 1)) {
   const auto& rows = cells_.rows();
   const auto half = static_cast<std::ptrdiff_t>(box.height / kHalves), end = static_cast<std::ptrdiff_t>(box.height);
-  std::size_t first = 0;
   for (const std::ptrdiff_t bound : {std::ptrdiff_t{0}, half, end, rows.back() + 1}) {
-    std::size_t last = first;
-    while (last < rows.size() && rows[last] < bound) ++last;
-    const auto count = static_cast<Eigen::Index>(last - first);
-    Eigen::MatrixXd waves(kWaves, count);
-    for (Eigen::Index k = 0; k < count; ++k) {
-      const double angle =
-          2 * std::numbers::pi * frequency * static_cast<double>(rows[first + static_cast<std::size_t>(k)]);
-      waves.col(k) << 1, std::cos(angle), std::sin(angle);
-    }
-    const EigenFactors factors = symmetric_factors(gram(waves));
-    const Eigen::VectorXd inverse =
-        (factors.values.array() > kSingular * factors.values.maxCoeff()).select(factors.values.array().inverse(), 0.0);
-    const Eigen::MatrixXd spread = product(factors.vectors * inverse.asDiagonal(), factors.vectors.transpose());
-    const Eigen::MatrixXd weights = product(spread, waves);
-    Part part{first, last - first, {}, {}};
-    part.waves.assign(waves.data(), waves.data() + waves.size());
-    for (Eigen::Index k = 0; k < weights.rows(); ++k)
-      for (Eigen::Index row = 0; row < count; ++row) part.weights.push_back(weights(k, row));
-    if (parts_.size() == 1 || parts_.size() == 2)
-      spread_ = std::max(spread_, std::sqrt(energy_of({part.weights.data(), part.rows})));
-    parts_.push_back(std::move(part));
-    first = last;
+    const std::size_t first =
+        parts_.empty() ? 0 : parts_.back().first + static_cast<std::size_t>(parts_.back().waves.cols());
+    const auto last = static_cast<std::size_t>(std::lower_bound(rows.begin(), rows.end(), bound) - rows.begin());
+    const Eigen::MatrixXd waves = waves_at(std::span(rows).subspan(first, last - first), frequency);
+    parts_.push_back({first, waves, weights_of(waves)});
   }
+  for (std::size_t k = 1; k <= kHalves; ++k) spread_ = std::max(spread_, parts_[k].weights.row(0).norm());
+}
+
+std::vector<double> ToneLook::fit(const std::vector<double>& light) const {
+  const std::size_t cells = cells_.cells();
+  std::vector<double> fitted(parts_.size() * kWaves * cells);
+  double* to = fitted.data();
+  for (const Part& part : parts_) {
+    const double* row = light.data() + part.first * cells;
+    for (Eigen::Index n = 0; n < part.weights.cols(); ++n, row += cells)
+      for (std::size_t k = 0; k < kWaves; ++k)
+        for (std::size_t cell = 0; cell < cells; ++cell)
+          to[k * cells + cell] += part.weights(static_cast<Eigen::Index>(k), n) * row[cell];
+    to += kWaves * cells;
+  }
+  return fitted;
+}
+
+// Standard error of a cell's mean, from what the fit leaves.
+double ToneLook::noise(const std::vector<double>& light, const std::vector<double>& fitted) const {
+  const std::size_t cells = cells_.cells();
+  std::vector<double> rest;
+  rest.reserve(light.size());
+  const double* of_part = fitted.data();
+  for (const Part& part : parts_) {
+    const double* row = light.data() + part.first * cells;
+    for (Eigen::Index n = 0; n < part.waves.cols(); ++n, row += cells)
+      for (std::size_t cell = 1; cell + 1 < cells; ++cell)
+        rest.push_back(row[cell] - (of_part[cell] + part.waves(1, n) * of_part[cells + cell] +
+                                    part.waves(2, n) * of_part[2 * cells + cell]));
+    of_part += kWaves * cells;
+  }
+  return spread_ * row_noise(rest, cells - 2);
 }
 
 LightLook ToneLook::look(const AnyFramesView& frame, const FreeBox& box) const {
   const std::size_t cells = cells_.cells(), inner = cells - 2;
-  std::vector<double> light = cells_.light(frame, box);
-  std::vector<double> found(parts_.size() * kWaves * cells);  // (parts × waves × cells)
-  const auto wave = [&](std::size_t part, std::size_t k) { return found.data() + (part * kWaves + k) * cells; };
-  for (std::size_t p = 0; p < parts_.size(); ++p) {
-    const Part& part = parts_[p];
-    for (std::size_t row = 0; row < part.rows; ++row) {
-      const double* of_row = light.data() + (part.first + row) * cells;
-      for (std::size_t k = 0; k < kWaves; ++k) {
-        const double weight = part.weights[k * part.rows + row];
-        for (std::size_t cell = 0; cell < cells; ++cell) wave(p, k)[cell] += weight * of_row[cell];
-      }
-    }
-  }
+  const std::vector<double> light = cells_.light(frame, box), fitted = fit(light);
+  const auto wave = [&](std::size_t part, std::size_t k, std::size_t cell) {
+    return fitted[(part * kWaves + k) * cells + cell];
+  };
   const auto swing = [&](std::size_t part, std::size_t cell) {
-    return std::complex<double>(wave(part, 1)[cell], -wave(part, 2)[cell]);
+    return std::complex<double>(wave(part, 1, cell), -wave(part, 2, cell));
   };
   LightLook result;
   std::array<std::complex<double>, 4> sides{};  // left, right, above, below
@@ -147,7 +188,7 @@ LightLook ToneLook::look(const AnyFramesView& frame, const FreeBox& box) const {
     sides[0] += swing(half, 0) / static_cast<double>(kHalves);
     sides[1] += swing(half, cells - 1) / static_cast<double>(kHalves);
     for (std::size_t cell = 1; cell <= inner; ++cell) {
-      result.mean.push_back(wave(half, 0)[cell]);
+      result.mean.push_back(wave(half, 0, cell));
       result.swing.push_back(swing(half, cell));
     }
   }
@@ -156,86 +197,39 @@ LightLook ToneLook::look(const AnyFramesView& frame, const FreeBox& box) const {
     sides[3] += swing(parts_.size() - 1, cell) / static_cast<double>(inner);
   }
   for (const auto& side : sides) result.beside.push_back(std::abs(side));
-
-  std::vector<double> rest(cells_.rows().size() * inner);
-  for (std::size_t p = 0; p < parts_.size(); ++p)
-    for (std::size_t row = 0; row < parts_[p].rows; ++row) {
-      const double* waves = parts_[p].waves.data() + row * kWaves;
-      const double* of_row = light.data() + (parts_[p].first + row) * cells + 1;
-      double* to = rest.data() + (parts_[p].first + row) * inner;
-      for (std::size_t cell = 0; cell < inner; ++cell)
-        to[cell] = of_row[cell] - (waves[0] * wave(p, 0)[cell + 1] + waves[1] * wave(p, 1)[cell + 1] +
-                                   waves[2] * wave(p, 2)[cell + 1]);
-    }
-  result.noise = spread_ * row_noise(rest, inner);
+  result.noise = noise(light, fitted);
   return result;
 }
 
-WaveformLook::WaveformLook(const FreeBox& box, double dark) : cells_(box, dark) {
-  const auto rows = static_cast<Eigen::Index>(box.height);
-  Eigen::MatrixXd trend(rows, static_cast<Eigen::Index>(kTrend + 1));
-  for (Eigen::Index row = 0; row < rows; ++row) {
-    std::array<double, kTrend + 1> values;
-    legendre(2.0 * static_cast<double>(row) / static_cast<double>(std::max<Eigen::Index>(rows - 1, 1)) - 1, values);
-    for (std::size_t k = 0; k < values.size(); ++k) trend(row, static_cast<Eigen::Index>(k)) = values[k];
-  }
-  const Eigen::MatrixXd basis = pivoted_orthogonal_factors(trend).basis;
-  terms_ = static_cast<std::size_t>(basis.cols());
-  for (Eigen::Index row = 0; row < rows; ++row)
-    for (Eigen::Index k = 0; k < basis.cols(); ++k) slow_.push_back(basis(row, k));
-}
+WaveformLook::WaveformLook(const FreeBox& box, double dark) : cells_(box, dark), slow_(slow_waves(box.height)) {}
 
 LightLook WaveformLook::look(const AnyFramesView& frame, const FreeBox& box) const {
-  const std::size_t rows = cells_.rows().size(), cells = cells_.cells(), inner = cells - 2;
-  std::vector<double> light = cells_.light(frame, box);
+  using Light = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const std::vector<double> pixels = cells_.light(frame, box);
+  const auto rows = static_cast<Eigen::Index>(cells_.rows().size());
+  const Eigen::MatrixXd light = Eigen::Map<const Light>(pixels.data(), rows, static_cast<Eigen::Index>(cells_.cells()));
+  const Eigen::MatrixXd fast = light - product(slow_, transposed_product(slow_, light));
+  const Eigen::Index inner = light.cols() - 2;
+  const Eigen::VectorXd waveform = fast.middleCols(1, inner).rowwise().mean();
+  const Eigen::RowVectorXd mean = light.middleCols(1, inner).colwise().mean();
+  const double energy = waveform.squaredNorm();
   LightLook result;
-  result.mean.resize(inner);
-  std::vector<double> trend(terms_ * cells);
-  for (std::size_t row = 0; row < rows; ++row)
-    for (std::size_t cell = 0; cell < cells; ++cell) {
-      const double value = light[row * cells + cell];
-      if (cell > 0 && cell <= inner) result.mean[cell - 1] += value / static_cast<double>(rows);
-      for (std::size_t k = 0; k < terms_; ++k) trend[k * cells + cell] += slow_[row * terms_ + k] * value;
-    }
-  result.waveform.resize(rows);
-  double whole = 0;  // energy of the cells' swing
-  for (std::size_t row = 0; row < rows; ++row)
-    for (std::size_t cell = 0; cell < cells; ++cell) {
-      double& value = light[row * cells + cell];
-      for (std::size_t k = 0; k < terms_; ++k) value -= slow_[row * terms_ + k] * trend[k * cells + cell];
-      if (cell == 0 || cell > inner) continue;
-      result.waveform[row] += value / static_cast<double>(inner);
-      whole += value * value;
-    }
-  const double energy = energy_of(result.waveform);
-  std::vector<double> follow(cells, 1.0);
+  result.mean.assign(mean.begin(), mean.end());
+  result.waveform.assign(waveform.begin(), waveform.end());
   if (!(energy > 0)) {
     result.beside.assign(2, 0.0);
     result.common = 0;
-    result.follow.assign(inner, 1.0);
+    result.follow.assign(static_cast<std::size_t>(inner), 1.0);
     return result;
   }
-  for (std::size_t cell = 0; cell < cells; ++cell) {
-    double sum = 0;
-    for (std::size_t row = 0; row < rows; ++row) sum += light[row * cells + cell] * result.waveform[row];
-    follow[cell] = sum / energy;
-  }
-  std::vector<double> rest(rows * inner);
-  for (std::size_t row = 0; row < rows; ++row)
-    for (std::size_t cell = 0; cell < inner; ++cell)
-      rest[row * inner + cell] = light[row * cells + cell + 1] - result.waveform[row] * follow[cell + 1];
-  result.noise = row_noise(rest, inner) / std::sqrt(static_cast<double>(rows));
-  result.beside = {follow.front(), follow.back()};
-  result.common = static_cast<double>(inner) * energy / whole;
+  const Eigen::VectorXd follow = transposed_product(fast, waveform) / energy;
+  const Light rest = fast.middleCols(1, inner) - waveform * follow.segment(1, inner).transpose();
+  result.noise = row_noise({rest.data(), static_cast<std::size_t>(rest.size())}, static_cast<std::size_t>(inner)) /
+                 std::sqrt(static_cast<double>(rows));
+  result.beside = {follow(0), follow(inner + 1)};
+  result.common = static_cast<double>(inner) * energy / fast.middleCols(1, inner).squaredNorm();
   result.follow.assign(follow.begin() + 1, follow.end() - 1);
-
-  std::vector<double> padded(kPadded * rows);
-  std::ranges::copy(result.waveform, padded.begin());
-  const auto spectrum = half_spectra(padded, padded.size());
-  std::size_t strongest = kLowest;
-  for (std::size_t k = kLowest; k + kPadded < spectrum.size(); ++k)
-    if (std::norm(spectrum[k]) > std::norm(spectrum[strongest])) strongest = k;
-  result.frequency = static_cast<double>(strongest) / static_cast<double>(padded.size());
+  result.frequency = strongest_tone(result.waveform);
   return result;
 }
 

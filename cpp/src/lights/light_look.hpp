@@ -1,6 +1,7 @@
 // How a light's box looks in a frame: cells of 2 × 8, their means, and their tone or their common waveform.
 #pragma once
 
+#include <Eigen/Core>
 #include <complex>
 #include <cstddef>
 #include <optional>
@@ -51,11 +52,13 @@ class ToneLook {
   [[nodiscard]] LightLook look(const AnyFramesView& frame, const FreeBox& box) const;
 
  private:
-  struct Part {                   // above, halves, below
-    std::size_t first, rows;      // of those taken
-    std::vector<double> waves;    // (rows × 3): 1, cosine, sine
-    std::vector<double> weights;  // (3 × rows), the pseudoinverse
+  struct Part {                      // above the box, its halves, below it
+    std::size_t first;               // of the rows taken
+    Eigen::MatrixXd waves, weights;  // (3 × rows): 1, cosine, sine, and the pseudoinverse
   };
+  [[nodiscard]] std::vector<double> fit(const std::vector<double>& light) const;  // (parts × waves × cells)
+  [[nodiscard]] double noise(const std::vector<double>& light, const std::vector<double>& fitted) const;
+
   LightCells cells_;
   std::vector<Part> parts_;
   double spread_ = 0;  // standard error of a cell's mean over that of a row
@@ -70,8 +73,7 @@ class WaveformLook {
 
  private:
   LightCells cells_;
-  std::size_t terms_ = 0;
-  std::vector<double> slow_;  // (rows × terms), orthonormal
+  Eigen::MatrixXd slow_;  // (rows × terms), orthonormal
 };
 
 }  // namespace ocisac
