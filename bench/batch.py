@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from processors import TWO_CORES, arithmetic_on_two
+from processors import TWO_CORES, arithmetic_on_two, gain_by_second
 
 from ocisac_fast.batch import Task, cluster, measure_recordings
 from ocisac_fast.batch.campaign import MAX_FRAMES, group_size
@@ -158,7 +158,7 @@ def gains_of_the_second(folder: Path) -> dict[str, float]:
     with ExitStack() as opened:
         pools = {count: opened.enter_context(context.Pool(count)) for count in (1, 2)}
         clients = {count: opened.enter_context(processes(count))[0] for count in (1, 2)}
-        gain = opened.enter_context(arithmetic_on_two())
+        measure = opened.enter_context(arithmetic_on_two())
 
         def decoding(count: int) -> float:
             return timed(lambda: pools[count].map(decode, DECODINGS * paths, chunksize=4))[0] / DECODINGS
@@ -171,9 +171,9 @@ def gains_of_the_second(folder: Path) -> dict[str, float]:
             decoding(count)
             measure_recordings(paths, TASK, client=clients[count])
         while len(rounds) < MAX_ROUNDS and sum(each["cores"] > TWO_CORES for each in rounds) < ROUNDS:
-            cores = gain()
+            cores = gain_by_second(measure())
             times = {"decoding_1": decoding(1), "batch_1": batch(1), "batch_2": batch(2), "decoding_2": decoding(2)}
-            rounds.append(times | {"cores": min(cores, gain())})
+            rounds.append(times | {"cores": min(cores, gain_by_second(measure()))})
     quiet = [each for each in rounds if each["cores"] > TWO_CORES]
     counted = quiet if len(quiet) >= MIN_ROUNDS else rounds
     found = {name: np.array([each[name] for each in counted]) for name in rounds[0]}

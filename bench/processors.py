@@ -1,4 +1,4 @@
-"""Two threads on processors of different speed, possibly threads of one core."""
+"""Two threads on processors whose speed changes, possibly threads of one core."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ import numpy as np
 from studies.chart.measuring import seconds_of
 
 TWO_CORES = 1.7  # min. gain by the second processor of two cores
+FULL_SPEED = 1.1  # max. time of arithmetic over the fastest of a run, where no other guest of the host slows it
+FEWEST_ROUNDS = 9
 
 
 def two_processors() -> list[int]:
@@ -51,36 +53,57 @@ def arithmetic() -> Callable[[None], object]:
     return lambda _: np.matmul(factors, factors[0], out=out)
 
 
-def gain_of_processors(workers: list[ThreadPoolExecutor], work: list[Callable[[None], object]]) -> float:
-    """Gain by one more processor for arithmetic without memory: its time on each alone over that on both."""
+def seconds_on_each(workers: list[ThreadPoolExecutor], work: list[Callable[[None], object]]) -> np.ndarray:
+    """(2, processors) seconds of arithmetic without memory: on each processor alone, and on all at once."""
     calls = [functools.partial(worker.submit, seconds_of, own, None) for worker, own in zip(workers, work, strict=True)]
     alone = [call().result() for call in calls]
-    together = [future.result() for future in [call() for call in calls]]
-    return sum(a / b for a, b in zip(alone, together, strict=True))
+    return np.array([alone, [future.result() for future in [call() for call in calls]]])
 
 
 @contextlib.contextmanager
-def arithmetic_on_two() -> Iterator[Callable[[], float]]:
-    """A call of `gain_of_processors` with a thread on each of the first two processors."""
+def arithmetic_on_two() -> Iterator[Callable[[], np.ndarray]]:
+    """A call of `seconds_on_each` with a thread on each of the first two processors."""
     with contextlib.ExitStack() as stack:
         workers = [
             stack.enter_context(ThreadPoolExecutor(1, initializer=os.sched_setaffinity, initargs=(0, {processor})))
             for processor in two_processors()
         ]
         work = [arithmetic() for _ in workers]
-        yield lambda: gain_of_processors(workers, work)
+        yield lambda: seconds_on_each(workers, work)
 
 
-def rounds_on_two(pair: Callable[[], tuple[float, float]], seconds: float) -> np.ndarray:
-    """(rounds, 3): the two times measured by `pair`, and the gain of the second processor at that time.
+def gain_by_second(arithmetic: np.ndarray) -> Any:
+    """Times on each processor alone over those at once, added up; arithmetic: (..., 2, processors)."""
+    return np.sum(arithmetic[..., 0, :] / arithmetic[..., 1, :], axis=-1)
 
-    It takes up to eight times as long if fewer than nine rounds find two cores.
+
+def quiet_rounds(arithmetic: np.ndarray) -> np.ndarray:
+    """(rounds,) bool: the second processor gains what a core does, and both are as fast as the run's fastest.
+
+    arithmetic: (rounds, 2, processors) of `seconds_on_each`. The run's fastest: a twentieth of the rounds is faster.
     """
-    rounds: list[tuple[float, float, float]] = []
+    slowest = np.max(arithmetic[:, 1], axis=1)
+    at_full_speed = slowest <= FULL_SPEED * np.quantile(slowest, 0.05)
+    return (gain_by_second(arithmetic) >= TWO_CORES) & at_full_speed
+
+
+def rounds_on_two(pair: Callable[[], tuple[float, float]], seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """(rounds, 2) times measured by `pair`, and (rounds,) bool: `quiet_rounds` of arithmetic timed next to each.
+
+    It takes up to eight times as long if fewer than nine rounds are quiet.
+    """
+    times: list[tuple[float, float]] = []
+    arithmetic: list[np.ndarray] = []
     start = time.perf_counter()
-    with arithmetic_on_two() as gain:
-        while len(rounds) < 9 or time.perf_counter() < start + (
-            seconds if sum(of >= TWO_CORES for *_, of in rounds) >= 9 else 8 * seconds
-        ):
-            rounds.append((*pair(), gain()))
-    return np.array(rounds)
+
+    def is_enough() -> bool:
+        passed = time.perf_counter() - start
+        if len(times) < FEWEST_ROUNDS or passed < seconds:
+            return False
+        return passed >= 8 * seconds or np.sum(quiet_rounds(np.array(arithmetic))) >= FEWEST_ROUNDS
+
+    with arithmetic_on_two() as measure:
+        while not is_enough():
+            times.append(pair())
+            arithmetic.append(measure())
+    return np.array(times), quiet_rounds(np.array(arithmetic))

@@ -94,7 +94,7 @@ CASES = [
     Stored("sRGB bytes, tone", _same, SRGB, 6.0 if WIDE else 8.0, bounded=True),
     Stored("sRGB bytes, square wave", _same, SRGB, 40.0, {"waveform": "square"}, peers=False, bounded=True),
     Stored("uint16, tone, efficiency 1", _twelve_bits, RAW, 3.0, bounded=True),
-    Stored("uint16, tone, efficiency 0.99", _twelve_bits, RAW, 2.5, {"efficiency": 0.99}, peers=False),
+    Stored("uint16, tone, efficiency 0.99", _twelve_bits, RAW, 2.5, {"efficiency": 0.99}, peers=False, bounded=True),
     Stored("uint16, square wave", _twelve_bits, RAW, 20.0, {"waveform": "square"}, peers=False, bounded=True),
     Stored("uint16 with a tone curve, tone", _twelve_bits, RAW_SRGB, 10.0),
     Stored("float32, tone, efficiency 1", lambda frame: (frame / 255).astype(np.float32), LINEAR, 2.5),

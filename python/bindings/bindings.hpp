@@ -112,9 +112,27 @@ FramesView<T> typed_view(const py::array& array, T* data) {
   }
 }
 
+// By its number: comparing data types by their meaning takes NumPy 2 µs and more.
+template <class T>
+bool holds(const py::array& array) {
+  const py::dtype dtype = array.dtype();
+  return dtype.num() == py::detail::npy_format_descriptor<T>::value && (dtype.byteorder() == '=' || sizeof(T) == 1);
+}
+
+// True for an array, of no other class, that any_view() takes as it is.
+inline bool is_viewable(const py::object& object) {
+  if (!Py_IS_TYPE(object.ptr(), py::detail::npy_api::get().PyArray_Type_)) return false;
+  const auto array = py::reinterpret_borrow<py::array>(object);
+  const bool known =
+      holds<std::uint8_t>(array) || holds<std::uint16_t>(array) || holds<float>(array) || holds<double>(array);
+  const auto whole = [&](py::ssize_t axis) { return array.strides(axis) % array.itemsize() == 0; };
+  return known && array.ndim() >= 1 && array.ndim() <= 3 && array.size() > 0 &&
+         (array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) != 0 && whole(0) && (array.ndim() < 2 || whole(1)) &&
+         (array.ndim() < 3 || whole(2));
+}
+
 inline AnyFramesView any_view(const py::array& array) {
-  const auto dtype = array.dtype();
-  const auto is = [&](auto sample) { return dtype.equal(py::dtype::of<decltype(sample)>()); };
+  const auto is = [&](auto sample) { return holds<decltype(sample)>(array); };
   const auto view = [&](auto sample) -> AnyFramesView {
     using T = decltype(sample);
     return typed_view<const T>(array, static_cast<const T*>(array.data()));
@@ -123,7 +141,7 @@ inline AnyFramesView any_view(const py::array& array) {
   if (is(std::uint16_t{})) return view(std::uint16_t{});
   if (is(float{})) return view(float{});
   if (is(double{})) return view(double{});
-  refuse("columns", "dtype " + py::str(dtype).cast<std::string>(), "uint8, uint16, float32 or float64");
+  refuse("columns", "dtype " + py::str(array.dtype()).cast<std::string>(), "uint8, uint16, float32 or float64");
 }
 
 inline std::vector<AnyFramesView> views_of(const std::vector<py::array>& arrays) {

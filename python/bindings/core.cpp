@@ -22,6 +22,7 @@ void register_core(py::module_& module) {
   module.def("commit", &commit);
   module.def("compiler", &compiler);
   module.def("opencv_version", &opencv_version);
+  module.def("is_viewable", &is_viewable, arg("array"));
   module.def("flag_names", &flag_names, arg("flags"));
 }
 

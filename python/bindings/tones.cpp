@@ -1,5 +1,7 @@
 #include "tones.hpp"
 
+#include <utility>
+
 #include "bindings.hpp"
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -28,26 +30,21 @@ WaveformShape waveform_shape(const std::string& name) {
   refuse("waveform", name, "tone or square");
 }
 
-// The axis of the tones if there is one, then those of the columns without rows (and without columns, if pooled).
-std::vector<py::ssize_t> result_shape(const Doubles& frequencies, const py::array& columns, bool pooled) {
-  std::vector<py::ssize_t> shape(frequencies.shape(), frequencies.shape() + frequencies.ndim());
-  if (columns.ndim() == 3) shape.push_back(columns.shape(0));
-  if (columns.ndim() > 1 && !pooled) shape.push_back(columns.shape(columns.ndim() - 1));
-  return shape;
+ToneGainOptions gain_options(const std::string& method, const std::string& waveform, double duty,
+                             std::span<const double> background, double efficiency, int threads) {
+  ToneGainOptions options{gain_method(method), waveform_shape(waveform), duty, background, efficiency, threads};
+  options.robust = method == "robust";
+  return options;
 }
 
-// gain, gain_std, phase, mean, snr, flags. frequencies: () or (tones,).
-py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const Doubles& frequencies,
-                           const std::string& method, const std::string& waveform, double duty,
-                           const Doubles& background, double efficiency, int threads, bool pooled) {
+using Shape = std::vector<py::ssize_t>;
+
+// gain, gain_std, phase, mean, snr, flags. shape: the axis of the tones, if there is one.
+py::tuple gain_arrays(const py::array& columns, const Camera& camera, std::span<const double> tones, Shape shape,
+                      const ToneGainOptions& options, bool pooled) {
   const AnyFramesView view = any_view(columns);
-  if (frequencies.ndim() > 1)
-    refuse("frequency", "shape " + py::str(frequencies.attr("shape")).cast<std::string>(), "one value or (tones,)");
-  const auto tones = span_of(frequencies);
-  ToneGainOptions options{
-      gain_method(method), waveform_shape(waveform), duty, span_of(background), efficiency, threads};
-  options.robust = method == "robust";
-  const auto shape = result_shape(frequencies, columns, pooled);
+  if (columns.ndim() == 3) shape.push_back(columns.shape(0));
+  if (columns.ndim() > 1 && !pooled) shape.push_back(columns.shape(columns.ndim() - 1));
   py::array_t<double> gain(shape), gain_std(shape), phase(shape), mean(shape), snr(shape);
   py::array_t<Flags> flags(shape);
   const ToneGainView result{mutable_span_of(gain), mutable_span_of(gain_std), mutable_span_of(phase),
@@ -59,6 +56,51 @@ py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const
       tone_gain(view, camera, tones, options, result);
   });
   return py::make_tuple(gain, gain_std, phase, mean, snr, flags);
+}
+
+// frequencies: () or (tones,).
+py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const Doubles& frequencies,
+                           const std::string& method, const std::string& waveform, double duty,
+                           const Doubles& background, double efficiency, int threads, bool pooled) {
+  if (frequencies.ndim() > 1)
+    refuse("frequency", "shape " + py::str(frequencies.attr("shape")).cast<std::string>(), "one value or (tones,)");
+  return gain_arrays(columns, camera, span_of(frequencies),
+                     {frequencies.shape(), frequencies.shape() + frequencies.ndim()},
+                     gain_options(method, waveform, duty, span_of(background), efficiency, threads), pooled);
+}
+
+// A float or an array (tones,) of them; no value for what must be converted first.
+std::optional<std::vector<double>> frequencies_as_given(const py::object& frequency) {
+  if (PyFloat_Check(frequency.ptr())) return std::vector{frequency.cast<double>()};
+  if (!is_viewable(frequency)) return {};
+  const auto values = py::reinterpret_borrow<py::array>(frequency);
+  if (!holds<double>(values) || values.ndim() != 1) return {};
+  const auto view = typed_view<const double>(values, static_cast<const double*>(values.data()));
+  std::vector<double> tones(view.rows);
+  for (std::size_t k = 0; k < tones.size(); ++k) tones[k] = view(0, k, 0);
+  return tones;
+}
+
+// The same of arguments that need no conversion: an array that can be viewed, Python's own numbers and texts, no
+// background. None for others, which Python checks and converts first: that takes 40 to 100 µs where a pass over frames
+// has displaced the interpreter from the caches.
+py::object tone_gain_as_given(const py::object& columns, const Camera& camera, const py::object& frequency,
+                              const py::object& method, const py::object& waveform, const py::object& duty,
+                              const py::object& background, const py::object& efficiency, const py::object& threads,
+                              const py::object& pooled) {
+  const auto are_floats = [](const auto&... values) { return (PyFloat_Check(values.ptr()) && ...); };
+  if (!is_viewable(columns) || !are_floats(duty, background, efficiency) || !PyUnicode_CheckExact(method.ptr()) ||
+      !PyUnicode_CheckExact(waveform.ptr()) || !PyLong_CheckExact(threads.ptr()) || !PyBool_Check(pooled.ptr()))
+    return py::none();
+  const auto tones = frequencies_as_given(frequency);
+  int overflow = 0;
+  const long count = PyLong_AsLongAndOverflow(threads.ptr(), &overflow);
+  if (!tones || background.cast<double>() != 0 || overflow != 0 || !std::in_range<int>(count)) return py::none();
+  return gain_arrays(py::reinterpret_borrow<py::array>(columns), camera, *tones,
+                     PyFloat_Check(frequency.ptr()) ? Shape() : Shape{static_cast<py::ssize_t>(tones->size())},
+                     gain_options(method.cast<std::string>(), waveform.cast<std::string>(), duty.cast<double>(), {},
+                                  efficiency.cast<double>(), static_cast<int>(count)),
+                     pooled.is(py::bool_(true)));
 }
 
 // (frames, columns) arrays: gain, gain_std, mean, bias, bias_std, flags.
@@ -198,6 +240,7 @@ void register_tones(py::module_& module) {
   using py::arg;
   module.def("tone_gain", &tone_gain_arrays, arg("columns"), arg("camera"), arg("frequencies"), arg("method"),
              arg("waveform"), arg("duty"), arg("background"), arg("efficiency"), arg("threads"), arg("pooled"));
+  module.def("tone_gain_as_given", &tone_gain_as_given);
   module.def("varying_tone_gain", &varying_tone_gain_arrays, arg("columns"), arg("camera"), arg("frequency"),
              arg("degree"), arg("waveform"), arg("duty"), arg("background"), arg("threads"));
   py::class_<RowWeights>(module, "RowWeights")

@@ -24,6 +24,7 @@ class Camera:
     ) -> None: ...
 
 def exposure_response(frequency: npt.ArrayLike, exposure: npt.ArrayLike) -> Any: ...
+def is_viewable(array: object) -> bool: ...
 def flag_names(flags: int) -> list[str]: ...
 def tone_gain(
     columns: npt.NDArray[Any],
@@ -37,6 +38,19 @@ def tone_gain(
     threads: int,
     pooled: bool,
 ) -> tuple[Any, Any, Any, Any, Any, Any]: ...
+def tone_gain_as_given(
+    columns: npt.ArrayLike,
+    camera: Camera,
+    frequency: npt.ArrayLike,
+    method: str,
+    waveform: str,
+    duty: float,
+    background: npt.ArrayLike,
+    efficiency: float,
+    threads: int,
+    pooled: bool,
+    /,
+) -> tuple[Any, Any, Any, Any, Any, Any] | None: ...
 def varying_tone_gain(
     columns: npt.NDArray[Any],
     camera: Camera,

@@ -361,6 +361,66 @@ def test_read_only_strided_views_are_taken():
     np.testing.assert_array_equal(upside_down.gain, want.gain)
 
 
+GIVEN = {
+    "frequency": 700.0, "method": "fit", "waveform": "tone", "duty": 0.5, "background": 0.0, "efficiency": 1.0,
+    "threads": 1, "pooled": False,
+}  # fmt: skip
+
+
+def as_given(columns, **change):
+    return _core.tone_gain_as_given(columns, Camera(ROW_TIME)._handle, *(GIVEN | change).values())
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "uint16", "float32", "float64"])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {}, {"frequency": np.float64(700)}, {"frequency": np.array([700.0, 900.0])},
+        {"frequency": np.arange(500.0, 900.0, 50.0)[::4]}, {"background": -0.0}, {"pooled": True}, {"threads": 3},
+        {"method": "robust"}, {"waveform": "square", "duty": 0.3}, {"efficiency": 0.9},
+    ],
+)  # fmt: skip
+def test_arguments_that_need_no_conversion_give_the_same_bits(change, dtype):
+    columns = np.tile(np.round(tone_columns(301, 700 * ROW_TIME, 6)), (2, 1, 1)).astype(dtype)[:, ::2, ::-1]
+    converted = change | {"efficiency": np.float32(change.get("efficiency", 1.0))}
+    assert as_given(columns, **converted) is None
+    want = ocisac.tone_gain(columns, Camera(ROW_TIME), **{"frequency": 700.0} | converted)
+    given = as_given(columns, **change | {"efficiency": float(converted["efficiency"])})
+    for name, values in zip((*FIELDS, "flags"), given, strict=True):
+        np.testing.assert_array_equal(values, getattr(want, name), err_msg=name)
+
+
+class OfAnotherClass(np.ndarray):
+    pass
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        [[1.0, 2.0]] * 9, np.ma.masked_equal(np.eye(9), 1), np.eye(9).view(OfAnotherClass), np.eye(9, dtype=">f8"),
+        np.eye(9, dtype=np.int32), np.eye(9, dtype=bool), np.eye(9, dtype=np.float16), np.eye(9, dtype=complex),
+        np.frombuffer(bytes(8 * 81 + 1), np.uint8)[1:].view(np.float64).reshape(9, 9), np.zeros((0, 9)), np.float64(3),
+        np.zeros((2, 2, 9, 9)), np.zeros((9, 3), dtype="u1,f4")["f1"], None,
+    ],
+)  # fmt: skip
+def test_arrays_that_the_core_cannot_view_are_not_taken_as_given(columns):
+    assert as_given(columns) is None
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"frequency": 700}, {"frequency": [700.0]}, {"frequency": np.array(700.0)}, {"frequency": np.float32([700])},
+        {"frequency": np.full((1, 1), 700.0)}, {"frequency": np.ma.masked_equal([700.0, 1.0], 1)}, {"method": None},
+        {"waveform": b"tone"}, {"duty": 1}, {"background": 3.0}, {"background": 0}, {"background": np.zeros(1)},
+        {"efficiency": True}, {"threads": True}, {"threads": 1.0}, {"threads": np.int64(1)}, {"threads": 2**31},
+        {"threads": -(2**80)}, {"pooled": 0}, {"pooled": np.True_},
+    ],
+)  # fmt: skip
+def test_arguments_of_other_types_are_not_taken_as_given(change):
+    assert as_given(np.eye(9), **change) is None
+
+
 def test_flags():
     camera = Camera(ROW_TIME, exposure=1e-3)
 

@@ -130,10 +130,16 @@ bool is_quantised(const Estimates& estimates, std::size_t i, double amplitude) {
   return rounding_pull(amplitude, noise) > std::sqrt(radial);
 }
 
-// Writes gain, standard error, phase, mean and snr of one tone for the columns from `first` of the result on; the
-// estimates' mean is the source's own. of_pixels: (columns,), additional flags.
-void write_result(const Context& context, const Tone& tone, const Estimates& estimates,
-                  std::span<const Flags> of_pixels, std::size_t first, const ToneGainView& result) {
+// Largest sample of each column, (columns,), and the level from which it is saturated.
+struct Peaks {
+  std::span<const double> samples;
+  double saturated;
+};
+
+// Writes gain, standard error, phase, mean, snr and flags of one tone for the columns from `first` of the result on;
+// the estimates' mean is the source's own.
+void write_result(const Context& context, const Tone& tone, const Estimates& estimates, const Peaks& peaks,
+                  std::size_t first, const ToneGainView& result) {
   const std::size_t count = estimates.mean.size();
   const Variances& variances = estimates.variances;
   thread_local std::vector<double> remarks;  // reused from call to call, as StreamMemory
@@ -143,7 +149,8 @@ void write_result(const Context& context, const Tone& tone, const Estimates& est
        variances.mean, variances.cosine, variances.sine, variances.mean_and_cosine, context.ratio, tone.phase_at_zero},
       {&result.gain[first], &result.gain_std[first], &result.phase[first], &result.snr[first], remarks.data()});
   std::copy(estimates.mean.begin(), estimates.mean.end(), result.mean.begin() + static_cast<std::ptrdiff_t>(first));
-  for (std::size_t i = 0; i < count; ++i) result.flags[first + i] = tone.flags | of_pixels[i];
+  for (std::size_t i = 0; i < count; ++i)
+    result.flags[first + i] = tone.flags | (peaks.samples[i] >= peaks.saturated ? flag::saturated : 0);
   if (!any && !(tone.flags & flag::unresolvable)) return;
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t index = first + i;
@@ -397,7 +404,6 @@ Estimates estimates_of_tone(const StreamingFit& fit, StreamingFit::Columns& colu
 struct StreamMemory {
   Projection sums;
   StreamingFit::Columns columns;
-  std::vector<Flags> of_pixels;
 };
 
 // Columns processed in one pass.
@@ -424,16 +430,16 @@ std::size_t columns_before_line(const AnyFramesView& frames, std::size_t frame) 
       frames);
 }
 
-// Whole frames, which are read fastest; the last one of each thread is split, so that all threads end together. Parts
-// begin at cache lines, so that no line is read twice. The results do not depend on the split.
+// Whole frames, which are read fastest; those that are left when every thread has had as many are split. Parts begin at
+// cache lines, so that no line is read twice. The results do not depend on the split.
 std::vector<Piece> pieces_of(const AnyFramesView& frames, const Shape& shape, std::size_t threads) {
   std::vector<Piece> pieces;
   const std::size_t part = std::min(columns_per_part(shape, threads), kColumnsPerStream);
   for (std::size_t frame = 0; frame < shape.frames; ++frame) {
-    const bool last = threads > 1 && frame + threads >= shape.frames;
+    const bool is_left = threads > 1 && frame >= shape.frames / threads * threads;
     std::size_t end = columns_before_line(frames, frame);
     for (std::size_t first = 0; first < shape.columns; first = end) {
-      end = std::min(end + (last ? part : kColumnsPerStream), shape.columns);
+      end = std::min(end + (is_left ? part : kColumnsPerStream), shape.columns);
       pieces.push_back({frame, first, end - first});
     }
   }
@@ -475,11 +481,13 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
   const StoredLight stored = stored_light(frames, context.camera->tone_curve);
   const bool bytes = holds_linear_bytes(frames, context.camera->tone_curve);
   const auto pieces = pieces_of(frames, context.shape, static_cast<std::size_t>(context.options->threads));
+  const auto threads = static_cast<std::size_t>(context.options->threads);
   for_each_block(pieces.size(), context.options->threads, [&](std::size_t block) {
     const auto [frame, first, count] = pieces[block];
     thread_local StreamMemory memory;
-    auto& [sums, columns, of_pixels] = memory;
-    fit.add_up(frames, frame, first, count, stored.light(), sums);
+    auto& [sums, columns] = memory;
+    // The frame after this one, which is prefetched, is the one that this thread takes next.
+    fit.add_up(every_frame(frames, frame, threads), 0, first, count, stored.light(), sums);
     check_summed(frames, fit, {frame, first, count}, sums);
     for (std::size_t done = 0; done < count; done += kColumnsAtOnce) {
       const std::size_t here = std::min(kColumnsAtOnce, count - done);
@@ -487,11 +495,9 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
       const auto mean = std::span(columns.parameters).first(here);
       take_off(stored.dark, mean);
       take_off_background(context, frame, first + done, mean);
-      of_pixels.resize(here);
-      for (std::size_t i = 0; i < here; ++i)
-        of_pixels[i] = sums.maximum[done + i] >= stored.saturated ? flag::saturated : 0;
+      const Peaks peaks{std::span(sums.maximum).subspan(done, here), stored.saturated};
       for (std::size_t k = 0; k < context.tones.size(); ++k)
-        write_result(context, context.tones[k], estimates_of_tone(fit, columns, k), of_pixels,
+        write_result(context, context.tones[k], estimates_of_tone(fit, columns, k), peaks,
                      index_of(context, k, frame) + first + done, result);
     }
   });
@@ -565,23 +571,20 @@ PooledColumn pool_columns(const AnyFramesView& frames, const Context& context, s
   return pool_columns(light, 0, context, frame, stored);
 }
 
-// Samples of the columns from `first` on that reach the level, row by row.
-std::vector<Flags> saturated_flags(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-                                   double level) {
+// Largest samples of the columns from `first` on, row by row.
+std::vector<double> largest_samples(const AnyFramesView& frames, std::size_t frame, std::size_t first,
+                                    std::size_t count) {
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
-        std::vector<T> highest(count, std::numeric_limits<T>::lowest());
+        std::vector<T> largest(count, std::numeric_limits<T>::lowest());
         for (std::size_t row = 0; row < view.rows; ++row) {
           const T* const samples = view.at(frame, row, first);
           if (view.column_stride == 1)
-            for (std::size_t i = 0; i < count; ++i) highest[i] = std::max(highest[i], samples[i]);
+            for (std::size_t i = 0; i < count; ++i) largest[i] = std::max(largest[i], samples[i]);
           else
-            for (std::size_t i = 0; i < count; ++i) highest[i] = std::max(highest[i], view(frame, row, first + i));
+            for (std::size_t i = 0; i < count; ++i) largest[i] = std::max(largest[i], view(frame, row, first + i));
         }
-        std::vector<Flags> flags(count);
-        for (std::size_t i = 0; i < count; ++i)
-          flags[i] = static_cast<double>(highest[i]) >= level ? flag::saturated : 0;
-        return flags;
+        return std::vector<double>(largest.begin(), largest.end());
       },
       frames);
 }
@@ -601,7 +604,7 @@ void dft_gains(const AnyFramesView& frames, const Context& context, std::span<co
     const std::size_t count = std::min(kColumnsPerBlock, columns - first);
     thread_local PrunedDft::Columns found;
     dft.transform(frames, frame, first, count, context.camera->tone_curve, found);
-    const auto of_pixels = saturated_flags(frames, frame, first, count, level);
+    const auto largest = largest_samples(frames, frame, first, count);
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       OwnEstimates of_tone{found.mean, {}, {}, {}, {1 / length, 2 / length, 2 / length, 0}};
       for (std::size_t c = 0; c < count; ++c) {
@@ -612,7 +615,8 @@ void dft_gains(const AnyFramesView& frames, const Context& context, std::span<co
         of_tone.noise_variance.push_back(rows > 3 ? rest / (length - 3) : kNaN);
       }
       take_off_background(context, frame, first, of_tone.mean);
-      write_result(context, context.tones[k], of_tone.view(), of_pixels, index_of(context, k, frame) + first, result);
+      write_result(context, context.tones[k], of_tone.view(), {largest, level}, index_of(context, k, frame) + first,
+                   result);
     }
   });
 }
@@ -631,11 +635,11 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
     auto estimates = estimator->estimate(column_signals(frames, frame, first, count, context.camera->tone_curve));
-    const auto of_pixels = saturated_flags(frames, frame, first, count, level);
+    const auto largest = largest_samples(frames, frame, first, count);
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       take_off_background(context, frame, first, estimates[k].mean);
-      write_result(context, context.tones[k], estimates[k].view(), of_pixels, index_of(context, k, frame) + first,
-                   result);
+      write_result(context, context.tones[k], estimates[k].view(), {largest, level},
+                   index_of(context, k, frame) + first, result);
     }
   });
 }
@@ -877,8 +881,8 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
       auto estimates = own.estimate(pooled.signal);
       for (std::size_t k = 0; k < of_fit.tones.size(); ++k) {
         estimates[k].mean[0] -= pooled.background;
-        write_result(of_fit, of_fit.tones[k], estimates[k].view(),
-                     std::array{pooled.saturated ? flag::saturated : Flags{0}}, k * context.shape.frames + frame,
+        const std::array saturated{pooled.saturated ? 1.0 : 0.0};
+        write_result(of_fit, of_fit.tones[k], estimates[k].view(), {saturated, 1}, k * context.shape.frames + frame,
                      result);
       }
     };

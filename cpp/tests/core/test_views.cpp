@@ -1,7 +1,10 @@
 #include <doctest/doctest.h>
 
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
+#include <variant>
+#include <vector>
 
 #include "ocisac/core/views.hpp"
 
@@ -18,4 +21,18 @@ TEST_CASE("a region that wraps is not inside") {
   CHECK_THROWS_WITH_AS(ocisac::require_inside("region", {kHuge, 0, 2, 2}, 40, 30),
                        "region: got 18446744073709551615,0,2,2, allowed: inside the picture of 40x30",
                        std::invalid_argument);
+}
+
+TEST_CASE("every step-th frame is the stored one, in either direction") {
+  const std::vector<std::uint8_t> numbers{0, 1, 2, 3, 4, 5, 6, 7};  // one pixel a frame
+  for (const bool backwards : {false, true}) {
+    const ocisac::FramesView<const std::uint8_t> view{
+        numbers.data() + (backwards ? 7 : 0), 8, 1, 1, backwards ? -1 : 1, 1, 1};
+    for (std::size_t first = 0; first < 8; ++first)
+      for (std::size_t step = 1; step < 10; ++step) {
+        const auto part = std::get<ocisac::FramesView<const std::uint8_t>>(ocisac::every_frame(view, first, step));
+        CHECK(part.frames == (7 - first) / step + 1);
+        for (std::size_t k = 0; k < part.frames; ++k) CHECK(part(k, 0, 0) == view(first + k * step, 0, 0));
+      }
+  }
 }

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast import _core
 from ocisac_fast.core.checks import shown
 from ocisac_fast.core.regions import Region
 
@@ -31,6 +32,14 @@ def as_columns(columns: npt.ArrayLike, *, name: str = "columns", scan_axis: str 
         ValueError: not a real-valued array of 1 to 3 dimensions, or without rows or columns.
     """
     array = columns if type(columns) is np.ndarray else _as_array(columns, name)
+    if not _core.is_viewable(array):
+        array = _viewable_copy(array, name)
+    if not _is_axis(scan_axis):
+        raise ValueError(f"scan_axis: got {shown(scan_axis)}, allowed: y, -y, x, -x")
+    return array if scan_axis == "y" else in_time_order(array, scan_axis)
+
+
+def _viewable_copy(array: Columns, name: str) -> Columns:
     known = array.dtype in _KINDS
     if not known and array.dtype.kind not in "buif":
         raise ValueError(f"{name}: got dtype {array.dtype}, allowed: real numbers (uint8, uint16, float32, float64)")
@@ -40,12 +49,7 @@ def as_columns(columns: npt.ArrayLike, *, name: str = "columns", scan_axis: str 
         )
     if array.size == 0:
         raise ValueError(f"{name}: got shape {array.shape}, allowed: at least one frame, row and column")
-    flags = array.flags
-    if not (known and flags.aligned and (flags.c_contiguous or _whole_strides(array))):
-        array = np.array(array, dtype=array.dtype.newbyteorder("=") if known else np.float64)
-    if not _is_axis(scan_axis):
-        raise ValueError(f"scan_axis: got {shown(scan_axis)}, allowed: y, -y, x, -x")
-    return array if scan_axis == "y" else in_time_order(array, scan_axis)
+    return np.array(array, dtype=array.dtype.newbyteorder("=") if known else np.float64)
 
 
 def _as_array(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:

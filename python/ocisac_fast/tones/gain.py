@@ -16,7 +16,6 @@ from ocisac_fast.core.checks import check_arguments
 FloatArray = npt.NDArray[np.float64]
 
 _NO_BACKGROUND = np.zeros(0)
-_USUAL = (np.ndarray, Camera, float, str, str, float, float, float, int, bool)  # types of tone_gain's arguments
 
 
 @dataclass(frozen=True)
@@ -100,14 +99,16 @@ def tone_gain(
     Raises:
         ValueError: an argument outside its range or of the wrong shape; the message names it.
     """
-    # fmt: off
-    if (type(columns), type(camera), type(frequency), type(method), type(waveform), type(duty), type(background),
-            type(efficiency), type(threads), type(pooled)) != _USUAL:
-        check_arguments(tone_gain, locals())
-    # fmt: on
+    # Most arguments need no conversion. By position: by name the call takes 3 us more.
+    if type(camera) is Camera and camera.scan_axis == "y":
+        results = _core.tone_gain_as_given(
+            columns, camera._handle, frequency, method, waveform, duty, background, efficiency, threads, pooled
+        )
+        if results is not None:
+            return ToneGain(*results)
+    check_arguments(tone_gain, locals())
     array = as_columns(columns, scan_axis=camera.scan_axis)
     light = background_values(background, array)
-    # By position: keyword arguments increase the time of the call into the core from 3.1 to 5.8 us.
     results = _core.tone_gain(
         array, camera._handle, frequency, method, waveform, duty, light, efficiency, threads, pooled
     )

@@ -62,4 +62,16 @@ inline AnyFramesView part_of(const AnyFramesView& frames, const Region& region) 
       frames);
 }
 
+// Every `step`-th frame of a view, from frame `first` on.
+inline AnyFramesView every_frame(const AnyFramesView& frames, std::size_t first, std::size_t step) {
+  return std::visit(
+      [&](auto view) -> AnyFramesView {
+        view.data = view.at(first, 0, 0);
+        view.frames = (view.frames - first + step - 1) / step;
+        view.frame_stride *= static_cast<std::ptrdiff_t>(step);
+        return view;
+      },
+      frames);
+}
+
 }  // namespace ocisac
