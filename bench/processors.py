@@ -90,7 +90,7 @@ def quiet_rounds(arithmetic: np.ndarray) -> np.ndarray:
 def rounds_on_two(pair: Callable[[], tuple[float, float]], seconds: float) -> tuple[np.ndarray, np.ndarray]:
     """(rounds, 2) times measured by `pair`, and (rounds,) bool: `quiet_rounds` of arithmetic timed next to each.
 
-    It takes up to eight times as long if fewer than nine rounds are quiet.
+    It takes up to twice as long if fewer than nine rounds are quiet.
     """
     times: list[tuple[float, float]] = []
     arithmetic: list[np.ndarray] = []
@@ -100,7 +100,7 @@ def rounds_on_two(pair: Callable[[], tuple[float, float]], seconds: float) -> tu
         passed = time.perf_counter() - start
         if len(times) < FEWEST_ROUNDS or passed < seconds:
             return False
-        return passed >= 8 * seconds or np.sum(quiet_rounds(np.array(arithmetic))) >= FEWEST_ROUNDS
+        return passed >= 2 * seconds or np.sum(quiet_rounds(np.array(arithmetic))) >= FEWEST_ROUNDS
 
     with arithmetic_on_two() as measure:
         while not is_enough():

@@ -413,11 +413,11 @@ struct Piece {
 
 constexpr std::size_t kLine = 64;  // bytes of a cache line
 
-// Width of the parts of a frame that threads share: halves, or as many as there are threads.
-std::size_t columns_per_part(const Shape& shape, std::size_t threads) {
+// Width of the parts of the frames that are left: halves, or as many as there are threads for each.
+std::size_t columns_per_part(std::size_t columns, std::size_t left, std::size_t threads) {
   const auto share = [](std::size_t of, std::size_t parts) { return (of + parts - 1) / parts; };
-  const std::size_t parts = std::max<std::size_t>(share(threads, std::max<std::size_t>(shape.frames, 1)), 2);
-  return std::max(share(share(shape.columns, parts), kLine) * kLine, kColumnsPerPart);
+  const std::size_t parts = std::max<std::size_t>(share(threads, std::max<std::size_t>(left, 1)), 2);
+  return std::max(share(share(columns, parts), kLine) * kLine, kColumnsPerPart);
 }
 
 // Columns of a frame's first row before the next cache line.
@@ -434,9 +434,10 @@ std::size_t columns_before_line(const AnyFramesView& frames, std::size_t frame) 
 // cache lines, so that no line is read twice. The results do not depend on the split.
 std::vector<Piece> pieces_of(const AnyFramesView& frames, const Shape& shape, std::size_t threads) {
   std::vector<Piece> pieces;
-  const std::size_t part = std::min(columns_per_part(shape, threads), kColumnsPerStream);
+  const std::size_t left = threads > 1 ? shape.frames % threads : 0;
+  const std::size_t part = std::min(columns_per_part(shape.columns, left, threads), kColumnsPerStream);
   for (std::size_t frame = 0; frame < shape.frames; ++frame) {
-    const bool is_left = threads > 1 && frame >= shape.frames / threads * threads;
+    const bool is_left = frame + left >= shape.frames;
     std::size_t end = columns_before_line(frames, frame);
     for (std::size_t first = 0; first < shape.columns; first = end) {
       end = std::min(end + (is_left ? part : kColumnsPerStream), shape.columns);
@@ -480,8 +481,8 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
                   const ToneGainView& result) {
   const StoredLight stored = stored_light(frames, context.camera->tone_curve);
   const bool bytes = holds_linear_bytes(frames, context.camera->tone_curve);
-  const auto pieces = pieces_of(frames, context.shape, static_cast<std::size_t>(context.options->threads));
   const auto threads = static_cast<std::size_t>(context.options->threads);
+  const auto pieces = pieces_of(frames, context.shape, threads);
   for_each_block(pieces.size(), context.options->threads, [&](std::size_t block) {
     const auto [frame, first, count] = pieces[block];
     thread_local StreamMemory memory;
