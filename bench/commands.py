@@ -4,7 +4,7 @@
 Videos, H.264 as cameras write it: a lamp of 500 px with a tone, or with packets, before a still texture, and one with
 a tone in a picture that moves by 4 px a frame. Start-up, in which lights are found and lamps learned, cancels: each
 command reads a short and a long cut of a video, and the difference of the least times of several rounds counts.
-Decoding is PyAV alone, which makes no array.
+Decoding is PyAV alone, which makes no array, with as many threads as the commands use: those take processor time too.
 
 usage: bench/commands.py [--commands NAME...] [--rounds N] [--frames N] [--json] [--check]
 """
@@ -31,7 +31,10 @@ SHORT = {"tone": 40, "moving": 16, "packets": 76}  # frames; gain selects column
 LIMIT = 0.2  # of decoding
 MOVING = "detect, moving"
 OWN = {"gain": "tone", "detect": "tone", "sense": "tone", MOVING: "moving", "receive": "packets"}  # videos
-DECODE = "import av, sys\nfor _ in av.open(sys.argv[1]).decode(video=0): pass"
+DECODE = """import av, sys
+file = av.open(sys.argv[1])
+file.streams.video[0].thread_type = "AUTO"
+for _ in file.decode(video=0): pass"""
 CAMERA = ["--row-time", f"{ROW_TIME}", "--exposure", f"{EXPOSURE}", "--scan-axis", "y", "--json"]
 
 
