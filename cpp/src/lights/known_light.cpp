@@ -35,7 +35,7 @@ double product_of(std::span<const double> a, std::span<const double> b) {
   return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
 }
 
-// Of a light that stays the same, else absent.
+// Ratio of two amplitudes or means if a light may stay the same between them; else absent.
 std::optional<double> ratio(double now, double then) {
   if (!(then > 0 && kLeast < now / then && now / then < kMost)) return std::nullopt;
   return now / then;

@@ -28,9 +28,10 @@ using Place = std::pair<std::ptrdiff_t, std::ptrdiff_t>;  // x and y of a box, p
 
 // A light as it looked in the frame in which it was found. Its box is divided into 2 × 8 cells. A box of this size
 // shows the light if
-//   the mean of no cell, relative to that of the box, differs by more than 0.15 of the light's amplitude (and 4
-//   standard errors), the box swings 0.7 to 1.4 times as much, and the phases of its halves differ as before, beside
-//   it, an eighth of its width or a cycle away, the swing has not grown by more than 0.4 of the amplitude.
+//   * the mean of no cell, relative to that of the box, differs by more than 0.15 of the light's amplitude (and 4
+//     standard errors),
+//   * the box swings 0.7 to 1.4 times as much, and the phases of its halves differ as before,
+//   * beside it, an eighth of its width or a cycle away, the swing has not grown by more than 0.4 of the amplitude.
 // Its place is where the means agree best, to a pixel or a 32nd of its size. A light that sends data shows one waveform
 // in all cells, from the first quarter of the box to the last; it is recognised at the given places only.
 class KnownLight {
@@ -38,8 +39,8 @@ class KnownLight {
   // `frequency`: Hz; `carries_data`: compare waveforms instead of tones. Throws for a box outside of the frame.
   KnownLight(const AnyFramesView& frame, const Camera& camera, const Region& box, double frequency, bool carries_data);
 
-  // The light in a later frame at or near one of the places, the first that shows it; absent too in a frame of another
-  // shape or without light.
+  // The light in a later frame, near the first of the places that shows it; absent if none does, or if the frame has
+  // another shape or no light.
   [[nodiscard]] std::optional<RecognisedLight> find(const AnyFramesView& frame, std::span<const Place> places) const;
 
   // In the frame in which it was found.
