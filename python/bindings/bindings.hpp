@@ -125,10 +125,10 @@ inline bool is_viewable(const py::object& object) {
   const auto array = py::reinterpret_borrow<py::array>(object);
   const bool known =
       holds<std::uint8_t>(array) || holds<std::uint16_t>(array) || holds<float>(array) || holds<double>(array);
-  const auto whole = [&](py::ssize_t axis) { return array.strides(axis) % array.itemsize() == 0; };
-  return known && array.ndim() >= 1 && array.ndim() <= 3 && array.size() > 0 &&
-         (array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) != 0 && whole(0) && (array.ndim() < 2 || whole(1)) &&
-         (array.ndim() < 3 || whole(2));
+  const bool whole = std::all_of(array.strides(), array.strides() + array.ndim(),
+                                 [&](py::ssize_t stride) { return stride % array.itemsize() == 0; });
+  return known && whole && array.ndim() >= 1 && array.ndim() <= 3 && array.size() > 0 &&
+         (array.flags() & py::detail::npy_api::NPY_ARRAY_ALIGNED_) != 0;
 }
 
 inline AnyFramesView any_view(const py::array& array) {

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/check_interrupt.hpp"
+#include "lights/box_gain.hpp"
 #include "lights/data_light.hpp"
 #include "lights/light_probability.hpp"
 #include "lights/merging.hpp"
@@ -18,7 +19,6 @@
 #include "lights/screening.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
-#include "ocisac/tones/tone_gain.hpp"
 
 namespace ocisac {
 
@@ -259,18 +259,16 @@ std::vector<Found> by_probability(const std::vector<Found>& found) {
 LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const Found& found) {
   const RefinedLight& light = found.light;
   const double frequency = light.frequency / camera.row_time;
-  const ToneGain gain =
-      pooled_tone_gain(part_of(frame_of(frames, frame), light.box), camera, std::span(&frequency, 1), {});
-  const double turned = 2 * std::numbers::pi * std::fmod(light.frequency * static_cast<double>(light.box.y), 1.0);
+  const BoxGain gain = box_gain(frame_of(frames, frame), camera, light.box, frequency);
   LightSource source;
   source.frame = frame;
   source.box = found.part.box;
   source.probability = found.told;
   source.frequency = frequency;
   source.frequency_std = light.frequency_std / camera.row_time;
-  source.gain = gain.gain[0], source.gain_std = gain.gain_std[0];
-  source.phase = std::remainder(gain.phase[0] - turned, 2 * std::numbers::pi);
-  source.mean = gain.mean[0];
+  source.gain = gain.gain, source.gain_std = gain.gain_std;
+  source.phase = gain.phase;
+  source.mean = gain.mean;
   source.snr = light.snr;
   source.amplitude = light.amplitude;
   source.share = light.periodic;
@@ -279,7 +277,7 @@ LightSource source_of(const AnyFramesView& frames, std::size_t frame, const Came
   source.reflection_by_phase = found.by_phase;
   source.merged = found.merged;
   source.joined = found.joined;
-  source.flags = gain.flags[0];
+  source.flags = gain.flags;
   return source;
 }
 

@@ -4,14 +4,13 @@
 #include <array>
 #include <cmath>
 #include <complex>
-#include <numbers>
 #include <numeric>
 #include <variant>
 #include <vector>
 
+#include "lights/box_gain.hpp"
 #include "lights/light_look.hpp"
 #include "ocisac/camera/linear_light.hpp"
-#include "ocisac/tones/tone_gain.hpp"
 
 namespace ocisac {
 
@@ -162,15 +161,11 @@ struct KnownLight::State {
     return {step(along * x - mixed * y, box.width), step(across * y - mixed * x, box.height)};
   }
 
-  // Gain, phase, mean and flags in a frame in which the light is in the box.
+  // A frame in which the light is in the box.
   [[nodiscard]] RecognisedLight measured(const AnyFramesView& frame, const Region& region, double frequency,
                                          double swing) const {
-    const ToneGain found = pooled_tone_gain(part_of(frame, region), camera, {&frequency, 1});
-    const double cycles = frequency * camera.row_time * static_cast<double>(region.y);
-    const double turned = 2 * std::numbers::pi * (cycles - std::floor(cycles));
-    return {region,        frequency,         swing,
-            found.gain[0], found.gain_std[0], std::remainder(found.phase[0] - turned, 2 * std::numbers::pi),
-            found.mean[0], found.flags[0]};
+    const auto [gain, gain_std, phase, mean, flags] = box_gain(frame, camera, region, frequency);
+    return {region, frequency, swing, gain, gain_std, phase, mean, flags};
   }
 
   [[nodiscard]] std::optional<RecognisedLight> found_near(const AnyFramesView& frame, FreeBox place) const {
