@@ -36,7 +36,7 @@ constexpr double kNothing = 0, kLittleNoise = 1, kWeakTone = 2, kNoLight = 3;
 
 // (count,) each; see ToneGain.
 struct GainOutputs {
-  double *gain, *gain_std, *phase, *snr, *remark;
+  double *gain, *gain_std, *phase, *mean, *snr, *remark;
 };
 
 // Returns whether any column has a remark.

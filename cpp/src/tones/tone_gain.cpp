@@ -147,8 +147,8 @@ void write_result(const Context& context, const Tone& tone, const Estimates& est
   const bool any = kernels::gains_of_fit(
       {estimates.mean.data(), estimates.cosine.data(), estimates.sine.data(), estimates.noise_variance.data(), count,
        variances.mean, variances.cosine, variances.sine, variances.mean_and_cosine, context.ratio, tone.phase_at_zero},
-      {&result.gain[first], &result.gain_std[first], &result.phase[first], &result.snr[first], remarks.data()});
-  std::copy(estimates.mean.begin(), estimates.mean.end(), result.mean.begin() + static_cast<std::ptrdiff_t>(first));
+      {&result.gain[first], &result.gain_std[first], &result.phase[first], &result.mean[first], &result.snr[first],
+       remarks.data()});
   for (std::size_t i = 0; i < count; ++i)
     result.flags[first + i] = tone.flags | (peaks.samples[i] >= peaks.saturated ? flag::saturated : 0);
   if (!any && !(tone.flags & flag::unresolvable)) return;

@@ -74,6 +74,7 @@ void plain_gains(const FittedTone& fit, const GainOutputs& out) {
     out.gain[i] = contrast / fit.full_depth_ratio;
     out.gain_std[i] = std::sqrt(std::max(variance, 0.0)) / mean / fit.full_depth_ratio;
     out.phase[i] = wrapped(fit.phase_at_zero + std::atan2(-s, c));
+    out.mean[i] = mean;
     out.snr[i] = amplitude * amplitude / (fit.full_depth_ratio * fit.full_depth_ratio) / noise;
     const bool weak = power < 9 * noise * radial || power <= 1e-18 * mean * mean;
     out.remark[i] = !(mean > 0) ? ocisac::kernels::kNoLight
@@ -107,11 +108,12 @@ KernelCase gains_case(std::size_t count) {
                          0.0001,
                          0.9,
                          3.0};
-    const GainOutputs outputs{out, out + count, out + 2 * count, out + 3 * count, out + 4 * count};
+    const auto output = [&](std::size_t i) { return out + i * count; };
+    const GainOutputs outputs{output(0), output(1), output(2), output(3), output(4), output(5)};
     if (plain) return plain_gains(fit, outputs);
     ocisac::kernels::gains_of_fit(fit, outputs);
   };
-  return kernel_case<double>("gains_of_fit " + std::to_string(count) + " columns", 1e-12, {5, count, count}, run,
+  return kernel_case<double>("gains_of_fit " + std::to_string(count) + " columns", 1e-12, {6, count, count}, run,
                              count > 1000);
 }
 
