@@ -56,10 +56,14 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Proj
       to.moments.totals[c] += near + far;
       to.moments.squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
     }
+  for (const std::size_t part : weights.parts)
+    for (std::size_t c = 0; c < block.columns; ++c) to.sums[part * to.stride + c] *= weights.unit(part, to.last);
 }
 
 void ProjectAcross(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
-  const auto add = [&](double* out, std::size_t c, double value) { out[c] = value + (to.first ? 0 : out[c]); };
+  const auto add = [&](double* out, std::size_t c, double value, double unit = 1) {
+    out[c] = unit * (value + (to.first ? 0 : out[c]));
+  };
   for (std::size_t c = 0; c < block.columns; ++c) {
     const std::uint8_t* pixels = block.pixels + static_cast<std::ptrdiff_t>(c) * block.row_stride;
     for (std::size_t p = 0; p < weights.parts.size(); ++p) {
@@ -68,7 +72,8 @@ void ProjectAcross(const ByteBlock& block, const ByteWeights& weights, const Pro
         const auto pair = static_cast<std::uint32_t>(weights.pairs[p * weights.stride + r / 2]);
         sum += static_cast<std::int16_t>(r % 2 == 0 ? pair & 0xffffU : pair >> 16) * pixels[r];
       }
-      add(to.sums + weights.parts[p] * to.stride, c, static_cast<double>(sum));
+      const std::size_t part = weights.parts[p];
+      add(to.sums + part * to.stride, c, static_cast<double>(sum), weights.unit(part, to.last));
     }
     std::int64_t total = 0, squares = 0;
     int top = 0;
@@ -184,21 +189,28 @@ bool asks_for_runs(const ByteBlock& block) { return !block.cached && (!kWide || 
 template <int kGroup>
 constexpr std::size_t kLinesPerPair = std::max<std::size_t>(2 * kGroup * hn::MaxLanes(d8) / kLine, 1);
 
-// Runs of `bytes` that cover a block of rows, the lowest first, as offsets from its lowest row; `count` of them, the
-// last repeated.
-std::vector<std::ptrdiff_t> runs_of(std::size_t bytes, std::size_t rows, std::ptrdiff_t row_stride, std::size_t columns,
-                                    std::size_t count) {
-  const auto apart = static_cast<std::size_t>(std::abs(row_stride));
-  if (apart == columns) {
-    columns *= rows;
-    rows = 1;
-  }
-  std::vector<std::ptrdiff_t> runs;
-  runs.reserve(count);
+// Runs of `bytes` that cover a block of rows.
+struct RunsOfBlock {
+  std::size_t bytes, rows;
+  std::ptrdiff_t row_stride;
+  std::size_t columns, count;
+  bool operator==(const RunsOfBlock&) const = default;
+};
+
+// Their offsets from the block's lowest row, the lowest first, the last repeated; kept until the thread's next call.
+std::span<const std::ptrdiff_t> offsets_of(const RunsOfBlock& of) {
+  thread_local RunsOfBlock known{};
+  thread_local std::vector<std::ptrdiff_t> runs;
+  if (of == known) return runs;
+  known = of;
+  runs.clear();
+  const auto apart = static_cast<std::size_t>(std::abs(of.row_stride));
+  const bool dense = apart == of.columns;
+  const std::size_t rows = dense ? 1 : of.rows, columns = dense ? of.columns * of.rows : of.columns;
   for (std::size_t row = 0; row < rows; ++row)
-    for (std::size_t c = 0; c < columns && runs.size() < count; c += bytes)
-      runs.push_back(static_cast<std::ptrdiff_t>(row * apart + std::min(c, columns - std::min(columns, bytes))));
-  runs.resize(count, runs.back());
+    for (std::size_t c = 0; c < columns && runs.size() < of.count; c += of.bytes)
+      runs.push_back(static_cast<std::ptrdiff_t>(row * apart + std::min(c, columns - std::min(columns, of.bytes))));
+  runs.resize(of.count, runs.back());
   return runs;
 }
 
@@ -365,10 +377,16 @@ class StripGrid {
     const std::ptrdiff_t wanted = static_cast<std::ptrdiff_t>(i) * kWidth - before_;
     return std::max<std::ptrdiff_t>(std::min(wanted, columns_ - kWidth), 0);
   }
-  // Offset from strip i to the one `ahead` of it; after the last strip, to those `next_rows` further on.
-  [[nodiscard]] HWY_INLINE std::ptrdiff_t step(std::size_t i, std::size_t ahead, std::ptrdiff_t next_rows) const {
-    const std::size_t to = i + ahead;
-    return to < count_ ? first(to) - first(i) : next_rows + first(std::min(to - count_, count_ - 1)) - first(i);
+  // Offset from strip i, in near and in mirrored rows, to the one `ahead` of it; after the last strip, to those of the
+  // rows `next_rows` further on.
+  struct Step {
+    std::ptrdiff_t near, far;
+  };
+  [[nodiscard]] HWY_INLINE Step step(std::size_t i, std::size_t ahead, std::ptrdiff_t next_rows) const {
+    const bool is_next = i + ahead >= count_;
+    const std::size_t to = is_next ? std::min(i + ahead - count_, count_ - 1) : i + ahead;
+    const std::ptrdiff_t columns = first(to) - first(i), rows = is_next ? next_rows : 0;
+    return {columns + rows, columns - rows};
   }
   // Columns before the next strip.
   [[nodiscard]] std::size_t own_columns(std::size_t i) const {
@@ -385,7 +403,7 @@ class StripGrid {
 // Accumulators of a strip. sums: kVectors vectors per part, one part after the other, then the squares. The totals of
 // the last rows are kept in 16 bits until they might overflow.
 struct Strip {
-  std::int32_t* sums;
+  std::int32_t *sums, *squares;
   std::uint16_t* totals;
   std::uint8_t* maximum;
 };
@@ -411,8 +429,8 @@ class Strips {
 
   [[nodiscard]] HWY_INLINE Strip at(std::size_t i) {
     std::int32_t* sums = memory_ + i * per_strip();
-    std::int32_t* totals = sums + (parts_ + 1) * kPerSum;
-    return {sums, reinterpret_cast<std::uint16_t*>(totals), reinterpret_cast<std::uint8_t*>(totals + kPerSum)};
+    std::int32_t *squares = sums + parts_ * kPerSum, *totals = squares + kPerSum;
+    return {sums, squares, reinterpret_cast<std::uint16_t*>(totals), reinterpret_cast<std::uint8_t*>(totals + kPerSum)};
   }
   // Totals of strip i in 32 bits.
   [[nodiscard]] std::int32_t* totals(std::size_t i) { return memory_ + grid.count() * per_strip() + i * kPerSum; }
@@ -521,22 +539,21 @@ struct BlockPlan {
   std::size_t count;   // pairs of groups
   std::size_t second;  // the part where the second kind begins
   std::int32_t* spare;
+  bool has_first, has_second;
+  const std::int32_t *first_weights, *second_weights;
 
   BlockPlan(const ByteWeights& of, std::size_t pairs, bool fold, std::int32_t* spare_sums)
       : weights(of),
         count(pairs),
         second(fold ? of.even : std::min<std::size_t>(of.parts.size(), 1)),
-        spare(spare_sums) {}
+        spare(spare_sums),
+        has_first(second > 0),
+        has_second(second < of.parts.size()),
+        first_weights(has_first ? of.pairs : kNone.data()),
+        second_weights(has_second ? of.pairs + second * of.stride : kNone.data()) {}
 
-  [[nodiscard]] bool has_first() const { return second > 0; }
-  [[nodiscard]] bool has_second() const { return second < weights.parts.size(); }
-  [[nodiscard]] const std::int32_t* weights_of(std::size_t part, bool there) const {
-    static constexpr std::array<std::int32_t, kRowsForMore> kNone{};
-    return there ? weights.pairs + part * weights.stride : kNone.data();
-  }
-  [[nodiscard]] HWY_INLINE std::int32_t* sums_of(std::int32_t* sums, std::size_t part, bool there) const {
-    return there ? sums + part * kPerSum : spare;
-  }
+ private:
+  static constexpr std::array<std::int32_t, kRowsForMore> kNone{};
 };
 
 // True if there are outputs beside those of one tone.
@@ -550,9 +567,9 @@ HWY_INLINE void add_slice_of_strip(const BlockPlan& plan, const Strip& strip, Pa
   std::int32_t* sums = strip.sums + kSlice * kPerSlice * hn::Lanes(d32);
   add_slice<kFold, !kMore, kKeep, kDot>(
       plan.count,
-      {plan.weights_of(0, plan.has_first()), plan.weights_of(plan.second, plan.has_second()),
-       plan.sums_of(sums, 0, plan.has_first()), plan.sums_of(sums, plan.second, plan.has_second()),
-       sums + parts * kPerSum, strip.totals + kSlice * kPerSlice * hn::Lanes(d16), strip.maximum, kept},
+      {plan.first_weights, plan.second_weights, plan.has_first ? sums : plan.spare,
+       plan.has_second ? sums + plan.second * kPerSum : plan.spare, strip.squares + kSlice * kPerSlice * hn::Lanes(d32),
+       strip.totals + kSlice * kPerSlice * hn::Lanes(d16), strip.maximum, kept},
       load);
   if constexpr (!kMore) return;
   const std::span<const Pairs> pairs(kept, plan.count);
@@ -678,8 +695,9 @@ void add_strips(const Rows<>& rows, const BlockPlan& plan, RowsAhead ahead, Stri
     const std::ptrdiff_t first = strips.grid.first(i);
     Rows<Mode::kLines> here{rows.near + first, rows.far + first, rows.stride};
     for (std::size_t n = 0; n < Mode::kLines; ++n) {
-      here.near_ahead[n] = strips.grid.step(i, kStripsAhead[n], next_rows);
-      here.far_ahead[n] = strips.grid.step(i, kStripsAhead[n], -next_rows);
+      const auto step = strips.grid.step(i, kStripsAhead[n], next_rows);
+      here.near_ahead[n] = step.near;
+      here.far_ahead[n] = step.far;
     }
     if constexpr (kGroup == 1 || kSlices == 1)
       add_strip<kGroup, kFold, kMore, Mode>(here, plan, ahead, strips.at(i));
@@ -724,8 +742,8 @@ class BlockProjector {
         strips_(strips),
         rows_ahead_(std::min(kRows, block.groups * kGroup)),
         runs_(Mode::kLines <= kLinesAfterRuns && asks_for_runs(block)
-                  ? runs_of(kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs)
-                  : std::vector<std::ptrdiff_t>()) {}
+                  ? offsets_of({kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs})
+                  : std::span<const std::ptrdiff_t>()) {}
 
   void run() {
     for (int block = 0; block < kBlocksAhead; ++block) {
@@ -797,7 +815,7 @@ class BlockProjector {
   Strips& strips_;
   std::size_t rows_ahead_;
   std::ptrdiff_t row_ahead_ = 0;  // the first one of the next block to prefetch
-  std::vector<std::ptrdiff_t> runs_;
+  std::span<const std::ptrdiff_t> runs_;
   std::size_t rows_in_totals_ = 0;
 };
 
@@ -834,36 +852,42 @@ void project_groups(const ByteBlock& block, const ByteWeights& weights, Strips& 
 
 constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes kept together by the interleaving
 
-// Adds unit·sums of a block's lanes to as many numbers, or overwrites them.
+// Numbers become unit·(number + share·sum), or without what they were; sums: integers.
+struct Scale {
+  double share, unit;
+};
+
+// For the numbers of a block's lanes.
 template <bool kWrite>
-HWY_INLINE void add_lanes(const std::int32_t* HWY_RESTRICT from, double unit, double* HWY_RESTRICT to) {
+HWY_INLINE void add_lanes(const std::int32_t* HWY_RESTRICT from, const Scale& by, double* HWY_RESTRICT to) {
 #if HWY_HAVE_FLOAT64
   const hn::CappedTag<double, kInBlock> d_double;
   const hn::Rebind<std::int32_t, decltype(d_double)> d_int;
   for (std::size_t i = 0; i < kInBlock; i += hn::Lanes(d_double)) {
     const auto sums = hn::PromoteTo(d_double, hn::Load(d_int, from + i));
     const auto before = kWrite ? hn::Zero(d_double) : hn::LoadU(d_double, to + i);
-    hn::StoreU(hn::Add(before, hn::Mul(hn::Set(d_double, unit), sums)), d_double, to + i);
+    const auto sum = hn::Add(before, hn::Mul(hn::Set(d_double, by.share), sums));
+    hn::StoreU(hn::Mul(hn::Set(d_double, by.unit), sum), d_double, to + i);
   }
 #else
-  for (std::size_t i = 0; i < kInBlock; ++i) to[i] = (kWrite ? 0 : to[i]) + unit * from[i];
+  for (std::size_t i = 0; i < kInBlock; ++i) to[i] = by.unit * ((kWrite ? 0 : to[i]) + by.share * from[i]);
 #endif
 }
 
 // The same for one output of a strip, whose lanes are in the order of Pairs, and `columns` numbers.
 template <bool kWrite>
-HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double unit, double* HWY_RESTRICT to,
+HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, const Scale& by, double* HWY_RESTRICT to,
                              std::size_t columns) {
   if (columns == kPerSum) {
     for (std::size_t b = 0; b < kPerSum / kVectors; b += kInBlock)
       for (std::size_t v = 0; v < kVectors; ++v, to += kInBlock)
-        add_lanes<kWrite>(from + v * hn::Lanes(d32) + b, unit, to);
+        add_lanes<kWrite>(from + v * hn::Lanes(d32) + b, by, to);
     return;
   }
   for (std::size_t c = 0; c < columns; ++c) {
     const std::size_t block = c / kInBlock;
     const std::size_t lane = block % kVectors * hn::Lanes(d32) + block / kVectors * kInBlock + c % kInBlock;
-    to[c] = (kWrite ? 0 : to[c]) + unit * from[lane];
+    to[c] = by.unit * ((kWrite ? 0 : to[c]) + by.share * from[lane]);
   }
 }
 
@@ -889,11 +913,11 @@ void add_strip_in_order(const Strip& strip, const std::int32_t* totals, const By
                         const ProjectionSums& to, std::size_t first, std::size_t count) {
   const std::int32_t* from = strip.sums;
   for (const std::size_t part : weights.parts) {
-    add_in_order<kWrite>(from, 1, to.sums + part * to.stride + first, count);
+    add_in_order<kWrite>(from, {1, weights.unit(part, to.last)}, to.sums + part * to.stride + first, count);
     from += kPerSum;
   }
-  add_in_order<kWrite>(from, folded ? 0.5 : 1, to.moments.squares + first, count);
-  add_in_order<kWrite>(totals, 1, to.moments.totals + first, count);
+  add_in_order<kWrite>(from, {folded ? 0.5 : 1, 1}, to.moments.squares + first, count);
+  add_in_order<kWrite>(totals, {1, 1}, to.moments.totals + first, count);
   raise_in_order<kWrite>(strip.maximum, to.moments.maximum + first, count);
 }
 
@@ -965,10 +989,12 @@ HWY_INLINE void add_column(const std::uint8_t* HWY_RESTRICT pixels, std::size_t 
   for (; r + lanes <= rows; r += lanes)
     of.add(hn::PromoteTo(d16s, hn::LoadU(of.d_row, pixels + r)), of_rows + r, stride);
   if (r < rows) of.add_last(pixels, of_rows, stride, r, r + lanes - rows);
-  const auto put = [&](double* out, double value)
-                       OCISAC_INLINE_LAMBDA { out[column] = value + (to.first ? 0 : out[column]); };
-  for_each_constant<kParts>(
-      [&](auto i) OCISAC_INLINE_LAMBDA { put(to.sums + weights.parts[part + i] * to.stride, of.sum(i)); });
+  const auto put = [&](double* out, double value, double unit = 1)
+                       OCISAC_INLINE_LAMBDA { out[column] = unit * (value + (to.first ? 0 : out[column])); };
+  for_each_constant<kParts>([&](auto i) OCISAC_INLINE_LAMBDA {
+    const std::size_t p = weights.parts[part + i];
+    put(to.sums + p * to.stride, of.sum(i), weights.unit(p, to.last));
+  });
   if constexpr (!kMoments) return;
   put(to.moments.squares, of.sum(kParts));
   put(to.moments.totals, sum_of_shorts(of.total));

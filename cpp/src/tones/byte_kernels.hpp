@@ -21,14 +21,19 @@ struct ByteBlock {
   std::ptrdiff_t to_next = 0;  // bytes to the same block of the frame that will be read next; 0: none
 };
 
-// Integer weights of the groups of a block, two groups per word: those of part parts[p] begin at pairs + p·stride.
-// Folded, the first `even` apply to the sums of groups and their mirror images, the others to the differences.
+// Integer weights of the groups of a block, two groups per word: those of part parts[p] begin at pairs + p·stride, in
+// units of units[parts[p]]. Folded, the first `even` apply to the sums of groups and their mirror images, the others to
+// the differences.
 struct ByteWeights {
   int row_group;
   const std::int32_t* pairs;
   std::size_t stride;
   std::span<const std::size_t> parts;
   std::size_t even;
+  std::span<const double> units;
+
+  // Factor of part p in a block that is the last one of a pass or not.
+  [[nodiscard]] double unit(std::size_t p, bool last) const { return last ? units[p] : 1; }
 };
 
 // Max rows per 32-bit sum: 255·kRowsPerChunk·kMaxWeight < 2^31. Fewer rows allow larger weights:

@@ -279,15 +279,16 @@ void add_folded(ByteRows& near, ByteRows& far, Columns columns, std::size_t most
   const std::size_t half = weights.groups() / 2;
   const std::size_t most = most_rows / (2 * group);
   for (std::size_t g = 0; g < half; g += most) {
-    sums.first = g == 0;
     const std::size_t here = std::min(most, half - g), rows = here * group;
+    sums.first = g == 0;
+    sums.last = g + here == half;
     const auto first = near.read(g * group, rows, columns);
     const auto last = far.read((weights.groups() - g - here) * group, rows, columns);
     kernels::project_bytes(
         {first.samples, last.samples + static_cast<std::ptrdiff_t>(rows - group) * last.stride, first.stride, here,
          columns.count, !near.in_place(), here == half ? near.to_next_frame() : 0},
         {weights.row_group(), weights.folded_pairs().data() + g / 2, weights.folded_pair_count(),
-         weights.folded_order(), weights.even_parts()},
+         weights.folded_order(), weights.even_parts(), weights.units()},
         sums);
   }
 }
@@ -297,13 +298,14 @@ void add_plainly(ByteRows& source, Columns columns, std::size_t most_rows, const
   const auto group = static_cast<std::size_t>(weights.row_group());
   const std::size_t most = most_rows / group;
   for (std::size_t g = 0; g < weights.groups(); g += most) {
-    sums.first = g == 0;
     const std::size_t here = std::min(most, weights.groups() - g);
+    sums.first = g == 0;
+    sums.last = g + here == weights.groups();
     const auto rows = source.read(g * group, here * group, columns);
     const std::ptrdiff_t to_next = here == weights.groups() ? source.to_next_frame() : 0;
     kernels::project_bytes({rows.samples, nullptr, rows.stride, here, columns.count, !source.in_place(), to_next},
                            {weights.row_group(), from(weights.pairs(), g / 2), weights.pair_count(), weights.order(),
-                            weights.order().size()},
+                            weights.order().size(), weights.units()},
                            sums);
   }
 }
@@ -327,24 +329,16 @@ kernels::ProjectionSums sums_of(Projection& result, std::size_t first, std::size
           {result.totals.data() + first, result.squares.data() + first, result.maximum.data() + first}};
 }
 
-// Combines the exact integer sums of parts into those of outputs, in place; smallest limb first.
+// Adds the parts of each output, in place, smallest limb first.
 void join_limbs(const RowWeights& weights, std::size_t count, std::vector<double>& sums) {
-  if (weights.outputs() == 0) return;
-  const std::span units = weights.units();
-  const std::size_t limbs = units.size() / weights.outputs();
-  for (std::size_t o = 0; o < weights.outputs(); ++o) {
-    const std::span<double> joined = std::span(sums).subspan(o * count, count);
-    if (limbs == 1) {
-      const double unit = units[o];
-      for (double& sum : joined) sum *= unit;
-      continue;
-    }
+  const std::size_t limbs = weights.outputs() > 0 ? weights.units().size() / weights.outputs() : 1;
+  if (limbs == 1) return;
+  for (std::size_t o = 0; o < weights.outputs(); ++o)
     for (std::size_t c = 0; c < count; ++c) {
       double sum = 0;
-      for (std::size_t part = (o + 1) * limbs; part-- > o * limbs;) sum += units[part] * sums[part * count + c];
-      joined[c] = sum;
+      for (std::size_t part = (o + 1) * limbs; part-- > o * limbs;) sum += sums[part * count + c];
+      sums[o * count + c] = sum;
     }
-  }
   sums.resize(weights.outputs() * count);
 }
 
@@ -372,11 +366,13 @@ bool is_projected_across(const FramesView<const std::uint8_t>& view, const RowWe
 void add_across(const FramesView<const std::uint8_t>& view, std::size_t frame, Columns columns,
                 const RowWeights& weights, kernels::ProjectionSums sums) {
   for (std::size_t row = 0; row < view.rows; row += kernels::kRowsPerChunk) {
-    sums.first = row == 0;
     const std::size_t here = std::min(kernels::kRowsPerChunk, view.rows - row);
-    kernels::project_across(
-        {view.at(frame, row, columns.first), nullptr, view.column_stride, here, columns.count},
-        {1, from(weights.pairs(), row / 2), weights.pair_count(), weights.order(), weights.order().size()}, sums);
+    sums.first = row == 0;
+    sums.last = row + here == view.rows;
+    kernels::project_across({view.at(frame, row, columns.first), nullptr, view.column_stride, here, columns.count},
+                            {1, from(weights.pairs(), row / 2), weights.pair_count(), weights.order(),
+                             weights.order().size(), weights.units()},
+                            sums);
   }
 }
 

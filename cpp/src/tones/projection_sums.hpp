@@ -10,12 +10,13 @@ struct Moments {
 };
 
 // Accumulators of the blocks (the maximum: running maximum): sums (parts or outputs × columns, `stride` apart), moments
-// (columns,). The first block of bytes of a pass overwrites them.
+// (columns,). The first block of bytes of a pass overwrites them; the last one multiplies the sums, integers so far, by
+// their units.
 struct ProjectionSums {
   double* sums;
   std::size_t stride;
   Moments moments;
-  bool first = false;
+  bool first = false, last = false;
 };
 
 }  // namespace ocisac::kernels
