@@ -227,7 +227,8 @@ void write_phases(const FittedTone& fit, const Directions& directions, double* H
   }
 }
 
-bool write_gains(const FittedTone& fit, const Directions& directions, const GainOutputs& out) {
+// Copies of the arguments, which no output can overwrite: they are read once.
+bool write_gains(const FittedTone fit, const Directions& directions, const GainOutputs out) {
   const std::size_t lanes = hn::Lanes(d64), last = fit.count - lanes;
   const double per_depth = 1 / fit.full_depth_ratio;
   Vector remarks = hn::Zero(d64);
