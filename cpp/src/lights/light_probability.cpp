@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/softplus.hpp"
+
 namespace ocisac {
 
 namespace {
@@ -27,9 +29,6 @@ constexpr DataFeatures data_square{0, 0.092, 0.288, 0.15, 0.148, 0.019, -6.611};
 double log_share(double share) { return std::log(std::max(share, 0.0) + rounding); }
 
 double logistic(double logit) { return 1 / (1 + std::exp(-logit)); }
-
-// ln(1 + e^x), without overflow.
-double softplus(double x) { return std::max(x, 0.0) + std::log1p(std::exp(-std::abs(x))); }
 
 template <class Features>
 double logit(double sum, const Features& linear_terms, const Features& square_terms, const Features& features) {

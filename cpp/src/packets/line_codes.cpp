@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/check_interrupt.hpp"
+#include "core/softplus.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -176,7 +177,7 @@ double LineCode::evidence(std::span<const double> llr) const {
     double best = -std::numeric_limits<double>::infinity();
     for (std::size_t value = 0; value < at_minus_.size(); ++value)
       best = std::max({best, scores.of(at_minus_[value]), scores.of(at_plus_[value])});
-    for (const double chip : chips) best -= std::max(chip, 0.0) + std::log1p(std::exp(-std::abs(chip)));
+    for (const double chip : chips) best -= softplus(chip);
     sum += best - chances;
   }
   return sum;

@@ -9,6 +9,7 @@
 #include <optional>
 #include <utility>
 
+#include "core/softplus.hpp"
 #include "ocisac/core/require.hpp"
 #include "packets/reed_solomon.hpp"
 
@@ -130,7 +131,7 @@ class ChipEvidence {
   ChipEvidence(std::span<const double> llr, const LineCode& code) : code_(code), words_(llr.size()) {
     for (const double value : llr) {
       llr_.push_back(std::clamp(value, -kSureChip, kSureChip));
-      bright_.push_back(std::numbers::ln2 - std::log1p(std::exp(-llr_.back())));
+      bright_.push_back(std::numbers::ln2 - softplus(-llr_.back()));
     }
   }
 
