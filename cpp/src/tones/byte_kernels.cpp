@@ -173,8 +173,10 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 //   strip. Wide vectors: into the second-level cache. On these processors each row then prefetches its own lines of
 //   strips ahead again, because they drop prefetches while too many lines are pending.
 // * Wide vectors, on other processors: every row prefetches its own lines of strips ahead, each line four times.
-constexpr std::size_t kStripsAhead[] = {kWide ? 2 : 6, 1, 5, 3};
-constexpr std::size_t kLinesOfStrips = std::size(kStripsAhead), kLinesAfterRuns = kWide ? 2 : 1;
+// Narrow vectors: a strip of single rows takes longer than one of groups, so five are as far ahead as six.
+template <int kGroup>
+constexpr std::size_t kStripsAhead[] = {kWide ? 2 : (kGroup == 1 ? 5 : 6), 1, 5, 3};
+constexpr std::size_t kLinesOfStrips = std::size(kStripsAhead<1>), kLinesAfterRuns = kWide ? 2 : 1;
 
 // How rows are taken: the lines that each of them prefetches, and products by AVX-512 VNNI.
 template <std::size_t kLineCount, bool kDotProducts>
@@ -263,10 +265,13 @@ struct Rows {
   }
 };
 
-// Loads a row of a strip and updates the maximum.
 template <class Ahead>
-HWY_INLINE Bytes load_row(const std::uint8_t* HWY_RESTRICT pixels, const Ahead& ahead, Bytes& maximum) {
+HWY_INLINE void ask_for_lines(const std::uint8_t* pixels, const Ahead& ahead) {
   for (const std::ptrdiff_t line : ahead) hwy::Prefetch(pixels + line);
+}
+
+// Loads a row of a strip and updates the maximum.
+HWY_INLINE Bytes load_row(const std::uint8_t* HWY_RESTRICT pixels, Bytes& maximum) {
   Bytes row = hn::LoadU(d8, pixels);
 #if HWY_TARGET <= HWY_AVX3 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
   asm("" : "+v"(row.raw));  // keeps the row in a register instead of a load per use (four tones: 105 instead of 95 µs)
@@ -300,16 +305,23 @@ HWY_INLINE void pair_rows(const FourRows& rows, Pair16* sums, Pair16* difference
   differences[1] = difference_of_neighbours(hn::BitCast(d8, second));
 }
 
-// Two single rows and, folded, their mirror images. The maximum is updated with the first slice only.
+// Two single rows and, folded, their mirror images. The maximum is updated with the first slice only, and each of two
+// slices prefetches the lines of half of the rows: all with the first are more at once than memory serves.
 template <bool kFold, std::size_t kSlice, std::size_t kLines>
 HWY_INLINE void load_rows(const Rows<kLines>& rows, Bytes& top, Pairs& to) {
-  const Bytes none = hn::Zero(d8);
-  const auto load = [&top](const std::uint8_t* pixels, const LinesAhead<kLines>& ahead) {
-    return kSlice == 0 ? load_row(pixels, ahead, top) : hn::LoadU(d8, pixels);
+  const auto load = [&top](const std::uint8_t* pixels) {
+    return kSlice == 0 ? load_row(pixels, top) : hn::LoadU(d8, pixels);
   };
-  const FourRows four{load(rows.near, rows.near_ahead), load(rows.near + rows.stride, rows.near_ahead),
-                      kFold ? load(rows.far, rows.far_ahead) : none,
-                      kFold ? load(rows.far - rows.stride, rows.far_ahead) : none};
+  const auto near = [&](std::ptrdiff_t row) {
+    if (kSlice == 0) ask_for_lines(rows.near + row, rows.near_ahead);
+    return load(rows.near + row);
+  };
+  const auto far = [&](std::ptrdiff_t row) {
+    if (kSlice + 1 == kSlices) ask_for_lines(rows.far - row, rows.far_ahead);
+    return load(rows.far - row);
+  };
+  const Bytes none = hn::Zero(d8);
+  const FourRows four{near(0), near(rows.stride), kFold ? far(0) : none, kFold ? far(rows.stride) : none};
   if (kSlice == 0) pair_rows<kFold, false>(four, to.sums, to.differences);
   if (kSlice + 1 == kSlices) pair_rows<kFold, true>(four, to.sums + kPerSlice - 2, to.differences + kPerSlice - 2);
 }
@@ -324,7 +336,10 @@ HWY_INLINE GroupSum sum_of_group(const std::uint8_t* HWY_RESTRICT pixels, std::p
                                  Bytes& maximum) {
   GroupSum sum{hn::Zero(d16s), hn::Zero(d16s)};
   for (int i = 0; i < kGroup; i += 2, pixels += 2 * stride) {
-    const Bytes a = load_row(pixels, ahead, maximum), b = load_row(pixels + stride, ahead, maximum);
+    ask_for_lines(pixels, ahead);
+    const Bytes a = load_row(pixels, maximum);
+    ask_for_lines(pixels + stride, ahead);
+    const Bytes b = load_row(pixels + stride, maximum);
     sum.lower = hn::Add(sum.lower, sum_of_neighbours(hn::InterleaveLower(d8, a, b)));
     sum.upper = hn::Add(sum.upper, sum_of_neighbours(hn::InterleaveUpper(d8, a, b)));
   }
@@ -695,7 +710,7 @@ void add_strips(const Rows<>& rows, const BlockPlan& plan, RowsAhead ahead, Stri
     const std::ptrdiff_t first = strips.grid.first(i);
     Rows<Mode::kLines> here{rows.near + first, rows.far + first, rows.stride};
     for (std::size_t n = 0; n < Mode::kLines; ++n) {
-      const auto step = strips.grid.step(i, kStripsAhead[n], next_rows);
+      const auto step = strips.grid.step(i, kStripsAhead<kGroup>[n], next_rows);
       here.near_ahead[n] = step.near;
       here.far_ahead[n] = step.far;
     }
@@ -1048,7 +1063,7 @@ class ColumnAdder {
   template <int kRows>
   [[nodiscard]] HWY_INLINE GroupSum sum_of_rows(const std::uint8_t* pixels, Bytes& top) const {
     if constexpr (kRows == 1) {
-      const Bytes only = load_row(pixels, kNoLines, top), none = hn::Zero(d8);
+      const Bytes only = load_row(pixels, top), none = hn::Zero(d8);
       return {hn::BitCast(d16s, hn::InterleaveLower(d8, only, none)),
               hn::BitCast(d16s, hn::InterleaveUpper(d8, only, none))};
     } else {
