@@ -867,7 +867,7 @@ void project_groups(const ByteBlock& block, const ByteWeights& weights, Strips& 
 
 constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes kept together by the interleaving
 
-// Numbers become unit·(number + share·sum), or without what they were; sums: integers.
+// A number becomes unit·(number + share·sum), where it is overwritten unit·share·sum; the sums are integers.
 struct Scale {
   double share, unit;
 };

@@ -32,7 +32,7 @@ struct ByteWeights {
   std::size_t even;
   std::span<const double> units;
 
-  // Factor of part p in a block that is the last one of a pass or not.
+  // Factor of the sums of part p: its unit in the last block of a pass, else 1.
   [[nodiscard]] double unit(std::size_t p, bool last) const { return last ? units[p] : 1; }
 };
 
