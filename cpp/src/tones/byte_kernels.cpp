@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <memory>
 #include <numeric>
 #include <span>
 #include <vector>
 
 #include "core/aligned_memory.hpp"
+#include "core/recently_used.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "tones/byte_kernels.cpp"
@@ -199,21 +201,23 @@ struct RunsOfBlock {
   bool operator==(const RunsOfBlock&) const = default;
 };
 
-// Their offsets from the block's lowest row, the lowest first, the last repeated; kept until the thread's next call.
-std::span<const std::ptrdiff_t> offsets_of(const RunsOfBlock& of) {
-  thread_local RunsOfBlock known{};
-  thread_local std::vector<std::ptrdiff_t> runs;
-  if (of == known) return runs;
-  known = of;
-  runs.clear();
-  const auto apart = static_cast<std::size_t>(std::abs(of.row_stride));
-  const bool dense = apart == of.columns;
-  const std::size_t rows = dense ? 1 : of.rows, columns = dense ? of.columns * of.rows : of.columns;
-  for (std::size_t row = 0; row < rows; ++row)
-    for (std::size_t c = 0; c < columns && runs.size() < of.count; c += of.bytes)
-      runs.push_back(static_cast<std::ptrdiff_t>(row * apart + std::min(c, columns - std::min(columns, of.bytes))));
-  runs.resize(of.count, runs.back());
-  return runs;
+using Offsets = std::vector<std::ptrdiff_t>;
+
+// Their offsets from the block's lowest row, the lowest first, the last repeated.
+std::shared_ptr<const Offsets> offsets_of(const RunsOfBlock& of) {
+  static RecentlyUsed<RunsOfBlock, Offsets, 8> kept;  // frames of one camera need the same
+  return kept.get(of, [&of] {
+    const auto apart = static_cast<std::size_t>(std::abs(of.row_stride));
+    const bool dense = apart == of.columns;
+    const std::size_t rows = dense ? 1 : of.rows, columns = dense ? of.columns * of.rows : of.columns;
+    auto runs = std::make_shared<Offsets>();
+    runs->reserve(of.count);
+    for (std::size_t row = 0; row < rows; ++row)
+      for (std::size_t c = 0; c < columns && runs->size() < of.count; c += of.bytes)
+        runs->push_back(static_cast<std::ptrdiff_t>(row * apart + std::min(c, columns - std::min(columns, of.bytes))));
+    runs->resize(of.count, runs->back());
+    return runs;
+  });
 }
 
 // The lowest of the rows to prefetch and of their mirror images, and the next run of both, or kNoRun: with narrow
@@ -758,14 +762,14 @@ class BlockProjector {
         rows_ahead_(std::min(kRows, block.groups * kGroup)),
         runs_(Mode::kLines <= kLinesAfterRuns && asks_for_runs(block)
                   ? offsets_of({kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs})
-                  : std::span<const std::ptrdiff_t>()) {}
+                  : nullptr) {}
 
   void run() {
     for (int block = 0; block < kBlocksAhead; ++block) {
       const RowsAhead ahead = next_rows();
-      for (std::size_t i = 0; ahead.run && i < runs_.size(); ++i) {
-        ask_for<kRun / kLine, kWide>(ahead.near + runs_[i]);
-        if (kFold) ask_for<kRun / kLine, kWide>(ahead.far + runs_[i]);
+      for (std::size_t i = 0; ahead.run && runs_ && i < runs_->size(); ++i) {
+        ask_for<kRun / kLine, kWide>(ahead.near + (*runs_)[i]);
+        if (kFold) ask_for<kRun / kLine, kWide>(ahead.far + (*runs_)[i]);
       }
     }
     while (rest_.groups >= 2) {
@@ -796,14 +800,14 @@ class BlockProjector {
     const auto rows = static_cast<std::ptrdiff_t>(rows_ahead_);
     const auto total = static_cast<std::ptrdiff_t>(whole_.groups * kGroup);
     const bool is_next_frame = row_ahead_ >= total;
-    if (runs_.empty() || (is_next_frame && whole_.to_next == 0)) return {whole_.pixels, whole_.pixels, kNoRun};
+    if (!runs_ || (is_next_frame && whole_.to_next == 0)) return {whole_.pixels, whole_.pixels, kNoRun};
     const std::ptrdiff_t first = std::min(is_next_frame ? row_ahead_ % total / rows * rows : row_ahead_, total - rows);
     row_ahead_ += rows;
     const std::ptrdiff_t to_lowest =
         (is_next_frame ? whole_.to_next : 0) + std::min<std::ptrdiff_t>(offset(rows - 1), 0);
     const std::uint8_t* near = whole_.pixels + offset(first) + to_lowest;
     const std::uint8_t* far = kFold ? whole_.mirrored + offset(kGroup - first - rows) + to_lowest : near;
-    return {near, far, runs_.data()};
+    return {near, far, runs_->data()};
   }
 
   void add(const ByteBlock& block, std::size_t pairs) {
@@ -830,7 +834,7 @@ class BlockProjector {
   Strips& strips_;
   std::size_t rows_ahead_;
   std::ptrdiff_t row_ahead_ = 0;  // the first one of the next block to prefetch
-  std::span<const std::ptrdiff_t> runs_;
+  std::shared_ptr<const Offsets> runs_;
   std::size_t rows_in_totals_ = 0;
 };
 
@@ -931,7 +935,7 @@ void add_strip_in_order(const Strip& strip, const std::int32_t* totals, const By
     add_in_order<kWrite>(from, {1, weights.unit(part, to.last)}, to.sums + part * to.stride + first, count);
     from += kPerSum;
   }
-  add_in_order<kWrite>(from, {folded ? 0.5 : 1, 1}, to.moments.squares + first, count);
+  add_in_order<kWrite>(strip.squares, {folded ? 0.5 : 1, 1}, to.moments.squares + first, count);
   add_in_order<kWrite>(totals, {1, 1}, to.moments.totals + first, count);
   raise_in_order<kWrite>(strip.maximum, to.moments.maximum + first, count);
 }

@@ -112,8 +112,6 @@ void ParametersOfSums(const FitSums& fit, double* parameters, double* noise_vari
 // NaN stays NaN.
 HWY_INLINE Vector not_negative(Vector v) { return hn::IfThenElse(hn::Lt(v, hn::Zero(d64)), hn::Zero(d64), v); }
 
-constexpr std::size_t kColumnsAtOnce = 256;
-
 // (columns,): the octant's multiple of π/8 nearest to a direction (rad), the tangent of the rest, and the cosine.
 struct Directions {
   double nearest[kColumnsAtOnce], tangent[kColumnsAtOnce], cosine[kColumnsAtOnce];

@@ -39,6 +39,9 @@ struct GainOutputs {
   double *gain, *gain_std, *phase, *mean, *snr, *remark;
 };
 
+// Columns that are fitted and turned into gains together: what they need fits the first-level cache.
+inline constexpr std::size_t kColumnsAtOnce = 256;
+
 // Returns whether any column has a remark.
 bool gains_of_fit(const FittedTone& fit, const GainOutputs& out);
 

@@ -32,7 +32,6 @@ constexpr double kOffBin = 0.01;                 // bins
 constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: reading along rows is fastest
 constexpr std::size_t kColumnsPerPart = 256;     // minimum for parts shared by threads
 constexpr std::size_t kColumnsPerBlock = 64;     // fixed, so that results do not depend on the threads
-constexpr std::size_t kColumnsAtOnce = 256;      // from sums to gains: fits the first-level cache
 
 // Estimates of one tone in a block of columns: y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu).
 struct Variances {  // for noise of variance 1
@@ -490,8 +489,8 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
     // The frame after this one, which is prefetched, is the one that this thread takes next.
     fit.add_up(every_frame(frames, frame, threads), 0, first, count, stored.light(), sums);
     check_summed(frames, fit, {frame, first, count}, sums);
-    for (std::size_t done = 0; done < count; done += kColumnsAtOnce) {
-      const std::size_t here = std::min(kColumnsAtOnce, count - done);
+    for (std::size_t done = 0; done < count; done += kernels::kColumnsAtOnce) {
+      const std::size_t here = std::min(kernels::kColumnsAtOnce, count - done);
       fit.estimate(sums, bytes, done, here, columns);
       const auto mean = std::span(columns.parameters).first(here);
       take_off(stored.dark, mean);
