@@ -12,6 +12,7 @@
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/require.hpp"
+#include "ocisac/light/exposure_response.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
 #include "tones/spectral_votes.hpp"
 #include "tones/tone_combination.hpp"
@@ -153,11 +154,12 @@ struct Candidate {
 
 constexpr double min_share = 0.2;  // of the fundamental; an aliased third harmonic of a square wave has 0.1
 
-// Lower bound of the misfit of a model whose fundamental has min_share of the harmonics' energy or more, given the fit
-// of the fundamental alone. Harmonics leak into each other: by 0.21 of the amplitude, a cycle apart or more, hence
-// energies by less than (0.2^½/(0.2^½ − 0.21))² < 4. What that leaves to explain is spent where logarithms fall most.
-double least_misfit(const PeriodicFit& tone, const PeriodicModel& model, std::size_t rows) {
-  double explained = 4 / min_share * sum(tone.periodic_energy);
+// Lower bound of the misfit of a model whose fundamental explains at most `energy`, which is min_share of the harmonics'
+// or more, given the fit of the fundamental alone. Harmonics leak into each other: by 0.21 of the amplitude, a cycle
+// apart or more, hence energies by less than (0.2^½/(0.2^½ − 0.21))² < 4. What that leaves to explain is spent where
+// logarithms fall most.
+double least_misfit(const PeriodicFit& tone, double energy, const PeriodicModel& model, std::size_t rows) {
+  double explained = 4 / min_share * energy;
   std::vector<double> residuals = tone.residual_energy;
   for (std::size_t s = 0; s < residuals.size(); ++s) residuals[s] += tone.periodic_energy[s];
   std::ranges::sort(residuals);
@@ -169,19 +171,41 @@ double least_misfit(const PeriodicFit& tone, const PeriodicModel& model, std::si
   return misfit(residuals, model, rows);
 }
 
+// The fit of a fundamental alone.
+struct ToneFit {
+  PeriodicModel model;
+  PeriodicFit fit;
+};
+
+// False if no fundamental up to `reach` cycles in the frame beside this one, with harmonics, has less than the misfit
+// `best`.
+bool may_win(const ToneFit& tone, double reach, double best, std::size_t rows) {
+  const double frequency = tone.fit.frequency, farthest = reach / static_cast<double>(rows);
+  const auto lowest = periodic_model(frequency - farthest, rows, compared_harmonics),
+             highest = periodic_model(frequency + farthest, rows, compared_harmonics);  // has fewest harmonics
+  const std::size_t trend = tone.model.trend_degree;
+  if ((frequency - farthest) * static_cast<double>(rows) < 1 || lowest.trend_degree != trend ||
+      highest.trend_degree != trend)
+    return true;
+  const double kept = std::pow(sinc(reach), 2);  // what a fit explains of the energy of a tone that far off
+  return least_misfit(tone.fit, sum(tone.fit.periodic_energy) / kept, highest, rows) < best;
+}
+
 // Refines the fundamental alone, then, if it may have less than the misfit `best`, evaluates it with its first
 // harmonics. A sub-multiple of the true frequency has almost no fundamental and is rejected.
 Candidate judged(const PeriodicSignals& signals, double frequency, const Range& range, double best) {
-  const auto tone = periodic_model(frequency, signals.rows(), 1);
-  const int steps = 2;  // from a quarter of a bin to a thousandth
-  const auto alone = refine_periodic(signals, tone, frequency, range.lower, range.upper, steps);
-  const auto model = periodic_model(alone.frequency, signals.rows(), compared_harmonics);
-  const bool bounded =
-      alone.frequency * static_cast<double>(signals.rows()) >= 1 && model.trend_degree == tone.trend_degree;
-  if (bounded && least_misfit(alone, model, signals.rows()) >= best) return {};
-  const auto fit = refine_periodic(signals, model, alone.frequency, range.lower, range.upper, steps);
+  const std::size_t rows = signals.rows();
+  constexpr int steps = 2;       // from a quarter of a bin to a thousandth
+  constexpr double reach = 0.5;  // cycles in the frame, of two steps
+  ToneFit tone{periodic_model(frequency, rows, 1), {}};
+  tone.fit = fit_periodic(signals, tone.model, std::clamp(frequency, range.lower, range.upper));
+  if (!may_win(tone, reach, best, rows)) return {};
+  tone.fit = refine_periodic(signals, tone.model, std::move(tone.fit), range.lower, range.upper, steps);
+  if (!may_win(tone, 0, best, rows)) return {};
+  const auto model = periodic_model(tone.fit.frequency, rows, compared_harmonics);
+  const auto fit = refine_periodic(signals, model, tone.fit.frequency, range.lower, range.upper, steps);
   if (fit.harmonic_energy[0] < min_share * sum(fit.harmonic_energy)) return {};
-  return {fit.frequency, misfit(fit.residual_energy, model, signals.rows())};
+  return {fit.frequency, misfit(fit.residual_energy, model, rows)};
 }
 
 // NaN for constant signals.

@@ -564,11 +564,16 @@ PeriodicFit refine_periodic(std::span<const double> signals, std::size_t rows, c
 
 PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency, double lower,
                             double upper, int max_steps) {
+  return refine_periodic(signals, model, fit_periodic(signals, model, std::clamp(frequency, lower, upper)), lower,
+                         upper, max_steps);
+}
+
+PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, PeriodicFit best, double lower,
+                            double upper, int max_steps) {
   const double bin = 1 / static_cast<double>(signals.rows());
   const double trusted = 1e-5 * bin;  // energies of such neighbours differ by rounding: the step needs no test
   const double converged = 1e-12 * bin;
   const double longest = 0.25 * bin / static_cast<double>(model.harmonics.back());
-  PeriodicFit best = fit_periodic(signals, model, std::clamp(frequency, lower, upper));
   for (int iteration = 0; iteration < max_steps; ++iteration) {
     double step = std::clamp(best.step, -longest, longest);
     PeriodicFit next;

@@ -1,5 +1,6 @@
 #include "tones/spectral_votes.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -48,7 +49,8 @@ std::shared_ptr<const Plan> plan_of(std::size_t rows, std::size_t length) {
   return kept.get({rows, length}, [&] { return std::make_shared<const Plan>(rows, length); });
 }
 
-// Up to kSignals weighted signals as a block of the DFT, and what scales their powers to fractions of their energies.
+// Up to kSignals weighted signals as a block of the DFT, and what scales the powers of 2A and 2B to fractions of the
+// signals' energies.
 struct Block {
   std::vector<double> rows;
   std::array<double, kSignals> scale;
@@ -68,22 +70,23 @@ struct Block {
       std::fill(row + count, row + kSignals, 0.0);
     }
     std::fill(rows.begin() + static_cast<std::ptrdiff_t>(window.size() * kSignals), rows.end(), 0.0);
-    for (std::size_t s = 0; s < kSignals; ++s) scale[s] = s < count ? 2 / (window_sum * energies[s]) : 0;
+    for (std::size_t s = 0; s < kSignals; ++s) scale[s] = s < count ? 0.5 / (window_sum * energies[s]) : 0;
   }
 
   // Product over the signals of the fractions that a tone of a frequency leaves, each 10⁻⁴ or more. Two signals are the
   // real and the imaginary part of one: 2A(k) = Z(k) + Z*(−k), 2iB(k) = Z(k) − Z*(−k).
   [[nodiscard]] double left_by(const Plan::Places& at) const {
+    using Lanes = Eigen::Array<double, kPairs, 1>;
+    const auto lanes = [](const double* from) { return Eigen::Map<const Lanes>(from); };
     const double *one = &rows[at.of_positive * kSignals], *other = &rows[at.of_negative * kSignals];
-    std::array<double, kPairs> left{};
-    for (std::size_t c = 0; c < kPairs; ++c) {
-      const double real[] = {one[c], other[c]}, imaginary[] = {one[c + kPairs], other[c + kPairs]};
-      const auto power = [](double a, double b) { return (a * a + b * b) / 4; };
-      const double first = scale[c] * power(real[0] + real[1], imaginary[0] - imaginary[1]);
-      const double second = scale[c + kPairs] * power(imaginary[0] + imaginary[1], real[0] - real[1]);
-      left[c] = (1 - std::min(first, 0.9999)) * (1 - std::min(second, 0.9999));
-    }
-    return std::accumulate(left.begin(), left.end(), 1.0, std::multiplies());
+    const Lanes real = lanes(one), imaginary = lanes(one + kPairs);
+    const auto other_real = lanes(other), other_imaginary = lanes(other + kPairs);
+    const auto left = [](const auto& of_scale, const auto& a, const auto& b) -> Lanes {
+      return 1 - (of_scale * (a.square() + b.square())).min(0.9999);
+    };
+    const Lanes both = left(lanes(scale.data()), real + other_real, imaginary - other_imaginary) *
+                       left(lanes(&scale[kPairs]), imaginary + other_imaginary, real - other_real);
+    return std::accumulate(both.begin(), both.end(), 1.0, std::multiplies());
   }
 };
 

@@ -76,6 +76,9 @@ PeriodicFit refine_periodic(std::span<const double> signals, std::size_t rows, c
                             double frequency, double lower, double upper, int max_steps = 30);
 PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency, double lower,
                             double upper, int max_steps = 30);
+// The same from a fit within these bounds, with its step.
+PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, PeriodicFit best, double lower,
+                            double upper, int max_steps = 30);
 
 // Standard error at the minimum, from the residual, by the sandwich estimate. It allows for noise that is common to the
 // signals of a group (the `group` neighbouring signals of one frame), increases with the light, or is correlated from
