@@ -154,10 +154,10 @@ struct Candidate {
 
 constexpr double min_share = 0.2;  // of the fundamental; an aliased third harmonic of a square wave has 0.1
 
-// Lower bound of the misfit of a model whose fundamental explains at most `energy`, which is min_share of the harmonics'
-// or more, given the fit of the fundamental alone. Harmonics leak into each other: by 0.21 of the amplitude, a cycle
-// apart or more, hence energies by less than (0.2^½/(0.2^½ − 0.21))² < 4. What that leaves to explain is spent where
-// logarithms fall most.
+// Lower bound of the misfit of a model whose fundamental explains at most `energy`, which is min_share of the
+// harmonics' or more, given the fit of the fundamental alone. Harmonics leak into each other: by 0.21 of the amplitude,
+// a cycle apart or more, hence energies by less than (0.2^½/(0.2^½ − 0.21))² < 4. What that leaves to explain is spent
+// where logarithms fall most.
 double least_misfit(const PeriodicFit& tone, double energy, const PeriodicModel& model, std::size_t rows) {
   double explained = 4 / min_share * energy;
   std::vector<double> residuals = tone.residual_energy;

@@ -63,9 +63,32 @@ TEST_CASE("a Gauss-Newton step leads to the least residual energy") {
   CHECK(best.frequency == doctest::Approx(0.0417).epsilon(1e-3));
   for (const double aside : {-1e-5, 1e-5})
     CHECK(ocisac::fit_periodic(signal, 100, model, best.frequency + aside).total_residual() > best.total_residual());
+  const ocisac::PeriodicSignals prepared(signal, 100);
+  const auto begun = ocisac::fit_periodic(prepared, model, 0.0412);
+  CHECK(ocisac::refine_periodic(prepared, model, begun, 0.01, 0.4).frequency == best.frequency);
   const auto cut = ocisac::refine_periodic(signal, 100, model, 0.05, 0.043, 0.4);
   CHECK(cut.frequency == 0.043);
   CHECK_THROWS_AS(ocisac::fit_periodic(signal, 5, model, 0.1), std::invalid_argument);
+}
+
+// The harmonic is the strongest line, whose misfit a fundamental between two lines of the spectrum has to undercut.
+TEST_CASE("a fundamental explains more than its strongest harmonic, wherever it lies between the lines of a spectrum") {
+  const std::size_t rows = 400, count = 8;
+  for (const double cycles : {7.0, 12.1, 12.25, 12.4, 30.3}) {
+    std::vector<double> pixels(rows * count);
+    std::mt19937 random(4);
+    std::normal_distribution<double> normal(0, 0.1);
+    for (std::size_t n = 0; n < rows; ++n)
+      for (std::size_t k = 0; k < count; ++k) {
+        const double turns = cycles * static_cast<double>(n) / static_cast<double>(rows) + 0.1 * static_cast<double>(k);
+        pixels[n * count + k] =
+            5 + std::cos(two_pi * turns) + 1.5 * std::cos(3 * two_pi * turns + 0.4) + normal(random);
+      }
+    const auto found = ocisac::find_frequency(view(pixels, rows, count), {});
+    CAPTURE(cycles);
+    CHECK(std::abs(found.frequency * static_cast<double>(rows) - cycles) < 0.02);
+    CHECK(found.harmonics == 3);
+  }
 }
 
 TEST_CASE("combined columns keep the power of the noise and all of the tone") {
