@@ -191,8 +191,8 @@ bool may_win(const ToneFit& tone, double reach, double best, std::size_t rows) {
   return least_misfit(tone.fit, sum(tone.fit.periodic_energy) / kept, highest, rows) < best;
 }
 
-// Refines the fundamental alone, then, if it may have less than the misfit `best`, evaluates it with its first
-// harmonics. A sub-multiple of the true frequency has almost no fundamental and is rejected.
+// Refines the fundamental alone, then with its first harmonics, as long as it may have less than the misfit `best`. A
+// sub-multiple of the true frequency has almost no fundamental and is rejected.
 Candidate judged(const PeriodicSignals& signals, double frequency, const Range& range, double best) {
   const std::size_t rows = signals.rows();
   constexpr int steps = 2;       // from a quarter of a bin to a thousandth
