@@ -177,8 +177,8 @@ struct ToneFit {
   PeriodicFit fit;
 };
 
-// False if no fundamental up to `reach` cycles in the frame beside this one, with harmonics, has less than the misfit
-// `best`.
+// True if a fundamental up to `reach` cycles in the frame beside this one may, with harmonics, have less than the
+// misfit `best`.
 bool may_win(const ToneFit& tone, double reach, double best, std::size_t rows) {
   const double frequency = tone.fit.frequency, farthest = reach / static_cast<double>(rows);
   const auto lowest = periodic_model(frequency - farthest, rows, compared_harmonics),

@@ -85,21 +85,7 @@ TEST_CASE("blocks may be divided again") {
   for (const auto& count : counted) CHECK(count == 1);
 }
 
-#ifdef __SANITIZE_ADDRESS__
-#define OCISAC_ADDRESS_SANITIZER
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define OCISAC_ADDRESS_SANITIZER
-#endif
-#endif
-
-#ifdef OCISAC_ADDRESS_SANITIZER
-constexpr bool kForkLosesLocks = true;  // of its allocator, held by another thread at the fork (GCC 12, Clang 14)
-#else
-constexpr bool kForkLosesLocks = false;
-#endif
-
-TEST_CASE("a fork's child has helpers of its own, whatever its parent was doing" * doctest::skip(kForkLosesLocks)) {
+TEST_CASE("a fork's child has helpers of its own, whatever its parent was doing") {
   const std::jthread busy([](const std::stop_token& stop) {
     while (!stop.stop_requested()) turns(16, 4);
   });
