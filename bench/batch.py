@@ -158,7 +158,7 @@ def gains_of_the_second(folder: Path) -> dict[str, float]:
     with ExitStack() as opened:
         pools = {count: opened.enter_context(context.Pool(count)) for count in (1, 2)}
         clients = {count: opened.enter_context(processes(count))[0] for count in (1, 2)}
-        measure = opened.enter_context(arithmetic_on_two())
+        arithmetic = opened.enter_context(arithmetic_on_two(24))
 
         def decoding(count: int) -> float:
             return timed(lambda: pools[count].map(decode, DECODINGS * paths, chunksize=4))[0] / DECODINGS
@@ -171,9 +171,9 @@ def gains_of_the_second(folder: Path) -> dict[str, float]:
             decoding(count)
             measure_recordings(paths, TASK, client=clients[count])
         while len(rounds) < MAX_ROUNDS and sum(each["cores"] > TWO_CORES for each in rounds) < ROUNDS:
-            cores = gain_by_second(measure())
+            cores = gain_by_second(arithmetic.alone(), arithmetic.at_once())
             times = {"decoding_1": decoding(1), "batch_1": batch(1), "batch_2": batch(2), "decoding_2": decoding(2)}
-            rounds.append(times | {"cores": min(cores, gain_by_second(measure()))})
+            rounds.append(times | {"cores": min(cores, gain_by_second(arithmetic.alone(), arithmetic.at_once()))})
     quiet = [each for each in rounds if each["cores"] > TWO_CORES]
     counted = quiet if len(quiet) >= MIN_ROUNDS else rounds
     found = {name: np.array([each[name] for each in counted]) for name in rounds[0]}

@@ -7,7 +7,7 @@ import functools
 import os
 import statistics
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -16,8 +16,9 @@ import numpy as np
 from studies.chart.measuring import seconds_of
 
 TWO_CORES = 1.7  # min. gain by the second processor of two cores
-FULL_SPEED = 1.1  # max. time of arithmetic over the fastest of a run, where no other guest of the host slows it
+FULL_SPEED = 1.05  # max. time of arithmetic over the fastest of a run, where no other guest of the host slows it
 FEWEST_ROUNDS = 9
+LONGEST_WAIT = 4  # times the asked seconds
 
 
 def two_processors() -> list[int]:
@@ -28,11 +29,10 @@ def two_processors() -> list[int]:
     return processors if len(processors) == 2 else []
 
 
-def one_and_two(one: Callable[[Any], object], two: Callable[[Any], object], item: Any) -> tuple[float, float]:
-    """Seconds with one thread and with two.
+def at_mean_rate(one: Callable[[Any], object], item: Any) -> float:
+    """Seconds with one thread at the mean rate of the first two processors.
 
-    The time of one thread is at the mean rate of both processors, since on a shared host their rates differ by the load
-    of other guests; ratios up to 1.4 were measured.
+    On a shared host their rates differ by the load of other guests; ratios up to 1.4 were measured.
     """
     everywhere = os.sched_getaffinity(0)
     each = []
@@ -40,70 +40,89 @@ def one_and_two(one: Callable[[Any], object], two: Callable[[Any], object], item
         os.sched_setaffinity(0, {processor})
         each.append(seconds_of(one, item))
     os.sched_setaffinity(0, everywhere)
-    return statistics.harmonic_mean(each), seconds_of(two, item)
+    return statistics.harmonic_mean(each)
 
 
-def arithmetic() -> Callable[[None], object]:
-    """Products of matrices in the nearest caches: they keep the arithmetic units of a core busy.
+def arithmetic(products: int) -> Callable[[None], object]:
+    """Products of matrices in the nearest caches, 0.06 ms each: they keep the arithmetic units of a core busy.
 
     A hash does not: it waits for its own last step, so two threads of one core hash twice as much as one.
     """
-    factors = np.ones((24, 128, 128), np.float32)
+    factors = np.ones((products, 128, 128), np.float32)
     out = np.empty_like(factors)
     return lambda _: np.matmul(factors, factors[0], out=out)
 
 
-def seconds_on_each(workers: list[ThreadPoolExecutor], work: list[Callable[[None], object]]) -> np.ndarray:
-    """(2, processors) seconds of arithmetic without memory: on each processor alone, and on all at once."""
-    calls = [functools.partial(worker.submit, seconds_of, own, None) for worker, own in zip(workers, work, strict=True)]
-    alone = [call().result() for call in calls]
-    return np.array([alone, [future.result() for future in [call() for call in calls]]])
+class ArithmeticOnTwo:
+    """Arithmetic without memory, timed on the first two processors.
+
+    What is timed at once is kept for the whole run, since other guests may slow one of its figures throughout.
+    """
+
+    def __init__(self, workers: list[ThreadPoolExecutor], products: int) -> None:
+        work = [arithmetic(products) for _ in workers]
+        self._calls = [functools.partial(w.submit, seconds_of, own, None) for w, own in zip(workers, work, strict=True)]
+        self._at_once: list[float] = []
+
+    def alone(self) -> np.ndarray:
+        """(processors,) seconds, one processor after the other."""
+        return np.array([call().result() for call in self._calls])
+
+    def at_once(self) -> np.ndarray:
+        """(processors,) seconds."""
+        seconds = np.array([future.result() for future in [call() for call in self._calls]])
+        self._at_once.append(np.max(seconds))
+        return seconds
+
+    def are_quiet(self, slowest: np.ndarray) -> np.ndarray:
+        """Bools: two processors took at most `slowest` seconds at once, as in the fastest twentieth of the run."""
+        return slowest <= FULL_SPEED * np.quantile(self._at_once, 0.05)
 
 
 @contextlib.contextmanager
-def arithmetic_on_two() -> Iterator[Callable[[], np.ndarray]]:
-    """A call of `seconds_on_each` with a thread on each of the first two processors."""
+def arithmetic_on_two(products: int) -> Iterator[ArithmeticOnTwo]:
+    """A thread on each of the first two processors for the time of a run."""
     with contextlib.ExitStack() as stack:
         workers = [
             stack.enter_context(ThreadPoolExecutor(1, initializer=os.sched_setaffinity, initargs=(0, {processor})))
             for processor in two_processors()
         ]
-        work = [arithmetic() for _ in workers]
-        yield lambda: seconds_on_each(workers, work)
+        yield ArithmeticOnTwo(workers, products)
 
 
-def gain_by_second(arithmetic: np.ndarray) -> Any:
-    """Times on each processor alone over those at once, added up; arithmetic: (..., 2, processors)."""
-    return np.sum(arithmetic[..., 0, :] / arithmetic[..., 1, :], axis=-1)
+def gain_by_second(alone: np.ndarray, at_once: np.ndarray) -> float:
+    """Times on each processor alone over those at once, added up: 2 of two cores, 1 of two threads of one."""
+    return float(np.sum(alone / at_once))
 
 
-def quiet_rounds(arithmetic: np.ndarray) -> np.ndarray:
-    """(rounds,) bool: the second processor gains what a core does, and both are as fast as the run's fastest.
+def rounds_on_two(
+    calls: Sequence[Callable[[], float]], seconds: float, arithmetic: ArithmeticOnTwo
+) -> tuple[np.ndarray, np.ndarray]:
+    """(rounds, calls) seconds returned by the calls, and (rounds,) bool: two cores, quiet before and after each call.
 
-    arithmetic: (rounds, 2, processors) of `seconds_on_each`. The run's fastest: a twentieth of the rounds is faster.
+    Other guests come and go within milliseconds. It takes up to four times as long if some rounds are quiet, but fewer
+    than nine.
     """
-    slowest = np.max(arithmetic[:, 1], axis=1)
-    at_full_speed = slowest <= FULL_SPEED * np.quantile(slowest, 0.05)
-    return (gain_by_second(arithmetic) >= TWO_CORES) & at_full_speed
-
-
-def rounds_on_two(pair: Callable[[], tuple[float, float]], seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """(rounds, 2) times measured by `pair`, and (rounds,) bool: `quiet_rounds` of arithmetic timed next to each.
-
-    It takes up to twice as long if fewer than nine rounds are quiet.
-    """
-    times: list[tuple[float, float]] = []
-    arithmetic: list[np.ndarray] = []
+    times: list[list[float]] = []
+    gains: list[float] = []
+    slowest: list[list[float]] = []  # arithmetic before and after each call
     start = time.perf_counter()
+
+    def are_quiet() -> np.ndarray:
+        return (np.array(gains) >= TWO_CORES) & arithmetic.are_quiet(np.max(slowest, axis=1))
 
     def is_enough() -> bool:
         passed = time.perf_counter() - start
         if len(times) < FEWEST_ROUNDS or passed < seconds:
             return False
-        return passed >= 2 * seconds or np.sum(quiet_rounds(np.array(arithmetic))) >= FEWEST_ROUNDS
+        return passed >= LONGEST_WAIT * seconds or not 0 < np.sum(are_quiet()) < FEWEST_ROUNDS
 
-    with arithmetic_on_two() as measure:
-        while not is_enough():
-            times.append(pair())
-            arithmetic.append(measure())
-    return np.array(times), quiet_rounds(np.array(arithmetic))
+    while not is_enough():
+        alone, at_once, times_of_round = arithmetic.alone(), [arithmetic.at_once()], []
+        for call in calls:
+            times_of_round.append(call())
+            at_once.append(arithmetic.at_once())
+        gains.append(gain_by_second(alone, at_once[0]))
+        slowest.append([np.max(each) for each in at_once])
+        times.append(times_of_round)
+    return np.array(times), are_quiet()

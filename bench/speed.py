@@ -21,15 +21,16 @@ import argparse
 import dataclasses
 import functools
 import importlib.util
+import itertools
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import stored
 from peers import PEERS
-from processors import FEWEST_ROUNDS, one_and_two, rounds_on_two, two_processors
+from processors import FEWEST_ROUNDS, ArithmeticOnTwo, arithmetic_on_two, at_mean_rate, rounds_on_two, two_processors
 
 from ocisac_fast import (
     Camera,
@@ -193,23 +194,34 @@ def four_tones(seconds: float) -> Iterator[Figure]:
         yield from bounded(f"four tones / one, efficiency {efficiency:g}", four, one, pool(), seconds, 2.0)
 
 
+def seconds_of_next(call: Callable[[np.ndarray], object], items: Sequence[np.ndarray]) -> Callable[[], float]:
+    """Seconds of the call on one item after the other."""
+    order = itertools.cycle(items)
+    return lambda: seconds_of(call, next(order))
+
+
 def of_quiet_rounds(
-    name: str, pair: Callable[[], tuple[float, float]], seconds: float, limit: float, at_most: bool
+    name: str,
+    calls: Sequence[Callable[[], float]],
+    seconds: float,
+    limit: float,
+    at_most: bool,
+    arithmetic: ArithmeticOnTwo,
 ) -> Iterator[Figure]:
-    """Ratio of the two times of a pair.
+    """Ratio of the times of two calls.
 
     On a shared host the processors may be threads of one core for seconds, and other guests slow their arithmetic, but
-    not the memory, by half. Rounds count if arithmetic timed next to them finds two cores at full speed; if that is
-    rare, all do.
+    not the memory, by half. Rounds count if arithmetic before and after each call finds two cores at full speed; if
+    that is rare, all do.
     """
-    rounds, quiet = rounds_on_two(pair, seconds)
+    rounds, quiet = rounds_on_two(calls, seconds, arithmetic)
     counted = rounds[quiet] if np.sum(quiet) >= FEWEST_ROUNDS else rounds
     yield figure_of(name, Timing.of(*counted.T.tolist()), limit, at_most)
     yield figure_of("  in all rounds", Timing.of(*rounds.T.tolist()))
     yield Figure("  rounds on two cores at full speed", 100.0 * float(np.mean(quiet)), "%")
 
 
-def two_threads_in_cache(seconds: float) -> Iterator[Figure]:
+def two_threads_in_cache(seconds: float, arithmetic: ArithmeticOnTwo) -> Iterator[Figure]:
     """One thread over two, limited by arithmetic."""
     small = np.broadcast_to(pool()[0], (32, ROWS, COLUMNS))
     one, two = gains(FOUR, 1.0), gains(FOUR, 1.0, threads=2)
@@ -217,33 +229,28 @@ def two_threads_in_cache(seconds: float) -> Iterator[Figure]:
         raise SystemExit("speed.py: two threads: another result than one thread; not timed")
     name = "one thread / two, four tones at 1, frames in cache"
     if two_processors():
-        pair = functools.partial(one_and_two, one, two, small)
-        yield from of_quiet_rounds(name, pair, 16 * seconds, 1.8, at_most=False)
+        calls = (functools.partial(at_mean_rate, one, small), seconds_of_next(two, [small]))
+        yield from of_quiet_rounds(name, calls, 16 * seconds, 1.8, False, arithmetic)
     else:
         yield figure_of(name, in_turn(one, two, [small], seconds, (9, 400)), 1.8, at_most=False)
 
 
-def two_threads_from_memory(seconds: float) -> Iterator[Figure]:
+def two_threads_from_memory(seconds: float, arithmetic: ArithmeticOnTwo) -> Iterator[Figure]:
     """Two threads over reading with two."""
     stacks = list(pool().reshape(-1, 8, ROWS, COLUMNS))
     read = functools.partial(_core.read_bytes, threads=2)
     if read(stacks[0]) != int(stacks[0].sum(dtype=np.uint64)):
         raise SystemExit("speed.py: reading with two threads: another sum; not timed")
     half = len(stacks) // 2  # data that one call read has left the caches before the other call reads it
-
-    def pair(call: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
-        """Medians of the second pass over the stacks: full speed is reached some ms after the reference."""
-        times = [(seconds_of(call, stacks[i]), seconds_of(read, stacks[i - half])) for i in 2 * [*range(len(stacks))]]
-        mine, reading = np.median(times[len(stacks) :], axis=0)
-        return float(mine), float(reading)
-
+    read_next = seconds_of_next(read, stacks[half:] + stacks[:half])
     for efficiency in (0.99, 1.0):
         both = gains(SLOW, efficiency, threads=2)
         if not np.array_equal(both(stacks[0]), gains(SLOW, efficiency)(stacks[0])):
             raise SystemExit("speed.py: two threads: another result than one thread; not timed")
         name = f"gain / reading, two threads each, frames from memory, efficiency {efficiency:g}"
         if two_processors():
-            yield from of_quiet_rounds(name, functools.partial(pair, both), 16 * seconds, 1.3, at_most=True)
+            calls = (seconds_of_next(both, stacks), read_next)
+            yield from of_quiet_rounds(name, calls, 16 * seconds, 1.3, True, arithmetic)
         else:
             yield figure_of(name, in_turn(both, read, stacks, seconds, (9, 200)), 1.3)
     yield figure_of("  reading with one thread / two", in_turn(_core.read_bytes, read, stacks, seconds, (9, 200)))
@@ -475,8 +482,9 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
     yield from against_peers(seconds, missing)
     yield from what_is_stored(seconds, missing)
     yield from four_tones(seconds)
-    yield from two_threads_in_cache(seconds)
-    yield from two_threads_from_memory(seconds)
+    with arithmetic_on_two(6) as arithmetic:
+        yield from two_threads_in_cache(seconds, arithmetic)
+        yield from two_threads_from_memory(seconds, arithmetic)
     yield from paper_gains(seconds)
     yield from equalisation(seconds, missing)
     yield from frequency_search(seconds, missing)
