@@ -56,27 +56,31 @@ def arithmetic(products: int) -> Callable[[None], object]:
 class ArithmeticOnTwo:
     """Arithmetic without memory, timed on the first two processors.
 
-    What is timed at once is kept for the whole run, since other guests may slow one of its figures throughout.
+    All times of a run are kept, since other guests may slow one of its figures throughout.
     """
 
     def __init__(self, workers: list[ThreadPoolExecutor], products: int) -> None:
         work = [arithmetic(products) for _ in workers]
         self._calls = [functools.partial(w.submit, seconds_of, own, None) for w, own in zip(workers, work, strict=True)]
-        self._at_once: list[float] = []
+        self._slowest_alone: list[float] = []
+        self._slowest_at_once: list[float] = []
 
     def alone(self) -> np.ndarray:
         """(processors,) seconds, one processor after the other."""
-        return np.array([call().result() for call in self._calls])
+        seconds = np.array([call().result() for call in self._calls])
+        self._slowest_alone.append(np.max(seconds))
+        return seconds
 
     def at_once(self) -> np.ndarray:
         """(processors,) seconds."""
         seconds = np.array([future.result() for future in [call() for call in self._calls]])
-        self._at_once.append(np.max(seconds))
+        self._slowest_at_once.append(np.max(seconds))
         return seconds
 
     def are_quiet(self, slowest: np.ndarray) -> np.ndarray:
-        """Bools: two processors took at most `slowest` seconds at once, as in the fastest twentieth of the run."""
-        return slowest <= FULL_SPEED * np.quantile(self._at_once, 0.05)
+        """Bools: `slowest` seconds at once are those of two cores in the fastest twentieth of the run."""
+        alone, at_once = (np.quantile(times, 0.05) for times in (self._slowest_alone, self._slowest_at_once))
+        return (slowest <= FULL_SPEED * at_once) & (TWO_CORES * at_once <= 2 * alone)
 
 
 @contextlib.contextmanager
@@ -98,18 +102,20 @@ def gain_by_second(alone: np.ndarray, at_once: np.ndarray) -> float:
 def rounds_on_two(
     calls: Sequence[Callable[[], float]], seconds: float, arithmetic: ArithmeticOnTwo
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(rounds, calls) seconds returned by the calls, and (rounds,) bool: two cores, quiet before and after each call.
+    """(rounds, calls) seconds returned by the calls, and (rounds,) bool: arithmetic before and after each is quiet.
 
-    Other guests come and go within milliseconds. It takes up to four times as long if some rounds are quiet, but fewer
-    than nine.
+    Other guests come and go within milliseconds. The same is done before every call: helpers that slept longer before
+    one of them would wake up later. It takes up to four times as long if some rounds are quiet, but fewer than nine.
     """
     times: list[list[float]] = []
-    gains: list[float] = []
-    slowest: list[list[float]] = []  # arithmetic before and after each call
+    slowest = [np.max(arithmetic.at_once())]  # before the first call and after every call
+    for _ in range(FEWEST_ROUNDS):
+        arithmetic.alone()
     start = time.perf_counter()
 
     def are_quiet() -> np.ndarray:
-        return (np.array(gains) >= TWO_CORES) & arithmetic.are_quiet(np.max(slowest, axis=1))
+        around = np.lib.stride_tricks.sliding_window_view(slowest, len(calls) + 1)[:: len(calls)]
+        return arithmetic.are_quiet(np.max(around, axis=1))
 
     def is_enough() -> bool:
         passed = time.perf_counter() - start
@@ -118,11 +124,8 @@ def rounds_on_two(
         return passed >= LONGEST_WAIT * seconds or not 0 < np.sum(are_quiet()) < FEWEST_ROUNDS
 
     while not is_enough():
-        alone, at_once, times_of_round = arithmetic.alone(), [arithmetic.at_once()], []
+        times.append([])
         for call in calls:
-            times_of_round.append(call())
-            at_once.append(arithmetic.at_once())
-        gains.append(gain_by_second(alone, at_once[0]))
-        slowest.append([np.max(each) for each in at_once])
-        times.append(times_of_round)
+            times[-1].append(call())
+            slowest.append(np.max(arithmetic.at_once()))
     return np.array(times), are_quiet()
