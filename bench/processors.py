@@ -111,21 +111,15 @@ def rounds_on_two(
     slowest = [np.max(arithmetic.at_once())]  # before the first call and after every call
     for _ in range(FEWEST_ROUNDS):
         arithmetic.alone()
-    start = time.perf_counter()
-
-    def are_quiet() -> np.ndarray:
+    for _ in range(LONGEST_WAIT):
+        end = time.perf_counter() + seconds
+        while len(times) < FEWEST_ROUNDS or time.perf_counter() < end:
+            times.append([])
+            for call in calls:
+                times[-1].append(call())
+                slowest.append(np.max(arithmetic.at_once()))
         around = np.lib.stride_tricks.sliding_window_view(slowest, len(calls) + 1)[:: len(calls)]
-        return arithmetic.are_quiet(np.max(around, axis=1))
-
-    def is_enough() -> bool:
-        passed = time.perf_counter() - start
-        if len(times) < FEWEST_ROUNDS or passed < seconds:
-            return False
-        return passed >= LONGEST_WAIT * seconds or not 0 < np.sum(are_quiet()) < FEWEST_ROUNDS
-
-    while not is_enough():
-        times.append([])
-        for call in calls:
-            times[-1].append(call())
-            slowest.append(np.max(arithmetic.at_once()))
-    return np.array(times), are_quiet()
+        quiet = arithmetic.are_quiet(np.max(around, axis=1))
+        if not 0 < np.sum(quiet) < FEWEST_ROUNDS:
+            break
+    return np.array(times), quiet

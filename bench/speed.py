@@ -204,9 +204,9 @@ def of_quiet_rounds(
     name: str,
     calls: Sequence[Callable[[], float]],
     seconds: float,
+    arithmetic: ArithmeticOnTwo,
     limit: float,
     at_most: bool,
-    arithmetic: ArithmeticOnTwo,
 ) -> Iterator[Figure]:
     """Ratio of the times of two calls.
 
@@ -230,7 +230,7 @@ def two_threads_in_cache(seconds: float, arithmetic: ArithmeticOnTwo) -> Iterato
     name = "one thread / two, four tones at 1, frames in cache"
     if two_processors():
         calls = (functools.partial(at_mean_rate, one, small), seconds_of_next(two, [small]))
-        yield from of_quiet_rounds(name, calls, 16 * seconds, 1.8, False, arithmetic)
+        yield from of_quiet_rounds(name, calls, 16 * seconds, arithmetic, 1.8, at_most=False)
     else:
         yield figure_of(name, in_turn(one, two, [small], seconds, (9, 400)), 1.8, at_most=False)
 
@@ -250,7 +250,7 @@ def two_threads_from_memory(seconds: float, arithmetic: ArithmeticOnTwo) -> Iter
         name = f"gain / reading, two threads each, frames from memory, efficiency {efficiency:g}"
         if two_processors():
             calls = (seconds_of_next(both, stacks), read_next)
-            yield from of_quiet_rounds(name, calls, 16 * seconds, 1.3, True, arithmetic)
+            yield from of_quiet_rounds(name, calls, 16 * seconds, arithmetic, 1.3, at_most=True)
         else:
             yield figure_of(name, in_turn(both, read, stacks, seconds, (9, 200)), 1.3)
     yield figure_of("  reading with one thread / two", in_turn(_core.read_bytes, read, stacks, seconds, (9, 200)))
