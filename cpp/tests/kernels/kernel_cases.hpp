@@ -78,15 +78,27 @@ class Misaligned {
   std::size_t size_;
 };
 
+// Normal values, mean 0 and variance 1. A prime number of them is drawn and repeated: drawing took three quarters of
+// the time of all cases.
+inline double next_normal() {
+  static const std::vector<double> drawn = [] {
+    std::mt19937 source(7);
+    std::normal_distribution<double> distribution;
+    std::vector<double> values(131'071);
+    std::ranges::generate(values, [&] { return distribution(source); });
+    return values;
+  }();
+  static std::size_t next = 0;
+  return drawn[next++ % drawn.size()];
+}
+
 // `rows` of `length` random values, `stride` apart, with filler between.
 template <class T>
 Misaligned<T> random_rows(std::size_t rows, std::size_t length, std::size_t stride, double mean = 0, double std = 1) {
-  static std::mt19937 source(7);
-  std::normal_distribution<double> distribution(mean, std);
   Misaligned<T> values(rows * stride);
   for (std::size_t n = 0; n < rows; ++n)
     for (std::size_t i = 0; i < length; ++i) {
-      const double value = distribution(source);
+      const double value = mean + std * next_normal();
       values.data()[n * stride + i] = std::is_floating_point_v<T>
                                           ? static_cast<T>(value)
                                           : static_cast<T>(std::clamp(value, 0.0, static_cast<double>(filler<T>())));
