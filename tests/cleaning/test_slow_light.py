@@ -128,7 +128,7 @@ def test_a_video_is_cleaned_once_its_frames_show_the_bands() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.booleans())
-@settings(max_examples=8)
+@settings(max_examples=settings.default.max_examples // 25)
 def test_time_stamps_tell_the_frames_that_are_missing(seed: int, frame_time_is_known: bool) -> None:
     """The phase advances meanwhile: without stamps it would be another frame's. Up to half of them are missing."""
     random = np.random.default_rng(seed)

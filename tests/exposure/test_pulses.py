@@ -124,7 +124,7 @@ def test_one_duty_has_an_error_that_covers_the_offset() -> None:
 
 def test_real_webcam(recordings: object) -> None:
     """Five duties of one laser: every pair tells the same row time within 0.3 %, at 30.1 Hz 45.7 us."""
-    from ocisac_fast.files import read_frames
+    from ocisac_fast.files import open_recording
 
     folder = recordings / "pulses"  # type: ignore[operator]
     if not folder.is_dir():
@@ -132,8 +132,8 @@ def test_real_webcam(recordings: object) -> None:
     duties = (0.05, 0.1, 0.2, 0.3, 0.5)
     bands = []
     for duty in duties:
-        frames = read_frames(folder / f"logitech_30.1hz_duty_{100 * duty:.0f}.mkv").frames
-        bands.append(pulse_bands(frames.mean(axis=2)))
+        with open_recording(folder / f"logitech_30.1hz_duty_{100 * duty:.0f}.mkv") as stream:
+            bands.append(pulse_bands(np.array([frame.mean(axis=1) for frame in stream])))
     every = calibrate_pulses(bands, 30.1, duties)
     assert every.row_time == pytest.approx(45.69e-6, abs=3 * every.row_time_std)
     assert every.row_time_std < 0.003 * every.row_time

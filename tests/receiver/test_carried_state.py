@@ -75,7 +75,16 @@ def payload_frames(frames):
                 yield number
 
 
-@pytest.mark.parametrize("change", ["moved lamp", "other brightness", "hum begins", "cut scene", "lost frames"])
+@pytest.mark.parametrize(
+    "change",
+    [
+        "moved lamp",
+        pytest.param("other brightness", marks=pytest.mark.nightly),
+        "hum begins",
+        "cut scene",
+        "lost frames",
+    ],
+)
 def test_a_change_is_noticed_and_costs_no_payload(change):
     carried = payload_frames(filmed(change, seed=1))
     assert next(carried) < CHANGED
