@@ -77,6 +77,10 @@ class ArithmeticOnTwo:
         self._slowest_at_once.append(np.max(seconds))
         return seconds
 
+    def slowed(self) -> float:
+        """Median time at once over the fastest twentieth's: near 1 on a machine of one's own."""
+        return float(np.median(self._slowest_at_once) / np.quantile(self._slowest_at_once, 0.05))
+
     def are_quiet(self, slowest: np.ndarray) -> np.ndarray:
         """Bools: `slowest` seconds at once are those of two cores in the fastest twentieth of the run."""
         alone, at_once = (np.quantile(times, 0.05) for times in (self._slowest_alone, self._slowest_at_once))

@@ -344,7 +344,7 @@ def integration(seconds: float) -> Iterator[Figure]:
                 raise SystemExit(
                     f"speed.py: integration of {name}: off by {worst:.2g}, allowed: {tolerance:g}; not timed"
                 )
-            timing = in_turn(call, own, [None], seconds, (3, 100))
+            timing = in_turn(call, own, [None], 4 * seconds, (3, 100))
             title = f"exposure integration, NumPy {peer} / library, {name}"
             yield figure_of(title, timing, limit, at_most=False)
 
@@ -360,7 +360,7 @@ def paper_gains(seconds: float) -> Iterator[Figure]:
         own = checked(paper, cycles, name)
         if importlib.util.find_spec("cv2") is not None:
             peer = checked(PEERS["cv2.dft batched float32"][1](ROWS, COLUMNS, cycles), cycles, "cv2.dft")
-            yield figure_of(name, in_blocks(own, peer, pool(), seconds), 1.0)
+            yield figure_of(name, in_blocks(own, peer, pool(), seconds, (4, 4)), 1.0)
         timing = in_turn(own, _core.read_bytes, pool(), seconds, (9, 400))
         yield figure_of(f"gain by DFT / reading, f·T_r = {cycles / ROWS:.3f}", timing)
 
@@ -485,6 +485,8 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
     with arithmetic_on_two(6) as arithmetic:
         yield from two_threads_in_cache(seconds, arithmetic)
         yield from two_threads_from_memory(seconds, arithmetic)
+        if two_processors():
+            yield Figure("arithmetic on two processors, median / fastest twentieth", arithmetic.slowed(), "x")
     yield from paper_gains(seconds)
     yield from equalisation(seconds, missing)
     yield from frequency_search(seconds, missing)

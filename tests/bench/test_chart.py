@@ -118,7 +118,7 @@ def test_blocks_leave_out_what_follows_a_change_of_call(monkeypatch):
         clock.now += 0.001
         calls.append("yardstick")
 
-    timing = measuring.in_blocks(call, yardstick, [0], 0.0, block=4, fewest=3)
+    timing = measuring.in_blocks(call, yardstick, [0], 0.0, blocks=(4, 4), fewest=3)
     assert calls == 3 * (4 * ["call"] + 4 * ["yardstick"])
     assert timing.seconds == pytest.approx(0.002)
     assert timing.ratio == pytest.approx(2.0)

@@ -113,19 +113,20 @@ def in_blocks(
     yardstick: Callable[[Any], object],
     items: Sequence[Any],
     seconds: float = 0.3,
-    block: int = 16,
+    blocks: tuple[int, int] = (2, 16),
     fewest: int = 3,
 ) -> Timing:
-    """Time two calls in alternating blocks, each call on the next item.
+    """Time two calls in alternating blocks of so many calls, each on the next item.
 
-    Only the second half of a block counts: write-backs of the other call's cached data are complete by then.
+    Only the second half of a block counts: write-backs of the other call's cached data are complete by then. The
+    default is for a call of milliseconds over a yardstick of tenths, whose blocks last about as long.
     """
     following = itertools.cycle(items)
     times: list[float] = []
     others: list[float] = []
     end = time.perf_counter() + seconds
     while len(times) < fewest or time.perf_counter() < end:
-        for of, each in ((times, call), (others, yardstick)):
+        for of, each, block in ((times, call, blocks[0]), (others, yardstick, blocks[1])):
             of.append(statistics.median([seconds_of(each, next(following)) for _ in range(block)][block // 2 :]))
     return Timing.of(times, others)
 
