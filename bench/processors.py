@@ -18,7 +18,6 @@ from studies.chart.measuring import seconds_of
 TWO_CORES = 1.7  # min. gain by the second processor of two cores
 FULL_SPEED = 1.05  # max. time of arithmetic over the fastest of a run, where no other guest of the host slows it
 FEWEST_ROUNDS = 9
-LONGEST_WAIT = 4  # times the asked seconds
 
 
 def two_processors() -> list[int]:
@@ -103,27 +102,38 @@ def gain_by_second(alone: np.ndarray, at_once: np.ndarray) -> float:
     return float(np.sum(alone / at_once))
 
 
-def rounds_on_two(
-    calls: Sequence[Callable[[], float]], seconds: float, arithmetic: ArithmeticOnTwo
-) -> tuple[np.ndarray, np.ndarray]:
-    """(rounds, calls) seconds returned by the calls, and (rounds,) bool: arithmetic before and after each is quiet.
+class RoundsOnTwo:
+    """Rounds of calls, one after the other, each between arithmetic.
 
     Other guests come and go within milliseconds. The same is done before every call: helpers that slept longer before
-    one of them would wake up later. It takes up to four times as long if some rounds are quiet, but fewer than nine.
+    one of them would wake up later.
     """
-    times: list[list[float]] = []
-    slowest = [np.max(arithmetic.at_once())]  # before the first call and after every call
-    for _ in range(FEWEST_ROUNDS):
-        arithmetic.alone()
-    for _ in range(LONGEST_WAIT):
+
+    def __init__(self, calls: Sequence[Callable[[], float]], arithmetic: ArithmeticOnTwo) -> None:
+        self._calls, self._arithmetic = calls, arithmetic
+        self._times: list[list[float]] = []
+        self._slowest: list[list[float]] = []  # before the first call and after every call
+
+    def go_on(self, seconds: float) -> None:
+        """Add rounds, one or more."""
+        self._arithmetic.alone()
+        before = np.max(self._arithmetic.at_once())
         end = time.perf_counter() + seconds
-        while len(times) < FEWEST_ROUNDS or time.perf_counter() < end:
-            times.append([])
-            for call in calls:
-                times[-1].append(call())
-                slowest.append(np.max(arithmetic.at_once()))
-        around = np.lib.stride_tricks.sliding_window_view(slowest, len(calls) + 1)[:: len(calls)]
-        quiet = arithmetic.are_quiet(np.max(around, axis=1))
-        if not 0 < np.sum(quiet) < FEWEST_ROUNDS:
-            break
-    return np.array(times), quiet
+        while True:
+            times, slowest = [], [before]
+            for call in self._calls:
+                times.append(call())
+                slowest.append(np.max(self._arithmetic.at_once()))
+            before = slowest[-1]
+            self._times.append(times)
+            self._slowest.append(slowest)
+            if time.perf_counter() >= end:
+                return
+
+    def times(self) -> np.ndarray:
+        """(rounds, calls) seconds that the calls returned."""
+        return np.array(self._times)
+
+    def quiet(self) -> np.ndarray:
+        """(rounds,) bool: arithmetic before and after each call is quiet."""
+        return self._arithmetic.are_quiet(np.max(self._slowest, axis=1))

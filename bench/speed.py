@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 import stored
 from peers import PEERS
-from processors import FEWEST_ROUNDS, ArithmeticOnTwo, arithmetic_on_two, at_mean_rate, rounds_on_two, two_processors
+from processors import FEWEST_ROUNDS, RoundsOnTwo, arithmetic_on_two, at_mean_rate, two_processors
 
 from ocisac_fast import (
     Camera,
@@ -200,42 +200,42 @@ def seconds_of_next(call: Callable[[np.ndarray], object], items: Sequence[np.nda
     return lambda: seconds_of(call, next(order))
 
 
-def of_quiet_rounds(
-    name: str,
-    calls: Sequence[Callable[[], float]],
-    seconds: float,
-    arithmetic: ArithmeticOnTwo,
-    limit: float,
-    at_most: bool,
-) -> Iterator[Figure]:
-    """Ratio of the times of two calls.
+@dataclasses.dataclass(frozen=True)
+class TwoThreads:
+    """A ratio of two calls, of which one or both have two threads.
 
     On a shared host the processors may be threads of one core for seconds, and other guests slow their arithmetic, but
     not the memory, by half. Rounds count if arithmetic before and after each call finds two cores at full speed; if
     that is rare, all do.
     """
-    rounds, quiet = rounds_on_two(calls, seconds, arithmetic)
-    counted = rounds[quiet] if np.sum(quiet) >= FEWEST_ROUNDS else rounds
-    yield figure_of(name, Timing.of(*counted.T.tolist()), limit, at_most)
-    yield figure_of("  in all rounds", Timing.of(*rounds.T.tolist()))
-    yield Figure("  rounds on two cores at full speed", 100.0 * float(np.mean(quiet)), "%")
+
+    name: str
+    calls: tuple[Callable[[], float], Callable[[], float]]  # seconds of the next call
+    limit: float | None
+    at_most: bool
+
+    def figures(self, rounds: RoundsOnTwo) -> Iterator[Figure]:
+        """The figure of the rounds that count, that of all, and the share of the first."""
+        times, quiet = rounds.times(), rounds.quiet()
+        counted = times[quiet] if np.sum(quiet) >= FEWEST_ROUNDS else times
+        yield figure_of(self.name, Timing.of(*counted.T.tolist()), self.limit, self.at_most)
+        yield figure_of("  in all rounds", Timing.of(*times.T.tolist()))
+        yield Figure("  rounds on two cores at full speed", 100.0 * float(np.mean(quiet)), "%")
 
 
-def two_threads_in_cache(seconds: float, arithmetic: ArithmeticOnTwo) -> Iterator[Figure]:
+def two_threads_in_cache() -> TwoThreads:
     """One thread over two, limited by arithmetic."""
     small = np.broadcast_to(pool()[0], (32, ROWS, COLUMNS))
     one, two = gains(FOUR, 1.0), gains(FOUR, 1.0, threads=2)
     if not np.array_equal(one(small), two(small), equal_nan=True):
         raise SystemExit("speed.py: two threads: another result than one thread; not timed")
-    name = "one thread / two, four tones at 1, frames in cache"
-    if two_processors():
-        calls = (functools.partial(at_mean_rate, one, small), seconds_of_next(two, [small]))
-        yield from of_quiet_rounds(name, calls, 16 * seconds, arithmetic, 1.8, at_most=False)
-    else:
-        yield figure_of(name, in_turn(one, two, [small], seconds, (9, 400)), 1.8, at_most=False)
+    alone = functools.partial(at_mean_rate, one, small)
+    return TwoThreads(
+        "one thread / two, four tones at 1, frames in cache", (alone, seconds_of_next(two, [small])), 1.8, False
+    )
 
 
-def two_threads_from_memory(seconds: float, arithmetic: ArithmeticOnTwo) -> Iterator[Figure]:
+def two_threads_from_memory() -> Iterator[TwoThreads]:
     """Two threads over reading with two."""
     stacks = list(pool().reshape(-1, 8, ROWS, COLUMNS))
     read = functools.partial(_core.read_bytes, threads=2)
@@ -248,12 +248,26 @@ def two_threads_from_memory(seconds: float, arithmetic: ArithmeticOnTwo) -> Iter
         if not np.array_equal(both(stacks[0]), gains(SLOW, efficiency)(stacks[0])):
             raise SystemExit("speed.py: two threads: another result than one thread; not timed")
         name = f"gain / reading, two threads each, frames from memory, efficiency {efficiency:g}"
-        if two_processors():
-            calls = (seconds_of_next(both, stacks), read_next)
-            yield from of_quiet_rounds(name, calls, 16 * seconds, arithmetic, 1.3, at_most=True)
-        else:
-            yield figure_of(name, in_turn(both, read, stacks, seconds, (9, 200)), 1.3)
-    yield figure_of("  reading with one thread / two", in_turn(_core.read_bytes, read, stacks, seconds, (9, 200)))
+        yield TwoThreads(name, (seconds_of_next(both, stacks), read_next), 1.3, True)
+    alone = seconds_of_next(_core.read_bytes, stacks)
+    yield TwoThreads("reading with one thread / two", (alone, read_next), None, False)
+
+
+def beside_two_threads(groups: Sequence[Iterator[Figure]], seconds: float) -> Iterator[Figure]:
+    """Figures of the groups, then those of two threads, whose rounds are spread over the whole run.
+
+    Other guests use memory and processors for minutes, more than a figure takes.
+    """
+    with arithmetic_on_two(6) as arithmetic:
+        rows = [two_threads_in_cache(), *two_threads_from_memory()]
+        rounds = [RoundsOnTwo(row.calls, arithmetic) for row in rows]
+        for group in groups:
+            yield from group
+            for each in rounds:
+                each.go_on(2 * seconds)
+        for row, each in zip(rows, rounds, strict=True):
+            yield from row.figures(each)
+        yield Figure("arithmetic on two processors, median / fastest twentieth", arithmetic.slowed(), "x")
 
 
 def what_is_stored(seconds: float, missing: list[str]) -> Iterator[Figure]:
@@ -477,23 +491,24 @@ def exposure_choice(seconds: float) -> Iterator[Figure]:
 
 
 def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
-    """All figures."""
-    yield from against_reading(seconds)
-    yield from against_peers(seconds, missing)
-    yield from what_is_stored(seconds, missing)
-    yield from four_tones(seconds)
-    with arithmetic_on_two(6) as arithmetic:
-        yield from two_threads_in_cache(seconds, arithmetic)
-        yield from two_threads_from_memory(seconds, arithmetic)
-        if two_processors():
-            yield Figure("arithmetic on two processors, median / fastest twentieth", arithmetic.slowed(), "x")
-    yield from paper_gains(seconds)
-    yield from equalisation(seconds, missing)
-    yield from frequency_search(seconds, missing)
-    yield from varying_tone(seconds)
-    yield from integration(seconds)
-    yield from sequences(seconds)
-    yield from exposure_choice(seconds)
+    """All figures; those of two threads where their processors are known."""
+    groups = [
+        against_reading(seconds),
+        against_peers(seconds, missing),
+        what_is_stored(seconds, missing),
+        four_tones(seconds),
+        paper_gains(seconds),
+        equalisation(seconds, missing),
+        frequency_search(seconds, missing),
+        varying_tone(seconds),
+        integration(seconds),
+        sequences(seconds),
+        exposure_choice(seconds),
+    ]
+    if two_processors():
+        yield from beside_two_threads(groups, seconds)
+    else:
+        yield from itertools.chain(*groups)
 
 
 def print_table(figures: list[Figure], missing: list[str]) -> None:
