@@ -77,7 +77,7 @@ class ArithmeticOnTwo:
         return seconds
 
     def slowed(self) -> float:
-        """Median time at once over the fastest twentieth's: near 1 on a machine of one's own."""
+        """Median time at once over the fastest twentieth's: how much other guests of the host slow it."""
         return float(np.median(self._slowest_at_once) / np.quantile(self._slowest_at_once, 0.05))
 
     def are_quiet(self, slowest: np.ndarray) -> np.ndarray:

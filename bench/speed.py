@@ -254,17 +254,17 @@ def two_threads_from_memory() -> Iterator[TwoThreads]:
 
 
 def beside_two_threads(groups: Sequence[Iterator[Figure]], seconds: float) -> Iterator[Figure]:
-    """Figures of the groups, then those of two threads, whose rounds are spread over the whole run.
+    """Figures of the groups, then those of two threads, whose rounds are spread over the whole run, row by row in turn.
 
-    Other guests use memory and processors for minutes, more than a figure takes.
+    Other guests use memory and processors for longer than a figure takes, and pause for less.
     """
     with arithmetic_on_two(6) as arithmetic:
         rows = [two_threads_in_cache(), *two_threads_from_memory()]
         rounds = [RoundsOnTwo(row.calls, arithmetic) for row in rows]
         for group in groups:
             yield from group
-            for each in rounds:
-                each.go_on(2 * seconds)
+            for each in 20 * rounds:
+                each.go_on(0.1 * seconds)
         for row, each in zip(rows, rounds, strict=True):
             yield from row.figures(each)
         yield Figure("arithmetic on two processors, median / fastest twentieth", arithmetic.slowed(), "x")
