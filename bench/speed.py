@@ -508,6 +508,7 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
     if two_processors():
         yield from beside_two_threads(groups, seconds)
     else:
+        missing.append("two processors that can be chosen")
         yield from itertools.chain(*groups)
 
 
@@ -522,7 +523,7 @@ def print_table(figures: list[Figure], missing: list[str]) -> None:
         print(f"{f.name:{width}}  {f.value:7.2f} {best:>8} {f.unit:3}  {took:11}  {limit:13}  {verdict}")
     print("in brackets: from the fastest tenth of both calls")
     for name in dict.fromkeys(missing):
-        print(f"{name}: not installed, left out")
+        print(f"{name}: not there, left out")
 
 
 def draw(path: str, figures: list[Figure]) -> None:
