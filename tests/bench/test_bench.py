@@ -35,7 +35,7 @@ def test_speed_reports_every_figure():
     paths = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     report = json.loads(subprocess.run(command, check=True, capture_output=True, text=True, env=paths).stdout)
     names = [figure["name"] for figure in report["figures"] if figure["limit"] is not None]
-    assert len(set(names)) == len(names) >= 40
+    assert len(set(names)) == len(names) >= 49
     assert all(figure["value"] > 0.0 for figure in report["figures"] if figure["unit"] != "%")  # rounds: may be none
 
 
