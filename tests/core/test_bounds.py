@@ -92,6 +92,11 @@ wave = 100 + 30 * np.sin(np.arange(700))[:, None]
 print("begun", flush=True)
 {LONG_CALLS[call]}
 """
+    # 0.05 to 0.2 s wherever in a call; another program may hold up one of three
+    assert any(_seconds_until_interrupted(code) < 1.5 for _ in range(3))  # and the interpreter's own end
+
+
+def _seconds_until_interrupted(code):
     with subprocess.Popen(
         [sys.executable, "-c", code],
         stdout=subprocess.PIPE,
@@ -105,5 +110,5 @@ print("begun", flush=True)
         sent = time.perf_counter()
         child.send_signal(signal.SIGINT)
         _, problems = child.communicate(timeout=60)
-    assert time.perf_counter() - sent < 1.5  # and the interpreter's own end
     assert problems.endswith("KeyboardInterrupt\n")
+    return time.perf_counter() - sent

@@ -60,12 +60,14 @@ def near_an_edge(waveform, camera, rows, start, frames):
     exposure=EXPOSURES,
     start=st.floats(-1, 1),
     length=st.sampled_from([1, 2, 31, 720, 1080, 4352]),
-    seed=st.integers(0, 2**32 - 1),
+    order=st.sampled_from([1, 3, 1000]) | st.integers(0, 2**32 - 1).map(np.random.default_rng),
     frames=st.none() | st.integers(1, 3),
 )
-def test_agrees_with_the_reference(parts, exposure, start, length, seed, frames):
+def test_agrees_with_the_reference(parts, exposure, start, length, order, frames):
+    """Of rows as far apart as ``order``, or in a random order."""
     camera = Camera(22.2e-6, exposure, 1 / 30)
-    rows = np.random.default_rng(seed).permutation(np.arange(length) - length // 3)
+    rows = np.arange(length) - length // 3
+    rows = rows * order if isinstance(order, int) else order.permutation(rows)
     waveform = Sum(parts)
     got = integrate_exposure(waveform, camera, rows, start=start, frames=frames)
     assert got.shape == ((length,) if frames is None else (frames, length))
@@ -265,10 +267,10 @@ EXACT = [
 @pytest.mark.parametrize("waveform", EXACT, ids=repr)
 @pytest.mark.parametrize("exposure", [0.0, 1e-12, 3e-7, 22.2e-6, 0.000622, 0.0049, 0.12])
 @pytest.mark.parametrize(("start", "frame"), [(0.0, 0), (0.0, 100_000), (1e4, 3), (-1e4, 0)])
-def test_is_exact_however_late(waveform, exposure, start, frame):
+@pytest.mark.parametrize("rows", [[0, 1, 17, 1079, -5, 10**6, 100], range(-2, 40, 7)], ids=["mixed", "even"])
+def test_is_exact_however_late(waveform, exposure, start, frame, rows):
     camera = Camera(22.2e-6, exposure, 1 / 30)
-    rows = [0, 1, 17, 1079, -5, 10**6, 100]
-    got = integrate_exposure(waveform, camera, rows, start=start, frames=[frame])[0]
+    got = integrate_exposure(waveform, camera, list(rows), start=start, frames=[frame])[0]
     want = [exact_mean(waveform, time, exposure) for time in exact_instants(camera, rows, start, frame)]
     np.testing.assert_allclose(got, want, rtol=0, atol=1e-13)
 

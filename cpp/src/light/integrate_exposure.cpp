@@ -1,7 +1,5 @@
 #include "ocisac/light/integrate_exposure.hpp"
 
-#include <hwy/cache_control.h>
-
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -17,7 +15,7 @@ namespace ocisac {
 namespace {
 
 constexpr std::int64_t kMaxRow = std::int64_t{1} << 52;
-constexpr std::size_t kBlock = 512;
+constexpr std::size_t kBlock = 2048;
 
 // A waveform prepared for integration: its steady light and its varying elements.
 class Light {
@@ -33,21 +31,23 @@ class Light {
     }
   }
 
-  void fill(std::span<const double> x, std::span<double> out) const {
-    std::fill(out.begin(), out.end(), steady_);
-    for (const auto& [coefficient, part] : parts_) part->add(x, coefficient, out);
+  // out[i]: exposure i.
+  void fill(std::span<double> out) const {
+    for (std::size_t first = 0; first < out.size(); first += kBlock) {
+      check_interrupt();
+      kernels::MeansOutput to{out.subspan(first, std::min(kBlock, out.size() - first)), false, steady_};
+      if (parts_.empty()) std::ranges::fill(to.means, steady_);
+      for (const auto& [coefficient, part] : parts_) {
+        part->write(first, coefficient, to);
+        to.adds = true;
+      }
+    }
   }
 
  private:
   double steady_ = 0;
   std::vector<std::pair<double, std::unique_ptr<MeanLight>>> parts_;
 };
-
-// Memory that will be written soon.
-void ask_for(std::span<const double> values) {
-  constexpr std::size_t kInLine = 64 / sizeof(double);
-  for (std::size_t i = 0; i < values.size(); i += kInLine) hwy::Prefetch(&values[i]);
-}
 
 void require_one_each(std::size_t asked, std::size_t given) {
   require(asked == given, "out", given, "as many values as are asked for");
@@ -62,61 +62,50 @@ DoubleDouble frame_start(const Camera& camera, double start, std::int64_t frame)
   return exact_product(static_cast<double>(frame), *camera.frame_time) + DoubleDouble{start, 0};
 }
 
-// Row numbers as factors of the row time, and the first and the last of them.
-class RowNumbers {
- public:
-  explicit RowNumbers(std::span<const std::int64_t> rows) : values_(rows.size()) {
-    require(!rows.empty(), "rows", "none", "at least one row");
-    std::int64_t first = rows.front(), last = first;
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-      first = rows[i] < first ? rows[i] : first;
-      last = rows[i] > last ? rows[i] : last;
-      values_[i] = static_cast<double>(rows[i]);
-    }
-    require(first >= -kMaxRow, "rows", first, "from -2^52 to 2^52");
-    require(last <= kMaxRow, "rows", last, "from -2^52 to 2^52");
-    first_ = static_cast<double>(first);
-    last_ = static_cast<double>(last);
+// Row numbers as factors of the row time.
+std::vector<double> row_numbers(std::span<const std::int64_t> rows) {
+  require(!rows.empty(), "rows", "none", "at least one row");
+  std::vector<double> numbers(rows.size());
+  std::int64_t first = rows.front(), last = first;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    first = rows[i] < first ? rows[i] : first;
+    last = rows[i] > last ? rows[i] : last;
+    numbers[i] = static_cast<double>(rows[i]);
   }
+  require(first >= -kMaxRow, "rows", first, "from -2^52 to 2^52");
+  require(last <= kMaxRow, "rows", last, "from -2^52 to 2^52");
+  return numbers;
+}
 
-  void integrate(const Waveform& waveform, const Camera& camera, double start, std::int64_t frame,
-                 std::span<double> out) const {
-    const TimeLine line{frame_start(camera, start, frame), camera.row_time};
-    const Light light(waveform, {line, known_exposure(camera, "the light that it collects"), first_, last_});
-    for (std::size_t i = 0; i < values_.size(); i += kBlock) {
-      check_interrupt();
-      const std::size_t size = std::min(kBlock, values_.size() - i);
-      light.fill(std::span(values_).subspan(i, size), out.subspan(i, size));
-    }
-  }
-
- private:
-  std::vector<double> values_;
-  double first_ = 0, last_ = 0;
-};
+void integrate(const Waveform& waveform, const Camera& camera, double start, std::int64_t frame, Instants& rows,
+               std::span<double> out) {
+  const TimeLine line{frame_start(camera, start, frame), camera.row_time};
+  Light(waveform, {line, known_exposure(camera, "the light that it collects"), rows}).fill(out);
+}
 
 }  // namespace
 
 void integrate_exposure(const Waveform& waveform, const Camera& camera, std::span<const std::int64_t> rows,
                         double start, std::int64_t frame, std::span<double> out) {
   check(camera);
-  const RowNumbers numbers(rows);
+  const std::vector<double> numbers = row_numbers(rows);
   require_one_each(rows.size(), out.size());
-  numbers.integrate(waveform, camera, start, frame, out);
+  Instants instants(numbers);
+  integrate(waveform, camera, start, frame, instants, out);
 }
 
 void integrate_exposure(const Waveform& waveform, const Camera& camera, std::span<const std::int64_t> rows,
                         double start, std::span<const std::int64_t> frames, const FramesView<double>& out) {
   if (frames.empty()) return;
   check(camera);
-  const RowNumbers numbers(rows);
+  const std::vector<double> numbers = row_numbers(rows);
+  Instants instants(numbers);
   require(out.rows == frames.size() && out.columns == rows.size(), "out", "another shape",
           "one value for each frame and row");
   std::vector<double> buffer(out.column_stride == 1 ? 0 : rows.size());
   for (std::size_t j = 0; j < frames.size(); ++j) {
     const std::span<double> means = buffer.empty() ? std::span(out.at(0, j, 0), rows.size()) : std::span(buffer);
-    if (buffer.empty() && j + 1 < frames.size()) ask_for({out.at(0, j + 1, 0), rows.size()});
-    numbers.integrate(waveform, camera, start, frames[j], means);
+    integrate(waveform, camera, start, frames[j], instants, means);
     for (std::size_t i = 0; i < buffer.size(); ++i) out(0, j, i) = buffer[i];
   }
 }
@@ -125,13 +114,8 @@ void sample_waveform(const Waveform& waveform, std::span<const double> times, st
   require_one_each(times.size(), out.size());
   if (times.empty()) return;
   for (double time : times) require_finite("times", time);
-  const auto [first, last] = std::minmax_element(times.begin(), times.end());
-  const Light light(waveform, {TimeLine{}, 0, *first, *last});
-  for (std::size_t i = 0; i < times.size(); i += kBlock) {
-    check_interrupt();
-    const std::size_t size = std::min(kBlock, times.size() - i);
-    light.fill(times.subspan(i, size), out.subspan(i, size));
-  }
+  Instants instants(times);
+  Light(waveform, {TimeLine{}, 0, instants}).fill(out);
 }
 
 }  // namespace ocisac

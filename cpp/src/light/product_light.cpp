@@ -83,7 +83,9 @@ std::vector<Step> merged_steps(const WaveformFactors& factors, const Stretch& st
 class PiecesLight final : public MeanLight {
  public:
   PiecesLight(const WaveformFactors& factors, const Exposures& exposures, const Stretch& stretch)
-      : exposure_(exposures.exposure), line_{exposures.line.origin - stretch.origin, exposures.line.step} {
+      : exposure_(exposures.exposure),
+        line_{exposures.line.origin - stretch.origin, exposures.line.step},
+        x_(exposures.instants.x()) {
     for (const Cosine& cosine : cosines_of(factors)) {
       const CycleCounter counter(cosine.frequency, stretch.line(), cosine.turns);
       counter.require_countable(0, stretch.length, "frequency");
@@ -93,8 +95,8 @@ class PiecesLight final : public MeanLight {
     add_up(merged_steps(factors, stretch), stretch.length);
   }
 
-  void add(std::span<const double> x, double scale, std::span<double> out) const override {
-    for (std::size_t i = 0; i < x.size(); ++i) out[i] += scale * mean_before(line_.at(x[i]));
+  void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
+    for (std::size_t i = 0; i < to.means.size(); ++i) to.put(i, scale * mean_before(line_.at(x_[first + i])));
   }
 
  private:
@@ -160,6 +162,7 @@ class PiecesLight final : public MeanLight {
 
   double exposure_;
   TimeLine line_;  // counts from the stretch's origin
+  std::span<const double> x_;
   std::vector<CountedCosine> cosines_;
   std::vector<Piece> pieces_;
 };
@@ -171,15 +174,15 @@ class PointsLight final : public MeanLight {
     for (const auto& factor : factors) lights_.push_back(factor->mean_light(exposures));
   }
 
-  void add(std::span<const double> x, double scale, std::span<double> out) const override {
-    for (std::size_t i = 0; i < x.size(); ++i) {
+  void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
+    for (std::size_t i = 0; i < to.means.size(); ++i) {
       double product = scale;
       for (const auto& light : lights_) {
         double value = 0;
-        light->add(x.subspan(i, 1), 1, {&value, 1});
+        light->write(first + i, 1, {{&value, 1}});
         product *= value;
       }
-      out[i] += product;
+      to.put(i, product);
     }
   }
 
@@ -188,8 +191,8 @@ class PointsLight final : public MeanLight {
 };
 
 Stretch stretch_of(const Exposures& exposures) {
-  const DoubleDouble origin = exposures.line.at(exposures.x_first) - DoubleDouble{exposures.exposure, 0};
-  return {origin, (exposures.line.at(exposures.x_last) - origin).value()};
+  const DoubleDouble origin = exposures.line.at(exposures.instants.first()) - DoubleDouble{exposures.exposure, 0};
+  return {origin, (exposures.line.at(exposures.instants.last()) - origin).value()};
 }
 
 double max_pieces(const WaveformFactors& factors, double length) {
@@ -204,12 +207,12 @@ class SparseLight final : public MeanLight {
   SparseLight(WaveformFactors factors, const Exposures& exposures)
       : factors_(std::move(factors)), exposures_(exposures) {}
 
-  void add(std::span<const double> x, double scale, std::span<double> out) const override {
-    Exposures one = exposures_;
-    for (std::size_t i = 0; i < x.size(); ++i) {
+  void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
+    for (std::size_t i = 0; i < to.means.size(); ++i) {
       check_interrupt();
-      one.x_first = one.x_last = x[i];
-      PiecesLight(factors_, one, stretch_of(one)).add(x.subspan(i, 1), scale, out.subspan(i, 1));
+      Instants instant(exposures_.instants.x().subspan(first + i, 1));
+      const Exposures one{exposures_.line, exposures_.exposure, instant};
+      PiecesLight(factors_, one, stretch_of(one)).write(0, scale, {to.means.subspan(i, 1), to.adds, to.steady});
     }
   }
 

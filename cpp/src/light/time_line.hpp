@@ -69,6 +69,33 @@ constexpr bool kHasFusedProduct = true;
 constexpr bool kHasFusedProduct = false;
 #endif
 
+// A factor of many products without error.
+class ExactFactor {
+ public:
+  explicit ExactFactor(double value) : value_(value), upper_(upper_half(value)), lower_(value - upper_) {}
+
+  double value() const { return value_; }
+
+  // x·value. Dekker's halves where a fused multiply-add is a call of a function; the values are the same.
+  template <bool kFused = kHasFusedProduct>
+  DoubleDouble times(double x) const {
+    if constexpr (kFused) return exact_product(x, value_);
+    const double product = x * value_;
+    const double upper = upper_half(x);
+    const double lower = x - upper;
+    return {product, ((upper * upper_ - product) + upper * lower_ + lower * upper_) + lower * lower_};
+  }
+
+ private:
+  static double upper_half(double value) {
+    const double scaled = value * 0x1.0000002p27;
+    return scaled - (scaled - value);
+  }
+
+  double value_;
+  double upper_, lower_;  // 26 bits each
+};
+
 // A count of cycles: whole + fraction + rest, fraction in [-1/2, 1/2], |rest| <= half its last place.
 struct Position {
   double whole = 0;
@@ -76,51 +103,42 @@ struct Position {
   double rest = 0;
 };
 
+// A count of cycles in two parts; `coarse` is a multiple of a power of two.
+struct SplitCycles {
+  double coarse = 0;
+  double fine = 0;
+};
+
 // Cycles rate·t(x) + offset along a time line: products are exact, and whole cycles are removed before rounding.
 class CycleCounter {
  public:
   CycleCounter(DoubleDouble rate, const TimeLine& line, DoubleDouble offset = {});
 
-  // kFused: where the caller is compiled for processors with a fused multiply-add; the values are the same.
-  template <bool kFused = kHasFusedProduct>
-  Position at(double x) const {
-    return at<kFused>(x, 0);
-  }
-  Position at(DoubleDouble x) const { return at<kHasFusedProduct>(x.high, x.low * step_.high); }
+  Position at(double x) const { return at(x, 0); }
+  Position at(DoubleDouble x) const { return at(x.high, x.low * step_.value()); }
+
+  // Of one unit of x.
+  DoubleDouble step() const { return {step_.value(), step_low_}; }
+  // Whole cycles at x = 0, and the rest with a multiple of `grid`.
+  double origin_whole() const { return base_whole_; }
+  SplitCycles origin_rest(double grid) const;
 
   // Throws std::invalid_argument that names `argument` where a count between the two x is too large to keep a fraction.
   void require_countable(double x_first, double x_last, const char* argument) const;
 
  private:
-  template <bool kFused>
   Position at(double x, double more_cycles) const {
-    const DoubleDouble product = kFused ? exact_product(x, step_.high) : times_step(x);
+    const DoubleDouble product = step_.times(x);
     const double whole = nearest_whole(product.high);
     DoubleDouble part = exact_sum(product.high - whole, base_.high);
-    part.low += product.low + x * step_.low + base_.low + more_cycles;
+    part.low += product.low + x * step_low_ + base_.low + more_cycles;
     const double more = nearest_whole(part.high);
     part = exact_sum(part.high - more, part.low);
     return {whole + more + base_whole_, part.high, part.low};
   }
 
-  // exact_product(x, step_.high), by Dekker's halves where a fused multiply-add is a call of a function.
-  DoubleDouble times_step(double x) const {
-    const double product = x * step_.high;
-    const double upper = upper_half(x);
-    const double lower = x - upper;
-    const double error =
-        ((upper * step_upper_ - product) + upper * step_lower_ + lower * step_upper_) + lower * step_lower_;
-    return {product, error};
-  }
-
-  static double upper_half(double value) {
-    const double scaled = value * 0x1.0000002p27;
-    return scaled - (scaled - value);
-  }
-
-  DoubleDouble step_;  // cycles per unit of x
-  double step_upper_;  // the upper and the lower 26 bits of step_.high
-  double step_lower_;
+  ExactFactor step_;  // cycles per unit of x, and what a double leaves over
+  double step_low_;
   double base_whole_;
   DoubleDouble base_;  // the rest of the count at x = 0, within [-1/2, 1/2]
 };

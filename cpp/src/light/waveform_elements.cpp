@@ -6,7 +6,6 @@
 #include <limits>
 #include <utility>
 
-#include "light/waveform_kernels.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 
@@ -24,11 +23,32 @@ TimeLine delayed(TimeLine line, double delay) {
   return line;
 }
 
-CycleCounter counter_of(double rate, const Exposures& exposures, DoubleDouble offset, const char* argument) {
-  const CycleCounter counter(DoubleDouble{rate, 0}, exposures.line, offset);
-  counter.require_countable(exposures.x_first, exposures.x_last, argument);
-  return counter;
-}
+// Cycles of a set of exposures, counted as they are for one of them and as kernels need them for many.
+class CycleCounts {
+ public:
+  CycleCounts(double rate, const Exposures& exposures, DoubleDouble offset, const char* argument)
+      : counter_(DoubleDouble{rate, 0}, exposures.line, offset), instants_(exposures.instants) {
+    counter_.require_countable(instants_.first(), instants_.last(), argument);
+  }
+
+  Position at(std::size_t i) const { return counter_.at(instants_.x()[i]); }
+  const CycleCounter& counter() const { return counter_; }
+
+  kernels::Cycles from(std::size_t first, std::size_t count) const {
+    const CountedCycles counted = instants_.cycles(counter_.step(), first, count);
+    return {counted.coarse, counted.fine, counter_.origin_rest(counted.grid)};
+  }
+
+  // From one of even exposures to the next.
+  double per_exposure() const {
+    const auto x = instants_.x();
+    return x.size() > 1 ? (x[1] - x[0]) * counter_.step().high : 0;
+  }
+
+ private:
+  CycleCounter counter_;
+  Instants& instants_;
+};
 
 // --- Tone: A/2·(1 + depth·sinc(f T_e)·cos(phase in mid-exposure)) ---
 
@@ -37,21 +57,22 @@ class ToneLight final : public MeanLight {
   ToneLight(const Tone& tone, Exposures exposures)
       : half_amplitude_(tone.amplitude / 2),
         swing_(tone.depth * sinc(cycles_of(tone.frequency, exposures.exposure, "frequency").value())),
-        counter_(counter_in_mid_exposure(tone, exposures)) {}
+        in_mid_exposure_(counted(tone, exposures)) {}
 
-  void add(std::span<const double> x, double scale, std::span<double> out) const override {
-    kernels::add_means(kernels::ToneMeans{counter_, scale * half_amplitude_, swing_}, x.data(), x.size(), out.data());
+  void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
+    kernels::write_means(kernels::ToneMeans{scale * half_amplitude_, swing_},
+                         in_mid_exposure_.from(first, to.means.size()), to);
   }
 
  private:
-  static CycleCounter counter_in_mid_exposure(const Tone& tone, Exposures exposures) {
+  static CycleCounts counted(const Tone& tone, Exposures exposures) {
     exposures.line = delayed(exposures.line, exposures.exposure / 2);
-    return counter_of(tone.frequency, exposures, turns(tone.phase), "frequency");
+    return {tone.frequency, exposures, turns(tone.phase), "frequency"};
   }
 
   double half_amplitude_;
   double swing_;
-  CycleCounter counter_;
+  CycleCounts in_mid_exposure_;
 };
 
 class ToneElement final : public WaveformElement {
@@ -83,39 +104,43 @@ class ToneElement final : public WaveformElement {
 class SquareLight final : public MeanLight {
  public:
   SquareLight(const SquareWave& wave, const Exposures& exposures)
-      : half_duty_(wave.duty / 2),
-        amplitude_(wave.amplitude),
-        counter_(counter_of(wave.frequency, exposures, turns(wave.phase), "frequency")) {
-    const DoubleDouble cycles = cycles_of(wave.frequency, exposures.exposure, "frequency");
-    const double whole = std::floor(cycles.value());
-    point_ = is_point(cycles);
-    length_ = cycles.value();
-    part_ = std::max((cycles - DoubleDouble{whole, 0}).value(), 0.0);
-    whole_light_ = whole * wave.duty;
-  }
+      : amplitude_(wave.amplitude),
+        duty_(wave.duty),
+        length_(cycles_of(wave.frequency, exposures.exposure, "frequency")),
+        whole_(std::floor(length_.value())),
+        part_(part_of(length_, whole_)),
+        // Of the middle of the remaining part; exposure 0: at its end.
+        counts_(wave.frequency, exposures, turns(wave.phase) - half(part_), "frequency") {}
 
-  void add(std::span<const double> x, double scale, std::span<double> out) const override {
-    if (point_) return add_points(x, scale * amplitude_, out);
-    kernels::add_means(kernels::SquareMeans{counter_, scale * amplitude_, half_duty_, length_, part_, whole_light_},
-                       x.data(), x.size(), out.data());
+  void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
+    if (is_point(length_)) return write_points(first, scale * amplitude_, to);
+    const DoubleDouble both = part_ + DoubleDouble{duty_, 0};
+    const double least = (both - DoubleDouble{1, 0}).value();
+    const kernels::SquareMeans means{scale * amplitude_, length_.value(),      whole_ * duty_,
+                                     half(both),         std::max(least, 0.0), std::min(duty_, part_.value())};
+    kernels::write_means(means, counts_.from(first, to.means.size()), to);
   }
 
  private:
-  void add_points(std::span<const double> x, double level, std::span<double> out) const {
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      const Position at = counter_.at(x[i]);
+  static DoubleDouble part_of(DoubleDouble length, double whole) {
+    const DoubleDouble part = length - DoubleDouble{whole, 0};
+    return part.high > 0 ? part : DoubleDouble{};
+  }
+  static DoubleDouble half(DoubleDouble value) { return {value.high / 2, value.low / 2}; }
+
+  void write_points(std::size_t first, double level, const kernels::MeansOutput& to) const {
+    for (std::size_t i = 0; i < to.means.size(); ++i) {
+      const Position at = counts_.at(first + i);
       const double rest = at.fraction < 0 ? -at.rest : at.rest;
-      if (half_duty_ - std::abs(at.fraction) - rest > 0) out[i] += level;
+      to.put(i, duty_ / 2 - std::abs(at.fraction) - rest > 0 ? level : 0);
     }
   }
 
-  double half_duty_;
-  double amplitude_;
-  CycleCounter counter_;
-  bool point_;
-  double length_;       // of the exposure, in cycles
-  double part_;         // what is left of it after whole cycles
-  double whole_light_;  // in those
+  double amplitude_, duty_;
+  DoubleDouble length_;  // of the exposure, in cycles
+  double whole_;         // of those
+  DoubleDouble part_;    // what is left of it
+  CycleCounts counts_;
 };
 
 class SquareElement final : public WaveformElement {
@@ -172,9 +197,9 @@ struct Decay {
 };
 
 struct Cells {
-  // (2·cells + 1) light of all cells before each, in cells, and its value at its beginning, in turns.
-  std::vector<double> chain{0};
-  std::vector<double> slopes;         // per cell
+  // Each after the last cell's (0 until all are known), for what lies before the first of a round:
+  std::vector<double> chain{0, 0};    // light of all cells before each, in cells, and its value at its beginning
+  std::vector<double> slopes{0};      // per cell
   std::vector<double> before_low{0};  // (cells + 1) what the doubles of `chain` leave over
   std::vector<Decay> decays;          // one a cell, or none
   double left = 0;                    // before the first cell and after the last, where they do not repeat
@@ -182,18 +207,20 @@ struct Cells {
   bool repeat = false;
   bool has_slopes = false, has_lows = false;
 
-  std::int64_t count() const { return static_cast<std::int64_t>(slopes.size()); }
+  std::int64_t count() const { return static_cast<std::int64_t>(slopes.size()) - 1; }
 
   void reserve(std::size_t count) {
-    chain.reserve(2 * count + 1);
+    chain.reserve(2 * count + 2);
     for (auto* each : {&slopes, &before_low}) each->reserve(count + 1);
   }
 
   void append(double value, double slope) {
     const DoubleDouble after = total() + exact_sum(value, slope / 2);
     slopes.push_back(slope);
+    slopes.front() = slope;
     has_slopes = has_slopes || slope != 0;
     chain.insert(chain.end(), {value, after.high});
+    chain.front() = value;
     before_low.push_back(after.low);
     has_lows = has_lows || after.low != 0;
   }
@@ -206,9 +233,14 @@ struct Cells {
     before_low.back() = after.low;
   }
 
+  kernels::CellTables tables() const {
+    return {chain.data() + 1, has_slopes ? slopes.data() + 1 : nullptr, has_lows ? before_low.data() : nullptr,
+            count()};
+  }
+
   DoubleDouble before(std::int64_t k) const {
     const auto at = static_cast<std::size_t>(std::min(k, count()));
-    return {chain[2 * at], before_low[at]};
+    return {chain[2 * at + 1], before_low[at]};
   }
   DoubleDouble total() const { return {chain.back(), before_low.back()}; }
 
@@ -227,7 +259,7 @@ struct Cells {
     if (k < 0) return {left, 0};
     if (k >= count()) return {right, 0};
     const auto at = static_cast<std::size_t>(k);
-    return {chain[2 * at + 1], slopes[at]};
+    return {chain[2 * at + 2], slopes[at + 1]};
   }
 
   Decay decay_of(std::int64_t k) const {
@@ -254,7 +286,7 @@ class CellsLight final : public MeanLight {
  public:
   CellsLight(const Cells& cells, double amplitude, double rate, double start, const char* rate_name,
              const Exposures& exposures)
-      : cells_(cells), amplitude_(amplitude), counter_(counter_from(start, rate, rate_name, exposures)) {
+      : cells_(cells), amplitude_(amplitude), counts_(counted(start, rate, rate_name, exposures)) {
     DoubleDouble length = cycles_of(rate, exposures.exposure, rate_name);
     point_ = is_point(length);
     length_ = length.value();
@@ -265,42 +297,50 @@ class CellsLight final : public MeanLight {
       whole_ = rounds > 0;
     }
     part_ = std::max(length.value(), 0.0);
-    has_tables_ = fits_tables(exposures);
+    fits_tables_ = exposures.instants.is_even() && length_ > kMinLength && cells.decays.empty() &&
+                   (cells.repeat || is_inside(exposures.instants));
   }
 
-  void add(std::span<const double> x, double scale, std::span<double> out) const override {
-    if (has_tables_) {
-      const kernels::CellTables tables{cells_.chain.data(), cells_.has_slopes ? cells_.slopes.data() : nullptr,
-                                       cells_.has_lows ? cells_.before_low.data() : nullptr,
-                                       static_cast<double>(cells_.count())};
-      return kernels::add_means(kernels::CellMeans{counter_, tables, scale * amplitude_, length_, part_, whole_light_},
-                                x.data(), x.size(), out.data());
-    }
-    cells_.decays.empty() ? add_means<false>(x, scale, out) : add_means<true>(x, scale, out);
+  void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
+    if (fits_tables_) return kernels::write_means(means(scale), counts_.from(first, to.means.size()), to);
+    cells_.decays.empty() ? write_means<false>(first, scale, to) : write_means<true>(first, scale, to);
   }
 
  private:
-  // True if an exposure of some length needs no more than the tables.
-  bool fits_tables(const Exposures& exposures) const {
-    if (point_ || !cells_.decays.empty() || cells_.count() > std::numeric_limits<std::int32_t>::max() / 2) return false;
-    return cells_.repeat || (counter_.at(exposures.x_first).whole - length_ > 2 &&
-                             counter_.at(exposures.x_last).whole + 1 < static_cast<double>(cells_.count()));
+  static constexpr double kMinLength = 1e-100;  // cells; by less a level cannot be divided
+
+  // True if the cells reach further than all exposures.
+  bool is_inside(const Instants& instants) const {
+    const CycleCounter& counter = counts_.counter();
+    return counter.at(instants.first()).whole - length_ > 2 &&
+           counter.at(instants.last()).whole + 1 < static_cast<double>(cells_.count());
+  }
+
+  kernels::CellMeans means(double scale) const {
+    const double whole = std::floor(part_), origin = counts_.counter().origin_whole();
+    return {cells_.tables(),
+            static_cast<std::int64_t>(std::fmod(origin, static_cast<double>(cells_.count()))),
+            counts_.per_exposure(),
+            scale * amplitude_ / length_,
+            static_cast<std::int64_t>(whole),
+            part_ - whole,
+            whole_light_};
   }
 
   template <bool decays>
-  void add_means(std::span<const double> x, double scale, std::span<double> out) const {
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      const Position end = counter_.at(x[i]);
+  void write_means(std::size_t first, double scale, const kernels::MeansOutput& to) const {
+    for (std::size_t i = 0; i < to.means.size(); ++i) {
+      const Position end = counts_.at(first + i);
       const double offset = end.fraction + end.rest;
       const bool below = end.fraction < 0 || (end.fraction == 0 && end.rest < 0);
       const auto cell = static_cast<std::int64_t>(end.whole) - (below ? 1 : 0);
-      out[i] += scale * amplitude_ * mean_before<decays>(cells_.inside_round(cell), below ? offset + 1 : offset);
+      to.put(i, scale * amplitude_ * mean_before<decays>(cells_.inside_round(cell), below ? offset + 1 : offset));
     }
   }
 
-  static CycleCounter counter_from(double start, double rate, const char* rate_name, Exposures exposures) {
+  static CycleCounts counted(double start, double rate, const char* rate_name, Exposures exposures) {
     exposures.line = delayed(exposures.line, start);
-    return counter_of(rate, exposures, {}, rate_name);
+    return {rate, exposures, {}, rate_name};
   }
 
   // Mean light of the exposure that ends `offset` cells after the start of `cell`.
@@ -328,13 +368,13 @@ class CellsLight final : public MeanLight {
 
   const Cells& cells_;
   double amplitude_;
-  CycleCounter counter_;
+  CycleCounts counts_;
   bool point_;
   double length_;           // of the exposure, in cells
   double part_;             // what is left of it after whole rounds of repeating cells
   double whole_light_ = 0;  // in those rounds
   bool whole_ = false;
-  bool has_tables_ = false;
+  bool fits_tables_ = false;
 };
 
 class CellsElement final : public WaveformElement {

@@ -1,22 +1,24 @@
 // The elements of a waveform; each computes its mean light over an exposure.
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "light/instants.hpp"
 #include "light/time_line.hpp"
+#include "light/waveform_kernels.hpp"
 #include "ocisac/light/waveform.hpp"
 
 namespace ocisac {
 
-// A set of exposures: of length `exposure`, ending at line.at(x) for x within [x_first, x_last].
+// A set of exposures: of length `exposure`, ending at line.at(x) for each x of the instants.
 struct Exposures {
   TimeLine line;
   double exposure = 0;  // s; 0 samples a point
-  double x_first = 0;
-  double x_last = 0;
+  Instants& instants;
 };
 
 // A waveform, or a part of one, prepared for a set of exposures.
@@ -24,8 +26,8 @@ class MeanLight {
  public:
   virtual ~MeanLight() = default;
 
-  // out[i] += scale · mean light over the exposure that ends at line.at(x[i]).
-  virtual void add(std::span<const double> x, double scale, std::span<double> out) const = 0;
+  // scale · mean light over exposure first + i for each of the means.
+  virtual void write(std::size_t first, double scale, const kernels::MeansOutput& to) const = 0;
 };
 
 // amplitude·cos(2π·(frequency·t + turns)).

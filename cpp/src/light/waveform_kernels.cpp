@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <numbers>
 
 #undef HWY_TARGET_INCLUDE
@@ -12,13 +11,43 @@
 //
 #include <hwy/highway.h>
 
-// Plain loops, which the compiler turns into vectors of each target: every value is the same on all of them.
+// Plain loops, which the compiler turns into vectors of each target, but for cells: every value is the same on all of
+// them.
 HWY_BEFORE_NAMESPACE();
 namespace ocisac::kernels {
 namespace HWY_NAMESPACE {
 
-// Exact products by one fused multiply-add instead of ten operations.
-constexpr bool kFused = kHasFusedProduct || HWY_TARGET <= HWY_AVX2;
+namespace hn = hwy::HWY_NAMESPACE;
+
+void CountCycles(DoubleDouble step, double grid, std::span<const double> x, double* HWY_RESTRICT coarse,
+                 double* HWY_RESTRICT fine) {
+  constexpr bool fused = kHasFusedProduct || HWY_TARGET <= HWY_AVX2;  // one operation instead of ten
+  const ExactFactor factor(step.high);
+  const double low = step.low, shift = 0x1.8p52 * grid;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const DoubleDouble product = factor.times<fused>(x[i]);
+    const double nearest = (product.high + shift) - shift;
+    coarse[i] = nearest;
+    fine[i] = (product.high - nearest) + (product.low + x[i] * low);
+  }
+}
+
+template <class Mean>
+HWY_INLINE void write(const MeansOutput& to, const Mean& mean) {
+  double* HWY_RESTRICT out = to.means.data();
+  const std::size_t count = to.means.size();
+  const double steady = to.steady;
+  if (to.adds)
+    for (std::size_t i = 0; i < count; ++i) out[i] += mean(i);
+  else
+    for (std::size_t i = 0; i < count; ++i) out[i] = steady + mean(i);
+}
+
+// Less the nearest whole number: nothing is rounded but the last place of `fine`.
+HWY_INLINE SplitCycles fraction_at(const Cycles& cycles, std::size_t i) {
+  const double sum = cycles.coarse[i] + cycles.origin.coarse;
+  return {sum - nearest_whole(sum), cycles.fine[i] + cycles.origin.fine};
+}
 
 // cos(2π·turns) for turns in [-1/2, 1/2], within 3e-16, as sin(x) = x − x³/3! + … at x = 2π(1/4 − |turns|).
 HWY_INLINE double cosine_of(double turns) {
@@ -37,116 +66,153 @@ HWY_INLINE double cosine_of(double turns) {
   return x + x * z * series;
 }
 
-void AddTone(const ToneMeans& light, const double* x, std::size_t count, double* HWY_RESTRICT out) {
-  const ToneMeans own = light;  // out may not change it
-  for (std::size_t i = 0; i < count; ++i)
-    out[i] += own.level * (1 + own.swing * cosine_of(own.counter.at<kFused>(x[i]).fraction));
+void WriteTone(const ToneMeans& light, const Cycles& cycles, const MeansOutput& to) {
+  write(to, [own = light, at = cycles](std::size_t i) HWY_ATTR {
+    const SplitCycles turns = fraction_at(at, i);
+    return own.level * (1 + own.swing * cosine_of(turns.coarse + turns.fine));
+  });
 }
 
-// Light of the last part of a cycle before `end`, in cycles: that of the pulse about whole cycles and of the one
-// before, whose edges lie before every end.
-HWY_INLINE double light_of_part(const SquareMeans& light, const Position& end) {
-  const double since_rise = (end.fraction + light.half_duty) + end.rest;
-  const double since_fall = (end.fraction - light.half_duty) + end.rest;
-  const double of_this =
-      std::min(std::max(since_rise, 0.0), light.part) - std::min(std::max(since_fall, 0.0), light.part);
-  return of_this + (std::min(since_rise + 1, light.part) - std::min(since_fall + 1, light.part));
+void WriteSquare(const SquareMeans& light, const Cycles& cycles, const MeansOutput& to) {
+  const double scale = light.level / light.length;
+  write(to, [own = light, at = cycles, scale](std::size_t i) HWY_ATTR {
+    const SplitCycles middle = fraction_at(at, i);
+    const double side = std::copysign(1.0, middle.coarse + middle.fine);  // of the nearest pulse
+    const double overlap = (own.reach.high - side * middle.coarse) + (own.reach.low - side * middle.fine);
+    return (own.whole_light + std::min(std::max(own.least, overlap), own.most)) * scale;
+  });
 }
 
-void AddSquare(const SquareMeans& light, const double* x, std::size_t count, double* HWY_RESTRICT out) {
-  const SquareMeans own = light;  // out may not change it
-  const double scale = own.level / own.length;
-  for (std::size_t i = 0; i < count; ++i) {
-    const Position end = own.counter.at<kFused>(x[i]);
-    out[i] += (own.whole_light + light_of_part(own, end)) * scale;
-  }
-}
+const hn::CappedTag<double, kMaxReadAhead> d64;
+using Exposures = hn::Vec<decltype(d64)>;
 
-// Index of a whole number below 2³¹.
-HWY_INLINE std::int32_t index_of(double whole) { return static_cast<std::int32_t>(whole); }
+// The mean light of exposures that end in one cell, u cells after its beginning; r = part_rest:
+//   v = min(u, r), w = u − v:   light + v·(rise + v·rise_slope) + w·(later + w·later_slope)
+// Up to u = r they begin in one cell (the first), then in the next one (the second).
+template <bool kSlopes>
+struct CellWindow {
+  double light, rise, later, rise_slope, later_slope;
 
-constexpr std::size_t kAtOnce = 64;
-using Some = double[kAtOnce];
-using SomePairs = double[2 * kAtOnce];
-using SomeIndices = std::int32_t[kAtOnce];
-
-// A loop of its own collects the values of the tables between two of arithmetic: few processors gather well, and
-// compilers leave the whole loop in scalars then. So they do where arithmetic has a condition: factors of 0 and 1 stand
-// for it.
-template <bool kSlopes, bool kLows>
-HWY_INLINE void add_some_cells(const CellMeans& own, const double* x, std::size_t count, double* HWY_RESTRICT out) {
-  const CellTables& of = own.cells;
-  const double rounds = 1 / of.count, scale = own.level / own.length;
-  const std::int32_t cells = index_of(of.count);
-  const double total_high = of.chain[2 * cells], total_low = kLows ? of.before_low[cells] : 0.0;
-  Some offset, left_over, cut, wraps;
-  SomeIndices at, at_first;
-  for (std::size_t i = 0; i < count; ++i) {
-    const Position end = own.counter.at<kFused>(x[i]);
-    const double since_whole = (end.fraction + end.rest) + 0.0;  // not −0
-    const double below = 0.5 - std::copysign(0.5, since_whole);  // 1 or 0, without a condition
-    offset[i] = since_whole + below;
-    const double cell = end.whole - below;
-    std::int32_t last =
-        index_of(cell - nearest_whole(cell * rounds) * of.count);  // the nearest round or the next to it
-    last += last < 0 ? cells : 0;
-    last -= last >= cells ? cells : 0;
-    left_over[i] = own.part - offset[i];
-    const std::int32_t between = std::max(index_of(left_over[i]), 0);  // whole cells
-    cut[i] = left_over[i] - between;                                   // of the cell in which the exposure begins
-    const std::int32_t first = last - 1 - between;
-    wraps[i] = first < 0 ? 1 : 0;
-    at[i] = 2 * last;
-    at_first[i] = 2 * (first + (first < 0 ? cells : 0));
-  }
-  const bool rounds_more = own.part < own.length;
-  SomePairs at_end, at_begin;  // light before the cell and its value; the value and the light before the next cell
-  Some slope, first_slope, low, low_of_next;
-  for (std::size_t i = 0; i < count; ++i) {
-    auto last = static_cast<std::size_t>(at[i]), first = static_cast<std::size_t>(at_first[i]);
-#if HWY_ARCH_X86 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
-    asm("" : "+r"(last), "+r"(first));  // keeps the loop scalar: vectors of addresses are taken apart again
-#endif
-    std::memcpy(at_end + 2 * i, of.chain + last, 2 * sizeof(double));
-    std::memcpy(at_begin + 2 * i, of.chain + first + 1, 2 * sizeof(double));
+  HWY_INLINE Exposures mean(Exposures u, Exposures rest) const {
+    const Exposures v = hn::Min(u, rest), w = hn::Sub(u, v);
+    Exposures of_v = hn::Set(d64, rise), of_w = hn::Set(d64, later);
     if constexpr (kSlopes) {
-      slope[i] = of.slopes[last / 2];
-      first_slope[i] = of.slopes[first / 2];
+      of_v = hn::Add(of_v, hn::Mul(v, hn::Set(d64, rise_slope)));
+      of_w = hn::Add(of_w, hn::Mul(w, hn::Set(d64, later_slope)));
     }
-    if constexpr (kLows) {
-      low[i] = of.before_low[last / 2];
-      low_of_next[i] = of.before_low[first / 2 + 1];
-    }
+    return hn::Add(hn::Set(d64, light), hn::Add(hn::Mul(v, of_v), hn::Mul(w, of_w)));
   }
-  for (std::size_t i = 0; i < count; ++i) {
-    const double high = at_end[2 * i], value = at_end[2 * i + 1];
-    const double first_value = at_begin[2 * i], high_of_next = at_begin[2 * i + 1];
-    double whole_cells = (high - high_of_next) + wraps[i] * total_high;
-    if constexpr (kLows) whole_cells += (low[i] - low_of_next[i]) + wraps[i] * total_low;
-    const double last_part = kSlopes ? offset[i] * (value + slope[i] * offset[i] / 2) : offset[i] * value;
-    const double first_part =
-        kSlopes ? cut[i] * (first_value + first_slope[i] * (1 - cut[i] / 2)) : cut[i] * first_value;
-    // of an exposure within one cell
-    const double level = kSlopes ? value + slope[i] * (offset[i] - own.part / 2) : value;
-    const double beyond = left_over[i] > 0 ? 1 : 0, averaged = rounds_more ? 1 : beyond;
-    const double light_of_part = beyond * ((last_part + first_part) + whole_cells) + (1 - beyond) * (own.part * level);
-    out[i] += averaged * (own.whole_light + light_of_part) * scale + (1 - averaged) * (own.level * level);
+};
+
+// Cells of the tables: in one exposures end, in the other they begin up to its beginning.
+struct CellPair {
+  std::int64_t end, second;
+
+  // From the first cell of a round on; where cells do not repeat, both are inside.
+  static CellPair at(const CellMeans& own, double cell) {
+    const std::int64_t count = own.cells.count, end = (own.origin_cell + static_cast<std::int64_t>(cell)) % count;
+    const std::int64_t inside = end + (end < 0 ? count : 0), second = inside - own.part_whole;
+    return {inside, second + (second < 0 ? count : 0)};
+  }
+
+  HWY_INLINE void step(std::int64_t count) {
+    end = end + 1 < count ? end + 1 : 0;
+    second = second + 1 < count ? second + 1 : 0;
+  }
+};
+
+template <bool kSlopes, bool kLows>
+HWY_INLINE CellWindow<kSlopes> window_of(const CellMeans& own, const CellPair& cells) {
+  const CellTables& of = own.cells;
+  const double *const end = of.chain + 2 * cells.end, *const second = of.chain + 2 * cells.second;
+  const bool wraps = cells.end < cells.second;
+  const double rest = own.part_rest, scale = own.scale;
+  double light = (end[0] - second[0]) + (wraps ? of.chain[2 * of.count] : 0.0);
+  if constexpr (kLows)
+    light += (of.before_low[cells.end] - of.before_low[cells.second]) + (wraps ? of.before_low[of.count] : 0.0);
+  const double value = end[1], first_value = second[-1], later = value - second[1];
+  if constexpr (!kSlopes)
+    return {(own.whole_light + (light + rest * first_value)) * scale, (value - first_value) * scale, later * scale, 0,
+            0};
+  const double slope = of.slopes[cells.end], first_slope = of.slopes[cells.second - 1];
+  light += rest * (first_value + first_slope * (1 - rest / 2));
+  return {(own.whole_light + light) * scale, (value - (first_value + first_slope * (1 - rest))) * scale,
+          (later + slope * rest) * scale, (slope - first_slope) / 2 * scale,
+          (slope - of.slopes[cells.second]) / 2 * scale};
+}
+
+// Where exposure i ends, in cells from the beginning of `cell`: right to half the last place of a small difference.
+HWY_INLINE double since(const Cycles& at, double cell, std::size_t i) {
+  return (at.coarse[i] + (at.origin.coarse - cell)) + (at.fine[i] + at.origin.fine);
+}
+
+// The cell in which exposure i ends; the second step corrects the rounding of a large difference.
+HWY_INLINE double cell_at(const Cycles& at, double cell, std::size_t i) {
+  const double near = cell + std::floor(since(at, cell, i));
+  return near + std::floor(since(at, near, i));
+}
+
+// The first exposure after i that ends after `cell`, or `count`, from a guess, which may be wrong by one.
+HWY_INLINE std::size_t first_after(const Cycles& at, double cell, std::size_t guess, std::size_t i, std::size_t count) {
+  std::size_t next = std::min(guess, count);
+  while (next < count && since(at, cell, next) < 1) ++next;
+  while (next > i + 1 && since(at, cell, next - 1) >= 1) --next;
+  return std::max(next, i + 1);
+}
+
+// Exposures that end in the same cell share its window. Vectors reach beyond them; the next ones overwrite that. Where
+// a cell's exposures end is guessed without those before, one cell ahead, so that processors work on both at once.
+template <bool kSlopes, bool kLows>
+HWY_INLINE void means_of_cells(const CellMeans& own, const Cycles& at, std::size_t count, double* HWY_RESTRICT to) {
+  const Exposures fine_origin = hn::Set(d64, at.origin.fine), rest = hn::Set(d64, own.part_rest);
+  double cell = cell_at(at, 0, 0);  // from the origin's
+  CellPair cells = CellPair::at(own, cell);
+  const double per_cell = 1 / own.cells_per_exposure, before_first = cell + since(at, cell, 0) - 1;
+  const auto guess_of = [=](double of) HWY_ATTR {
+    const double exposures = (of - before_first) * per_cell;
+    return exposures < static_cast<double>(count) ? static_cast<std::size_t>(std::max(exposures, 0.0)) + 1 : count;
+  };
+  std::size_t guess = guess_of(cell);
+  for (std::size_t i = 0; i < count;) {
+    const auto window = window_of<kSlopes, kLows>(own, cells);
+    const Exposures origin = hn::Set(d64, at.origin.coarse - cell);
+    const std::size_t next = first_after(at, cell, guess, i, count);
+    guess = guess_of(cell + 1);
+    for (; i < next; i += hn::Lanes(d64)) {
+      const Exposures u =
+          hn::Add(hn::Add(hn::LoadU(d64, at.coarse + i), origin), hn::Add(hn::LoadU(d64, at.fine + i), fine_origin));
+      hn::StoreU(window.mean(u, rest), d64, to + i);
+    }
+    i = next;
+    if (i == count) return;
+    if (since(at, cell, i) < 2) {
+      cell += 1;
+      cells.step(own.cells.count);
+    } else {
+      cell = cell_at(at, cell, i);
+      cells = CellPair::at(own, cell);
+      guess = guess_of(cell);
+    }
   }
 }
 
 template <bool kSlopes, bool kLows>
-HWY_INLINE void add_cells(const CellMeans& light, const double* x, std::size_t count, double* HWY_RESTRICT out) {
-  const CellMeans own = light;  // out may not change it
-  for (std::size_t i = 0; i < count; i += kAtOnce)
-    add_some_cells<kSlopes, kLows>(own, x + i, std::min(kAtOnce, count - i), out + i);
+HWY_INLINE void write_cells(const CellMeans& own, const Cycles& at, const MeansOutput& to) {
+  constexpr std::size_t most = 512;
+  alignas(64) double means[most + kMaxReadAhead];
+  for (std::size_t first = 0; first < to.means.size(); first += most) {
+    const std::size_t size = std::min(most, to.means.size() - first);
+    means_of_cells<kSlopes, kLows>(own, {at.coarse + first, at.fine + first, at.origin}, size, means);
+    write({to.means.subspan(first, size), to.adds, to.steady}, [&means](std::size_t i) HWY_ATTR { return means[i]; });
+  }
 }
 
-void AddCells(const CellMeans& light, const double* x, std::size_t count, double* HWY_RESTRICT out) {
+void WriteCells(const CellMeans& light, const Cycles& at, const MeansOutput& to) {
   const bool lows = light.cells.before_low != nullptr;
   if (light.cells.slopes)
-    lows ? add_cells<true, true>(light, x, count, out) : add_cells<true, false>(light, x, count, out);
+    lows ? write_cells<true, true>(light, at, to) : write_cells<true, false>(light, at, to);
   else
-    lows ? add_cells<false, true>(light, x, count, out) : add_cells<false, false>(light, x, count, out);
+    lows ? write_cells<false, true>(light, at, to) : write_cells<false, false>(light, at, to);
 }
 
 }  // namespace HWY_NAMESPACE
@@ -156,20 +222,25 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace ocisac::kernels {
 
-HWY_EXPORT(AddTone);
-HWY_EXPORT(AddSquare);
-HWY_EXPORT(AddCells);
+HWY_EXPORT(CountCycles);
+HWY_EXPORT(WriteTone);
+HWY_EXPORT(WriteSquare);
+HWY_EXPORT(WriteCells);
 
-void add_means(const ToneMeans& light, const double* x, std::size_t count, double* out) {
-  HWY_DYNAMIC_DISPATCH(AddTone)(light, x, count, out);
+void count_cycles(DoubleDouble step, double grid, std::span<const double> x, double* coarse, double* fine) {
+  HWY_DYNAMIC_DISPATCH(CountCycles)(step, grid, x, coarse, fine);
 }
 
-void add_means(const CellMeans& light, const double* x, std::size_t count, double* out) {
-  HWY_DYNAMIC_DISPATCH(AddCells)(light, x, count, out);
+void write_means(const ToneMeans& light, const Cycles& cycles, const MeansOutput& to) {
+  HWY_DYNAMIC_DISPATCH(WriteTone)(light, cycles, to);
 }
 
-void add_means(const SquareMeans& light, const double* x, std::size_t count, double* out) {
-  HWY_DYNAMIC_DISPATCH(AddSquare)(light, x, count, out);
+void write_means(const SquareMeans& light, const Cycles& cycles, const MeansOutput& to) {
+  HWY_DYNAMIC_DISPATCH(WriteSquare)(light, cycles, to);
+}
+
+void write_means(const CellMeans& light, const Cycles& cycles, const MeansOutput& to) {
+  HWY_DYNAMIC_DISPATCH(WriteCells)(light, cycles, to);
 }
 
 }  // namespace ocisac::kernels

@@ -2,46 +2,74 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <span>
 
 #include "light/time_line.hpp"
 
 namespace ocisac::kernels {
 
-// level·(1 + swing·cos(2π·cycles))
+constexpr std::size_t kMaxReadAhead = 8;  // values
+
+// x[i]·step = coarse[i] + fine[i], coarse a multiple of `grid` (CycleTable).
+void count_cycles(DoubleDouble step, double grid, std::span<const double> x, double* coarse, double* fine);
+
+// Cycles of exposures: coarse[i] + fine[i] + origin. kMaxReadAhead more values of both may be read.
+struct Cycles {
+  const double* coarse;
+  const double* fine;
+  SplitCycles origin;
+};
+
+struct MeansOutput {
+  std::span<double> means;
+  bool adds = true;  // to what is there, else to `steady`
+  double steady = 0;
+
+  void put(std::size_t i, double mean) const { means[i] = (adds ? means[i] : steady) + mean; }
+};
+
+// level·(1 + swing·cos(2π·cycles)), cycles in mid-exposure.
 struct ToneMeans {
-  CycleCounter counter;  // in mid-exposure
   double level, swing;
 };
 
-// level·(light of whole cycles + that of the remaining part of a cycle)/length; pulses are centred on whole cycles.
+// level·(light of whole cycles + that of the remaining part of a cycle)/length. Pulses are centred on whole cycles, and
+// `cycles` are at the middle of the part, d <= 1/2 from the nearest pulse. It overlaps that pulse by reach − d, where
+// reach = (duty + part)/2, and by no more than `most` = min(duty, part); with the next pulse, which it reaches from
+// d = 1 − reach on, never by less than `least` = duty + part − 1.
 struct SquareMeans {
-  CycleCounter counter;  // at the end of the exposure
-  double level, half_duty;
-  double length, part, whole_light;  // cycles
+  double level;
+  double length, whole_light;  // cycles
+  DoubleDouble reach;
+  double least, most;  // 0 or more
 };
 
 // Cells, in each of which the light is value + slope·(cells since its beginning). Those of one round, if they repeat;
-// else no exposure begins before the first or ends after the last.
+// else no exposure begins before the second or ends after the last.
 struct CellTables {
-  // (2·count + 1,) light of all cells before each, in cells, and its value, in turns: what the end of an exposure needs
-  // lies side by side, and so does what its beginning needs, the value and the light before the next cell.
-  const double* chain;
-  const double* slopes;      // (count,); null if all are 0
+  const double* chain;   // (2·count + 1,) light of all cells before each, in cells, and its value, in turns
+  const double* slopes;  // (count,); null if all are 0
+  // Value and slope of the last cell lie before the first one of either.
   const double* before_low;  // (count + 1,) what the doubles of `chain` leave over; null if all are 0
-  double count;
+  std::int64_t count;
 };
 
-// level·(light of whole rounds + that of the remaining part of a round)/length
+// scale·(light of whole rounds + that of the remaining part of a round), cycles counted in cells at the end of the
+// exposure.
 struct CellMeans {
-  CycleCounter counter;  // of cells, at the end of the exposure
   CellTables cells;
-  double level;
-  double length, part, whole_light;  // cells
+  std::int64_t origin_cell;   // of the table, before `cycles`
+  double cells_per_exposure;  // between the ends of one and the next, 0 or more
+  double scale;
+  std::int64_t part_whole;  // cells of the remaining part
+  double part_rest;         // below 1
+  double whole_light;
 };
 
-// out[i] += mean light of the exposure at x[i].
-void add_means(const ToneMeans& light, const double* x, std::size_t count, double* out);
-void add_means(const SquareMeans& light, const double* x, std::size_t count, double* out);
-void add_means(const CellMeans& light, const double* x, std::size_t count, double* out);
+// Mean light of exposure i goes to means[i], added to what is there or to steady light.
+void write_means(const ToneMeans& light, const Cycles& cycles, const MeansOutput& to);
+void write_means(const SquareMeans& light, const Cycles& cycles, const MeansOutput& to);
+void write_means(const CellMeans& light, const Cycles& cycles, const MeansOutput& to);
 
 }  // namespace ocisac::kernels

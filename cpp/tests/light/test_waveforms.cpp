@@ -5,8 +5,10 @@
 #include <numbers>
 #include <numeric>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
+#include "light/instants.hpp"
 #include "light/time_line.hpp"
 #include "ocisac/light/integrate_exposure.hpp"
 #include "ocisac/light/waveform.hpp"
@@ -49,6 +51,40 @@ TEST_CASE("counts of cycles keep their fraction") {
   CHECK(at.whole + at.fraction == 12353641.75 + 3 * 1234.5 / 65536);
   CHECK(std::abs(at.fraction) <= 0.5);
   CHECK(ocisac::turns(7.5 * std::numbers::pi).value() == doctest::Approx(3.75).epsilon(1e-15));
+}
+
+TEST_CASE("split counts of cycles add up without error") {
+  std::vector<double> times;
+  for (int i = 0; i < 3000; ++i) times.push_back(1e9 * std::sin(i));
+  const ocisac::DoubleDouble step{1234.56789, 1e-14};
+  ocisac::Instants few({times.data(), 10}), many(times);
+  for (const auto& [instants, first] : {std::pair(&few, 3), std::pair(&many, 2990)}) {
+    const auto counted = instants->cycles(step, static_cast<std::size_t>(first), 7);
+    for (std::size_t i = 0; i < 7; ++i) {
+      const double x = instants->x()[static_cast<std::size_t>(first) + i];
+      CHECK(std::remainder(counted.coarse[i], counted.grid) == 0);
+      CHECK(std::abs(counted.fine[i]) <= counted.grid / 2);
+      const auto product = ocisac::DoubleDouble{x, 0} * step;
+      const auto left = product - ocisac::exact_sum(counted.coarse[i], counted.fine[i]);
+      CHECK(std::abs(left.value()) < 1e-19);
+    }
+  }
+  CHECK(many.cycles(step, 0, 1).coarse[0] == 0);
+  CHECK_FALSE(many.is_even());
+  for (double& time : times) time = 0.25 * static_cast<double>(&time - times.data());
+  CHECK(ocisac::Instants(times).is_even());
+}
+
+TEST_CASE("tables of counts have a bound, beyond which blocks are counted") {
+  std::vector<double> rows(300'000);
+  std::iota(rows.begin(), rows.end(), 0);
+  ocisac::Instants instants(rows);
+  std::vector<const double*> counted;
+  for (double step : {0.1, 0.2, 0.3, 0.4, 0.5}) counted.push_back(instants.cycles({step, 0}, 1000, 10).coarse);
+  CHECK(counted[3] == counted[4]);  // the block's memory
+  CHECK(counted[0] == instants.cycles({0.1, 0}, 1000, 10).coarse);
+  CHECK(instants.cycles({0.4, 0}, 1000, 10).coarse[1] == doctest::Approx(400.4));
+  CHECK(instants.cycles({0.2, 0}, 1000, 10).coarse[1] == doctest::Approx(200.2));
 }
 
 TEST_CASE("means agree with sums over many points") {

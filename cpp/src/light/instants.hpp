@@ -1,0 +1,53 @@
+// The instants of many exposures on a time line, and their counts of cycles.
+#pragma once
+
+#include <cstddef>
+#include <list>
+#include <span>
+#include <vector>
+
+#include "light/time_line.hpp"
+
+namespace ocisac {
+
+// Cycles x·step of some x, split: `coarse` is a multiple of `grid`, a power of two, so that it adds up with another one
+// without error; `fine`, within ±grid/2 but for rounding, is the rest.
+struct CountedCycles {
+  const double* coarse;
+  const double* fine;
+  double grid;
+};
+
+// The numbers x on a time line: of rows, or times. Counts of cycles are made once for all origins of the line.
+class Instants {
+ public:
+  // At least one; must outlive this.
+  explicit Instants(std::span<const double> x);
+
+  std::span<const double> x() const { return x_; }
+  double first() const { return first_; }
+  double last() const { return last_; }
+  // One step, not negative, from each to the next.
+  bool is_even() const { return even_; }
+
+  // Of x[first] … x[first + count - 1], |x·step| < 2^50; valid until the next call.
+  CountedCycles cycles(DoubleDouble step, std::size_t first, std::size_t count);
+
+ private:
+  struct Table {
+    DoubleDouble step;
+    double grid = 0;
+    std::vector<double> coarse, fine;
+
+    CountedCycles from(std::size_t first) const { return {&coarse[first], &fine[first], grid}; }
+  };
+  void count_in(Table& table, std::span<const double> x) const;
+
+  std::span<const double> x_;
+  double first_, last_;
+  bool even_;
+  std::list<Table> tables_;  // of all x
+  Table block_;              // where these would take too much memory
+};
+
+}  // namespace ocisac
