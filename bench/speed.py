@@ -30,6 +30,7 @@ from typing import Any
 
 import numpy as np
 import stored
+from closed_forms import CHIP_LEVELS, ClosedForms
 from peers import PEERS
 from processors import FEWEST_ROUNDS, RoundsOnTwo, arithmetic_on_two, at_mean_rate, two_processors
 
@@ -304,79 +305,6 @@ def what_is_stored(seconds: float, missing: list[str]) -> Iterator[Figure]:
             yield figure_of(f"  {name} / gain, {case.name}", timing)
 
 
-CHIP_LEVELS = np.random.default_rng(2).integers(0, 2, 1000).astype(float)
-
-
-class ClosedForm:
-    """Mean light of exposures by NumPy in float64, of some frames at a time, in memory that is kept.
-
-    NumPy gives the memory of large results back: frames at once took 1.7 to 2 times as long in some processes.
-    """
-
-    def __init__(self, frames: int, exposure: float, frame_time: float) -> None:
-        self._frames, self._exposure, self._frame_time = frames, exposure, frame_time
-        self._times, self._cycles, self._end, self._begin = (np.empty((frames, ROWS)) for _ in range(4))
-        self._index, self._turns = (np.empty((frames, ROWS), np.int64) for _ in range(2))
-        self._sums = np.concatenate([[0.0], np.cumsum(CHIP_LEVELS)])
-
-    def tone(self, out: np.ndarray) -> None:
-        """1/2 + 1/2 cos(w t), w = 2 pi 500."""
-        w = 2.0 * np.pi * 500.0
-
-        def swing(t: np.ndarray, to: np.ndarray) -> None:
-            np.multiply(t, w, out=to)
-            np.sin(to, out=to)
-
-        self._mean(swing, out, 0.5 / w, 0.5)
-
-    def square(self, out: np.ndarray) -> None:
-        """500 Hz, duty 1/2, bright about t = 0."""
-
-        def bright(t: np.ndarray, to: np.ndarray) -> None:
-            np.multiply(t, 500.0, out=self._cycles)
-            np.add(self._cycles, 0.25, out=self._cycles)
-            np.floor(self._cycles, out=to)
-            np.subtract(self._cycles, to, out=self._cycles)
-            np.minimum(self._cycles, 0.5, out=self._cycles)
-            np.multiply(to, 0.5, out=to)
-            np.add(to, self._cycles, out=to)
-
-        self._mean(bright, out, 1 / 500.0)
-
-    def chips(self, out: np.ndarray) -> None:
-        """1000 chips at 8 kHz, repeated: sums of whole chips and a share of the last."""
-
-        def light(t: np.ndarray, to: np.ndarray) -> None:
-            np.multiply(t, 8e3, out=self._cycles)
-            np.floor(self._cycles, out=to)
-            np.subtract(self._cycles, to, out=self._cycles)
-            np.copyto(self._index, to, casting="unsafe")
-            np.divmod(self._index, CHIP_LEVELS.size, out=(self._turns, self._index))
-            np.take(CHIP_LEVELS, self._index, out=to, mode="clip")
-            np.multiply(self._cycles, to, out=self._cycles)
-            np.take(self._sums, self._index, out=to, mode="clip")
-            np.add(to, self._cycles, out=to)
-            np.multiply(self._turns, self._sums[-1], out=self._cycles)
-            np.add(to, self._cycles, out=to)
-
-        self._mean(light, out, 1 / 8e3)
-
-    def _mean(
-        self, light: Callable[[np.ndarray, np.ndarray], None], out: np.ndarray, scale: float, steady: float = 0.0
-    ) -> None:
-        """steady + scale (light(t) - light(t - T_e)) / T_e into ``out`` (COLUMNS, ROWS)."""
-        for first in range(0, COLUMNS, self._frames):
-            starts = np.arange(first, first + self._frames)[:, None] * self._frame_time
-            np.add(starts, np.arange(ROWS) * ROW_TIME, out=self._times)
-            light(self._times, self._end)
-            np.subtract(self._times, self._exposure, out=self._times)
-            light(self._times, self._begin)
-            np.subtract(self._end, self._begin, out=self._end)
-            means = out[first : first + self._frames]
-            np.multiply(self._end, scale / self._exposure, out=means)
-            np.add(means, steady, out=means)
-
-
 def integration(seconds: float) -> Iterator[Figure]:
     """A frame of 1080x1920 exposures, each at its own time: NumPy over the library.
 
@@ -386,7 +314,7 @@ def integration(seconds: float) -> Iterator[Figure]:
     exposure, frame_time = 1202e-6, 1.0 / 30.0
     camera = Camera(ROW_TIME, exposure, frame_time)
     out, of_peer = (np.empty((COLUMNS, ROWS)) for _ in range(2))
-    whole, blocks = (ClosedForm(frames, exposure, frame_time) for frames in (COLUMNS, 128))
+    whole, blocks = (ClosedForms((COLUMNS, ROWS), camera, frames) for frames in (COLUMNS, 128))
     cases = {
         "tone": (Tone(500.0), whole.tone, blocks.tone),
         "square wave": (SquareWave(500.0), whole.square, blocks.square),
