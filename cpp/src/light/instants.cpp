@@ -14,33 +14,39 @@ constexpr std::size_t kMostKept = std::size_t{1} << 20;  // counts in all tables
 
 }  // namespace
 
-Instants::Instants(std::span<const double> x) : x_(x) {
-  const auto [first, last] = std::ranges::minmax(x);
-  first_ = first;
-  last_ = last;
+Instants::Instants(std::span<const double> x) : x_(x), first_(x.front()), last_(x.back()) {
   const double step = x.size() > 1 ? x[1] - x[0] : 0;
-  even_ = step >= 0 && std::ranges::adjacent_find(x, [=](double a, double b) { return b - a != step; }) == x.end();
+  int others = step < 0 ? 1 : 0;
+  for (std::size_t i = 1; i < x.size(); ++i) others |= x[i] - x[i - 1] != step ? 1 : 0;
+  even_ = others == 0;
+  if (even_) return;
+  const auto [least, most] = std::ranges::minmax(x);
+  first_ = least;
+  last_ = most;
 }
 
 CountedCycles Instants::cycles(DoubleDouble step, std::size_t first, std::size_t count) {
   const auto has_step = [&](const Table& table) { return table.step.high == step.high && table.step.low == step.low; };
   if (const auto known = std::ranges::find_if(tables_, has_step); known != tables_.end()) return known->from(first);
   if ((tables_.size() + 1) * x_.size() <= kMostKept) {
-    Table table{step, 0, {}, {}};
-    count_in(table, x_);
+    Table table;
+    count_all(x_, step, table);
     return tables_.emplace_back(std::move(table)).from(first);
   }
-  block_.step = step;
-  count_in(block_, x_.subspan(first, count));
+  count_all(x_.subspan(first, count), step, block_);
   return block_.from(0);
 }
 
-void Instants::count_in(Table& table, std::span<const double> x) const {
-  const double most = std::max(std::abs(first_), std::abs(last_)) * std::abs(table.step.high) + 2;
-  table.grid = std::ldexp(1.0, std::ilogb(most) - 50);
-  table.coarse.resize(x.size() + kernels::kMaxReadAhead);
-  table.fine.resize(x.size() + kernels::kMaxReadAhead);
-  kernels::count_cycles(table.step, table.grid, x, table.coarse.data(), table.fine.data());
+void Instants::count_all(std::span<const double> x, DoubleDouble step, Table& table) const {
+  const double most = std::max(std::abs(first_), std::abs(last_)) * std::abs(step.high) + 2;
+  const double grid = std::ldexp(1.0, std::ilogb(most) - 50);
+  const std::size_t length = x.size() + kernels::kMaxReadAhead;
+  double *const coarse = table.memory.at_least(2 * length), *const fine = coarse + length;
+  std::fill(coarse + x.size(), fine, 0.0);
+  std::fill(fine + x.size(), fine + length, 0.0);
+  kernels::count_cycles(step, grid, x, coarse, fine);
+  table.step = step;
+  table.cycles = {coarse, fine, grid};
 }
 
 }  // namespace ocisac

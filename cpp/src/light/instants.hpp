@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <list>
 #include <span>
-#include <vector>
 
+#include "core/aligned_memory.hpp"
 #include "light/time_line.hpp"
 
 namespace ocisac {
@@ -13,9 +13,9 @@ namespace ocisac {
 // Cycles x·step of some x, split: `coarse` is a multiple of `grid`, a power of two, so that it adds up with another one
 // without error; `fine`, within ±grid/2 but for rounding, is the rest.
 struct CountedCycles {
-  const double* coarse;
-  const double* fine;
-  double grid;
+  const double* coarse = nullptr;
+  const double* fine = nullptr;
+  double grid = 0;
 };
 
 // The numbers x on a time line: of rows, or times. Counts of cycles are made once for all origins of the line.
@@ -36,12 +36,12 @@ class Instants {
  private:
   struct Table {
     DoubleDouble step;
-    double grid = 0;
-    std::vector<double> coarse, fine;
+    CountedCycles cycles;
+    AlignedMemory<double> memory;
 
-    CountedCycles from(std::size_t first) const { return {&coarse[first], &fine[first], grid}; }
+    CountedCycles from(std::size_t first) const { return {cycles.coarse + first, cycles.fine + first, cycles.grid}; }
   };
-  void count_in(Table& table, std::span<const double> x) const;
+  void count_all(std::span<const double> x, DoubleDouble step, Table& table) const;
 
   std::span<const double> x_;
   double first_, last_;

@@ -65,16 +65,8 @@ DoubleDouble frame_start(const Camera& camera, double start, std::int64_t frame)
 // Row numbers as factors of the row time.
 std::vector<double> row_numbers(std::span<const std::int64_t> rows) {
   require(!rows.empty(), "rows", "none", "at least one row");
-  std::vector<double> numbers(rows.size());
-  std::int64_t first = rows.front(), last = first;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    first = rows[i] < first ? rows[i] : first;
-    last = rows[i] > last ? rows[i] : last;
-    numbers[i] = static_cast<double>(rows[i]);
-  }
-  require(first >= -kMaxRow, "rows", first, "from -2^52 to 2^52");
-  require(last <= kMaxRow, "rows", last, "from -2^52 to 2^52");
-  return numbers;
+  for (std::int64_t row : rows) require(row >= -kMaxRow && row <= kMaxRow, "rows", row, "from -2^52 to 2^52");
+  return {rows.begin(), rows.end()};
 }
 
 void integrate(const Waveform& waveform, const Camera& camera, double start, std::int64_t frame, Instants& rows,

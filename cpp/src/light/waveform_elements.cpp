@@ -39,6 +39,7 @@ class CycleCounts {
     return {counted.coarse, counted.fine, counter_.origin_rest(counted.grid)};
   }
 
+  bool are_even() const { return instants_.is_even(); }
   // From one of even exposures to the next.
   double per_exposure() const {
     const auto x = instants_.x();
@@ -297,8 +298,7 @@ class CellsLight final : public MeanLight {
       whole_ = rounds > 0;
     }
     part_ = std::max(length.value(), 0.0);
-    fits_tables_ = exposures.instants.is_even() && length_ > kMinLength && cells.decays.empty() &&
-                   (cells.repeat || is_inside(exposures.instants));
+    fits_tables_ = length_ > kMinLength && cells.decays.empty() && (cells.repeat || is_inside(exposures.instants));
   }
 
   void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
@@ -320,6 +320,7 @@ class CellsLight final : public MeanLight {
     const double whole = std::floor(part_), origin = counts_.counter().origin_whole();
     return {cells_.tables(),
             static_cast<std::int64_t>(std::fmod(origin, static_cast<double>(cells_.count()))),
+            counts_.are_even(),
             counts_.per_exposure(),
             scale * amplitude_ / length_,
             static_cast<std::int64_t>(whole),

@@ -160,8 +160,15 @@ HWY_INLINE std::size_t first_after(const Cycles& at, double cell, std::size_t gu
   return std::max(next, i + 1);
 }
 
+// The same for exposures in any order: the first one that ends in another cell.
+HWY_INLINE std::size_t first_elsewhere(const Cycles& at, double cell, std::size_t i, std::size_t count) {
+  std::size_t next = i + 1;
+  while (next < count && since(at, cell, next) >= 0 && since(at, cell, next) < 1) ++next;
+  return next;
+}
+
 // Exposures that end in the same cell share its window. Vectors reach beyond them; the next ones overwrite that. Where
-// a cell's exposures end is guessed without those before, one cell ahead, so that processors work on both at once.
+// a cell's even exposures end is guessed without those before, one cell ahead, so that processors work on both at once.
 template <bool kSlopes, bool kLows>
 HWY_INLINE void means_of_cells(const CellMeans& own, const Cycles& at, std::size_t count, double* HWY_RESTRICT to) {
   const Exposures fine_origin = hn::Set(d64, at.origin.fine), rest = hn::Set(d64, own.part_rest);
@@ -176,7 +183,7 @@ HWY_INLINE void means_of_cells(const CellMeans& own, const Cycles& at, std::size
   for (std::size_t i = 0; i < count;) {
     const auto window = window_of<kSlopes, kLows>(own, cells);
     const Exposures origin = hn::Set(d64, at.origin.coarse - cell);
-    const std::size_t next = first_after(at, cell, guess, i, count);
+    const std::size_t next = own.even ? first_after(at, cell, guess, i, count) : first_elsewhere(at, cell, i, count);
     guess = guess_of(cell + 1);
     for (; i < next; i += hn::Lanes(d64)) {
       const Exposures u =
@@ -185,7 +192,7 @@ HWY_INLINE void means_of_cells(const CellMeans& own, const Cycles& at, std::size
     }
     i = next;
     if (i == count) return;
-    if (since(at, cell, i) < 2) {
+    if (since(at, cell, i) >= 1 && since(at, cell, i) < 2) {
       cell += 1;
       cells.step(own.cells.count);
     } else {

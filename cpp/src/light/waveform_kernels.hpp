@@ -60,7 +60,8 @@ struct CellTables {
 struct CellMeans {
   CellTables cells;
   std::int64_t origin_cell;   // of the table, before `cycles`
-  double cells_per_exposure;  // between the ends of one and the next, 0 or more
+  bool even;                  // exposures follow each other in even steps
+  double cells_per_exposure;  // such a step, 0 or more
   double scale;
   std::int64_t part_whole;  // cells of the remaining part
   double part_rest;         // below 1

@@ -102,7 +102,7 @@ struct Cells {
   }
 };
 
-KernelCase cells_case(const std::shared_ptr<Exposures>& exposures, double part, bool sloped, bool in_two) {
+KernelCase cells_case(const std::shared_ptr<Exposures>& exposures, bool even, double part, bool sloped, bool in_two) {
   const auto cells = std::make_shared<Cells>(11, sloped, in_two);
   const double rounds = 2, round_light = cells->before.back(), level = 0.7;
   const double scale = level / (part + rounds * 11), whole = std::floor(part);
@@ -115,7 +115,7 @@ KernelCase cells_case(const std::shared_ptr<Exposures>& exposures, double part, 
                                        in_two ? cells->low.data() : nullptr, 11};
       const double per_exposure = count > 1 ? kStep * (x[1] - x[0]) : 0;
       const kernels::CellMeans light{
-          tables, 0, per_exposure, scale, static_cast<int>(whole), part - whole, rounds * round_light};
+          tables, 0, even, per_exposure, scale, static_cast<int>(whole), part - whole, rounds * round_light};
       return kernels::write_means(light, exposures->cycles(), {{out, count}});
     }
     for (std::size_t i = 0; i < count; ++i) {
@@ -166,9 +166,13 @@ std::vector<KernelCase> waveform_cases() {
   std::vector<KernelCase> cases;
   for (const double part : {0.3, 4.6, 10.9})
     for (const bool sloped : {false, true}) {
-      for (const std::size_t count : kLengths) cases.push_back(cells_case(evenly(count, 7, 1), part, sloped, false));
+      for (const std::size_t count : kLengths) {
+        cases.push_back(cells_case(evenly(count, 7, 1), true, part, sloped, false));
+        cases.push_back(cells_case(in_any_order(count), false, part, sloped, false));
+      }
       for (const double step : {0.0, 3.0, 1000.0})  // one exposure, some cells and some rounds after the other
-        cases.push_back(cells_case(evenly(700, -300, step), part, sloped, part > 1));
+        cases.push_back(cells_case(evenly(700, -300, step), true, part, sloped, part > 1));
+      cases.push_back(cells_case(evenly(700, 300, -3), false, part, sloped, part > 1));
     }
   for (const std::size_t count : kLengths) add_cases_of(count, cases);
   add_cases_of(512, cases);
