@@ -340,4 +340,5 @@ def test_a_long_recording_gives_on_the_command_line_what_all_of_its_frames_give(
     for name in ("gain", "gain_std", "mean", "frequency_hz", "frequency_std_hz"):
         values = [getattr(one, name.removesuffix("_hz")) for one in found]
         shown = [math.nan if one[name] is None else one[name] for one in told]
-        assert shown == pytest.approx(values, rel=1e-9, nan_ok=True)
+        # Products of matrices round by their shape: with AVX-512 one standard error of a frequency differs by 2e-8.
+        assert shown == pytest.approx(values, rel=1e-6 if "std" in name else 1e-9, nan_ok=True)

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <utility>
 
 #include "ocisac/core/require.hpp"
@@ -198,9 +197,10 @@ struct Decay {
 };
 
 struct Cells {
-  // Each after the last cell's (0 until all are known), for what lies before the first of a round:
-  std::vector<double> chain{0, 0};    // light of all cells before each, in cells, and its value at its beginning
-  std::vector<double> slopes{0};      // per cell
+  // Light of all cells before each, in cells, and its value at its beginning, in turns; then that of all. The value of
+  // the last cell comes first, and so does its slope below: kernels look one cell back.
+  std::vector<double> chain{0, 0};
+  std::vector<double> slopes{0};
   std::vector<double> before_low{0};  // (cells + 1) what the doubles of `chain` leave over
   std::vector<Decay> decays;          // one a cell, or none
   double left = 0;                    // before the first cell and after the last, where they do not repeat
