@@ -248,8 +248,14 @@ def exact_cells(waveform, time, exposure):
     return scale * total / (end - begin)
 
 
+def exact_tone(tone, time, exposure):
+    cycles = Fraction(tone.frequency) * (time - exposure / 2)
+    swing = np.sinc(tone.frequency * float(exposure)) * np.cos(2 * np.pi * float(cycles - round(cycles)))
+    return tone.amplitude / 2 * (1 + tone.depth * swing)
+
+
 def exact_mean(waveform, time, exposure):
-    exact = exact_square if isinstance(waveform, SquareWave) else exact_cells
+    exact = {Tone: exact_tone, SquareWave: exact_square}.get(type(waveform), exact_cells)
     return float(exact(waveform, time, Fraction(exposure)))
 
 
@@ -273,6 +279,17 @@ def test_is_exact_however_late(waveform, exposure, start, frame, rows):
     got = integrate_exposure(waveform, camera, list(rows), start=start, frames=[frame])[0]
     want = [exact_mean(waveform, time, exposure) for time in exact_instants(camera, rows, start, frame)]
     np.testing.assert_allclose(got, want, rtol=0, atol=1e-13)
+
+
+HUGE = [Tone(333.3), Tone(15e3), SquareWave(333.3, duty=0.3), SquareWave(15e3, duty=0.5), EXACT[4], EXACT[6]]
+
+
+@pytest.mark.parametrize("waveform", HUGE, ids=repr)
+def test_row_numbers_may_be_huge(waveform):
+    camera = Camera(22.2e-6, 0.0021, 1.0)  # 0.7 cycles and 31.5: with the pulses one cycle
+    rows = 2**49 + np.arange(700)
+    want = [exact_mean(waveform, time, camera.exposure) for time in exact_instants(camera, rows.tolist(), 0.0, 0)]
+    np.testing.assert_allclose(integrate_exposure(waveform, camera, rows), want, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("exposure", [1e-12, 1e-9])

@@ -25,27 +25,31 @@ Instants::Instants(std::span<const double> x) : x_(x), first_(x.front()), last_(
   last_ = most;
 }
 
-CountedCycles Instants::cycles(DoubleDouble step, std::size_t first, std::size_t count) {
-  const auto has_step = [&](const Table& table) { return table.step.high == step.high && table.step.low == step.low; };
-  if (const auto known = std::ranges::find_if(tables_, has_step); known != tables_.end()) return known->from(first);
+CountedCycles Instants::counted(Count kind, DoubleDouble step, std::size_t first, std::size_t count) {
+  const auto is_asked = [&](const Table& table) {
+    return table.kind == kind && table.step.high == step.high && table.step.low == step.low;
+  };
+  if (const auto known = std::ranges::find_if(tables_, is_asked); known != tables_.end()) return known->from(first);
   if ((tables_.size() + 1) * x_.size() <= kMostKept) {
-    Table table;
-    count_all(x_, step, table);
+    Table table{kind, step, {}, {}};
+    count_all(x_, table);
     return tables_.emplace_back(std::move(table)).from(first);
   }
-  count_all(x_.subspan(first, count), step, block_);
+  block_.kind = kind;
+  block_.step = step;
+  count_all(x_.subspan(first, count), block_);
   return block_.from(0);
 }
 
-void Instants::count_all(std::span<const double> x, DoubleDouble step, Table& table) const {
-  const double most = std::max(std::abs(first_), std::abs(last_)) * std::abs(step.high) + 2;
-  const double grid = std::ldexp(1.0, std::ilogb(most) - 50);
+void Instants::count_all(std::span<const double> x, Table& table) const {
+  const bool fractions = table.kind == Count::fractions;
+  const double far = std::max(std::abs(first_), std::abs(last_)) * std::abs(table.step.high);
+  const double grid = std::ldexp(1.0, std::ilogb(fractions ? 0.5 : far + 2) - 50);
   const std::size_t length = x.size() + kernels::kMaxReadAhead;
   double *const coarse = table.memory.at_least(2 * length), *const fine = coarse + length;
   std::fill(coarse + x.size(), fine, 0.0);
   std::fill(fine + x.size(), fine + length, 0.0);
-  kernels::count_cycles(step, grid, x, coarse, fine);
-  table.step = step;
+  (fractions ? kernels::count_fractions : kernels::count_cycles)(table.step, grid, x, coarse, fine);
   table.cycles = {coarse, fine, grid};
 }
 

@@ -10,8 +10,9 @@
 
 namespace ocisac {
 
-// Cycles x·step of some x, split: `coarse` is a multiple of `grid`, a power of two, so that it adds up with another one
-// without error; `fine`, within ±grid/2 but for rounding, is the rest.
+// Cycles x·step of some x, or their distance from the nearest whole one, split: `coarse` is a multiple of `grid`, a
+// power of two, so that it adds up with another one without error; `fine`, within ±grid/2 but for rounding, is the
+// rest.
 struct CountedCycles {
   const double* coarse = nullptr;
   const double* fine = nullptr;
@@ -30,18 +31,21 @@ class Instants {
   // One step, not negative, from each to the next.
   bool is_even() const { return even_; }
 
-  // Of x[first] … x[first + count - 1], |x·step| < 2^50; valid until the next call.
-  CountedCycles cycles(DoubleDouble step, std::size_t first, std::size_t count);
+  enum class Count { cycles, fractions };
+  // Of x[first] … x[first + count - 1], |x·step| < 2^50; valid until the next call. Fractions are finer: far rows have
+  // large counts of cycles, and a large grid.
+  CountedCycles counted(Count kind, DoubleDouble step, std::size_t first, std::size_t count);
 
  private:
   struct Table {
+    Count kind = Count::cycles;
     DoubleDouble step;
     CountedCycles cycles;
     AlignedMemory<double> memory;
 
     CountedCycles from(std::size_t first) const { return {cycles.coarse + first, cycles.fine + first, cycles.grid}; }
   };
-  void count_all(std::span<const double> x, DoubleDouble step, Table& table) const;
+  void count_all(std::span<const double> x, Table& table) const;
 
   std::span<const double> x_;
   double first_, last_;

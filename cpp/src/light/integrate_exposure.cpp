@@ -14,7 +14,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::int64_t kMaxRow = std::int64_t{1} << 52;
+constexpr std::int64_t kMaxRow = std::int64_t{1} << 52;  // numbers up to it are exact in double
 constexpr std::size_t kBlock = 2048;
 
 // A waveform prepared for integration: its steady light and its varying elements.
@@ -65,8 +65,12 @@ DoubleDouble frame_start(const Camera& camera, double start, std::int64_t frame)
 // Row numbers as factors of the row time.
 std::vector<double> row_numbers(std::span<const std::int64_t> rows) {
   require(!rows.empty(), "rows", "none", "at least one row");
-  for (std::int64_t row : rows) require(row >= -kMaxRow && row <= kMaxRow, "rows", row, "from -2^52 to 2^52");
   return {rows.begin(), rows.end()};
+}
+
+void require_exact(std::span<const std::int64_t> rows, const Instants& numbers) {
+  if (numbers.first() >= -kMaxRow && numbers.last() <= kMaxRow) return;
+  for (std::int64_t row : rows) require(row >= -kMaxRow && row <= kMaxRow, "rows", row, "from -2^52 to 2^52");
 }
 
 void integrate(const Waveform& waveform, const Camera& camera, double start, std::int64_t frame, Instants& rows,
@@ -83,6 +87,7 @@ void integrate_exposure(const Waveform& waveform, const Camera& camera, std::spa
   const std::vector<double> numbers = row_numbers(rows);
   require_one_each(rows.size(), out.size());
   Instants instants(numbers);
+  require_exact(rows, instants);
   integrate(waveform, camera, start, frame, instants, out);
 }
 
@@ -92,6 +97,7 @@ void integrate_exposure(const Waveform& waveform, const Camera& camera, std::spa
   check(camera);
   const std::vector<double> numbers = row_numbers(rows);
   Instants instants(numbers);
+  require_exact(rows, instants);
   require(out.rows == frames.size() && out.columns == rows.size(), "out", "another shape",
           "one value for each frame and row");
   std::vector<double> buffer(out.column_stride == 1 ? 0 : rows.size());

@@ -33,9 +33,9 @@ class CycleCounts {
   Position at(std::size_t i) const { return counter_.at(instants_.x()[i]); }
   const CycleCounter& counter() const { return counter_; }
 
-  kernels::Cycles from(std::size_t first, std::size_t count) const {
-    const CountedCycles counted = instants_.cycles(counter_.step(), first, count);
-    return {counted.coarse, counted.fine, counter_.origin_rest(counted.grid)};
+  kernels::Cycles from(std::size_t first, std::size_t count) const { return of(Instants::Count::cycles, first, count); }
+  kernels::Cycles fractions_from(std::size_t first, std::size_t count) const {
+    return of(Instants::Count::fractions, first, count);
   }
 
   bool are_even() const { return instants_.is_even(); }
@@ -46,6 +46,11 @@ class CycleCounts {
   }
 
  private:
+  kernels::Cycles of(Instants::Count kind, std::size_t first, std::size_t count) const {
+    const CountedCycles counted = instants_.counted(kind, counter_.step(), first, count);
+    return {counted.coarse, counted.fine, counter_.origin_rest(counted.grid)};
+  }
+
   CycleCounter counter_;
   Instants& instants_;
 };
@@ -61,7 +66,7 @@ class ToneLight final : public MeanLight {
 
   void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
     kernels::write_means(kernels::ToneMeans{scale * half_amplitude_, swing_},
-                         in_mid_exposure_.from(first, to.means.size()), to);
+                         in_mid_exposure_.fractions_from(first, to.means.size()), to);
   }
 
  private:
@@ -118,7 +123,7 @@ class SquareLight final : public MeanLight {
     const double least = (both - DoubleDouble{1, 0}).value();
     const kernels::SquareMeans means{scale * amplitude_, length_.value(),      whole_ * duty_,
                                      half(both),         std::max(least, 0.0), std::min(duty_, part_.value())};
-    kernels::write_means(means, counts_.from(first, to.means.size()), to);
+    kernels::write_means(means, counts_.fractions_from(first, to.means.size()), to);
   }
 
  private:

@@ -19,17 +19,30 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-void CountCycles(DoubleDouble step, double grid, std::span<const double> x, double* HWY_RESTRICT coarse,
-                 double* HWY_RESTRICT fine) {
+template <bool kFractions>
+HWY_INLINE void count(DoubleDouble step, double grid, std::span<const double> x, double* HWY_RESTRICT coarse,
+                      double* HWY_RESTRICT fine) {
   constexpr bool fused = kHasFusedProduct || HWY_TARGET <= HWY_AVX2;  // one operation instead of ten
   const ExactFactor factor(step.high);
   const double low = step.low, shift = 0x1.8p52 * grid;
   for (std::size_t i = 0; i < x.size(); ++i) {
-    const DoubleDouble product = factor.times<fused>(x[i]);
-    const double nearest = (product.high + shift) - shift;
-    coarse[i] = nearest;
-    fine[i] = (product.high - nearest) + (product.low + x[i] * low);
+    DoubleDouble cycles = factor.times<fused>(x[i]);
+    cycles.low += x[i] * low;
+    if constexpr (kFractions) {
+      cycles = exact_sum(cycles.high - nearest_whole(cycles.high), cycles.low);
+      cycles.high -= nearest_whole(cycles.high);
+    }
+    coarse[i] = (cycles.high + shift) - shift;
+    fine[i] = (cycles.high - coarse[i]) + cycles.low;
   }
+}
+
+void CountCycles(DoubleDouble step, double grid, std::span<const double> x, double* coarse, double* fine) {
+  count<false>(step, grid, x, coarse, fine);
+}
+
+void CountFractions(DoubleDouble step, double grid, std::span<const double> x, double* coarse, double* fine) {
+  count<true>(step, grid, x, coarse, fine);
 }
 
 template <class Mean>
@@ -43,10 +56,10 @@ HWY_INLINE void write(const MeansOutput& to, const Mean& mean) {
     for (std::size_t i = 0; i < count; ++i) out[i] = steady + mean(i);
 }
 
-// Less the nearest whole number: nothing is rounded but the last place of `fine`.
-HWY_INLINE SplitCycles fraction_at(const Cycles& cycles, std::size_t i) {
-  const double sum = cycles.coarse[i] + cycles.origin.coarse;
-  return {sum - nearest_whole(sum), cycles.fine[i] + cycles.origin.fine};
+// Within ±1/2; nothing is rounded but the last place of `fine`.
+HWY_INLINE SplitCycles fraction_at(const Cycles& fractions, std::size_t i) {
+  const double sum = fractions.coarse[i] + fractions.origin.coarse;
+  return {sum - nearest_whole(sum), fractions.fine[i] + fractions.origin.fine};
 }
 
 // cos(2π·turns) for turns in [-1/2, 1/2], within 3e-16, as sin(x) = x − x³/3! + … at x = 2π(1/4 − |turns|).
@@ -230,12 +243,17 @@ HWY_AFTER_NAMESPACE();
 namespace ocisac::kernels {
 
 HWY_EXPORT(CountCycles);
+HWY_EXPORT(CountFractions);
 HWY_EXPORT(WriteTone);
 HWY_EXPORT(WriteSquare);
 HWY_EXPORT(WriteCells);
 
 void count_cycles(DoubleDouble step, double grid, std::span<const double> x, double* coarse, double* fine) {
   HWY_DYNAMIC_DISPATCH(CountCycles)(step, grid, x, coarse, fine);
+}
+
+void count_fractions(DoubleDouble step, double grid, std::span<const double> x, double* coarse, double* fine) {
+  HWY_DYNAMIC_DISPATCH(CountFractions)(step, grid, x, coarse, fine);
 }
 
 void write_means(const ToneMeans& light, const Cycles& cycles, const MeansOutput& to) {

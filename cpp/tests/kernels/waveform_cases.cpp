@@ -139,18 +139,21 @@ KernelCase means_case(const std::string& name, const Means& light, std::size_t c
                              {1, count, count}, run, count > 400);
 }
 
-KernelCase counts_case(std::size_t count) {
+KernelCase counts_case(std::size_t count, bool fractions) {
   const auto rows = std::make_shared<Misaligned<double>>(random_rows<double>(1, count, count, 0, 1000));
   const auto run = [=](bool plain, double* out) {
     const std::span<const double> x(rows->data(), count);
-    plain ? count_plain(x, out, out + count) : kernels::count_cycles({kStep, 0}, kGrid, x, out, out + count);
+    if (!plain)
+      return (fractions ? kernels::count_fractions : kernels::count_cycles)({kStep, 0}, kGrid, x, out, out + count);
+    count_plain(x, out, out + count);
+    for (std::size_t i = 0; fractions && i < count; ++i) out[i] -= std::round(kStep * x[i]);
   };
-  return kernel_case<double>("count_cycles, " + std::to_string(count) + " exposures", 1e-15, {2, count, count}, run,
-                             count > 400);
+  const std::string name = fractions ? "count_fractions, " : "count_cycles, ";
+  return kernel_case<double>(name + std::to_string(count) + " exposures", 1e-15, {2, count, count}, run, count > 400);
 }
 
 void add_cases_of(std::size_t count, std::vector<KernelCase>& cases) {
-  cases.push_back(counts_case(count));
+  for (const bool fractions : {false, true}) cases.push_back(counts_case(count, fractions));
   cases.push_back(means_case("tone", ToneMeans{0.7, 0.8}, count));
   for (const auto& [duty, part] : {std::pair(0.3, 0.4), std::pair(0.9, 0.4), std::pair(0.3, 0.9), std::pair(0.8, 0.7)})
     cases.push_back(means_case(
