@@ -92,7 +92,7 @@ wave = 100 + 30 * np.sin(np.arange(700))[:, None]
 print("begun", flush=True)
 {LONG_CALLS[call]}
 """
-    # 0.05 to 0.2 s wherever in a call; another program may hold up one of three
+    # A call hears it within 0.02 to 0.45 s at any instant; other programs may hold up one of three tries.
     assert any(_seconds_until_interrupted(code) < 1.5 for _ in range(3))  # and the interpreter's own end
 
 

@@ -64,7 +64,7 @@ def near_an_edge(waveform, camera, rows, start, frames):
     frames=st.none() | st.integers(1, 3),
 )
 def test_agrees_with_the_reference(parts, exposure, start, length, order, frames):
-    """Of rows as far apart as ``order``, or in a random order."""
+    """Rows are as far apart as ``order``, or in a random order."""
     camera = Camera(22.2e-6, exposure, 1 / 30)
     rows = np.arange(length) - length // 3
     rows = rows * order if isinstance(order, int) else order.permutation(rows)

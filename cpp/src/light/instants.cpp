@@ -26,9 +26,7 @@ Instants::Instants(std::span<const double> x) : x_(x), first_(x.front()), last_(
 }
 
 CountedCycles Instants::counted(Count kind, DoubleDouble step, std::size_t first, std::size_t count) {
-  const auto is_asked = [&](const Table& table) {
-    return table.kind == kind && table.step.high == step.high && table.step.low == step.low;
-  };
+  const auto is_asked = [&](const Table& table) { return table.kind == kind && table.step == step; };
   if (const auto known = std::ranges::find_if(tables_, is_asked); known != tables_.end()) return known->from(first);
   if ((tables_.size() + 1) * x_.size() <= kMostKept) {
     Table table{kind, step, {}, {}};
@@ -49,7 +47,7 @@ void Instants::count_all(std::span<const double> x, Table& table) const {
   double *const coarse = table.memory.at_least(2 * length), *const fine = coarse + length;
   std::fill(coarse + x.size(), fine, 0.0);
   std::fill(fine + x.size(), fine + length, 0.0);
-  (fractions ? kernels::count_fractions : kernels::count_cycles)(table.step, grid, x, coarse, fine);
+  kernels::count_cycles(table.step, grid, fractions, x, coarse, fine);
   table.cycles = {coarse, fine, grid};
 }
 

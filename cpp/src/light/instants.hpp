@@ -22,18 +22,18 @@ struct CountedCycles {
 // The numbers x on a time line: of rows, or times. Counts of cycles are made once for all origins of the line.
 class Instants {
  public:
-  // At least one; must outlive this.
+  // x: one value or more; it must outlive this.
   explicit Instants(std::span<const double> x);
 
   std::span<const double> x() const { return x_; }
   double first() const { return first_; }
   double last() const { return last_; }
-  // One step, not negative, from each to the next.
+  // True if each x lies one step, 0 or more, after the previous one.
   bool is_even() const { return even_; }
 
   enum class Count { cycles, fractions };
-  // Of x[first] … x[first + count - 1], |x·step| < 2^50; valid until the next call. Fractions are finer: far rows have
-  // large counts of cycles, and a large grid.
+  // Counts the cycles of x[first] … x[first + count - 1], |x·step| < 2^50; the next call may overwrite them. Fractions
+  // have a fine grid at any x; that of cycles grows with the largest count.
   CountedCycles counted(Count kind, DoubleDouble step, std::size_t first, std::size_t count);
 
  private:

@@ -11,7 +11,7 @@ constexpr double kMaxCycles = 0x1p50;
 }  // namespace
 
 CycleCounter::CycleCounter(DoubleDouble rate, const TimeLine& line, DoubleDouble offset)
-    : step_((rate * DoubleDouble{line.step, 0}).high), step_low_((rate * DoubleDouble{line.step, 0}).low) {
+    : step_(rate * DoubleDouble{line.step, 0}), factor_(step_.high) {
   const DoubleDouble base = rate * line.origin + offset;
   base_whole_ = std::abs(base.high) < kMaxCycles ? nearest_whole(base.high) : base.high;
   base_ = base + DoubleDouble{-base_whole_, 0};
@@ -24,7 +24,7 @@ SplitCycles CycleCounter::origin_rest(double grid) const {
 
 void CycleCounter::require_countable(double x_first, double x_last, const char* argument) const {
   for (double x : {x_first, x_last}) {
-    const double cycles = x * step_.value();
+    const double cycles = x * step_.high;
     const bool countable = std::abs(cycles) < kMaxCycles && std::abs(base_whole_) < kMaxCycles;
     require(countable, argument, std::abs(cycles + base_whole_), "at most 2^50 cycles or chips at the requested times");
   }

@@ -11,6 +11,7 @@ struct DoubleDouble {
   double low = 0;
 
   double value() const { return high + low; }
+  bool operator==(const DoubleDouble&) const = default;
 };
 
 // a + b without error.
@@ -74,8 +75,6 @@ class ExactFactor {
  public:
   explicit ExactFactor(double value) : value_(value), upper_(upper_half(value)), lower_(value - upper_) {}
 
-  double value() const { return value_; }
-
   // x·value. Dekker's halves where a fused multiply-add is a call of a function; the values are the same.
   template <bool kFused = kHasFusedProduct>
   DoubleDouble times(double x) const {
@@ -115,10 +114,10 @@ class CycleCounter {
   CycleCounter(DoubleDouble rate, const TimeLine& line, DoubleDouble offset = {});
 
   Position at(double x) const { return at(x, 0); }
-  Position at(DoubleDouble x) const { return at(x.high, x.low * step_.value()); }
+  Position at(DoubleDouble x) const { return at(x.high, x.low * step_.high); }
 
-  // Of one unit of x.
-  DoubleDouble step() const { return {step_.value(), step_low_}; }
+  // Cycles per unit of x.
+  DoubleDouble step() const { return step_; }
   // Whole cycles at x = 0, and the rest with a multiple of `grid`.
   double origin_whole() const { return base_whole_; }
   SplitCycles origin_rest(double grid) const;
@@ -128,17 +127,17 @@ class CycleCounter {
 
  private:
   Position at(double x, double more_cycles) const {
-    const DoubleDouble product = step_.times(x);
+    const DoubleDouble product = factor_.times(x);
     const double whole = nearest_whole(product.high);
     DoubleDouble part = exact_sum(product.high - whole, base_.high);
-    part.low += product.low + x * step_low_ + base_.low + more_cycles;
+    part.low += product.low + x * step_.low + base_.low + more_cycles;
     const double more = nearest_whole(part.high);
     part = exact_sum(part.high - more, part.low);
     return {whole + more + base_whole_, part.high, part.low};
   }
 
-  ExactFactor step_;  // cycles per unit of x, and what a double leaves over
-  double step_low_;
+  DoubleDouble step_;
+  ExactFactor factor_;  // step_.high
   double base_whole_;
   DoubleDouble base_;  // the rest of the count at x = 0, within [-1/2, 1/2]
 };

@@ -33,24 +33,19 @@ class CycleCounts {
   Position at(std::size_t i) const { return counter_.at(instants_.x()[i]); }
   const CycleCounter& counter() const { return counter_; }
 
-  kernels::Cycles from(std::size_t first, std::size_t count) const { return of(Instants::Count::cycles, first, count); }
-  kernels::Cycles fractions_from(std::size_t first, std::size_t count) const {
-    return of(Instants::Count::fractions, first, count);
+  kernels::Cycles from(std::size_t first, std::size_t count, Instants::Count kind) const {
+    const CountedCycles counted = instants_.counted(kind, counter_.step(), first, count);
+    return {counted.coarse, counted.fine, counter_.origin_rest(counted.grid)};
   }
 
   bool are_even() const { return instants_.is_even(); }
-  // From one of even exposures to the next.
+  // Cycles between neighbouring exposures, where they are even.
   double per_exposure() const {
     const auto x = instants_.x();
     return x.size() > 1 ? (x[1] - x[0]) * counter_.step().high : 0;
   }
 
  private:
-  kernels::Cycles of(Instants::Count kind, std::size_t first, std::size_t count) const {
-    const CountedCycles counted = instants_.counted(kind, counter_.step(), first, count);
-    return {counted.coarse, counted.fine, counter_.origin_rest(counted.grid)};
-  }
-
   CycleCounter counter_;
   Instants& instants_;
 };
@@ -66,7 +61,7 @@ class ToneLight final : public MeanLight {
 
   void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
     kernels::write_means(kernels::ToneMeans{scale * half_amplitude_, swing_},
-                         in_mid_exposure_.fractions_from(first, to.means.size()), to);
+                         in_mid_exposure_.from(first, to.means.size(), Instants::Count::fractions), to);
   }
 
  private:
@@ -114,16 +109,16 @@ class SquareLight final : public MeanLight {
         length_(cycles_of(wave.frequency, exposures.exposure, "frequency")),
         whole_(std::floor(length_.value())),
         part_(part_of(length_, whole_)),
-        // Of the middle of the remaining part; exposure 0: at its end.
-        counts_(wave.frequency, exposures, turns(wave.phase) - half(part_), "frequency") {}
+        // counts the cycles at the middle of the remaining part, for a point at its end
+        counts_(wave.frequency, exposures, turns(wave.phase) - part_ / 2, "frequency") {}
 
   void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
     if (is_point(length_)) return write_points(first, scale * amplitude_, to);
     const DoubleDouble both = part_ + DoubleDouble{duty_, 0};
     const double least = (both - DoubleDouble{1, 0}).value();
     const kernels::SquareMeans means{scale * amplitude_, length_.value(),      whole_ * duty_,
-                                     half(both),         std::max(least, 0.0), std::min(duty_, part_.value())};
-    kernels::write_means(means, counts_.fractions_from(first, to.means.size()), to);
+                                     both / 2,           std::max(least, 0.0), std::min(duty_, part_.value())};
+    kernels::write_means(means, counts_.from(first, to.means.size(), Instants::Count::fractions), to);
   }
 
  private:
@@ -131,7 +126,6 @@ class SquareLight final : public MeanLight {
     const DoubleDouble part = length - DoubleDouble{whole, 0};
     return part.high > 0 ? part : DoubleDouble{};
   }
-  static DoubleDouble half(DoubleDouble value) { return {value.high / 2, value.low / 2}; }
 
   void write_points(std::size_t first, double level, const kernels::MeansOutput& to) const {
     for (std::size_t i = 0; i < to.means.size(); ++i) {
@@ -307,7 +301,8 @@ class CellsLight final : public MeanLight {
   }
 
   void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
-    if (fits_tables_) return kernels::write_means(means(scale), counts_.from(first, to.means.size()), to);
+    if (fits_tables_)
+      return kernels::write_means(means(scale), counts_.from(first, to.means.size(), Instants::Count::cycles), to);
     cells_.decays.empty() ? write_means<false>(first, scale, to) : write_means<true>(first, scale, to);
   }
 

@@ -37,12 +37,9 @@ HWY_INLINE void count(DoubleDouble step, double grid, std::span<const double> x,
   }
 }
 
-void CountCycles(DoubleDouble step, double grid, std::span<const double> x, double* coarse, double* fine) {
-  count<false>(step, grid, x, coarse, fine);
-}
-
-void CountFractions(DoubleDouble step, double grid, std::span<const double> x, double* coarse, double* fine) {
-  count<true>(step, grid, x, coarse, fine);
+void CountCycles(DoubleDouble step, double grid, bool fractions, std::span<const double> x, double* coarse,
+                 double* fine) {
+  fractions ? count<true>(step, grid, x, coarse, fine) : count<false>(step, grid, x, coarse, fine);
 }
 
 template <class Mean>
@@ -165,19 +162,14 @@ HWY_INLINE double cell_at(const Cycles& at, double cell, std::size_t i) {
   return near + std::floor(since(at, near, i));
 }
 
-// The first exposure after i that ends after `cell`, or `count`, from a guess, which may be wrong by one.
-HWY_INLINE std::size_t first_after(const Cycles& at, double cell, std::size_t guess, std::size_t i, std::size_t count) {
+// The first exposure after i that ends in another cell, or `count`, from a guess. Those between i and the guess end in
+// the same cell, but for one by rounding.
+HWY_INLINE std::size_t first_elsewhere(const Cycles& at, double cell, std::size_t guess, std::size_t i,
+                                       std::size_t count) {
   std::size_t next = std::min(guess, count);
-  while (next < count && since(at, cell, next) < 1) ++next;
+  while (next < count && since(at, cell, next) < 1 && since(at, cell, next) >= 0) ++next;
   while (next > i + 1 && since(at, cell, next - 1) >= 1) --next;
   return std::max(next, i + 1);
-}
-
-// The same for exposures in any order: the first one that ends in another cell.
-HWY_INLINE std::size_t first_elsewhere(const Cycles& at, double cell, std::size_t i, std::size_t count) {
-  std::size_t next = i + 1;
-  while (next < count && since(at, cell, next) >= 0 && since(at, cell, next) < 1) ++next;
-  return next;
 }
 
 // Exposures that end in the same cell share its window. Vectors reach beyond them; the next ones overwrite that. Where
@@ -196,7 +188,7 @@ HWY_INLINE void means_of_cells(const CellMeans& own, const Cycles& at, std::size
   for (std::size_t i = 0; i < count;) {
     const auto window = window_of<kSlopes, kLows>(own, cells);
     const Exposures origin = hn::Set(d64, at.origin.coarse - cell);
-    const std::size_t next = own.even ? first_after(at, cell, guess, i, count) : first_elsewhere(at, cell, i, count);
+    const std::size_t next = first_elsewhere(at, cell, own.even ? guess : i + 1, i, count);
     guess = guess_of(cell + 1);
     for (; i < next; i += hn::Lanes(d64)) {
       const Exposures u =
@@ -243,17 +235,13 @@ HWY_AFTER_NAMESPACE();
 namespace ocisac::kernels {
 
 HWY_EXPORT(CountCycles);
-HWY_EXPORT(CountFractions);
 HWY_EXPORT(WriteTone);
 HWY_EXPORT(WriteSquare);
 HWY_EXPORT(WriteCells);
 
-void count_cycles(DoubleDouble step, double grid, std::span<const double> x, double* coarse, double* fine) {
-  HWY_DYNAMIC_DISPATCH(CountCycles)(step, grid, x, coarse, fine);
-}
-
-void count_fractions(DoubleDouble step, double grid, std::span<const double> x, double* coarse, double* fine) {
-  HWY_DYNAMIC_DISPATCH(CountFractions)(step, grid, x, coarse, fine);
+void count_cycles(DoubleDouble step, double grid, bool fractions, std::span<const double> x, double* coarse,
+                  double* fine) {
+  HWY_DYNAMIC_DISPATCH(CountCycles)(step, grid, fractions, x, coarse, fine);
 }
 
 void write_means(const ToneMeans& light, const Cycles& cycles, const MeansOutput& to) {

@@ -11,9 +11,10 @@ namespace ocisac::kernels {
 
 constexpr std::size_t kMaxReadAhead = 8;  // values
 
-// Cycles x[i]·step = coarse[i] + fine[i], or their distance from the nearest whole one; coarse is a multiple of `grid`.
-void count_cycles(DoubleDouble step, double grid, std::span<const double> x, double* coarse, double* fine);
-void count_fractions(DoubleDouble step, double grid, std::span<const double> x, double* coarse, double* fine);
+// Cycles x[i]·step = coarse[i] + fine[i], as fractions their distance from the nearest whole one; coarse is a multiple
+// of `grid`.
+void count_cycles(DoubleDouble step, double grid, bool fractions, std::span<const double> x, double* coarse,
+                  double* fine);
 
 // Cycles of exposures, of tones and square waves their fractions: coarse[i] + fine[i] + origin. kMaxReadAhead more
 // values of both may be read.

@@ -143,12 +143,11 @@ KernelCase counts_case(std::size_t count, bool fractions) {
   const auto rows = std::make_shared<Misaligned<double>>(random_rows<double>(1, count, count, 0, 1000));
   const auto run = [=](bool plain, double* out) {
     const std::span<const double> x(rows->data(), count);
-    if (!plain)
-      return (fractions ? kernels::count_fractions : kernels::count_cycles)({kStep, 0}, kGrid, x, out, out + count);
+    if (!plain) return kernels::count_cycles({kStep, 0}, kGrid, fractions, x, out, out + count);
     count_plain(x, out, out + count);
     for (std::size_t i = 0; fractions && i < count; ++i) out[i] -= std::round(kStep * x[i]);
   };
-  const std::string name = fractions ? "count_fractions, " : "count_cycles, ";
+  const std::string name = fractions ? "count_cycles fractions, " : "count_cycles whole, ";
   return kernel_case<double>(name + std::to_string(count) + " exposures", 1e-15, {2, count, count}, run, count > 400);
 }
 
