@@ -240,8 +240,8 @@ std::shared_ptr<const Offsets> offsets_of(const RunsOfBlock& of) {
   });
 }
 
-// The lowest of the rows to prefetch and of their mirror images, and the next run of both, or kNoRun: with narrow
-// vectors the first line over and over, which costs less than a comparison for each pair.
+// The lowest run of the rows to prefetch and the highest of their mirror images, and the next run's distance from both,
+// or kNoRun: with narrow vectors the first line over and over, which costs less than a comparison for each pair.
 struct RowsAhead {
   const std::uint8_t *near, *far;
   const std::ptrdiff_t* run;
@@ -254,7 +254,7 @@ template <int kGroup, bool kNear, bool kFar>
 HWY_INLINE void ask_for_run(const RowsAhead& ahead, std::size_t pair) {
   if (kWide && ahead.run == kNoRun) return;
   if (kNear) ask_for<kLinesPerPair<kGroup>, kWide>(ahead.near + ahead.run[pair]);
-  if (kFar) ask_for<kLinesPerPair<kGroup>, kWide>(ahead.far + ahead.run[pair]);
+  if (kFar) ask_for<kLinesPerPair<kGroup>, kWide>(ahead.far - ahead.run[pair]);
 }
 
 // Offsets from a row of a strip to the lines it prefetches.
@@ -272,6 +272,32 @@ struct Pairs {
   Pair16 sums[kPerSlice];
   Pair16 differences[kPerSlice];
 };
+
+// The pixels of two single rows and of their mirror images, four of a column in each 32-bit lane, in the order of
+// Pairs.
+struct Pixels {
+  HWY_INLINE Pixels() {}
+  Bytes of[kPerSlice];
+};
+
+// Whether squares are those of pixels, in one multiplication where those of sums and differences take two.
+template <int kGroup, bool kFold, bool kDot>
+constexpr bool are_of_pixels() {
+  return kGroup == 1 && kFold && kDot;
+}
+
+// sum + Σ x·(x − 128) of the four bytes x of each lane, since vpdpbusd multiplies unsigned by signed ones.
+template <bool kDot>
+HWY_INLINE Sum32 add_squares_of_pixels(Sum32 sum, Bytes x)
+#if HWY_TARGET <= HWY_AVX3 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
+{
+  const Bytes less = hn::Xor(x, hn::Set(d8, 128));
+  asm("vpdpbusd %2, %1, %0" : "+v"(sum.raw) : "v"(x.raw), "v"(less.raw));
+  return sum;
+}
+#else
+    = delete;
+#endif
 
 // Positions of a strip's rows: from the block's first on and, mirrored, from its last group on backwards (unused if not
 // folded).
@@ -318,21 +344,23 @@ struct FourRows {
 // Half of a strip's pairs of single rows, of the lower or the upper halves of the blocks: a row and its mirror image as
 // neighbouring bytes, for sums and differences.
 template <bool kFold, bool kUpper>
-HWY_INLINE void pair_rows(const FourRows& rows, Pair16* sums, Pair16* differences) {
+HWY_INLINE void pair_rows(const FourRows& rows, Pair16* sums, Pair16* differences, Bytes* pixels) {
   const Pair16 a = hn::BitCast(d16s, interleave<kUpper>(d8, rows.a, rows.far_a));
   const Pair16 b = hn::BitCast(d16s, interleave<kUpper>(d8, rows.b, rows.far_b));
   const Pair16 first = hn::InterleaveLower(d16s, a, b), second = hn::InterleaveUpper(d16s, a, b);
-  sums[0] = kFold ? sum_of_neighbours(hn::BitCast(d8, first)) : first;
-  sums[1] = kFold ? sum_of_neighbours(hn::BitCast(d8, second)) : second;
+  pixels[0] = hn::BitCast(d8, first);
+  pixels[1] = hn::BitCast(d8, second);
+  sums[0] = kFold ? sum_of_neighbours(pixels[0]) : first;
+  sums[1] = kFold ? sum_of_neighbours(pixels[1]) : second;
   if constexpr (!kFold) return;
-  differences[0] = difference_of_neighbours(hn::BitCast(d8, first));
-  differences[1] = difference_of_neighbours(hn::BitCast(d8, second));
+  differences[0] = difference_of_neighbours(pixels[0]);
+  differences[1] = difference_of_neighbours(pixels[1]);
 }
 
 // Two single rows and, folded, their mirror images. The maximum is updated with the first slice only, and each of two
 // slices prefetches the lines of half of the rows: all with the first are more at once than memory serves.
 template <bool kFold, std::size_t kSlice, std::size_t kLines>
-HWY_INLINE void load_rows(const Rows<kLines>& rows, Bytes& top, Pairs& to) {
+HWY_INLINE void load_rows(const Rows<kLines>& rows, Bytes& top, Pairs& to, Pixels& pixels) {
   const auto load = [&top](const std::uint8_t* pixels) {
     return kSlice == 0 ? load_row(pixels, top) : hn::LoadU(d8, pixels);
   };
@@ -346,8 +374,10 @@ HWY_INLINE void load_rows(const Rows<kLines>& rows, Bytes& top, Pairs& to) {
   };
   const Bytes none = hn::Zero(d8);
   const FourRows four{near(0), near(rows.stride), kFold ? far(0) : none, kFold ? far(rows.stride) : none};
-  if (kSlice == 0) pair_rows<kFold, false>(four, to.sums, to.differences);
-  if (kSlice + 1 == kSlices) pair_rows<kFold, true>(four, to.sums + kPerSlice - 2, to.differences + kPerSlice - 2);
+  constexpr std::size_t kUpper = kPerSlice - 2;
+  if (kSlice == 0) pair_rows<kFold, false>(four, to.sums, to.differences, pixels.of);
+  if (kSlice + 1 == kSlices)
+    pair_rows<kFold, true>(four, to.sums + kUpper, to.differences + kUpper, pixels.of + kUpper);
 }
 
 // Sums of a group of rows, for the columns in the lower and in the upper halves of a vector's blocks.
@@ -465,6 +495,7 @@ class Strips {
   }
 
   const StripGrid grid;
+  double square_share = 1;  // that a sum of squares in a strip has in the column's
 
   [[nodiscard]] HWY_INLINE Strip at(std::size_t i) {
     std::int32_t* sums = memory_ + i * per_strip();
@@ -498,8 +529,8 @@ struct SliceOutputs {
   Pairs* keep;
 };
 
-// load(p, top, pairs) computes the p-th of `count` pairs of groups and updates the maximum.
-template <bool kFold, bool kTone, bool kKeep, bool kDot, class Load>
+// load(p, top, pairs, pixels) computes the p-th of `count` pairs of groups, or its pixels too, and updates the maximum.
+template <bool kFold, bool kPixels, bool kTone, bool kKeep, bool kDot, class Load>
 HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) {
   Sum32 a[kPerSlice], b[kPerSlice], square[kPerSlice];
   Sum16 total[kPerSlice];
@@ -513,14 +544,19 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
 #pragma GCC unroll 1  // otherwise the compiler reorders the additions and spills
   for (std::size_t p = 0; p < count; ++p) {
     Pairs pairs;
-    load(p, top, pairs);
+    Pixels pixels;
+    load(p, top, pairs, pixels);
     for_each_constant<kPerSlice>([&](auto v) OCISAC_INLINE_LAMBDA {
       const Pair16 sum = pairs.sums[v], other = kFold ? pairs.differences[v] : sum;
       total[v] = hn::Add(total[v], hn::BitCast(d16, sum));
       if (kTone) a[v] = multiply_pairs<kDot>(a[v], sum, to.weights[p].first);
       if (kTone) b[v] = multiply_pairs<kDot>(b[v], other, to.weights[p].second);
-      square[v] = multiply_pairs<kDot>(square[v], sum, sum);
-      if (kFold) square[v] = multiply_pairs<kDot>(square[v], other, other);
+      if constexpr (kPixels) {
+        square[v] = add_squares_of_pixels<kDot>(square[v], pixels.of[v]);
+      } else {
+        square[v] = multiply_pairs<kDot>(square[v], sum, sum);
+        if (kFold) square[v] = multiply_pairs<kDot>(square[v], other, other);
+      }
       if (kKeep) to.keep[p].sums[v] = sum;
       if (kKeep && kFold) to.keep[p].differences[v] = other;
     });
@@ -602,12 +638,12 @@ struct BlockPlan {
 bool has_more(const ByteWeights& weights, bool fold) { return weights.parts.size() > 2 || (fold && weights.even != 1); }
 
 // A slice of a strip. `load` computes its pairs as for add_slice() and stores them in `kept` if kKeep; otherwise they
-// are already there. Folded, squares count twice.
-template <bool kFold, bool kMore, bool kKeep, std::size_t kSlice, bool kDot, class Load>
+// are already there. Folded, squares of pairs count twice.
+template <bool kFold, bool kPixels, bool kMore, bool kKeep, std::size_t kSlice, bool kDot, class Load>
 HWY_INLINE void add_slice_of_strip(const BlockPlan& plan, const Strip& strip, Pairs* kept, Load load) {
   const std::size_t parts = plan.weights.parts.size();
   std::int32_t* sums = strip.sums + kSlice * kPerSlice * hn::Lanes(d32);
-  add_slice<kFold, !kMore, kKeep, kDot>(
+  add_slice<kFold, kPixels, !kMore, kKeep, kDot>(
       plan.count,
       {plan.first_weights.data(), plan.has_first ? sums : plan.spare,
        plan.has_second ? sums + plan.second * kPerSum : plan.spare, strip.squares + kSlice * kPerSlice * hn::Lanes(d32),
@@ -630,13 +666,14 @@ HWY_INLINE void for_each_slice(Add add) {
 template <int kGroup, bool kFold, bool kMore, class Mode>
 HWY_INLINE void add_strip(const Rows<Mode::kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
                           const Strip& strip) {
+  constexpr bool kPixels = are_of_pixels<kGroup, kFold, Mode::kDot>();
   Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold, kMore> : 1];
-  for_each_slice([&]<std::size_t kSlice>() {
-    add_slice_of_strip<kFold, kMore, kMore, kSlice, Mode::kDot>(
-        plan, strip, kept, [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
+  for_each_slice([&]<std::size_t kSlice>() OCISAC_INLINE_LAMBDA {
+    add_slice_of_strip<kFold, kPixels, kMore, kMore, kSlice, Mode::kDot>(
+        plan, strip, kept, [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs, Pixels& pixels) mutable {
           ask_for_run<kGroup, kSlice == 0, kFold && kSlice + 1 == kSlices>(ahead, p);
           if constexpr (kGroup == 1)
-            load_rows<kFold, kSlice>(at, top, pairs);
+            load_rows<kFold, kSlice>(at, top, pairs, pixels);
           else
             load_groups<kGroup, kFold>(at, top, pairs, pairs);
           at.template advance<kFold>(2 * kGroup);
@@ -660,14 +697,13 @@ HWY_INLINE void add_strip_by_memory(const Rows<Mode::kLines>& rows, const BlockP
   hn::StoreU(top, d8, strip.maximum);
   for_each_slice([&]<std::size_t kSlice>() {
     const Pairs* made = slices[kSlice];
-    add_slice_of_strip<kFold, kMore, false, kSlice, Mode::kDot>(plan, strip, slices[kSlice],
-                                                                [made](std::size_t p, Bytes&, Pairs& pairs) {
-                                                                  for (std::size_t v = 0; v < kPerSlice; ++v) {
-                                                                    pairs.sums[v] = made[p].sums[v];
-                                                                    if (kFold)
-                                                                      pairs.differences[v] = made[p].differences[v];
-                                                                  }
-                                                                });
+    add_slice_of_strip<kFold, false, kMore, false, kSlice, Mode::kDot>(
+        plan, strip, slices[kSlice], [made](std::size_t p, Bytes&, Pairs& pairs, Pixels&) {
+          for (std::size_t v = 0; v < kPerSlice; ++v) {
+            pairs.sums[v] = made[p].sums[v];
+            if (kFold) pairs.differences[v] = made[p].differences[v];
+          }
+        });
   });
 }
 
@@ -758,7 +794,8 @@ void add_block(const ByteBlock& block, const BlockPlan& plan, const RowsAhead& a
     add_strips<kGroup, kFold, kMore, Mode>(rows, plan, ahead, strips);
 }
 
-// Moves the totals from 16 to 32 bits.
+// Moves the totals from 16 to 32 bits, and completes the squares of pixels by 128·Σ x.
+template <bool kPixels>
 void widen_totals(Strips& strips) {
   for (std::size_t i = 0; i < strips.grid.count(); ++i) {
     const Strip strip = strips.at(i);
@@ -770,6 +807,9 @@ void widen_totals(Strips& strips) {
       const Sum32 sum = hn::BitCast(d32, hn::Add(one, hn::ShiftRight<16>(both)));
       hn::Store(hn::Add(hn::Load(d32, to), sum), d32, to);
       hn::Store(hn::Zero(d16), d16, from);
+      if constexpr (!kPixels) continue;
+      std::int32_t* squares = strip.squares + v * hn::Lanes(d32);
+      hn::Store(hn::Add(hn::Load(d32, squares), hn::ShiftLeft<7>(sum)), d32, squares);
     }
   }
 }
@@ -785,26 +825,23 @@ class BlockProjector {
         rows_ahead_(std::min(kRows, block.groups * kGroup)),
         runs_(Mode::kLines <= kLinesAfterRuns && asks_for_runs(block)
                   ? offsets_of({kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs})
-                  : nullptr) {}
+                  : nullptr) {
+    strips.square_share = kFold && !kPixels ? 0.5 : 1;
+  }
 
   void run() {
-    for (int block = 0; block < kBlocksAhead; ++block) {
-      const RowsAhead ahead = next_rows();
-      for (std::size_t i = 0; ahead.run && runs_ && i < runs_->size(); ++i) {
-        ask_for<kRun / kLine, kWide>(ahead.near + (*runs_)[i]);
-        if (kFold) ask_for<kRun / kLine, kWide>(ahead.far + (*runs_)[i]);
-      }
-    }
+    for (int block = 0; block < kBlocksAhead; ++block) fetch(next_rows());
     while (rest_.groups >= 2) {
       const std::size_t pairs = std::min(rest_.groups / 2, kPairs);
       add(rest_, pairs);
       advance(pairs);
     }
     if (rest_.groups > 0) add(LoneGroup<kGroup>(rest_).block(), 1);
-    widen_totals(strips_);
+    widen_totals<kPixels>(strips_);
   }
 
  private:
+  static constexpr bool kPixels = are_of_pixels<kGroup, kFold, Mode::kDot>();
   static constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
   // Fewer with wide vectors and runs, since rows of two blocks share the second-level cache.
   static constexpr std::size_t kMostPairs = kPairsPerBlock<kGroup, kFold, kMore>;
@@ -815,10 +852,20 @@ class BlockProjector {
   static constexpr std::size_t kRun = kLinesPerPair<kGroup> * kLine;
   static constexpr int kBlocksAhead = kWide && !kMore ? 2 : 1;
 
+  // Rows before which nothing is computed are read: most of so many prefetches at once would be dropped.
+  void fetch(const RowsAhead& rows) const {
+    if (!runs_ || rows.run == kNoRun) return;
+    const auto fetch_run = whole_.columns < kRun ? ask_for<kRun / kLine, kWide> : read_lines<kRun / kLine>;
+    for (const std::ptrdiff_t run : *runs_) {
+      fetch_run(rows.near + run);
+      if (kFold) fetch_run(rows.far - run);
+    }
+  }
+
   [[nodiscard]] std::ptrdiff_t offset(std::ptrdiff_t rows) const { return rows * rest_.row_stride; }
 
   // The rows of the next block to prefetch, as many in the last one; then those of the next frame. Mirror images are in
-  // reverse order.
+  // reverse order, and so are their runs: memory is read from either end towards the middle.
   [[nodiscard]] RowsAhead next_rows() {
     const auto rows = static_cast<std::ptrdiff_t>(rows_ahead_);
     const auto total = static_cast<std::ptrdiff_t>(whole_.groups * kGroup);
@@ -830,12 +877,12 @@ class BlockProjector {
         (is_next_frame ? whole_.to_next : 0) + std::min<std::ptrdiff_t>(offset(rows - 1), 0);
     const std::uint8_t* near = whole_.pixels + offset(first) + to_lowest;
     const std::uint8_t* far = kFold ? whole_.mirrored + offset(kGroup - first - rows) + to_lowest : near;
-    return {near, far, runs_->data()};
+    return {near, far + runs_->back(), runs_->data()};
   }
 
   void add(const ByteBlock& block, std::size_t pairs) {
     if (rows_in_totals_ + pairs * kRowsPerPair > kRowsPerTotal) {
-      widen_totals(strips_);
+      widen_totals<kPixels>(strips_);
       rows_in_totals_ = 0;
     }
     rows_in_totals_ += pairs * kRowsPerPair;
@@ -949,17 +996,19 @@ HWY_INLINE void raise_in_order(const std::uint8_t* HWY_RESTRICT from, double* HW
   for (; c < columns; ++c) to[c] = std::max(kWrite ? 0 : to[c], static_cast<double>(from[c]));
 }
 
-// Writes all outputs of a strip for its first `count` columns, which begin at `first`.
+// Writes all outputs of strip i for its own columns.
 template <bool kWrite>
-void add_strip_in_order(const Strip& strip, const std::int32_t* totals, const ByteWeights& weights, bool folded,
-                        const ProjectionSums& to, std::size_t first, std::size_t count) {
+void add_strip_in_order(Strips& strips, std::size_t i, const ByteWeights& weights, const ProjectionSums& to) {
+  const Strip strip = strips.at(i);
+  const auto first = static_cast<std::size_t>(strips.grid.first(i));
+  const std::size_t count = strips.grid.own_columns(i);
   const std::int32_t* from = strip.sums;
   for (const std::size_t part : weights.parts) {
     add_in_order<kWrite>(from, {1, weights.unit(part, to.last)}, to.sums + part * to.stride + first, count);
     from += kPerSum;
   }
-  add_in_order<kWrite>(strip.squares, {folded ? 0.5 : 1, 1}, to.moments.squares + first, count);
-  add_in_order<kWrite>(totals, {1, 1}, to.moments.totals + first, count);
+  add_in_order<kWrite>(strip.squares, {strips.square_share, 1}, to.moments.squares + first, count);
+  add_in_order<kWrite>(strips.totals(i), {1, 1}, to.moments.totals + first, count);
   raise_in_order<kWrite>(strip.maximum, to.moments.maximum + first, count);
 }
 
@@ -967,12 +1016,8 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Proj
   Strips strips(block, weights);
   const bool dot = kMayHaveDotProducts && has_dot_products();
   (dot ? project_groups<kMayHaveDotProducts> : project_groups<false>)(block, weights, strips);
-  for (std::size_t i = 0; i < strips.grid.count(); ++i) {
-    const auto first = static_cast<std::size_t>(strips.grid.first(i));
-    const std::size_t count = strips.grid.own_columns(i);
-    const auto add = to.first ? add_strip_in_order<true> : add_strip_in_order<false>;
-    add(strips.at(i), strips.totals(i), weights, block.mirrored != nullptr, to, first, count);
-  }
+  const auto add = to.first ? add_strip_in_order<true> : add_strip_in_order<false>;
+  for (std::size_t i = 0; i < strips.grid.count(); ++i) add(strips, i, weights, to);
 }
 
 // Sum of 16-bit lanes that hold sums of bytes.

@@ -34,6 +34,11 @@ HWY_INLINE void ask_for(const std::uint8_t* run) {
   for (std::size_t i = 0; i < kLines; ++i) kEarly ? ask_early_for(run + i * kLine) : hwy::Prefetch(run + i * kLine);
 }
 
+template <std::size_t kLines>
+HWY_INLINE void read_lines(const std::uint8_t* run) {
+  for (std::size_t i = 0; i < kLines; ++i) static_cast<void>(static_cast<const volatile std::uint8_t*>(run)[i * kLine]);
+}
+
 // Calls body(i) for every i below kCount, i a constant: arrays that are indexed by nothing else stay in registers,
 // which loops leave to chance (GCC 12: 46 or 60 µs for a frame of bytes in the cache).
 template <std::size_t kCount, class Body>
