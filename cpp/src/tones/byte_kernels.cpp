@@ -195,10 +195,12 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 //   strip. Wide vectors: into the second-level cache. On these processors each row then prefetches its own lines of
 //   strips ahead again, because they drop prefetches while too many lines are pending.
 // * Wide vectors, on other processors: every row prefetches its own lines of strips ahead, each line four times.
-// Narrow vectors: a strip of single rows takes longer than one of groups, so five are as far ahead as six.
+// How many strips ahead. Narrow vectors: a strip of single rows takes longer than one of groups, so five are as far
+// ahead as six.
 template <int kGroup>
-constexpr std::size_t kStripsAhead[] = {kWide ? 2 : (kGroup == 1 ? 5 : 6), 1, 5, 3};
-constexpr std::size_t kLinesOfStrips = std::size(kStripsAhead<1>), kLinesAfterRuns = kWide ? 2 : 1;
+constexpr std::size_t kAheadAfterRuns[] = {kWide ? 2 : (kGroup == 1 ? 5 : 6), 4};
+constexpr std::size_t kAheadAlone[] = {2, 1, 5, 3};
+constexpr std::size_t kLinesAfterRuns = kWide ? 2 : 1, kLinesAlone = std::size(kAheadAlone);
 
 // How rows are taken: the lines that each of them prefetches, and products by AVX-512 VNNI.
 template <std::size_t kLineCount, bool kDotProducts>
@@ -773,7 +775,8 @@ void add_strips(const Rows<>& rows, const BlockPlan& plan, RowsAhead ahead, Stri
     const std::ptrdiff_t first = strips.grid.first(i);
     Rows<Mode::kLines> here{rows.near + first, rows.far + first, rows.stride};
     for (std::size_t n = 0; n < Mode::kLines; ++n) {
-      const auto step = strips.grid.step(i, kStripsAhead<kGroup>[n], next_rows);
+      const std::size_t strips_ahead = Mode::kLines <= kLinesAfterRuns ? kAheadAfterRuns<kGroup>[n] : kAheadAlone[n];
+      const auto step = strips.grid.step(i, strips_ahead, next_rows);
       here.near_ahead[n] = step.near;
       here.far_ahead[n] = step.far;
     }
@@ -915,7 +918,7 @@ void project_blocks(const ByteBlock& block, const ByteWeights& weights, Strips& 
   };
   if constexpr (HWY_TARGET == HWY_AVX2 || (kWide && kDot))  // wide vectors: all processors concerned have VNNI
     if (asks_for_runs(block) && strips_come_late()) return project.template operator()<kLinesAfterRuns>();
-  project.template operator()<kWide ? kLinesOfStrips : 0>();
+  project.template operator()<kWide ? kLinesAlone : 0>();
 }
 
 template <int kGroup, bool kFold, bool kDot>
