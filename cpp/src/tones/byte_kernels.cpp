@@ -363,9 +363,7 @@ HWY_INLINE void pair_rows(const FourRows& rows, Pair16* sums, Pair16* difference
 // slices prefetches the lines of half of the rows: all with the first are more at once than memory serves.
 template <bool kFold, std::size_t kSlice, std::size_t kLines>
 HWY_INLINE void load_rows(const Rows<kLines>& rows, Bytes& top, Pairs& to, Pixels& pixels) {
-  const auto load = [&top](const std::uint8_t* pixels) {
-    return kSlice == 0 ? load_row(pixels, top) : hn::LoadU(d8, pixels);
-  };
+  const auto load = [&top](const std::uint8_t* row) { return kSlice == 0 ? load_row(row, top) : hn::LoadU(d8, row); };
   const auto near = [&](std::ptrdiff_t row) {
     if (kSlice == 0) ask_for_lines(rows.near + row, rows.near_ahead);
     return load(rows.near + row);
