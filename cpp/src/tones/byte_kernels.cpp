@@ -191,11 +191,11 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 
 // Rows are prefetched in one of two ways (figures: bench/README.md):
 //
-// * In runs of lines, in memory order, one block ahead: the hardware prefetchers of Zen 3 and 4 do not follow strip by
-//   strip. Wide vectors: into the second-level cache. On these processors each row then prefetches its own lines of
-//   strips ahead again, because they drop prefetches while too many lines are pending.
+// * In runs of lines, in memory order, one or two blocks ahead: the hardware prefetchers of Zen 3 and 4 do not follow
+//   strip by strip. Wide vectors: into the second-level cache. On these processors each row then prefetches its own
+//   lines of strips ahead again, because they drop prefetches while too many lines are pending.
 // * Wide vectors, on other processors: every row prefetches its own lines of strips ahead, each line four times.
-// How many strips ahead. Narrow vectors: a strip of single rows takes longer than one of groups, so five are as far
+// Numbers of strips ahead. Narrow vectors: a strip of single rows takes longer than one of groups, so five are as far
 // ahead as six.
 template <int kGroup>
 constexpr std::size_t kAheadAfterRuns[] = {kWide ? 2 : (kGroup == 1 ? 5 : 6), 4};
@@ -282,7 +282,7 @@ struct Pixels {
   Bytes of[kPerSlice];
 };
 
-// Whether squares are those of pixels, in one multiplication where those of sums and differences take two.
+// True where squares are those of pixels: one multiplication, where those of sums and differences take two.
 template <int kGroup, bool kFold, bool kDot>
 constexpr bool are_of_pixels() {
   return kGroup == 1 && kFold && kDot;
@@ -853,7 +853,8 @@ class BlockProjector {
   static constexpr std::size_t kRun = kLinesPerPair<kGroup> * kLine;
   static constexpr int kBlocksAhead = kWide && !kMore ? 2 : 1;
 
-  // Rows before which nothing is computed are read: most of so many prefetches at once would be dropped.
+  // Rows before which nothing is computed are read: most of so many prefetches at once would be dropped. A run may end
+  // beyond narrow rows.
   void fetch(const RowsAhead& rows) const {
     if (!runs_ || rows.run == kNoRun) return;
     const auto fetch_run = whole_.columns < kRun ? ask_for<kRun / kLine, kWide> : read_lines<kRun / kLine>;
