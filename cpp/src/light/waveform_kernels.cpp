@@ -42,15 +42,16 @@ void CountCycles(DoubleDouble step, double grid, bool fractions, std::span<const
   fractions ? count<true>(step, grid, x, coarse, fine) : count<false>(step, grid, x, coarse, fine);
 }
 
-template <class Mean>
-HWY_INLINE void write(const MeansOutput& to, const Mean& mean) {
+// Means: constant + varying(i).
+template <class Varying>
+HWY_INLINE void write(const MeansOutput& to, double constant, const Varying& varying) {
   double* HWY_RESTRICT out = to.means.data();
   const std::size_t count = to.means.size();
-  const double steady = to.steady;
+  const double steady = to.steady + constant;
   if (to.adds)
-    for (std::size_t i = 0; i < count; ++i) out[i] += mean(i);
+    for (std::size_t i = 0; i < count; ++i) out[i] += constant + varying(i);
   else
-    for (std::size_t i = 0; i < count; ++i) out[i] = steady + mean(i);
+    for (std::size_t i = 0; i < count; ++i) out[i] = steady + varying(i);
 }
 
 // Within ±1/2; nothing is rounded but the last place of `fine`.
@@ -77,19 +78,20 @@ HWY_INLINE double cosine_of(double turns) {
 }
 
 void WriteTone(const ToneMeans& light, const Cycles& cycles, const MeansOutput& to) {
-  write(to, [own = light, at = cycles](std::size_t i) HWY_ATTR {
+  const double amplitude = light.level * light.swing;
+  write(to, light.level, [at = cycles, amplitude](std::size_t i) HWY_ATTR {
     const SplitCycles turns = fraction_at(at, i);
-    return own.level * (1 + own.swing * cosine_of(turns.coarse + turns.fine));
+    return amplitude * cosine_of(turns.coarse + turns.fine);
   });
 }
 
 void WriteSquare(const SquareMeans& light, const Cycles& cycles, const MeansOutput& to) {
   const double scale = light.level / light.length;
-  write(to, [own = light, at = cycles, scale](std::size_t i) HWY_ATTR {
+  write(to, light.whole_light * scale, [own = light, at = cycles, scale](std::size_t i) HWY_ATTR {
     const SplitCycles middle = fraction_at(at, i);
     const double side = std::copysign(1.0, middle.coarse + middle.fine);  // of the nearest pulse
     const double overlap = (own.reach.high - side * middle.coarse) + (own.reach.low - side * middle.fine);
-    return (own.whole_light + std::min(std::max(own.least, overlap), own.most)) * scale;
+    return std::min(std::max(own.least, overlap), own.most) * scale;
   });
 }
 
@@ -215,7 +217,8 @@ HWY_INLINE void write_cells(const CellMeans& own, const Cycles& at, const MeansO
   for (std::size_t first = 0; first < to.means.size(); first += most) {
     const std::size_t size = std::min(most, to.means.size() - first);
     means_of_cells<kSlopes, kLows>(own, {at.coarse + first, at.fine + first, at.origin}, size, means);
-    write({to.means.subspan(first, size), to.adds, to.steady}, [&means](std::size_t i) HWY_ATTR { return means[i]; });
+    write({to.means.subspan(first, size), to.adds, to.steady}, 0,
+          [&means](std::size_t i) HWY_ATTR { return means[i]; });
   }
 }
 
