@@ -195,6 +195,7 @@ HWY_INLINE Pair16 difference_of_neighbours(Bytes a) {
 //   strip by strip. Wide vectors: into the second-level cache. On these processors each row then prefetches its own
 //   lines of strips ahead again, because they drop prefetches while too many lines are pending.
 // * Wide vectors, on other processors: every row prefetches its own lines of strips ahead, each line four times.
+//
 // Numbers of strips ahead. Narrow vectors: a strip of single rows takes longer than one of groups, so five are as far
 // ahead as six.
 template <int kGroup>
