@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,7 +14,8 @@ from ocisac_fast.batch.recordings import Entry
 from ocisac_fast.batch.results import Results, ResultsError, rows_name
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.text import one_line
-from ocisac_fast.files import Part
+from ocisac_fast.files import FileError, Part
+from ocisac_fast.files.remote import is_remote
 from ocisac_fast.files.videos import decoder_threads
 
 # Pictures are opened with standard error turned away, which is the process's: threads of a worker take turns.
@@ -110,6 +112,8 @@ class Work:
 
     def _measured(self, job: Job, results: Results | None) -> Report:
         path = job.entry.path
+        if not is_remote(path) and os.path.exists(path) and not os.path.isfile(path):
+            raise FileError("a pipe, device or folder, allowed: a file")  # opening it could wait for ever
         if job.part is None and job.is_cut:
             cut = start_of(path, self.task, self.max_frames)
             if cut is not None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 from collections.abc import Iterable, Iterator
+from glob import glob
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from ocisac_fast.files.extras import fsspec
@@ -43,33 +46,56 @@ def find_recordings(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[s
     return [found[path] for path in sorted(found)]
 
 
-def _matching(path: str) -> Iterator[Entry]:
-    system, inner = fsspec().core.url_to_fs(path)
-    entries: dict[str, Any] = {}
-    if any(sign in path for sign in "*?["):
-        entries = system.glob(inner, detail=True)
-    if not entries and system.isdir(inner):
-        entries = system.find(inner, detail=True)
-    elif not entries and (not any(sign in path for sign in "*?[") or system.exists(inner)):
-        entries = {inner: _info(system, inner)}
-    files = {name: entry for name, entry in entries.items() if entry.get("type") != "directory"}
-    if not files:
+def _matching(path: str) -> list[Entry]:
+    found = list(_remote(path) if is_remote(path) else _local(path))
+    if not found:
         raise ValueError(f"recordings: got {path}, allowed: a file, or a folder or pattern with files")
-    for name, entry in files.items():
-        full = _url(system, path, inner, name) if is_remote(path) else name
-        yield Entry(full, entry.get("size"), digest(f"{entry.get('size')} {modified(entry)}"))
+    return found
 
 
-def _url(system: Any, pattern: str, inner: str, name: str) -> str:
-    """The URL of a listed file: with the host and user of the pattern, which a name lacks on some file systems."""
-    is_prefixed = pattern.endswith(inner)
-    return pattern.removesuffix(inner) + name if is_prefixed else str(system.unstrip_protocol(name))
+def _is_pattern(path: str) -> bool:
+    return any(sign in path for sign in "*?[")
 
 
-def _info(system: Any, path: str) -> dict[str, Any]:
-    """The entry of a file; one that is not there gets an entry, so that measuring it names the failure."""
-    try:
-        entry: dict[str, Any] = system.info(path)
-        return entry
-    except OSError:
-        return {"type": "file", "size": None}
+def _local(path: str) -> Iterator[Entry]:
+    """Files of a path: one that exists is never a pattern, nor are the leading folders of a pattern that exist."""
+    whole = os.path.abspath(path)
+    names: Iterable[str] = [whole]
+    if os.path.isdir(whole):
+        names = (os.path.join(folder, name) for folder, _, files in os.walk(whole) for name in files)
+    elif _is_pattern(path) and not os.path.lexists(whole):
+        root = next(str(folder) for folder in Path(whole).parents if folder.is_dir())
+        matching = glob(os.path.relpath(whole, root), root_dir=root, recursive=True, include_hidden=True)
+        names = (name for name in (os.path.join(root, each) for each in matching) if not os.path.isdir(name))
+    for name in names:
+        status: dict[str, Any] = {"size": None}
+        with contextlib.suppress(OSError):  # of one that is gone: measuring it names the failure
+            there = os.stat(name)
+            status = {"size": there.st_size, "mtime": there.st_mtime}
+        yield _entry(name, status)
+
+
+def _remote(path: str) -> Iterator[Entry]:
+    system, inner = fsspec().core.url_to_fs(path)
+    entries: dict[str, Any] = {inner: {"size": None}}
+    with contextlib.suppress(Exception):  # whatever a server answers: measuring the path names the failure
+        entries = _listed(system, inner)
+    # Listed names lack the host and the user of the path on some file systems.
+    root = path.removesuffix(inner) if path.endswith(inner) else None
+    for name, entry in entries.items():
+        if entry.get("type") != "directory":
+            yield _entry(str(system.unstrip_protocol(name)) if root is None else root + name, entry)
+
+
+def _listed(system: Any, path: str) -> dict[str, Any]:
+    entry = None
+    with contextlib.suppress(FileNotFoundError):
+        entry = system.info(path)
+    if entry is None:
+        return dict(system.glob(path, detail=True)) if _is_pattern(path) else {path: {"size": None}}
+    is_file = entry["type"] != "directory" and not path.endswith("/")  # each page of http is a file
+    return {path: entry} if is_file else dict(system.find(path, detail=True))
+
+
+def _entry(path: str, status: dict[str, Any]) -> Entry:
+    return Entry(path, status.get("size"), digest(f"{status.get('size')} {modified(status)}"))
