@@ -75,7 +75,8 @@ class Measurement:
             warnings.simplefilter("always")
             rows = _rows(path, task, part, start, cleaned)
         picture = task.picture
-        named = [{"path": path, **row, **({} if cleaned is None else {"cleaned": cleaned})} for row in rows]
+        names = plain({"path": path, **({} if cleaned is None else {"cleaned": cleaned})})
+        named = [{**names, **row} for row in rows]
         facts = {
             "path": path,
             "sha256": digest,

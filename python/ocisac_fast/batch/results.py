@@ -27,12 +27,14 @@ from ocisac_fast.batch.fields import FAILURE, PATH, schema, table
 from ocisac_fast.batch.measuring import build
 from ocisac_fast.batch.recordings import Entry
 from ocisac_fast.batch.task import Task
+from ocisac_fast.cli.output import plain
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files import Part, atomic_path
 from ocisac_fast.files.extras import fsspec, pyarrow
 
 _METADATA = b"ocisac"
 _WHOLE = "all"
+_MAX_STEM = 200  # bytes, of the 255 that file systems allow
 _PICTURES = {".png": ".png", ".jpg": ".png", ".jpeg": ".png", ".tif": ".tif", ".tiff": ".tif", ".npy": ".npy"}
 
 
@@ -126,7 +128,8 @@ class Results:
     def cleaned(self, entry: Entry) -> Iterator[tuple[str, str]]:
         """A local path to write a cleaned recording to, and the path where it will be."""
         source = PurePosixPath(entry.path)
-        name = f"cleaned/{entry.key}-{source.stem[-100:]}{_PICTURES.get(source.suffix.lower(), '.mkv')}"
+        stem = source.stem.encode(errors="surrogateescape")[-_MAX_STEM:].decode(errors="ignore")
+        name = f"cleaned/{entry.key}-{stem}{_PICTURES.get(source.suffix.lower(), '.mkv')}"
         with self._errors():
             self._system.makedirs(self._path("cleaned"), exist_ok=True)
         if self.is_local:
@@ -226,7 +229,7 @@ def _joined(tables: list[Any]) -> Any:
 
 def failure_row(path: str, message: str) -> dict[str, str]:
     """A row of the table of failures."""
-    return {PATH.name: path, "message": message}
+    return {PATH.name: plain(path), "message": plain(message)}
 
 
 def rows_name(entry: Entry, part: Part | None, frame_count: int | None) -> str:
