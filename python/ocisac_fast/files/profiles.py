@@ -8,6 +8,7 @@ a video in its transfer characteristics.
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ocisac_fast.files.recording import LightResponse
@@ -90,6 +91,17 @@ def response_of_video(transfer: int, limited: bool, bits: int, shift: int, state
         details.append("transfer characteristics")
     scale = 2.0**shift
     return LightResponse(curve.tone_curve, curve.gamma, dark * scale, white * scale, ", ".join(details))
+
+
+def response_of_colours(transfer: int, limited: bool, bits: int) -> LightResponse:
+    """The response of red, green and blue, of 16 bits if ``bits`` is above 8, of a video in a format of ``bits`` bits.
+
+    The scaler's white of 16 bits is 255 * 256 from limited range, else the format's largest value times a power of 2.
+    """
+    if bits <= 8:
+        return response_of_video(transfer, False, 8, 0)
+    white = 255.0 * 256 if limited else 65536.0 - 2.0 ** (16 - bits)
+    return replace(response_of_video(transfer, False, 16, 0), white_level=white)
 
 
 def transfer_of(context: Any) -> int:

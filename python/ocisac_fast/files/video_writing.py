@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from ocisac_fast.files.colours import Conversion
 from ocisac_fast.files.extras import pyav
 from ocisac_fast.files.recording import FileError, FileWarning, Frame, RecordingStream, VideoFormat
 from ocisac_fast.files.remote import RemotePath
-from ocisac_fast.files.videos import EXACT
 
 CODECS = {".mkv": "ffv1", ".mp4": "libx264"}
 _LIMITED_RANGE, _FULL_RANGE, _LINEAR_TRANSFER, _RGB_MATRIX = 1, 2, 8, 0
@@ -22,8 +22,6 @@ _LOSSLESS = {"qp": "0", "preset": "veryfast"}
 _COLOURS = {"crf": "10", "preset": "veryfast"}  # subsampled as the source: no difference can be seen
 _SUBSAMPLED = ("yuv420p", "yuv422p", "yuv444p", "yuvj420p", "yuvj422p", "yuvj444p")
 _DEEP = ("yuv420p10le", "yuv422p10le", "yuv444p10le")
-_SCALER_MATRICES = {1: 1, 4: 4, 5: 5, 6: 5, 7: 7, 9: 9}  # H.273 to the numbers of FFmpeg's scaler; others: BT.601
-_BT601 = 5
 
 
 def write_video(path: Path, frames: Iterable[Frame], frame_rate: float, like: RecordingStream | None) -> None:
@@ -66,7 +64,7 @@ class _Writer:
 
     def __init__(self, container: Any, codec: str, first: Frame, frame_rate: float, source: VideoFormat | None) -> None:
         check_frame(first, (np.uint8, np.uint16) if codec == "ffv1" or source is not None else (np.uint8,))
-        self._shape, self._dtype, self._source = first.shape, first.dtype, source
+        self._shape, self._dtype = first.shape, first.dtype
         self._array_format, stored, options = _formats(codec, first, source)
         rate = Fraction(frame_rate).limit_denominator(100_000)
         self.stream = container.add_stream(codec, rate=rate, options=options)
@@ -76,13 +74,16 @@ class _Writer:
         self._rate, self._last = rate, -1
         context = self.stream.codec_context
         context.time_base = self.time_base
-        self._is_converted = stored.startswith("yuv")
+        is_converted = stored.startswith("yuv")
         self._range = _FULL_RANGE if source is None or not _keeps_range(first, stored, source) else _LIMITED_RANGE
         context.color_range = self._range
         context.color_trc = _LINEAR_TRANSFER if source is None else source.transfer
+        self._convert: Conversion | None = None
         if source is not None:
             context.color_primaries = source.primaries
-            context.colorspace = source.matrix if self._is_converted or first.ndim == 2 else _RGB_MATRIX
+            context.colorspace = self._matrix = source.matrix if is_converted or first.ndim == 2 else _RGB_MATRIX
+            if is_converted:
+                self._convert = Conversion(stored, source.matrix, self._range == _LIMITED_RANGE)
 
     def check(self, frame: Frame, count: int) -> None:
         if frame.shape != self._shape or frame.dtype != self._dtype:
@@ -91,15 +92,9 @@ class _Writer:
     def picture(self, frame: Frame, count: int, time: Fraction | None) -> Any:
         """The frame, converted to the stream's format, with its time stamp."""
         picture = pyav().VideoFrame.from_ndarray(np.ascontiguousarray(frame), format=self._array_format)
-        if self._is_converted:
-            assert self._source is not None
-            picture = picture.reformat(
-                format=self.stream.pix_fmt,
-                dst_colorspace=_SCALER_MATRICES.get(self._source.matrix, _BT601),
-                dst_color_range=self._range,
-                interpolation=EXACT,
-            )
-            picture.colorspace = self._source.matrix
+        if self._convert is not None:
+            picture = self._convert(picture)
+            picture.colorspace = self._matrix
         picture.color_range = self._range
         at = Fraction(count) / self._rate if time is None else time
         picture.pts = self._last = max(round(at / self.time_base), self._last + 1)

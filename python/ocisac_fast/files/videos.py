@@ -16,9 +16,10 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from ocisac_fast.files.colours import Conversion, rgb_format
 from ocisac_fast.files.extras import pyav
 from ocisac_fast.files.parts import decoded_part, ends_early, video_key_frames
-from ocisac_fast.files.profiles import response_of_video, transfer_of
+from ocisac_fast.files.profiles import response_of_colours, response_of_video, transfer_of
 from ocisac_fast.files.recording import (
     FileError,
     FileWarning,
@@ -31,7 +32,7 @@ from ocisac_fast.files.recording import (
 from ocisac_fast.files.remote import RemotePath
 
 _REFUSED_CONTAINERS = {"tty", "hls", "dash", "concat", "srt", "webvtt", "ass", "ansi", "bin", "xbin", "adf", "idf"}
-_LUMA_PLANE = re.compile(r"yuv[aj]?4\d\dp|gray|nv\d\d|[py][024]1[026](le|be)$")
+_LUMA_PLANE = re.compile(r"yuv[aj]?4\d\dp(?!.*msb)|gray(?!f)|nv\d\d|[py][024]1[026](le|be)$")
 _PACKED_LUMA = {"yuyv422": 0, "yvyu422": 0, "uyvy422": 1}  # first of every second byte
 _UPPER_BITS = re.compile(r"[py][024]1[026](le|be)$")  # P010 and similar formats store their bits at the top of a word
 _LIMITED_RANGE, _FULL_RANGE = 1, 2
@@ -41,7 +42,6 @@ _INTERLACED = (
 )
 _UNKNOWN = "not a picture, a video or a .npy array, or damaged beyond reading"
 _MAX_PIXELS = 1 << 28
-EXACT = 0x2 | 0x2000 | 0x4000 | 0x40000  # conversion: bilinear, full chroma in and out, accurate rounding (SWS_…)
 _decoder_threads: ContextVar[int] = ContextVar("decoder_threads", default=0)  # 0: one for each processor
 
 
@@ -176,15 +176,13 @@ def _has_luma(name: str) -> bool:
 def _layout(av: Any, name: str, context: Any, colour: bool) -> tuple[Callable[[Any], Frame], LightResponse]:
     """A function that extracts the values of a frame of this pixel format, and their response."""
     transfer = transfer_of(context)
-    if not name or colour or not _has_luma(name):
-        deep = bool(name) and av.VideoFormat(name).components[0].bits > 8
-        target = "rgb48le" if deep else "rgb24"
-        response = response_of_video(transfer, False, 16 if deep else 8, 0)
-        return lambda frame: frame.reformat(format=target, interpolation=EXACT).to_ndarray(), response
-    bits = av.VideoFormat(name).components[0].bits
     # Where the stream states no range, YUV is limited by convention; grey is assumed full (sensor values).
     stated = int(context.color_range or 0)
     limited = _is_limited(name, stated)
+    bits = av.VideoFormat(name).components[0].bits if name else 8
+    if colour or not _has_luma(name):
+        convert = Conversion(rgb_format(bits > 8), _number(context.colorspace), limited)
+        return lambda frame: convert(frame).to_ndarray(), response_of_colours(transfer, limited, bits)
     shift = 16 - bits if _UPPER_BITS.match(name) else 0
     response = response_of_video(transfer, limited, bits, shift, stated in (_LIMITED_RANGE, _FULL_RANGE))
     dtype = np.dtype(np.uint8 if bits == 8 else ">u2" if name.endswith("be") else "<u2")
