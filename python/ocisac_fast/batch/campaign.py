@@ -87,11 +87,12 @@ def measure_recordings(
     if max_frames < 0:
         raise ValueError(f"max_frames: got {max_frames}, allowed: 0 or above")
     entries = find_recordings(paths)
-    results = None if output is None else Results(output)
-    if results is not None:
-        entries = [entry for entry in entries if not results.contains(entry.path)]
-        results.prepare(task, again)
-    return _Campaign(entries, task, results, max_frames, report).run(client)
+    if output is None:
+        return _Campaign(entries, task, None, max_frames, report).run(client)
+    results = Results(output)
+    entries = [entry for entry in entries if not results.contains(entry.path)]
+    with results.prepared(task, again):
+        return _Campaign(entries, task, results, max_frames, report).run(client)
 
 
 def group_size(recordings: int, threads: int) -> int:
@@ -127,7 +128,7 @@ class _Campaign:
         self._failures: dict[str, str] = {}
         self._untold: list[tuple[str, str]] = []
         self._failed_before: set[str] = set()
-        self._present: dict[str, list[str]] = {}  # files of rows of unfinished recordings, by key
+        self._present: dict[str, dict[str, bool]] = {}  # files of rows of unfinished recordings; True: whole; by key
         self._finished = self._skipped = self._frames = 0
         self._group = 1
         self._look_at_results(entries)
@@ -151,26 +152,29 @@ class _Campaign:
 
     def _look_at_results(self, entries: list[Entry]) -> None:
         """Skip what is finished; remove rows of files that changed since."""
-        by_key: dict[str, list[str]] = {}
-        for name in () if self._results is None else self._results.names():
-            by_key.setdefault(key_of(name), []).append(name)
+        rows: dict[str, bool] = {}
         if self._results is not None:
+            rows = self._results.names()
             self._failed_before = set(self._results.names("failures"))
+        by_key: dict[str, list[str]] = {}
+        for name in rows:
+            by_key.setdefault(key_of(name), []).append(name)
         stale = []
         for entry in entries:
             names = by_key.pop(entry.key, [])
             present = [name for name in names if is_of(name, entry)]
+            kept = [name for name in present if rows[name]]
             whole = rows_name(entry, None, None)
-            if whole in present:  # and stretches, where the run ended before they were removed
-                present = [whole]
-            stale += [name for name in names if name not in present]
-            if are_whole(present):
+            if whole in kept:  # and stretches, where the run ended before they were removed
+                kept = [whole]
+            if are_whole(kept):
                 self._finished += 1
                 self._skipped += 1
+                present = kept
             else:
                 self._waiting.append(entry)
-                if present:
-                    self._present[entry.key] = present
+                self._present[entry.key] = {name: name in kept for name in present}
+            stale += [name for name in names if name not in present]
         self._remove(stale)
 
     def _next_jobs(self) -> Jobs:
@@ -181,6 +185,8 @@ class _Campaign:
 
     def _take(self, report: Report) -> None:
         job = report.job
+        if self._results is not None and report.written:
+            self._results.note(report.written)
         if report.stretches:
             self._begin(job, report.stretches)
             return
@@ -191,15 +197,15 @@ class _Campaign:
             self._fail(job.entry, report.failure)
             return
         self._frames += report.frames
-        self._remove(self._present.pop(job.entry.key, []))  # stretches of an earlier run
+        self._remove({*self._present.pop(job.entry.key, {})} - {job.name})  # stretches of an earlier run
         self._finish(job.entry, report.table)
 
     def _begin(self, job: Job, stretches: Jobs) -> None:
         """Queue the stretches of a recording that are not finished."""
         names = {each.name for each in stretches}
-        present = set(self._present.pop(job.entry.key, []))
-        self._remove(present - names)  # of other cuts
-        left = [each for each in stretches if each.name not in present]
+        present = self._present.pop(job.entry.key, {})
+        self._remove({*present} - names)  # of other cuts
+        left = [each for each in stretches if not present.get(each.name)]
         self._open[job.entry.path] = _Recording(len(left), sorted(names))
         self._stretches.extend(left)
         if not left:
@@ -237,7 +243,7 @@ class _Campaign:
         self._failures[entry.path] = message
         self._untold.append((entry.path, message))
         if self._results is not None:
-            self._remove(self._present.pop(entry.key, []))
+            self._remove(self._present.pop(entry.key, {}))
             self._results.write_failure(entry, message)
 
     def _remove(self, names: Iterable[str]) -> None:

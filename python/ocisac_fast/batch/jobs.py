@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import threading
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import click
@@ -55,6 +56,7 @@ class Report:
         failure: why the recording could not be read.
         stretches: jobs in place of this one, whose recording is long.
         table: rows, where there is no results folder.
+        written: lengths of files, by name below the results folder.
     """
 
     job: Job
@@ -62,6 +64,7 @@ class Report:
     failure: str | None = None
     stretches: tuple[Job, ...] = ()
     table: Any = None
+    written: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -98,9 +101,10 @@ class Work:
             return [self._report(job, results) for job in jobs]
 
     def _report(self, job: Job, results: Results | None) -> Report:
-        facts = None if results is None else results.holds(job.name)
-        if facts is not None:  # by a worker that was lost before its report arrived
-            return Report(job, frames=facts["frames"] or 0)
+        held = None if results is None else results.holds(job.name, self.task)
+        if held is not None:  # by a worker that was lost before its report arrived
+            facts, written = held
+            return Report(job, frames=facts["frames"] or 0, written=written)
         try:
             return self._measured(job, results)
         except (ResultsError, VersionError):
@@ -121,8 +125,9 @@ class Work:
                 common = replace(job, frame_count=parts[-1].stop, start=start)
                 return Report(job, stretches=tuple(replace(common, part=part) for part in parts))
         if self.task.command == "clean" and results is not None:
-            with results.cleaned(job.entry) as (local, final):
+            with results.cleaned(job.entry) as (local, final, cleaned):
                 found = Measurement.of(path, self.task, cleaned=local)
+            found.facts["cleaned"] = cleaned
             if final != local:
                 found = replace(found, table=_with_cleaned(found.table, final))
         else:
@@ -130,8 +135,9 @@ class Work:
         frames = found.facts["frames"] or 0
         if results is None:
             return Report(job, frames=frames, table=found.table)
-        results.write_rows(job.name, found.table, {**found.facts, "size": job.entry.size, "state": job.entry.state})
-        return Report(job, frames=frames)
+        facts = {**found.facts, "size": job.entry.size, "state": job.entry.state}
+        written = {**facts.get("cleaned", {}), **results.write_rows(job.name, found.table, facts)}
+        return Report(job, frames=frames, written=written)
 
 
 def _with_cleaned(table: Any, path: str) -> Any:

@@ -3,12 +3,13 @@
 ::
 
     results/task.json                 what is measured: command, options, version
+    results/manifest.json             length of each file that runs wrote
     results/rows/ab/PATH-STATE-….parquet   rows of a recording or of a stretch of it
     results/failures/PATH.parquet     recordings that could not be read
     results/cleaned/                  files written by ``clean``
 
 PATH is a digest of a recording's path, STATE of its size and time of change: a name says what is finished, so that no
-file has to be opened to know.
+file has to be opened to know. A file counts if its length is the manifest's, and no other file is ever removed.
 """
 
 from __future__ import annotations
@@ -17,22 +18,32 @@ import contextlib
 import io
 import json
 import os
+import re
 import secrets
 import tempfile
-from collections.abc import Iterable, Iterator
+import time
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from ocisac_fast.batch.fields import FAILURE, PATH, schema, table
+from ocisac_fast.batch.fields import FAILURE, FIELDS, PATH, schema, table
 from ocisac_fast.batch.measuring import build
 from ocisac_fast.batch.recordings import Entry
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.output import plain
 from ocisac_fast.cli.text import one_line
-from ocisac_fast.files import Part, atomic_path
+from ocisac_fast.files import FileWarning, Part, atomic_path
 from ocisac_fast.files.extras import fsspec, pyarrow
 
 _METADATA = b"ocisac"
+_TASK, _MANIFEST, _FOLDERS = "task.json", "manifest.json", ("rows", "failures", "cleaned")
+_OURS = re.compile(  # names of files that runs write
+    r"task\.json|rows/([0-9a-f]{2})/\1[0-9a-f]{14}-[0-9a-f]{16}-(all|\d+-\d+-\d+)\.parquet"
+    r"|failures/[0-9a-f]{16}\.parquet|cleaned/[0-9a-f]{16}-[^/]+"
+)
+_SAVING = 20.0  # the manifest is saved so seldom that it takes a twentieth of the time
+_MOST_NAMED = 5
 _WHOLE = "all"
 _MAX_STEM = 200  # bytes, of the 255 that file systems allow
 _PICTURES = {".png": ".png", ".jpg": ".png", ".jpeg": ".png", ".tif": ".tif", ".tiff": ".tif", ".npy": ".npy"}
@@ -54,26 +65,85 @@ class Results:
         self.folder = os.fspath(folder)
         self._system, self._root = fsspec().core.url_to_fs(self.folder)
         self.is_local = "file" in _protocols(self._system)
+        self._lengths: dict[str, int] = {}  # of the manifest
+        self._next_save = 0.0
 
-    def prepare(self, task: Task, again: bool) -> None:
-        """Make the folder for a task, or find that it is the task's.
+    @contextlib.contextmanager
+    def prepared(self, task: Task, again: bool) -> Iterator[None]:
+        """Make the folder for a task, or find that it is the task's; at the end the manifest is whole.
 
         Raises:
-            ResultsError: it holds results of other options or of another version, or cannot be written.
+            ResultsError: it holds results of other options or of another version, or what is not ours, or cannot be
+                written.
         """
         facts = {**task.facts(), "version": build()["version"]}
         with self._errors():
-            there = self._read_json("task.json")
-            if again and there is not None:
-                for name in ("rows", "failures", "cleaned"):
-                    if self._system.exists(self._path(name)):
-                        self._system.rm(self._path(name), recursive=True)
-            elif there is not None and there != facts:
+            there = None if again else self._task()
+            if there is not None and there != facts:
                 raise ResultsError(
                     f"{self.folder}: made with {_difference(there, facts)}; allowed: the same, another "
                     "folder, or --again to measure all anew"
                 )
-            self._write("task.json", json.dumps(facts, indent=1).encode())
+            self._lengths = self._manifest()
+            if again:
+                self._discard()
+            elif there is None and _TASK not in self._lengths and self._system.exists(self._path(_MANIFEST)):
+                raise ResultsError(f"{self.folder}: {_MANIFEST} is not of `ocisac batch`; allowed: another folder")
+            self.note({_TASK: self._write(_TASK, json.dumps(facts, indent=1).encode())})
+        try:
+            yield
+        finally:
+            with self._errors():
+                self._save_manifest()
+
+    def note(self, written: Mapping[str, int]) -> None:
+        """Keep lengths of files that were written, by name below the folder."""
+        self._lengths.update(written)
+        if time.monotonic() >= self._next_save:
+            with self._errors():
+                self._save_manifest()
+
+    def _save_manifest(self) -> None:
+        began = time.monotonic()
+        self._write(_MANIFEST, json.dumps({"files": self._lengths}, indent=0).encode())
+        self._next_save = time.monotonic() + _SAVING * (time.monotonic() - began)
+
+    def _manifest(self) -> dict[str, int]:
+        """Lengths of files by name below the folder; those of another program's file are none."""
+        files = self._read_json(_MANIFEST).get("files")
+        named = files.items() if isinstance(files, dict) else ()
+        return {name: length for name, length in named if _OURS.fullmatch(name) and type(length) is int}
+
+    def _discard(self) -> None:
+        """Remove the files of the manifest; what is left is named."""
+        there = [name for name in (_TASK, _MANIFEST, *_FOLDERS) if self._system.exists(self._path(name))]
+        if there and not self._is_as_written(_TASK):
+            raise ResultsError(
+                f"{self.folder}: holds {there[0]}, and no {_MANIFEST} of `ocisac batch` that says what --again may "
+                "remove; allowed: another folder"
+            )
+        for name in filter(self._is_as_written, self._lengths):
+            self._system.rm_file(self._path(name))
+        self._lengths.clear()
+        self._system.invalidate_cache()
+        kept = [name for folder in _FOLDERS for name in self._found(folder)]
+        if kept:
+            more = f" and {len(kept) - _MOST_NAMED} more" if len(kept) > _MOST_NAMED else ""
+            text = f"{self.folder}: kept, since no run wrote it: {', '.join(kept[:_MOST_NAMED])}{more}"
+            warnings.warn(text, FileWarning, stacklevel=4)
+
+    def _is_as_written(self, name: str) -> bool:
+        with contextlib.suppress(FileNotFoundError):
+            return name in self._lengths and self._system.info(self._path(name)).get("size") == self._lengths[name]
+        return False
+
+    def _found(self, folder: str) -> dict[str, int]:
+        """Lengths of the files below a folder of the results, by name below the results."""
+        if not self._system.exists(self._path(folder)):
+            return {}
+        found = self._system.find(self._path(folder), detail=True)
+        start = len(self._path(""))
+        return {name[start:]: entry.get("size") for name, entry in sorted(found.items())}
 
     def contains(self, path: str) -> bool:
         """True for a path in this folder, which may be in the campaign's."""
@@ -87,103 +157,132 @@ class Results:
             ResultsError: no results folder.
         """
         with self._errors():
-            facts = self._read_json("task.json")
+            facts = self._task()
         if facts is None:
             raise ResultsError(f"{self.folder}: no results of `ocisac batch`")
         return facts
 
-    def names(self, kind: str = "rows") -> list[str]:
-        """Names of the files of rows or failures."""
+    def names(self, kind: str = "rows") -> dict[str, bool]:
+        """Names of the files of rows or failures, in their order; True for those as long as in the manifest."""
         with self._errors():
             self._system.invalidate_cache()
-            if not self._system.exists(self._path(kind)):
-                return []
-            return sorted(PurePosixPath(name).name for name in self._system.find(self._path(kind)) if _is_whole(name))
+            found = self._found(kind)
+        return {
+            PurePosixPath(place).name: self._lengths.get(place) == length
+            for place, length in found.items()
+            if _OURS.fullmatch(place)
+        }
 
-    def holds(self, name: str) -> dict[str, Any] | None:
-        """The facts of a file of rows; None if it is not there."""
-        with self._errors():
-            if not self._system.exists(self._path(_place(name))):
-                return None
-            return self._facts(name)
+    def holds(self, name: str, task: Task) -> tuple[dict[str, Any], dict[str, int]] | None:
+        """The facts of a whole file of rows of this task and version, and lengths of its files; None without it."""
+        place = _place(name)
+        try:
+            with self._system.open(self._path(place), "rb") as file:
+                facts = _facts(pyarrow("pyarrow.parquet").read_schema(file))
+            if facts["task"] == task.facts() and facts["build"] == build():
+                return facts, {**facts.get("cleaned", {}), place: self._system.info(self._path(place))["size"]}
+        except (OSError, ValueError, KeyError):
+            pass
+        return None
 
-    def write_rows(self, name: str, rows: Any, facts: dict[str, Any]) -> None:
-        """Write rows with their facts."""
+    def write_rows(self, name: str, rows: Any, facts: dict[str, Any]) -> dict[str, int]:
+        """Write rows with their facts: the file's length by its name."""
+        place = _place(name)
         marked = rows.replace_schema_metadata({_METADATA: json.dumps(facts)})
-        self._write_table(_place(name), marked)
+        return {place: self._write_table(place, marked)}
 
     def write_failure(self, entry: Entry, message: str) -> None:
         """Write why a recording could not be read."""
-        self._write_table(f"failures/{entry.key}.parquet", table([failure_row(entry.path, message)], FAILURE))
+        name = f"failures/{entry.key}.parquet"
+        self.note({name: self._write_table(name, table([failure_row(entry.path, message)], FAILURE))})
 
     def remove(self, names: Iterable[str], kind: str = "rows") -> None:
         """Remove files; those that are not there are no error."""
         with self._errors():
             for name in names:
-                path = self._path(_place(name) if kind == "rows" else f"{kind}/{name}")
+                place = _place(name) if kind == "rows" else f"{kind}/{name}"
+                self._lengths.pop(place, None)
                 with contextlib.suppress(FileNotFoundError):
-                    self._system.rm_file(path)
+                    self._system.rm_file(self._path(place))
 
     @contextlib.contextmanager
-    def cleaned(self, entry: Entry) -> Iterator[tuple[str, str]]:
-        """A local path to write a cleaned recording to, and the path where it will be."""
+    def cleaned(self, entry: Entry) -> Iterator[tuple[str, str, dict[str, int]]]:
+        """A local path to write a cleaned recording to, the path where it will be, and then its length by its name."""
         source = PurePosixPath(entry.path)
         stem = source.stem.encode(errors="surrogateescape")[-_MAX_STEM:].decode(errors="ignore")
         name = f"cleaned/{entry.key}-{stem}{_PICTURES.get(source.suffix.lower(), '.mkv')}"
         with self._errors():
             self._system.makedirs(self._path("cleaned"), exist_ok=True)
+        written: dict[str, int] = {}
         if self.is_local:
-            yield self._path(name), self._path(name)
+            yield self._path(name), self._path(name), written
+            written[name] = Path(self._path(name)).stat().st_size
             return
         with tempfile.TemporaryDirectory() as folder:
             local = str(Path(folder) / PurePosixPath(name).name)
-            yield local, self._system.unstrip_protocol(self._path(name))
+            yield local, self._system.unstrip_protocol(self._path(name)), written
             with self._errors():
-                self._write(name, Path(local).read_bytes())
+                written[name] = self._write(name, Path(local).read_bytes())
 
     def every_part(self) -> Iterator[tuple[dict[str, Any], Any]]:
-        """Facts and rows of each file of rows, in the order of names."""
+        """Facts and rows of each file of rows of the folder's task, in the order of names."""
+        task = {name: value for name, value in self.task_facts().items() if name != "version"}
         for name in self.names():
             rows = self._read_table(_place(name))
-            yield json.loads(rows.schema.metadata[_METADATA]), rows
+            facts = _facts(rows.schema)
+            if facts.get("task") == task:
+                yield facts, rows
 
     def failures(self) -> Iterator[Any]:
         """The table of each file of failures."""
         for name in self.names("failures"):
             yield self._read_table(f"failures/{name}")
 
-    def _facts(self, name: str) -> dict[str, Any]:
-        with self._system.open(self._path(_place(name)), "rb") as file:
-            metadata = pyarrow("pyarrow.parquet").read_schema(file).metadata
-        facts: dict[str, Any] = json.loads(metadata[_METADATA])
-        return facts
-
     def _read_table(self, name: str) -> Any:
-        with self._errors(), self._system.open(self._path(name), "rb") as file:
-            return pyarrow("pyarrow.parquet").read_table(io.BytesIO(file.read()))
+        with self._errors():
+            data = self._system.cat_file(self._path(name))
+        try:
+            return pyarrow("pyarrow.parquet").read_table(io.BytesIO(data))
+        except (OSError, ValueError) as error:
+            raise ResultsError(
+                f"{self.folder}/{name}: no whole Parquet file; the same `ocisac batch` measures its recording again"
+            ) from error
 
-    def _write_table(self, name: str, rows: Any) -> None:
+    def _write_table(self, name: str, rows: Any) -> int:
         buffer = io.BytesIO()
         pyarrow("pyarrow.parquet").write_table(rows, buffer)
         with self._errors():
-            self._write(name, buffer.getvalue())
+            return self._write(name, buffer.getvalue())
 
-    def _write(self, name: str, data: bytes) -> None:
+    def _write(self, name: str, data: bytes) -> int:
+        """Write a file, whole or not at all; its length."""
         path = self._path(name)
         self._system.makedirs(self._system._parent(path), exist_ok=True)
         if self.is_local:
             with atomic_path(path) as temporary:
                 temporary.write_bytes(data)
-            return
+            return len(data)
         temporary_path = f"{self._system._parent(path)}/.{secrets.token_hex(8)}"
         self._system.pipe_file(temporary_path, data)
         self._system.mv(temporary_path, path)
+        return len(data)
 
-    def _read_json(self, name: str) -> dict[str, Any] | None:
-        if not self._system.exists(self._path(name)):
+    def _task(self) -> dict[str, Any] | None:
+        """The facts in task.json; None without it."""
+        if not self._system.exists(self._path(_TASK)):
             return None
-        facts: dict[str, Any] = json.loads(self._system.cat_file(self._path(name)))
+        facts = self._read_json(_TASK)
+        if facts.get("command") not in [*FIELDS] or not isinstance(facts.get("options"), dict):
+            raise ResultsError(f"{self.folder}: {_TASK} is not of `ocisac batch`; allowed: another folder")
         return facts
+
+    def _read_json(self, name: str) -> dict[str, Any]:
+        """The object of a file; empty where it is another program's or damaged."""
+        try:
+            found = json.loads(self._system.cat_file(self._path(name)))
+        except (FileNotFoundError, ValueError, RecursionError):
+            return {}
+        return found if isinstance(found, dict) else {}
 
     def _path(self, name: str) -> str:
         return f"{self._root.rstrip('/')}/{name}"
@@ -266,9 +365,10 @@ def _place(name: str) -> str:
     return f"rows/{name[:2]}/{name}"
 
 
-def _is_whole(name: str) -> bool:
-    base = PurePosixPath(name).name
-    return base.endswith(".parquet") and not base.startswith(".")
+def _facts(rows: Any) -> dict[str, Any]:
+    """The facts beside the rows in a schema's metadata; empty where another program wrote it."""
+    found = json.loads((rows.metadata or {}).get(_METADATA, b"{}"))
+    return found if isinstance(found, dict) else {}
 
 
 def _protocols(system: Any) -> tuple[str, ...]:

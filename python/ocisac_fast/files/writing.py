@@ -59,6 +59,8 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
             with contextlib.suppress(PermissionError):
                 os.chown(temporary, there.st_uid, there.st_gid)
             temporary.chmod(stat.S_IMODE(there.st_mode))
+        with temporary.open("rb") as whole:
+            os.fsync(whole.fileno())  # before its name: no crash leaves a name without its bytes
         temporary.replace(target)
     except BaseException:
         temporary.unlink(missing_ok=True)

@@ -1,0 +1,171 @@
+"""States of the results folder: what is ours is resumed or mended, what is not stays and is named."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+pytest.importorskip("click")
+pytest.importorskip("rich")
+pytest.importorskip("PIL.Image")
+pytest.importorskip("fsspec")
+pytest.importorskip("pyarrow.parquet")
+
+import pyarrow as pa
+from lamp_recordings import ROW_TIME, SHORT, lamp
+
+from ocisac_fast.batch import ResultsError, Task, measure_recordings, read_results
+from ocisac_fast.cli import main
+from ocisac_fast.files import FileWarning
+
+GAIN = Task("gain", {"frequency": "500Hz", "row_time": ROW_TIME})
+OTHER = Task("gain", {"frequency": "700Hz", "row_time": ROW_TIME})
+WORDS = ["gain", "--frequency", "500Hz", "--row-time", str(ROW_TIME)]
+COUNT = 3
+NAME = f"{'0' * 16}-{'1' * 16}-all.parquet"
+
+
+@pytest.fixture
+def sources(tmp_path):
+    (tmp_path / "r").mkdir()
+    for k in range(COUNT):
+        np.save(tmp_path / "r" / f"{k}.npy", lamp(SHORT, k, (96, 8)))
+    return tmp_path / "r"
+
+
+@pytest.fixture
+def results(sources, tmp_path):
+    measure_recordings(sources, GAIN, output=tmp_path / "results")
+    return tmp_path / "results"
+
+
+def contents(folder):
+    return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+# --again
+
+
+@pytest.mark.parametrize(
+    "task", ['{"version": "2.0.0", "tasks": [{"label": "build"}]}', "[]", "3", "null", "", '{"command": []}', None]
+)
+@pytest.mark.parametrize("manifest", ['{"name": "app", "icons": []}', '{"files": {"rows/mine.txt": 7}}', None])
+def test_again_removes_nothing_of_another_program_s(task, manifest, sources, tmp_path, capsys):
+    project = tmp_path / "p"
+    for name, text in {
+        "task.json": task,
+        "manifest.json": manifest,
+        "rows/mine.txt": "thesis\n",
+        "cleaned/2024/photo.raw": "raw",
+    }.items():
+        if text is not None:
+            (project / name).parent.mkdir(parents=True, exist_ok=True)
+            (project / name).write_text(text)
+    before = contents(project)
+    assert main(["batch", str(sources), "-o", str(project), "--workers", "0", "--again", *WORDS]) == 2
+    assert contents(project) == before
+    err = capsys.readouterr().err.splitlines()
+    assert len(err) == 1
+    assert f"{project}: holds " in err[0]
+    assert "allowed: another folder" in err[0]
+
+
+@pytest.mark.filterwarnings("always")
+def test_again_removes_what_the_manifest_names_with_its_length_and_names_the_rest(sources, results, capsys):
+    mine = results / "rows" / "mine.txt"
+    mine.write_text("thesis")
+    changed = next((results / "rows").rglob("*.parquet"))
+    pa.parquet.write_table(pa.parquet.read_table(changed), changed, compression="none")
+    (results / "task.json.bak").write_text("")
+    kept = contents(results)
+    np.save(sources / "new.npy", lamp(SHORT, 9, (96, 8)))
+    words = ["batch", str(sources / "new.npy"), "-o", str(results), "--workers", "0", "--again", *WORDS]
+    assert main([*words[:-3], "700Hz", *words[-2:]]) == 0
+    err = capsys.readouterr().err.splitlines()
+    assert err == [
+        f"ocisac: warning: {results}: kept, since no run wrote it: {changed.relative_to(results)}, rows/mine.txt"
+    ]
+    for path in (mine, changed, results / "task.json.bak"):
+        assert path.read_bytes() == kept[path.relative_to(results)]
+    assert len(list((results / "rows").rglob("*.parquet"))) == 2
+    assert read_results(results)["frequency_hz"].unique().to_pylist() == [700.0]  # what stayed is no result
+
+
+def test_a_manifest_names_nothing_outside_of_its_folder(sources, results, tmp_path):
+    mine = tmp_path / "mine.txt"
+    mine.write_text("thesis")
+    manifest = json.loads((results / "manifest.json").read_text())
+    for name in ("../mine.txt", str(mine), "rows/../../mine.txt", "rows/../mine", "cleaned/../../mine.txt"):
+        manifest["files"][name] = len("thesis")
+    (results / "manifest.json").write_text(json.dumps(manifest))
+    measure_recordings(sources, OTHER, output=results, again=True)
+    assert mine.read_text() == "thesis"
+
+
+def test_another_program_s_manifest_stays(sources, tmp_path):
+    (tmp_path / "manifest.json").write_text('{"name": "app", "icons": []}')
+    with pytest.raises(ResultsError, match=r"manifest\.json is not of `ocisac batch`; allowed: another folder"):
+        measure_recordings(sources, GAIN, output=tmp_path)
+    assert (tmp_path / "manifest.json").read_text() == '{"name": "app", "icons": []}'
+
+
+def test_again_in_a_new_folder_and_after_cleaning(sources, tmp_path):
+    cleaning = Task("clean", {"row_time": ROW_TIME})
+    for _ in range(2):
+        measure_recordings(sources, cleaning, output=tmp_path / "c", again=True)
+        assert len(list((tmp_path / "c" / "cleaned").iterdir())) == COUNT
+    (sources / "0.npy").unlink()
+    measure_recordings(sources, cleaning, output=tmp_path / "c", again=True)
+    assert len(list((tmp_path / "c" / "cleaned").iterdir())) == COUNT - 1
+
+
+# Damage
+
+
+@pytest.mark.parametrize("damage", ["missing", "empty", "cut", "foreign"])
+@pytest.mark.parametrize("kind", ["rows/*/*.parquet", "manifest.json", "failures/*.parquet"])
+def test_a_damaged_file_is_named_and_the_same_command_mends_it(kind, damage, sources, results):
+    (sources / "bad.npy").write_bytes(b"")
+    measure_recordings(sources, GAIN, output=results)
+    whole = read_results(results)
+    victim = next(results.glob(kind))
+    data = victim.read_bytes()
+    damaged = {"missing": None, "empty": b"", "cut": data[: len(data) // 2], "foreign": b"PAR1 of another program PAR1"}
+    if damage == "missing":
+        victim.unlink()
+    else:
+        victim.write_bytes(damaged[damage])
+        if kind.startswith("rows"):
+            with pytest.raises(ResultsError, match=f"{victim.name}: no whole Parquet file; the same"):
+                read_results(results)
+    done = measure_recordings(sources, GAIN, output=results).progress
+    assert (done.finished, done.failed) == (COUNT, 1)
+    assert read_results(results).equals(whole)
+    again = measure_recordings(sources, GAIN, output=results).progress
+    assert (again.skipped, again.frames) == (COUNT, 0)
+
+
+@pytest.mark.parametrize(
+    "task", ["[]", "3", '"x"', '{"options": null}', '{"name": "x"}', "", '{"command": ', "[" * 9999]
+)
+def test_a_task_of_another_shape_is_one_line(task, sources, results, capsys):
+    (results / "task.json").write_text(task)
+    for words in (["--summary", results], [sources, "-o", results, "--workers", "0", *WORDS]):
+        assert main(["batch", *map(str, words)]) == 2
+        assert capsys.readouterr().err.splitlines() == [
+            f"ocisac: {results}: task.json is not of `ocisac batch`; allowed: another folder"
+        ]
+
+
+def test_foreign_tables_in_the_rows_are_no_results(sources, results):
+    whole = read_results(results)
+    pa.parquet.write_table(pa.table({"x": [1]}), results / "rows" / "mine.parquet")
+    (results / "rows" / "00").mkdir(exist_ok=True)
+    shutil.copy(results / "rows" / "mine.parquet", results / "rows" / "00" / NAME)
+    assert read_results(results).equals(whole)
+    assert measure_recordings(sources, GAIN, output=results).progress.skipped == COUNT
+    with pytest.warns(
+        FileWarning, match=r"kept, since no run wrote it: rows/00/0+-1+-all\.parquet, rows/mine\.parquet"
+    ):
+        measure_recordings(sources, GAIN, output=results, again=True)
