@@ -203,7 +203,8 @@ void register_scene_light(py::module_& module) {
   py::class_<SceneLight>(module, "SceneLight")
       .def_property_readonly("lights", &lights_by_colour)
       .def_readonly("verdicts", &SceneLight::verdicts)
-      .def_readonly("unchanged", &SceneLight::unchanged);
+      .def_readonly("unchanged", &SceneLight::unchanged)
+      .def("level", &SceneLight::level, arg("frame"), arg("colour"), arg("full"));
   module.def("find_scene_light", &run_find_scene_light, arg("colours"), arg("camera"), arg("model"), arg("noise"),
              arg("toe"), arg("given"), arg("full"));
   py::class_<Shared<StreamCleaner>>(module, "StreamCleaner")
@@ -249,7 +250,7 @@ void register_slow_light(py::module_& module) {
       .def_readonly("cycles", &SlowTone::cycles)
       .def(
           "light", [](const SlowTone& tone, std::size_t rows) { return array_of(tone.light(rows)); }, arg("rows"))
-      .def("depth", &SlowTone::depth, arg("rows"));
+      .def("cycle", [](const SlowTone& tone) { return array_of(tone.cycle()); });
   py::class_<SlowVerdict>(module, "SlowVerdict")
       .def_readonly("left", &SlowVerdict::left)
       .def_readonly("worse", &SlowVerdict::worse)

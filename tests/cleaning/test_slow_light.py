@@ -213,3 +213,38 @@ def test_the_common_course_agrees_with_the_reference(rows: int, columns: int, se
     modes, of_modes = reference.common_course(light, variance)
     np.testing.assert_allclose(got.modes, modes, atol=1e-8)
     np.testing.assert_allclose(got.variance, of_modes, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("advance", [1 / 3, 0.43, 0.57])
+def test_the_second_frame_finds_the_phase_step_that_the_first_one_cannot_show(advance: float) -> None:
+    """The first frame shows the bands alone; every step from there to the second one is as likely as another."""
+    picture = boxes(5)
+    cleaner = VideoCleaner(CAMERA)
+    for k in range(4):
+        stored = under(picture, 2.6, 0.4, advance * k, seed=k)
+        done = cleaner.push(stored)
+        assert done.unchanged == ("",)
+        assert done.share.mean() == pytest.approx(0.4, abs=0.06)
+        assert decibels(done.frames, 120 * picture) > decibels(stored, 120 * picture) + 8
+
+
+def test_a_light_that_becomes_another_is_found_without_the_frames_before() -> None:
+    """Their tone explains the new frame's own rows no better than by chance, so they are not compared."""
+    picture, cleaner = boxes(5), VideoCleaner(CAMERA)
+    for k, (cycles, shift) in enumerate([(2.6, 0.3 * k) for k in range(4)] + [(1.7, 0.2 * k) for k in range(4)]):
+        stored = under(picture, cycles, 0.4, shift, seed=k)
+        done = cleaner.push(stored)
+        before, after = (decibels(one, 120 * picture) for one in (stored, done.frames))
+        assert after > before - 0.1
+
+
+def test_highlights_do_not_burn() -> None:
+    """Rows of full light would lift bright objects beyond white: the light is raised less."""
+    picture = boxes(2)
+    picture[60:90, 20:120] = 1.9
+    stored = under(picture, 2.0, 0.4, 0.125)
+    assert (stored >= 254).mean() < 0.002
+    done = remove_bands(stored, CAMERA)
+    assert done.unchanged == ("",)
+    assert (done.frames >= 254).mean() < (stored >= 254).mean() + 0.002
+    assert decibels(done.frames, 120 * picture) > decibels(stored, 120 * picture) + 6

@@ -29,6 +29,9 @@ constexpr std::size_t flattest_block = 4;  // columns over rows: wide ones blur 
 constexpr std::array<double, 2> toes{1.0 / 32, 1.0 / 8};  // in order; values in between give nearly the same picture
 constexpr double less_left =
     0.6;  // max. ratio of the unexplained shares with and without toe; noise alone may give 0.64
+constexpr std::size_t most_sampled = 1U << 16U;  // pixels of a frame that tell how far its light may be raised
+constexpr double least_share = 1e-9;
+constexpr double max_burnt = 0.001;  // share of the pixels that may burn where they did not
 
 bool all_tones(std::span<const ColourLights> lights) {
   return std::ranges::all_of(lights, [](const ColourLights& frame) {
@@ -166,7 +169,50 @@ SceneLight without_bands(const StoredScene& scene) {
           {}};
 }
 
+// How far the light of a frame may be raised; below -1 where it burns even at its darkest.
+double highest_rise(const StoredScene& scene, std::size_t frame, const ColourLights& lights,
+                    std::span<const KeptShares> shares) {
+  const double pixels = static_cast<double>(scene.rows()) * static_cast<double>(scene.columns());
+  const auto every =
+      std::max<std::size_t>(1, static_cast<std::size_t>(std::sqrt(pixels / static_cast<double>(most_sampled))));
+  const double burnt = scene.burnt();
+  Values rises;  // at which each pixel burns
+  for (std::size_t row = 0; row < scene.rows(); row += every)
+    for (std::size_t column = 0; column < scene.columns(); column += every) {
+      double most = HUGE_VAL;
+      bool is_burnt = false;
+      for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
+        const ModelledLight& own = lights.lights[lights.of_colour[colour]];
+        const KeptShares& blocks = shares[colour];
+        const double share = blocks.share[row / blocks.block_rows * blocks_of(scene.columns(), blocks.block_columns) +
+                                          column / blocks.block_columns];
+        const double light = scene.light_at(frame, colour, row, column);
+        const double left = std::max(1 + share * (std::min(own.light[row], own.full) - 1), least_share);
+        const double lift = std::max(share * (own.full - 1), least_share);
+        is_burnt = is_burnt || light >= burnt;
+        most = std::min(most, (burnt * left / std::max(light, least_share * burnt) - 1) / lift);
+      }
+      rises.push_back(is_burnt ? HUGE_VAL : most);
+    }
+  const auto allowed = rises.begin() + static_cast<std::ptrdiff_t>(max_burnt * static_cast<double>(rises.size()));
+  std::nth_element(rises.begin(), allowed, rises.end());
+  return std::min(*allowed, 1.0);
+}
+
 }  // namespace
+
+double SceneLight::level(std::size_t frame, std::size_t colour, bool full) const {
+  const double most = rise.empty() ? 1 : rise[frame];
+  const ModelledLight& own = lights[frame].lights[lights[frame].of_colour[colour]];
+  return 1 + std::min(full ? 1.0 : 0.0, most) * (own.full - 1);
+}
+
+void keep_highlights(const StoredScene& scene, SceneLight& light, double most) {
+  if (!light.unchanged.empty()) return;
+  for (std::size_t frame = 0; frame < light.lights.size(); ++frame)
+    light.rise.push_back(std::min(highest_rise(scene, frame, light.lights[frame], light.shares), most));
+  if (std::ranges::min(light.rise) < -1) light.unchanged = "highlights would burn";
+}
 
 bool has_equal_rows(const StoredScene& scene) {
   for (std::size_t frame = 0; frame < scene.frames(); ++frame)
@@ -228,7 +274,8 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
   const std::size_t rows = scene.rows(), colours = scene.colours();
   Values depths(colours);
   for (const SlowLight& frame : slow)
-    for (std::size_t k = 0; k < colours; ++k) depths[k] = std::max(depths[k], frame.tones[k].depth(rows));
+    for (std::size_t k = 0; k < colours; ++k)
+      depths[k] = std::max(depths[k], 1 - std::ranges::min(frame.tones[k].cycle()));
   SceneLight result;
   for (const double depth : depths) result.shares.push_back({{depth}, rows, scene.columns()});
   for (std::size_t frame = 0; frame < slow.size(); ++frame) {
@@ -237,8 +284,9 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
       const SlowTone& tone = slow[frame].tones[k];
       ModelledLight own{
           tone.light(rows), 1, RowModel::tone, slow[frame].tones.front().cycles / static_cast<double>(rows), {}};
-      for (double& value : own.light) value = std::max(1 + (value - 1) / std::max(depths[k], 1e-9), 0.0);
-      own.full = *std::max_element(own.light.begin(), own.light.end());
+      const double depth = std::max(depths[k], 1e-9);
+      for (double& value : own.light) value = std::max(1 + (value - 1) / depth, 0.0);
+      own.full = 1 + (std::ranges::max(tone.cycle()) - 1) / depth;
       lights.of_colour.push_back(k);
       lights.lights.push_back(std::move(own));
     }
@@ -253,8 +301,10 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
   return result;
 }
 
-SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
-                            std::span<const ColourLights> given, const EarlierFrames& earlier) {
+namespace {
+
+SceneLight estimated(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
+                     std::span<const ColourLights> given, const EarlierFrames& earlier) {
   if (given.empty() && has_equal_rows(scene)) return without_bands(scene);
   std::vector<ColourLights> lights =
       given.empty() ? lights_of(scene, model) : std::vector<ColourLights>(given.begin(), given.end());
@@ -284,6 +334,15 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
     }
   }
   tell_slow_bands(slow_light_left(scene, camera, found), found);
+  return found;
+}
+
+}  // namespace
+
+SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
+                            std::span<const ColourLights> given, const EarlierFrames& earlier) {
+  SceneLight found = estimated(scene, camera, model, toe_is_known, given, earlier);
+  if (given.empty()) keep_highlights(scene, found);
   return found;
 }
 

@@ -18,7 +18,10 @@ constexpr double clear = 3;                // standard errors of its amplitude
 constexpr double colours_differ = 0.35;    // relative deviation of a colour's tone from that of all
 constexpr double of_groups = 0.5;          // expected size of the terms of a group of columns: hardly a bound
 constexpr double min_level = 0.25, max_worse = 0.25;
+constexpr double by_chance = 13.8;  // chi square of two terms that one in a thousand exceeds
+constexpr std::size_t places_of_cycle = 256;
 constexpr const char* not_sure = "slow bands that the picture's own shades may be";
+constexpr const char* disagrees = "slow bands that are others than those of the frames before";
 
 double square(double value) { return value * value; }
 
@@ -107,6 +110,31 @@ FrameCourses courses_of(const std::vector<BandedPicture>& colours) {
   return result;
 }
 
+// Light at equal places over so many cycles of a tone about the middle, over its mean in a cycle.
+std::vector<double> light_over(const SlowTone& tone, double cycles, std::size_t places) {
+  const auto light_at = [&](double place) {
+    const double angle = 2 * std::numbers::pi * place;
+    return std::exp(tone.terms[0] * std::cos(angle) + tone.terms[1] * std::sin(angle) +
+                    tone.terms[2] * std::cos(2 * angle) + tone.terms[3] * std::sin(2 * angle));
+  };
+  double mean = 0;
+  for (std::size_t k = 0; k < places_of_cycle; ++k)
+    mean += light_at(static_cast<double>(k) / places_of_cycle) / places_of_cycle;
+  std::vector<double> light(places);
+  for (std::size_t n = 0; n < places; ++n)
+    light[n] = light_at(cycles * ((static_cast<double>(n) + 0.5) / static_cast<double>(places) - 0.5)) / mean;
+  return light;
+}
+
+// The frame's own course, without those of other frames, agrees with the tone: its terms are within what the picture
+// may add to them.
+bool agrees(const CommonCourse& course, const SlowTone& tone) {
+  const SlowTone own = refitted_tone({&course, 1}, tone, {of_groups});
+  double distance = 0;
+  for (std::size_t k = 0; k < 2; ++k) distance += square(own.terms[k] - tone.terms[k]) / own.variance[k];
+  return distance < by_chance;
+}
+
 }  // namespace
 
 double SlowTone::amplitude() const { return std::hypot(terms[0], terms[1]); }
@@ -119,7 +147,7 @@ bool SlowTone::is_sure() const {
 SlowTone SlowTone::in_frame(std::ptrdiff_t frame) const {
   SlowTone turned = *this;
   for (std::size_t harmonic = 0; harmonic < 2; ++harmonic) {
-    const double angle = static_cast<double>(harmonic + 1) * step * static_cast<double>(frame);
+    const double angle = static_cast<double>(harmonic + 1) * step.value_or(0) * static_cast<double>(frame);
     const double cosine = terms[2 * harmonic], sine = terms[2 * harmonic + 1];
     turned.terms[2 * harmonic] = std::cos(angle) * cosine + std::sin(angle) * sine;
     turned.terms[2 * harmonic + 1] = std::cos(angle) * sine - std::sin(angle) * cosine;
@@ -127,24 +155,9 @@ SlowTone SlowTone::in_frame(std::ptrdiff_t frame) const {
   return turned;
 }
 
-std::vector<double> SlowTone::light(std::size_t rows) const {
-  std::vector<double> course(rows);
-  double mean = 0;
-  for (std::size_t n = 0; n < rows; ++n) {
-    const double angle =
-        2 * std::numbers::pi * cycles * ((static_cast<double>(n) + 0.5) / static_cast<double>(rows) - 0.5);
-    course[n] = std::exp(terms[0] * std::cos(angle) + terms[1] * std::sin(angle) + terms[2] * std::cos(2 * angle) +
-                         terms[3] * std::sin(2 * angle));
-    mean += course[n] / static_cast<double>(rows);
-  }
-  for (double& value : course) value /= mean;
-  return course;
-}
+std::vector<double> SlowTone::light(std::size_t rows) const { return light_over(*this, cycles, rows); }
 
-double SlowTone::depth(std::size_t rows) const {
-  const std::vector<double> course = light(rows);
-  return 1 - *std::min_element(course.begin(), course.end());
-}
+std::vector<double> SlowTone::cycle() const { return light_over(*this, 1, places_of_cycle); }
 
 std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames, const Camera& camera,
                                         const EarlierFrames& earlier, const std::optional<SlowTone>& near) {
@@ -181,8 +194,14 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     const SlowTone tone = first.in_frame(courses[frame].place - courses[start].place);
     result.push_back({tones_of_colours(courses[frame], of_colours[frame - earlier.courses.size()], tone),
                       courses[frame], tone.log_odds > std::log(likely) ? tone.amplitude() : 0, verdict,
-                      tone.is_sure() ? objection_to(verdict) : not_sure});
+                      !tone.is_sure()                ? not_sure
+                      : agrees(courses[frame], tone) ? objection_to(verdict)
+                                                     : disagrees});
   }
+  const bool is_other = std::ranges::any_of(result, [](const SlowLight& one) { return one.objection == disagrees; });
+  if (!is_other || earlier.courses.empty()) return result;
+  result = find_slow_lights(frames, camera, {{}, earlier.next});
+  for (SlowLight& one : result) one.is_first = true;
   return result;
 }
 

@@ -173,15 +173,19 @@ Hypotheses all_tones(std::size_t rows, const Camera& camera, std::size_t frames,
   return with_modes(std::move(tones), count);
 }
 
+// Tones of nearly the same cycles and, where it is known, phase step.
 Hypotheses tones_near(const SlowTone& tone, std::size_t frames, std::size_t count) {
-  std::vector<Tried> tones;
-  const int steps = frames > 1 ? near_tones : 1;
-  const double each = 1 / static_cast<double>(near_tones * steps);
   const auto place = [](int k) { return static_cast<double>(k) / (near_tones - 1) - 0.5; };
+  std::vector<double> steps = all_steps(frames);
+  if (frames > 1 && tone.step) {
+    steps.clear();
+    for (int k = 0; k < near_tones; ++k)
+      steps.push_back(*tone.step + place(k) * turn / static_cast<double>(phase_steps));
+  }
+  const double each = 1 / static_cast<double>(near_tones * steps.size());
+  std::vector<Tried> tones;
   for (int k = 0; k < near_tones; ++k)
-    for (int j = 0; j < steps; ++j)
-      tones.push_back({tone.cycles * (1 + near_cycles * place(k)),
-                       tone.step + (steps > 1 ? place(j) * turn / static_cast<double>(phase_steps) : 0), each, 0});
+    for (const double step : steps) tones.push_back({tone.cycles * (1 + near_cycles * place(k)), step, each, 0});
   return with_modes(std::move(tones), count);
 }
 
@@ -428,7 +432,7 @@ SlowTone likeliest(std::span<const CommonCourse> courses, const Hypotheses& trie
       all.begin(), all.end(), [](const Compared& a, const Compared& b) { return a.likelihood < b.likelihood; });
   const double doubt = ambiguity(all, best, evidence.places.back());
   return {best.tone->cycles,
-          best.tone->step,
+          courses.size() > 1 ? std::optional(best.tone->step) : std::nullopt,
           best.terms.mean,
           {best.terms.variance[0] + doubt, best.terms.variance[1] + doubt},
           log_sum(weighed) - log_sum(nothing)};
@@ -450,8 +454,8 @@ SlowTone find_slow_tone(std::span<const CommonCourse> courses, std::size_t rows,
   const Hypotheses tried = near ? tones_near(*near, frames, count) : all_tones(rows, camera, frames, count);
   const SlowTone first = likeliest(courses, tried, {usual_depth});
   SlowTone best = first;
-  if (!near && !is_mains(first.cycles, rows, camera.row_time))
-    best = likeliest(courses, tones_near(first, frames, count), {usual_depth});
+  const bool is_exact = near ? near->step || frames == 1 : is_mains(first.cycles, rows, camera.row_time);
+  if (!is_exact) best = likeliest(courses, tones_near(first, frames, count), {usual_depth});
   best = refitted_tone(courses, best, {usual_depth, usual_harmonic * best.amplitude()});
   best.variance = first.variance;
   best.log_odds = first.log_odds;
@@ -460,8 +464,9 @@ SlowTone find_slow_tone(std::span<const CommonCourse> courses, std::size_t rows,
 
 SlowTone refitted_tone(std::span<const CommonCourse> courses, const SlowTone& tone,
                        const std::vector<double>& expected) {
-  const Hypotheses only = with_modes({{tone.cycles, tone.step, 1, 0}}, courses.front().modes.size());
+  const Hypotheses only = with_modes({{tone.cycles, tone.step.value_or(0), 1, 0}}, courses.front().modes.size());
   SlowTone found = likeliest(courses, only, expected);
+  found.step = tone.step;
   found.log_odds = tone.log_odds;
   return found;
 }

@@ -221,6 +221,7 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
   SceneLight light = find_scene_light(stored, camera_, options_.model, options_.toe.has_value(), {}, earlier_);
   before_.reset();
   slow_.reset();
+  rise_ = light.rise.empty() ? 1 : light.rise.front();
   if (!light.slow.empty()) {
     keep_slow(light);
     return {std::move(stored), std::move(light)};
@@ -242,10 +243,13 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
 }
 
 void StreamCleaner::keep_slow(const SceneLight& light) {
+  if (light.slow.back().is_first) earlier_.courses.clear();
   earlier_.courses.push_back(light.slow.back().course);
   earlier_.next = light.slow.back().course.place + 1;
   slow_.reset();
-  if (light.unchanged.empty()) slow_ = light.slow.back().tones.front();
+  if (!light.unchanged.empty()) return;
+  slow_ = light.slow.back().tones.front();
+  rise_ = light.rise.front();
 }
 
 bool StreamCleaner::compares_with(std::size_t rows) const {
@@ -261,6 +265,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::slowly(const std::vector<AnyF
   std::vector<SlowLight> slow = find_slow_lights(frame, camera_, earlier_, slow_);
   if (!slow.back().objection.empty()) return {};
   SceneLight light = light_of_slow(stored, std::move(slow));
+  keep_highlights(stored, light, rise_);
   keep_slow(light);
   return Frame{std::move(stored), std::move(light)};
 }
@@ -297,6 +302,8 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   verdict.slow_bands = now.slow_bands;
   if (!objection_to(verdict).empty()) return {};
   Frame frame{std::move(stored), {{now.lights}, now.shares, {verdict}, {}, {}}};
+  keep_highlights(frame.stored, frame.light, rise_);
+  rise_ = frame.light.rise.front();
   before_ = std::move(now);
   return frame;
 }

@@ -373,7 +373,7 @@ def _restored(
     task: Task,
 ) -> tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
     """Restore one colour of one frame; returns stored values, marks, and the share of each pixel."""
-    level = row_light.full if task.level == "full" else 1.0
+    level = found.light.level(frame, colour, task.level == "full")
     rows = np.minimum(row_light.light, row_light.full)  # brighter rows are fully lit rows with noise
     scene, max_gain = found.scene, task.options.max_gain
     if scene.by_table and task.keep == "picture" and not task.options.fill:

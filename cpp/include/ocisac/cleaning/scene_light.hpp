@@ -21,6 +21,12 @@ struct SceneLight {
   std::vector<CleaningVerdict> verdicts;  // on each frame
   std::string unchanged;                  // why the frames are better left as they are; else empty
   std::vector<SlowLight> slow;            // of each frame; empty where another light is removed or given
+  // Of each frame, from -1 to 1: how far from the mean light of a cycle towards the full one the steady light may be
+  // raised, so that highlights do not burn.
+  std::vector<double> rise = {};
+
+  // Steady light of a colour, relative to the mean light of its row light; `full`: it is raised as far as it may be.
+  [[nodiscard]] double level(std::size_t frame, std::size_t colour, bool full) const;
 };
 
 // Estimates the light. `scene`: its toe is set to the one found, unless `toe_is_known`. `given`: the light of each
@@ -30,6 +36,10 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
 
 // The rows of every picture are equal, as in a black one: there is nothing to remove.
 bool has_equal_rows(const StoredScene& scene);
+
+// Finds how far the light of each frame may be raised, at most `most`; where it burns even at its darkest, the frames
+// are better left as they are.
+void keep_highlights(const StoredScene& scene, SceneLight& light, double most = 1);
 
 // A slow light, of which all pixels have the same share.
 SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow);

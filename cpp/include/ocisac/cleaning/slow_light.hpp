@@ -37,7 +37,7 @@ std::size_t mode_count(std::size_t rows);
 // A tone in the log light of the rows.
 struct SlowTone {
   double cycles = 0;                 // in the picture
-  double step = 0;                   // advance of its phase from frame to frame, rad
+  std::optional<double> step;        // advance of its phase from frame to frame, rad; none: a single frame shows none
   std::array<double, 4> terms{};     // cosine and sine about the middle row, and those of the second harmonic
   std::array<double, 2> variance{};  // of the fundamental's terms, with the doubt about the phase step
   double log_odds = 0;               // natural logarithm of the odds of the tone against none
@@ -45,9 +45,9 @@ struct SlowTone {
   [[nodiscard]] double amplitude() const;  // of the fundamental, relative to the light
   // The evidence is enough to remove it: the rest is smaller than the tone, and there is a tone.
   [[nodiscard]] bool is_sure() const;
-  [[nodiscard]] SlowTone in_frame(std::ptrdiff_t frame) const;      // with its phase in a later frame
-  [[nodiscard]] std::vector<double> light(std::size_t rows) const;  // mean 1
-  [[nodiscard]] double depth(std::size_t rows) const;               // how far the darkest row is below the mean light
+  [[nodiscard]] SlowTone in_frame(std::ptrdiff_t frame) const;      // with its phase in a later frame, if step is known
+  [[nodiscard]] std::vector<double> light(std::size_t rows) const;  // its mean over a cycle is 1
+  [[nodiscard]] std::vector<double> cycle() const;                  // light at places of one cycle, mean 1
 };
 
 // Agreement of the groups of columns about a slow tone.
@@ -64,6 +64,7 @@ struct SlowLight {
   double amplitude = 0;         // of the tone, relative to the light; 0 where none is likely
   SlowVerdict verdict;
   std::string objection;  // why it is not removed, or empty
+  bool is_first = false;  // earlier frames, which it disagrees with, are not compared
 };
 
 // Frames before others.
@@ -73,7 +74,8 @@ struct EarlierFrames {
 };
 
 // Finds the slow light of each of consecutive frames of one scene. `frames`: of each frame, the pictures of its
-// colours. `near`: the tone of the earlier frames, if it is known.
+// colours. `near`: the tone of the earlier frames, if it is known; its step counts where it has one.
+// Frames whose own course disagrees with the tone of earlier ones are compared without them.
 std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames, const Camera& camera,
                                         const EarlierFrames& earlier = {}, const std::optional<SlowTone>& near = {});
 

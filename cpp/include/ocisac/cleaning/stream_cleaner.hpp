@@ -64,6 +64,7 @@ class StreamCleaner {
   std::optional<Before> before_;
   EarlierFrames earlier_;  // while no other light is found
   std::optional<SlowTone> slow_;
+  double rise_ = 1;  // of the frame before: no frame is raised further, so that brightness stays
   std::optional<double> time_, frame_time_;  // of the last frame, and from frame to frame, s
   double frames_ = 0;                        // that frame_time_ is the mean of, where the camera's is unknown
 };
