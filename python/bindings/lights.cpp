@@ -63,8 +63,11 @@ KnownLight known_light(const py::array& frame, const Camera& camera, const Regio
   return unlocked([&] { return KnownLight(view, camera, box, frequency, carries_data); });
 }
 
-py::object find_again(const KnownLight& light, const py::array& frame, const std::vector<Place>& places) {
+py::object find_again(const KnownLight& light, const py::array& frame,
+                      const std::vector<std::array<std::ptrdiff_t, 2>>& corners) {
   const AnyFramesView view = any_view(frame);
+  std::vector<Place> places;
+  for (const auto& [x, y] : corners) places.push_back({x, y});
   const auto found = unlocked([&] { return light.find(view, places); });
   return found ? as_tuple(*found) : py::object(py::none());
 }

@@ -30,10 +30,8 @@ constexpr std::size_t min_edges = 6, max_timed = 64;
 constexpr double fastest_chip = 2.2, slowest_chip = 0.7, largest_clock = 0.4;
 constexpr double frequency_reach = 0.25;  // relative, about the suspect's
 
-using Range = std::pair<std::size_t, std::size_t>;
-
 // The run of true values about the middle one of those in [first, end).
-std::optional<Range> run_about(const std::vector<std::uint8_t>& places, std::size_t first, std::size_t end) {
+std::optional<IndexRange> run_about(const std::vector<std::uint8_t>& places, std::size_t first, std::size_t end) {
   std::vector<std::size_t> inside;
   for (std::size_t i = first; i < end; ++i)
     if (places[i]) inside.push_back(i);
@@ -41,7 +39,7 @@ std::optional<Range> run_about(const std::vector<std::uint8_t>& places, std::siz
   std::size_t begin = inside[inside.size() / 2], last = begin;
   while (begin > 0 && places[begin - 1]) --begin;
   while (last + 1 < places.size() && places[last + 1]) ++last;
-  return Range{begin, last + 1};
+  return IndexRange{begin, last + 1};
 }
 
 // Adjacent signals in the layout of local_means().
@@ -65,12 +63,11 @@ class Signals {
 };
 
 // Log light of the left and the right half of the box's columns in rows [top, bottom), local mean removed.
-Signals swing_of_halves(const LitFrame& frame, const Region& box, std::size_t top, std::size_t bottom,
-                        std::size_t length) {
+Signals swing_of_halves(const LitFrame& frame, const Region& box, const IndexRange& rows, std::size_t length) {
   const std::size_t middle = box.x + box.width / 2;
-  const auto left = mean_light(frame, box.x, middle, top, bottom);
-  const auto right = mean_light(frame, middle, box.right(), top, bottom);
-  Signals logs(bottom - top);
+  const auto left = mean_light(frame, {box.x, middle}, rows);
+  const auto right = mean_light(frame, {middle, box.right()}, rows);
+  Signals logs(rows.size());
   for (std::size_t n = 0; n < logs.rows(); ++n) {
     logs.at(n, 0) = std::log(std::max(left[n], 0.0) + frame.floor);
     logs.at(n, 1) = std::log(std::max(right[n], 0.0) + frame.floor);
@@ -82,7 +79,7 @@ Signals swing_of_halves(const LitFrame& frame, const Region& box, std::size_t to
 // Fast test that the halves of the box correlate; it rejects most suspects, which are noise.
 bool halves_alike(const LitFrame& frame, const Region& box, std::size_t length) {
   if (box.width < 2) return false;
-  Signals logs = swing_of_halves(frame, box, box.y, box.bottom(), length);
+  Signals logs = swing_of_halves(frame, box, {box.y, box.bottom()}, length);
   double aa = 0, bb = 0, ab = 0;
   for (std::size_t n = 0; n < logs.rows(); ++n) {
     const double a = logs.at(n, 0), b = logs.at(n, 1);
@@ -96,7 +93,7 @@ std::optional<Region> lit_rows(const LitFrame& frame, const Region& box, std::si
   if (box.width < 2) return {};
   const std::size_t reach = std::max(8 * length, 2 * box.height), rows = shape_of(frame.frames).rows;
   const std::size_t top = box.y - std::min(box.y, reach), bottom = std::min(rows, box.bottom() + reach);
-  Signals logs = swing_of_halves(frame, box, top, bottom, length), powers(bottom - top);
+  Signals logs = swing_of_halves(frame, box, {top, bottom}, length), powers(bottom - top);
   for (std::size_t n = 0; n < logs.rows(); ++n) {
     const double a = logs.at(n, 0), b = logs.at(n, 1);
     powers.at(n, 0) = a * b, powers.at(n, 1) = a * a, powers.at(n, 2) = b * b;
@@ -114,14 +111,14 @@ std::optional<Region> lit_rows(const LitFrame& frame, const Region& box, std::si
   }
   const auto run = run_about(lit, first, first + box.height);
   if (!run) return {};
-  return Region{box.x, top + run->first, box.width, run->second - run->first};
+  return Region{box.x, top + run->begin, box.width, run->size()};
 }
 
 // Columns about the box that correlate with its own.
 std::optional<Region> lit_columns(const LitFrame& frame, const Region& box, std::size_t length) {
-  const Patch patch = patch_of(frame, box, {std::max(box.width, box.height), 0});
+  const Patch patch = patch_of(frame, box, std::max(box.width, box.height), 0);
   const auto slow = local_means(patch.logs, patch.rows, patch.stride, length);
-  const auto own = mean_light(frame, box.x, box.right(), box.y, box.bottom());
+  const auto own = mean_light(frame, {box.x, box.right()}, {box.y, box.bottom()});
   Signals middle(patch.rows);
   for (std::size_t n = 0; n < patch.rows; ++n) middle.at(n, 0) = std::log(std::max(own[n], 0.0) + frame.floor);
   middle.subtract(middle.means(length));
@@ -143,8 +140,7 @@ std::optional<Region> lit_columns(const LitFrame& frame, const Region& box, std:
   const std::size_t end = (box.right() - patch.first_column) / patch.group;
   const auto run = run_about(lit, first, std::clamp(end, first + 1, patch.groups));
   if (!run) return {};
-  return Region{patch.first_column + run->first * patch.group, box.y, (run->second - run->first) * patch.group,
-                box.height};
+  return Region{patch.first_column + run->begin * patch.group, box.y, run->size() * patch.group, box.height};
 }
 
 // Rows at which the waveform has crossed its mean.
@@ -177,9 +173,9 @@ double clock_evidence(std::span<const std::size_t> edges) {
   std::vector<std::complex<double>> sums(count);
   for (const std::size_t edge : edges) {
     const auto at = static_cast<double>(edge);
-    const Turns turns = turns_of(step * at, count);
+    const ComplexValues turns = turns_of(step * at, count);
     const auto start = turned(slowest * at);
-    for (std::size_t i = 0; i < count; ++i) sums[i] += product(start, {turns.real[i], turns.imaginary[i]});
+    for (std::size_t i = 0; i < count; ++i) sums[i] += product(start, turns[i]);
   }
   double best = 0;
   for (const auto& sum : sums) best = std::max(best, std::norm(sum) / static_cast<double>(edges.size()));
@@ -243,23 +239,21 @@ double swing_of_light(const Patch& patch, std::size_t length) {
 
 }  // namespace
 
-std::optional<DataLight> find_data_light(const AnyFramesView& frames, std::size_t frame, double dark, double floor,
-                                         const Suspect& suspect) {
-  const LitFrame lit{frames, frame, dark, floor};
-  const Shape shape = shape_of(frames);
+std::optional<DataLight> find_data_light(const LitFrame& frame, const Suspect& suspect) {
+  const Shape shape = shape_of(frame.frames);
   const std::size_t length = hann_length(0.5 * suspect.frequency);
   Region box = suspect.box;
   box.width = std::min(box.width, shape.columns - box.x);
   box.height = std::min(box.height, shape.rows - box.y);
-  if (!halves_alike(lit, box, length)) return {};
+  if (!halves_alike(frame, box, length)) return {};
   for (int round = 0; round < rounds; ++round) {
-    const auto rows = lit_rows(lit, box, length);
+    const auto rows = lit_rows(frame, box, length);
     if (!rows) return {};
-    const auto columns = lit_columns(lit, *rows, length);
+    const auto columns = lit_columns(frame, *rows, length);
     if (!columns) return {};
     box = *columns;
   }
-  const Patch patch = patch_of(lit, box, {0, 0});
+  const Patch patch = patch_of(frame, box, 0, 0);
   if (patch.groups < 2) return {};
   const Waveform waveform = waveform_of(patch, length);
   const auto edges = edges_of(waveform.values);

@@ -20,9 +20,8 @@ struct DataLight {
 // Rows and columns are estimated alternately, twice. Rows: where the log light, minus its mean over four cycles of the
 // suspect's frequency, correlates between the left and the right half of the columns (local correlation above 0.6).
 // Columns: those that correlate with the middle (above 0.5) and have at least 0.15 times its swing. The waveform is the
-// common component of the box's columns, each element weighted with its local swing. `dark`, `floor`: as of
-// refine_source(). Absent if fewer than six edges remain.
-std::optional<DataLight> find_data_light(const AnyFramesView& frames, std::size_t frame, double dark, double floor,
-                                         const Suspect& suspect);
+// common component of the box's columns, each element weighted with its local swing. Absent if fewer
+// than six edges remain.
+std::optional<DataLight> find_data_light(const LitFrame& frame, const Suspect& suspect);
 
 }  // namespace ocisac

@@ -211,7 +211,7 @@ std::optional<RecognisedLight> KnownLight::find(const AnyFramesView& frame, std:
   if (shape.rows != state_->shape.rows || shape.columns != state_->shape.columns) return std::nullopt;
   for (auto place = places.begin(); place != places.end(); ++place) {
     if (std::find(places.begin(), place, *place) != place) continue;
-    const FreeBox box{place->first, place->second, state_->box.width, state_->box.height};
+    const FreeBox box{place->x, place->y, state_->box.width, state_->box.height};
     const auto found = state_->found_near(frame, box);
     if (found) return found->mean > 0 && state_->first.mean > 0 ? found : std::nullopt;
   }

@@ -64,8 +64,8 @@ std::vector<double> group_means(const Patch& patch, const std::vector<double>& v
 }
 
 // Product of two carriers; with sign −1, of the first with the conjugate of the second.
-Turns times(const Turns& a, const Turns& b, double sign) {
-  Turns out{std::vector<double>(a.real.size()), std::vector<double>(a.real.size())};
+ComplexValues times(const ComplexValues& a, const ComplexValues& b, double sign) {
+  ComplexValues out{std::vector<double>(a.real.size()), std::vector<double>(a.real.size())};
   for (std::size_t i = 0; i < out.real.size(); ++i) {
     out.real[i] = a.real[i] * b.real[i] - sign * a.imaginary[i] * b.imaginary[i];
     out.imaginary[i] = a.imaginary[i] * b.real[i] + sign * a.real[i] * b.imaginary[i];
@@ -73,7 +73,7 @@ Turns times(const Turns& a, const Turns& b, double sign) {
   return out;
 }
 
-kernels::Carrier carrier_view(const Turns& rows) { return {rows.real.data(), rows.imaginary.data()}; }
+kernels::Carrier carrier_view(const ComplexValues& rows) { return {rows.real.data(), rows.imaginary.data()}; }
 
 }  // namespace
 
@@ -88,12 +88,30 @@ PatchRange Patch::range(const Region& box) const {
   return out;
 }
 
-Patch patch_of(const LitFrame& frame, const Region& box, const Margins& margins) {
+LitFrame lit_frame(const AnyFramesView& frames, std::size_t index, const ToneCurve& curve) {
+  const double dark = curve.dark_level;
+  const double full = std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        ToneCurve stored;
+        stored.dark_level = dark, stored.white_level = curve.white_level;
+        if (std::is_integral_v<T> || curve.white_level != 0) return white_level(stored, sample_maximum<T>()) - dark;
+        double top = 0;  // floating-point samples without a stated range
+        for (std::size_t f = 0; f < view.frames; ++f)
+          for (std::size_t n = 0; n < view.rows; ++n)
+            for (std::size_t c = 0; c < view.columns; ++c)
+              top = std::max(top, static_cast<double>(view(f, n, c)) - dark);
+        return top > 0 ? top : 64;
+      },
+      frames);
+  return {frames, index, dark, full / 64};
+}
+
+Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_beside, std::size_t rows_beyond) {
   const Shape shape = shape_of(frame.frames);
-  const std::size_t left = box.x - std::min(box.x, margins.columns);
-  const std::size_t right = std::min(shape.columns, box.right() + margins.columns);
-  const std::size_t top = box.y - std::min(box.y, margins.rows);
-  const std::size_t bottom = std::min(shape.rows, box.bottom() + margins.rows);
+  const std::size_t left = box.x - std::min(box.x, columns_beside);
+  const std::size_t right = std::min(shape.columns, box.right() + columns_beside);
+  const std::size_t top = box.y - std::min(box.y, rows_beyond);
+  const std::size_t bottom = std::min(shape.rows, box.bottom() + rows_beyond);
   const std::size_t wanted = std::max<std::size_t>((right - left + max_groups - 1) / max_groups,
                                                    std::clamp<std::size_t>(box.width / 16, 1, widest_sharp));
   const std::size_t group = std::min(wanted, right - left);
@@ -114,16 +132,16 @@ Patch patch_of(const LitFrame& frame, const Region& box, const Margins& margins)
   return patch;
 }
 
-std::vector<double> mean_light(const LitFrame& frame, std::size_t begin, std::size_t end, std::size_t first,
-                               std::size_t last) {
-  const std::size_t step = (end - begin + max_columns - 1) / max_columns, count = (end - begin + step - 1) / step;
-  std::vector<double> mean(last - first, -frame.dark);
+std::vector<double> mean_light(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows) {
+  const std::size_t step = (columns.size() + max_columns - 1) / max_columns;
+  const std::size_t count = (columns.size() + step - 1) / step;
+  std::vector<double> mean(rows.size(), -frame.dark);
   const double share = 1 / static_cast<double>(count);
   std::visit(
       [&](const auto& view) {
         for (std::size_t n = 0; n < mean.size(); ++n)
           for (std::size_t c = 0; c < count; ++c)
-            mean[n] += static_cast<double>(view(frame.index, first + n, begin + c * step)) * share;
+            mean[n] += static_cast<double>(view(frame.index, rows.begin + n, columns.begin + c * step)) * share;
       },
       frame.frames);
   return mean;
@@ -132,8 +150,8 @@ std::vector<double> mean_light(const LitFrame& frame, std::size_t begin, std::si
 std::vector<double> local_means(const std::vector<double>& values, std::size_t rows, std::size_t stride,
                                 std::size_t length) {
   const auto bin = 1 / static_cast<double>(length);
-  const Turns step = turns_of(bin, rows, length / 2), still = times(step, step, -1);
-  const Turns back = times(still, step, -1);
+  const ComplexValues step = turns_of(bin, rows, length / 2), still = times(step, step, -1);
+  const ComplexValues back = times(still, step, -1);
   const kernels::Carrier forth = carrier_view(step);
   const kernels::Carrier turns{forth.real + length / 2, forth.imaginary + length / 2};
   std::vector<double> means(values.size()), unused(values.size());
@@ -174,11 +192,11 @@ Complex turned(double cycles) {
   return {std::cos(angle), std::sin(angle)};
 }
 
-Turns turns_of(double frequency, std::size_t rows, std::size_t reach) {
+ComplexValues turns_of(double frequency, std::size_t rows, std::size_t reach) {
   constexpr std::size_t step = 16;
   std::array<Complex, step> fine;
   for (std::size_t i = 0; i < step; ++i) fine[i] = turned(frequency * static_cast<double>(i));
-  Turns out{std::vector<double>(rows + 2 * reach), std::vector<double>(rows + 2 * reach)};
+  ComplexValues out{std::vector<double>(rows + 2 * reach), std::vector<double>(rows + 2 * reach)};
   Complex coarse;
   for (std::size_t i = 0; i < out.real.size(); ++i) {
     if (i % step == 0) coarse = turned(frequency * (static_cast<double>(i) - static_cast<double>(reach)));
@@ -199,8 +217,8 @@ Demodulator::Demodulator(double frequency, std::size_t rows)
       above_(times(tone_, step_, 1)),
       turns_(turns_of(1 / static_cast<double>(length_), rows, 0)) {}
 
-SwingMap Demodulator::swing(const Patch& patch, const std::vector<double>& values) const {
-  SwingMap map{std::vector<double>(values.size()), std::vector<double>(values.size())};
+ComplexValues Demodulator::swing(const Patch& patch, const std::vector<double>& values) const {
+  ComplexValues map{std::vector<double>(values.size()), std::vector<double>(values.size())};
   const kernels::HannWindow window{carrier_view(below_), carrier_view(tone_), carrier_view(above_),
                                    carrier_view(turns_), length_};
   kernels::hann_demodulate({values.data(), patch.rows, patch.stride}, group_means(patch, values).data(), window,

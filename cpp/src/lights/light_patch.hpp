@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "ocisac/camera/tone_curve.hpp"
 #include "ocisac/core/views.hpp"
 
 namespace ocisac {
@@ -25,31 +26,38 @@ struct Patch {
   [[nodiscard]] PatchRange range(const Region& box) const;
 };
 
+// [begin, end) of rows, columns or groups.
+struct IndexRange {
+  std::size_t begin = 0, end = 0;
+
+  [[nodiscard]] std::size_t size() const { return end > begin ? end - begin : 0; }
+};
+
 // A frame for light detection. `dark`: DN without light; `floor`: of the logarithm, DN.
 struct LitFrame {
-  const AnyFramesView& frames;
+  AnyFramesView frames;
   std::size_t index;
   double dark, floor;
 };
 
+// Stored values above the curve's dark level: a memoryless curve preserves every period, and stored values resolve
+// darkness best. The floor is 1/64 of full light, which suppresses dark areas.
+LitFrame lit_frame(const AnyFramesView& frames, std::size_t index, const ToneCurve& curve);
+
 // The box with margins on each side, clipped to the frame. The columns per group bound the number of groups and keep
 // small lights sharp.
-struct Margins {
-  std::size_t columns, rows;
-};
-Patch patch_of(const LitFrame& frame, const Region& box, const Margins& margins);
+Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_beside, std::size_t rows_beyond);
 
-// Mean of at most 32 columns evenly spaced over [begin, end), in rows [first, last): light above dark.
-std::vector<double> mean_light(const LitFrame& frame, std::size_t begin, std::size_t end, std::size_t first,
-                               std::size_t last);
+// Mean of at most 32 columns evenly spaced, in each of the rows: light above dark.
+std::vector<double> mean_light(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows);
 
 // Means of values (rows × stride) along the rows under a Hann window of `length` rows, an odd number; the first and the
 // last row are repeated beyond the ends. stride: a multiple of 8.
 std::vector<double> local_means(const std::vector<double>& values, std::size_t rows, std::size_t stride,
                                 std::size_t length);
 
-// z of each element: (rows × stride).
-struct SwingMap {
+// Complex values, such as z of each element of a patch: (rows × stride).
+struct ComplexValues {
   std::vector<double> real, imaginary;
 
   [[nodiscard]] std::complex<double> operator[](std::size_t i) const { return {real[i], imaginary[i]}; }
@@ -74,10 +82,7 @@ inline std::complex<double> product(std::complex<double> a, std::complex<double>
 }
 
 // e^{−j2πfn} for n from −reach to rows + reach − 1, computed as products of 16 fine values and every 16th one.
-struct Turns {
-  std::vector<double> real, imaginary;
-};
-Turns turns_of(double frequency, std::size_t rows, std::size_t reach = 0);
+ComplexValues turns_of(double frequency, std::size_t rows, std::size_t reach = 0);
 
 // Log light minus its local mean over two cycles, which has no component at the tone.
 std::vector<double> fast_logs(const Patch& patch, double frequency);
@@ -88,11 +93,11 @@ class Demodulator {
   Demodulator(double frequency, std::size_t rows);
 
   // Local mean of x·e^{−j2πfn}, n: row of the patch, x: light or its logarithm, minus its mean in the group.
-  [[nodiscard]] SwingMap swing(const Patch& patch, const std::vector<double>& values) const;
+  [[nodiscard]] ComplexValues swing(const Patch& patch, const std::vector<double>& values) const;
 
  private:
   std::size_t length_;
-  Turns step_, tone_, below_, above_, turns_;
+  ComplexValues step_, tone_, below_, above_, turns_;
 };
 
 }  // namespace ocisac

@@ -20,16 +20,11 @@ constexpr double min_alike = 0.5;                            // correlation of t
 constexpr std::size_t min_strip = 8, max_strips = 24;        // columns; strips of a box
 constexpr std::size_t touching = 8;                          // columns apart
 
-using Frame = LitFrame;
-
-struct Span {
-  std::size_t begin, end;
-  [[nodiscard]] std::size_t size() const { return end > begin ? end - begin : 0; }
-};
-
-Span columns_of(const LightPart& part) { return {part.box.x, part.box.right()}; }
-Span rows_of(const LightPart& part) { return {part.box.y, part.box.bottom()}; }
-Span common(const Span& a, const Span& b) { return {std::max(a.begin, b.begin), std::min(a.end, b.end)}; }
+IndexRange columns_of(const LightPart& part) { return {part.box.x, part.box.right()}; }
+IndexRange rows_of(const LightPart& part) { return {part.box.y, part.box.bottom()}; }
+IndexRange common(const IndexRange& a, const IndexRange& b) {
+  return {std::max(a.begin, b.begin), std::min(a.end, b.end)};
+}
 
 // Two cycles of the slower one, an odd number of rows.
 std::size_t mean_length(const LightPart& a, const LightPart& b) {
@@ -38,8 +33,9 @@ std::size_t mean_length(const LightPart& a, const LightPart& b) {
 
 // Logarithm of the mean light minus its running mean over `length` rows; the first and the last row are repeated beyond
 // the ends.
-std::vector<double> swing(const Frame& frame, const Span& columns, const Span& rows, std::size_t length) {
-  std::vector<double> logs = mean_light(frame, columns.begin, columns.end, rows.begin, rows.end);
+std::vector<double> swing(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows,
+                          std::size_t length) {
+  std::vector<double> logs = mean_light(frame, columns, rows);
   for (double& value : logs) value = std::log(std::max(value, 0.0) + frame.floor);
   const std::size_t reach = length / 2, count = logs.size();
   std::vector<double> sums(count + 2 * reach + 1);
@@ -64,9 +60,9 @@ double likeness(std::span<const double> a, std::span<const double> b) {
   return energy > 0 ? product(a, b) / std::sqrt(energy) : 0;
 }
 
-bool beside(const Frame& frame, const LightPart& left, const LightPart& right) {
-  const Span rows = common(rows_of(left), rows_of(right));
-  const Span between{left.box.right(), right.box.x};
+bool beside(const LitFrame& frame, const LightPart& left, const LightPart& right) {
+  const IndexRange rows = common(rows_of(left), rows_of(right));
+  const IndexRange between{left.box.right(), right.box.x};
   const std::size_t overlap = between.begin > between.end ? between.begin - between.end : 0;
   if (2 * rows.size() < std::min(left.box.height, right.box.height) || rows.size() == 0 ||
       between.size() > std::max(left.box.width, right.box.width) ||
@@ -80,15 +76,15 @@ bool beside(const Frame& frame, const LightPart& left, const LightPart& right) {
   return likeness(one, middle) >= min_beside && extent(middle) >= min_between * std::min(extent(one), extent(other));
 }
 
-bool above(const Frame& frame, const LightPart& upper, const LightPart& lower) {
-  const Span columns = common(columns_of(upper), columns_of(lower));
-  const Span between{upper.box.bottom(), lower.box.y};
+bool above(const LitFrame& frame, const LightPart& upper, const LightPart& lower) {
+  const IndexRange columns = common(columns_of(upper), columns_of(lower));
+  const IndexRange between{upper.box.bottom(), lower.box.y};
   if (10 * columns.size() < 8 * std::max(upper.box.width, lower.box.width) || columns.size() < 4 ||
       static_cast<double>(between.size()) * std::max(upper.frequency, lower.frequency) < 1 ||
       between.size() > upper.box.height + lower.box.height)
     return false;
   const std::size_t middle = (columns.begin + columns.end) / 2, length = mean_length(upper, lower);
-  const Span rows{upper.box.y, lower.box.bottom()};
+  const IndexRange rows{upper.box.y, lower.box.bottom()};
   const auto left = swing(frame, {columns.begin, middle}, rows, length);
   const auto right = swing(frame, {middle, columns.end}, rows, length);
   std::vector<double> both(rows.size());
@@ -102,31 +98,26 @@ bool above(const Frame& frame, const LightPart& upper, const LightPart& lower) {
 
 }  // namespace
 
-bool one_light_across(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
-                      const LightPart& b) {
-  const Frame in{frames, frame, dark, floor};
-  return a.box.x <= b.box.x ? beside(in, a, b) : beside(in, b, a);
+bool one_light_across(const LitFrame& frame, const LightPart& a, const LightPart& b) {
+  return a.box.x <= b.box.x ? beside(frame, a, b) : beside(frame, b, a);
 }
 
-bool one_light_down(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& a,
-                    const LightPart& b) {
-  const Frame in{frames, frame, dark, floor};
-  return a.box.y <= b.box.y ? above(in, a, b) : above(in, b, a);
+bool one_light_down(const LitFrame& frame, const LightPart& a, const LightPart& b) {
+  return a.box.y <= b.box.y ? above(frame, a, b) : above(frame, b, a);
 }
 
-std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t frame, double dark, double floor,
-                                    const LightPart& light) {
-  const Frame in{frames, frame, dark, floor};
+std::vector<LightPart> parts_beside(const LitFrame& frame, const LightPart& light) {
   const Region& box = light.box;
-  const Span rows = rows_of(light);
+  const IndexRange rows = rows_of(light);
   const std::size_t length = mean_length(light, light), quarter = light.box.width / 4;
-  if (box.width < 2 * min_strip || likeness(swing(in, {box.x, box.x + quarter}, rows, length),
-                                            swing(in, {box.right() - quarter, box.right()}, rows, length)) >= min_alike)
+  if (box.width < 2 * min_strip ||
+      likeness(swing(frame, {box.x, box.x + quarter}, rows, length),
+               swing(frame, {box.right() - quarter, box.right()}, rows, length)) >= min_alike)
     return {};
   const std::size_t strips = std::min(box.width / min_strip, max_strips);
   const auto edge = [&](std::size_t strip) { return box.x + strip * box.width / strips; };
   std::vector<LightPart> parts;
-  std::vector<double> run = swing(in, {edge(0), edge(1)}, rows, length);
+  std::vector<double> run = swing(frame, {edge(0), edge(1)}, rows, length);
   const auto close = [&](std::size_t first, std::size_t last) {
     if (5 * (edge(last) - edge(first)) < box.width) return;
     const double upper = std::min(2 * light.frequency, 0.499);
@@ -135,7 +126,7 @@ std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t fra
   };
   std::size_t first = 0;
   for (std::size_t strip = 1; strip < strips; ++strip) {
-    const auto next = swing(in, {edge(strip), edge(strip + 1)}, rows, length);
+    const auto next = swing(frame, {edge(strip), edge(strip + 1)}, rows, length);
     if (likeness(run, next) >= min_alike) {
       std::ranges::transform(run, next, run.begin(), std::plus{});
       continue;
@@ -149,13 +140,11 @@ std::vector<LightPart> parts_beside(const AnyFramesView& frames, std::size_t fra
   return parts;
 }
 
-double likeness_of_frames(const AnyFramesView& frames, std::size_t frame, std::size_t other, double dark, double floor,
-                          const LightPart& part) {
+double likeness_of_frames(LitFrame frame, std::size_t other, const LightPart& part) {
   const std::size_t length = mean_length(part, part);
-  const auto in = [&](std::size_t index) {
-    return swing({frames, index, dark, floor}, columns_of(part), rows_of(part), length);
-  };
-  return likeness(in(frame), in(other));
+  const auto here = swing(frame, columns_of(part), rows_of(part), length);
+  frame.index = other;
+  return likeness(here, swing(frame, columns_of(part), rows_of(part), length));
 }
 
 }  // namespace ocisac

@@ -7,7 +7,6 @@
 #include <limits>
 #include <numeric>
 #include <span>
-#include <utility>
 
 #include "lights/profile_frequency.hpp"
 
@@ -37,7 +36,7 @@ class ToneFit {
  public:
   ToneFit(const OwnPixels& pixels, double frequency) : terms_(pixels.profile.size()) {
     const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, max_orders);
-    const Turns turns = turns_of(frequency, terms_.size());
+    const ComplexValues turns = turns_of(frequency, terms_.size());
     for (std::size_t n = 0; n < terms_.size(); ++n) {
       const double x = along(n);
       terms_[n] = {1, x, x * x};
@@ -137,8 +136,8 @@ class ToneFit {
 
 double tone_energy(const OwnPixels& pixels, double frequency) { return ToneFit(pixels, frequency).tone(); }
 
-// Rows with own pixels, from the first to the last: [first, second).
-std::pair<std::size_t, std::size_t> own_rows(const OwnPixels& pixels) {
+// Rows with own pixels, from the first to the last.
+IndexRange own_rows(const OwnPixels& pixels) {
   std::size_t first = 0, end = pixels.weight.size();
   while (first < end && !(pixels.weight[first] > 0)) ++first;
   while (end > first && !(pixels.weight[end - 1] > 0)) --end;
@@ -221,9 +220,9 @@ void centre(OwnPixels& pixels, std::span<const double> wanted) {
   }
 }
 
-// The range [first, second) of the largest sum; empty if no value is positive.
-std::pair<std::size_t, std::size_t> largest_range(std::span<const double> values) {
-  std::pair<std::size_t, std::size_t> best{0, 0};
+// The range of the largest sum; empty if no value is positive.
+IndexRange largest_range(std::span<const double> values) {
+  IndexRange best;
   double largest = 0, sum = 0;
   std::size_t first = 0;
   for (std::size_t i = 0; i < values.size(); ++i) {
@@ -317,7 +316,7 @@ void select(OwnPixels& pixels, const ToneFit& fit, double frequency) {
 
 }  // namespace
 
-OwnPixels own_pixels(const Patch& patch, const SwingMap& swing, const PatchRange& box, std::size_t reach,
+OwnPixels own_pixels(const Patch& patch, const ComplexValues& swing, const PatchRange& box, std::size_t reach,
                      double least) {
   Complex sum = 0;
   for (std::size_t n = box.first_row; n < box.end_row; ++n)

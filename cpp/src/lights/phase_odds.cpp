@@ -58,11 +58,10 @@ double phase_odds(const AnyFramesView& frames, std::size_t frame, const Camera& 
   return phase_odds(changes);
 }
 
-double waveform_odds(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& part) {
+double waveform_odds(const LitFrame& frame, const LightPart& part) {
   double least = 1;
-  const auto others = other_frames(frame, shape_of(frames).frames);
-  for (const std::size_t other : others)
-    least = std::min(least, likeness_of_frames(frames, frame, other, dark, floor, part));
+  const auto others = other_frames(frame.index, shape_of(frame.frames).frames);
+  for (const std::size_t other : others) least = std::min(least, likeness_of_frames(frame, other, part));
   if (others.empty() || (least >= other_waveform && least <= same_waveform)) return 1;
   return least > same_waveform ? light_in_step / (1 - texture_moves) : (1 - light_in_step) / texture_moves;
 }

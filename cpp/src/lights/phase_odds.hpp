@@ -27,6 +27,6 @@ double phase_odds(const AnyFramesView& frames, std::size_t frame, const Camera& 
                   double frequency);
 
 // The same for a waveform, by its least correlation with those of the other frames.
-double waveform_odds(const AnyFramesView& frames, std::size_t frame, double dark, double floor, const LightPart& part);
+double waveform_odds(const LitFrame& frame, const LightPart& part);
 
 }  // namespace ocisac

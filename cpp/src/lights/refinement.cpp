@@ -73,7 +73,8 @@ Part connected_part(const Patch& patch, std::span<const double> aligned, std::ve
 
 // Real part of Σ_n s(n, g)·r*(n) over Σ_n |s(n, g)|·|r(n)| for each group g: 1 where the swing s has the phase of the
 // reference r in all rows, near 0 where its frequency differs by a cycle or more over them.
-std::vector<double> coherence_with(const Patch& patch, const SwingMap& swing, const std::vector<Complex>& reference) {
+std::vector<double> coherence_with(const Patch& patch, const ComplexValues& swing,
+                                   const std::vector<Complex>& reference) {
   std::vector<double> products(patch.stride), sizes(patch.stride);
   for (std::size_t n = 0; n < patch.rows; ++n) {
     const double c = reference[n].real(), s = reference[n].imag(), length = size(reference[n]);
@@ -89,7 +90,7 @@ std::vector<double> coherence_with(const Patch& patch, const SwingMap& swing, co
 
 // Groups that swing with the strongest one of `core`, another lamp on the same rows excluded. Over the rows of a tile a
 // tone of its frequency keeps its phase to half a turn.
-std::vector<std::uint8_t> coherent_groups(const Patch& patch, const SwingMap& swing, const PatchRange& core) {
+std::vector<std::uint8_t> coherent_groups(const Patch& patch, const ComplexValues& swing, const PatchRange& core) {
   std::vector<Complex> sums(patch.groups);
   for_each(patch, core, [&](std::size_t i, std::size_t n) { sums[i - n * patch.stride] += swing[i]; });
   const auto strongest = static_cast<std::size_t>(std::ranges::max_element(sums, {}, size) - sums.begin());
@@ -109,7 +110,7 @@ std::vector<std::uint8_t> coherent_groups(const Patch& patch, const SwingMap& sw
 
 // The light's box: the connected part of largest total swing that begins in the suspect's, in columns that swing
 // together. `clear`: where the suspect's tone is clearest.
-std::optional<Lit> lit_box(const Patch& patch, const SwingMap& swing, const Region& suspect, const Region& clear,
+std::optional<Lit> lit_box(const Patch& patch, const ComplexValues& swing, const Region& suspect, const Region& clear,
                            double edge) {
   const PatchRange clearest = patch.range(clear);
   if (clearest.size() == 0) return {};
@@ -187,7 +188,7 @@ double uneven_variance(const Patch& patch, const PatchRange& core, const std::ve
 
 // Profile weighted with the local swing of log light, in the box and two cycles on each side.
 Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Region& box, double frequency) {
-  const SwingMap swing = demodulator.swing(patch, patch.logs);
+  const ComplexValues swing = demodulator.swing(patch, patch.logs);
   const std::vector<double> fast = fast_logs(patch, frequency);
   const auto cycle = static_cast<std::size_t>(std::lround(1 / frequency));
   const PatchRange core = patch.range(box), wide = patch.range(widened(box, 2 * cycle));
@@ -224,7 +225,7 @@ struct Appearance {
 };
 
 // Σ Im²(z·φ*) / Σ |z|² of the swing z in the box; φ: phase of Σ z.
-double across_phase(const Patch& patch, const SwingMap& swing, const PatchRange& core) {
+double across_phase(const Patch& patch, const ComplexValues& swing, const PatchRange& core) {
   Complex sum = 0, squares = 0;
   double energy = 0;
   for_each(patch, core, [&](std::size_t i, std::size_t) {
@@ -236,7 +237,7 @@ double across_phase(const Patch& patch, const SwingMap& swing, const PatchRange&
   return std::max(0.5 - 0.5 * product(squares, std::conj(product(phase, phase))).real() / energy, 0.0);
 }
 
-Appearance appearance_of(const Patch& patch, const SwingMap& swing, const Region& box, double frequency) {
+Appearance appearance_of(const Patch& patch, const ComplexValues& swing, const Region& box, double frequency) {
   const auto mean = local_means(patch.light, patch.rows, patch.stride, hann_length(frequency));
   const PatchRange core = patch.range(box);
   PatchRange wide = core;
@@ -312,16 +313,15 @@ RefinedLight refined(const Patch& patch, const Profile& profile, const Appearanc
 
 }  // namespace
 
-std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, double dark,
-                                          const Suspect& suspect, double floor, const LightLimits& limits, double edge,
-                                          int rounds) {
+std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, const LightLimits& limits,
+                                          double edge, int rounds) {
   Region box = suspect.box;
   double frequency = suspect.frequency;
   for (int round = 1;; ++round) {
     const std::size_t margin = hann_length(frequency) + 2;
-    const Patch patch = patch_of({frames, frame, dark, floor}, box, {margin, margin});
+    const Patch patch = patch_of(frame, box, margin, margin);
     const Demodulator demodulator(frequency, patch.rows);
-    const SwingMap swing = demodulator.swing(patch, patch.light);
+    const ComplexValues swing = demodulator.swing(patch, patch.light);
     const auto lit = lit_box(patch, swing, box, round == 1 ? suspect.best : box, edge);
     if (!lit || 2 * lit->amplitude < 0.7 * limits.amplitude ||
         static_cast<double>(lit->box.height) < 0.7 * std::max(limits.rows, limits.cycles / frequency))
@@ -341,7 +341,7 @@ std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size
     const bool settled = std::abs(frequency - last) <= settled_frequency * frequency &&
                          static_cast<double>(box.height) <= static_cast<double>(known) + 0.5 / frequency;
     if (round < rounds || (!settled && round < max_rounds)) continue;
-    box.width = std::min(box.width, shape_of(frames).columns - box.x);
+    box.width = std::min(box.width, shape_of(frame.frames).columns - box.x);
     const Appearance appearance = appearance_of(patch, swing, box, frequency);
     if (inside) {
       const auto fitted = fit_outline(own, frequency);

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <optional>
 
+#include "lights/light_patch.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/core/views.hpp"
 
@@ -41,13 +42,11 @@ inline bool much_narrower(const Region& own, const Region& other) { return 5 * o
 // Demodulation at the suspect's frequency f with a Hann window of two cycles, which removes the mean, gives a map of
 // the light's swing. The box is the region where the swing has the phase of its sum. The frequency maximises the energy
 // of f, 2f and 3f in log light weighted by the local swing: a real, positive envelope does not bias the peak, even for
-// few cycles. Its standard error is a jackknife over groups of cycles. `dark`: DN without light; a memoryless tone
-// curve preserves every period. `floor`: of the logarithm, DN. Absent if box or amplitude falls below 0.7 of the limits
-// in a round. `rounds`: minimum; one suffices if the suspect's box and frequency come from the last frame. Rounds go on
-// until box and frequency stand. With `edge` inner_box, box and measures are those of the light's own pixels
-// (own_pixels.hpp): where texture around a lamp swings in phase with it, a whole box is too large.
-std::optional<RefinedLight> refine_source(const AnyFramesView& frames, std::size_t frame, double dark,
-                                          const Suspect& suspect, double floor, const LightLimits& limits,
+// few cycles. Its standard error is a jackknife over groups of cycles. Absent if box or amplitude falls below 0.7 of
+// the limits in a round. `rounds`: minimum; one suffices if the suspect's box and frequency come from the last frame.
+// Rounds go on until box and frequency stand. With `edge` inner_box, box and measures are those of the light's own
+// pixels (own_pixels.hpp): where texture around a lamp swings in phase with it, a whole box is too large.
+std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, const LightLimits& limits,
                                           double edge = whole_box, int rounds = 2);
 
 }  // namespace ocisac

@@ -329,6 +329,8 @@ void add_columns(const FramesView<const T>& view, std::size_t group, float dark,
   }
 }
 
+void move(Region& box, const Region& by) { box.x += by.x, box.y += by.y; }
+
 }  // namespace
 
 Suspect suspect_of(std::vector<Tile> tiles) {
@@ -342,24 +344,10 @@ Suspect suspect_of(std::vector<Tile> tiles) {
   return suspect;
 }
 
-double logarithm_floor(const AnyFramesView& frames, const ToneCurve& curve) {
-  return std::visit(
-      [&]<class T>(const FramesView<const T>& view) {
-        if (std::is_integral_v<T> || curve.white_level != 0)
-          return (white_level(curve, sample_maximum<T>()) - curve.dark_level) / 64;
-        double top = 0;  // floating-point samples without a stated range
-        for (std::size_t f = 0; f < view.frames; ++f)
-          for (std::size_t n = 0; n < view.rows; ++n)
-            for (std::size_t c = 0; c < view.columns; ++c)
-              top = std::max(top, static_cast<double>(view(f, n, c)) - curve.dark_level);
-        return top > 0 ? top / 64 : 1;
-      },
-      frames);
-}
-
-std::vector<Suspect> screen_sources(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
-                                    double false_alarms, Coarsening coarsening) {
-  const auto floor = static_cast<float>(logarithm_floor(frames, curve));
+std::vector<Suspect> screen_sources(const LitFrame& frame, const Region& region, double false_alarms,
+                                    Coarsening coarsening) {
+  const AnyFramesView frames = part_of(frame.frames, region);
+  const auto floor = static_cast<float>(frame.floor);
   const Shape shape = shape_of(frames);
   const std::size_t group = std::clamp<std::size_t>(shape.columns / (2 * tile_groups), 1, widest_group);
   const float min_swing = holds_integers(frames) ? 0.5F : 0.0F;  // a tone of less than half a stored step is ignored
@@ -367,8 +355,8 @@ std::vector<Suspect> screen_sources(const AnyFramesView& frames, std::size_t fra
   finest.begin(floor, min_swing, false_alarms, finest.tiles());
   std::visit(
       [&](const auto& view) {
-        const auto one = view.frame(frame);
-        const auto dark = static_cast<float>(curve.dark_level);
+        const auto one = view.frame(frame.index);
+        const auto dark = static_cast<float>(frame.dark);
         if (std::abs(one.row_stride) < std::abs(one.column_stride))
           add_columns(one, group, dark, finest);
         else
@@ -378,6 +366,10 @@ std::vector<Suspect> screen_sources(const AnyFramesView& frames, std::size_t fra
   std::vector<Suspect> suspects;
   finest.collect(suspects);
   std::ranges::stable_sort(suspects, std::greater{}, &Suspect::evidence);
+  for (Suspect& suspect : suspects) {
+    move(suspect.box, region), move(suspect.best, region);
+    for (Tile& tile : suspect.tiles) move(tile.box, region);
+  }
   return suspects;
 }
 

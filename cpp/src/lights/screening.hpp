@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "ocisac/camera/tone_curve.hpp"
+#include "lights/light_patch.hpp"
 #include "ocisac/core/views.hpp"
 
 namespace ocisac {
@@ -39,10 +39,7 @@ enum class Coarsening : std::uint8_t { both, rows };
 // from `false_alarms`, the expected number per picture; it is at least 0.4, because of texture. Integer samples whose
 // light swings by less than half a step are ignored. Tiles that touch and agree in frequency form one suspect. The
 // strongest come first.
-std::vector<Suspect> screen_sources(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
-                                    double false_alarms, Coarsening coarsening = Coarsening::both);
-
-// Offset added to the light before the logarithm, DN: 1/64 of full light, which suppresses dark areas.
-double logarithm_floor(const AnyFramesView& frames, const ToneCurve& curve);
+std::vector<Suspect> screen_sources(const LitFrame& frame, const Region& region, double false_alarms,
+                                    Coarsening coarsening = Coarsening::both);
 
 }  // namespace ocisac

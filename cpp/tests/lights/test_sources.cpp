@@ -76,7 +76,8 @@ TEST_CASE("a dark picture holds none, and neither does one of few rows") {
 
 TEST_CASE("screening gives the place and, roughly, the frequency") {
   const auto pixels = picture(true);
-  const auto suspects = screen_sources(dense_view(pixels.data(), 1, rows, columns), 0, {}, 0.01);
+  const auto suspects =
+      screen_sources(lit_frame(dense_view(pixels.data(), 1, rows, columns), 0, {}), {0, 0, columns, rows}, 0.01);
   REQUIRE_FALSE(suspects.empty());
   CHECK(suspects.front().frequency == doctest::Approx(0.08).epsilon(0.15));
   CHECK(suspects.front().box.x <= 100);

@@ -5,7 +5,6 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <utility>
 
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/core/flags.hpp"
@@ -24,7 +23,12 @@ struct RecognisedLight {
   Flags flags = 0;
 };
 
-using Place = std::pair<std::ptrdiff_t, std::ptrdiff_t>;  // x and y of a box, possibly outside of the frame
+// Top left corner of a box, possibly outside of the frame.
+struct Place {
+  std::ptrdiff_t x = 0, y = 0;
+
+  friend bool operator==(const Place&, const Place&) = default;
+};
 
 // A light as it looked in the frame in which it was found. Its box is divided into 2 × 8 cells. A box of this size
 // shows the light if

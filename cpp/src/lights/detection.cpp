@@ -1,0 +1,150 @@
+#include "lights/detection.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <numeric>
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kFrequencyApart = 0.04;  // relative: parts that differ by more belong to a light that sends data
+constexpr double kSettledCycles = 5, kSettledPeriodic = 0.95;
+constexpr double kFaint = 0.1;       // amplitude relative to another light's
+constexpr double kReflection = 0.5;  // min strength relative to another light for a separate light
+
+bool one_frequency(double f, double g) { return std::abs(f - g) <= kFrequencyApart * std::max(f, g); }
+
+// Approximate total flux of the box.
+double flux(const RefinedLight& light) { return light.amplitude * static_cast<double>(light.box.pixels()); }
+
+double strength(const Detection& one) {
+  return one.light.amplitude * std::sqrt(static_cast<double>(one.light.box.pixels()));
+}
+
+double middle(const RefinedLight& light) {
+  return static_cast<double>(light.box.y) + 0.5 * static_cast<double>(light.box.height);
+}
+
+// Standard error of the stronger light's phase at the centre of the weaker one, where the error of its own frequency
+// does not matter, rad.
+double phase_spread(const RefinedLight& weak, const RefinedLight& strong) {
+  return 2 * std::numbers::pi * std::abs(middle(weak) - middle(strong)) * strong.frequency_std + 0.3;
+}
+
+bool is_reflection(const RefinedLight& weak, const RefinedLight& strong) {
+  if (!same_frequency(weak, strong) || flux(weak) > kReflection * flux(strong)) return false;
+  const double spread = phase_spread(weak, strong);
+  const double apart = std::remainder(
+      weak.phase - strong.phase + 2 * std::numbers::pi * middle(weak) * (weak.frequency - strong.frequency),
+      2 * std::numbers::pi);
+  return spread >= 1 || std::abs(apart) <= 3 * spread;
+}
+
+}  // namespace
+
+LightPart part_of(const RefinedLight& light) { return {light.box, light.frequency}; }
+
+bool is_tone(const Detection& one) { return !one.data && one.light.periodic >= kPeriodic; }
+
+bool is_settled(const Detection& one) {
+  const double cycles = static_cast<double>(one.light.box.height) * one.light.frequency;
+  return one.data || one.expected ||
+         (is_tone(one) && (cycles >= kSettledCycles || (cycles >= 3 && one.light.periodic >= kSettledPeriodic)));
+}
+
+bool same_frequency(const RefinedLight& weak, const RefinedLight& strong) {
+  const double spread = 3 * std::hypot(weak.frequency_std, strong.frequency_std) + 0.002 * strong.frequency;
+  const double lowest = weak.amplitude < kFaint * strong.amplitude ? 0.03 * strong.frequency : 0;
+  return std::abs(weak.frequency - strong.frequency) <= std::clamp(spread, lowest, 0.05 * strong.frequency);
+}
+
+bool near_frequency(double suspected, double frequency) { return std::abs(suspected - frequency) <= 0.25 * frequency; }
+
+bool covers(const Region& box, const Region& part) { return 2 * shared_pixels(part, box) > part.pixels(); }
+
+bool is_explained(const Region& box, double frequency, const RefinedLight& light) {
+  const auto cycle = static_cast<std::size_t>(std::lround(1 / light.frequency));
+  const bool harmonic = std::ranges::any_of(
+      std::array{1, 2, 3}, [&](int order) { return near_frequency(frequency, order * light.frequency); });
+  Region reach = widened(light.box, cycle);
+  if (!harmonic) reach.x = light.box.x, reach.width = light.box.width;
+  return covers(reach, box);
+}
+
+bool contains(const Suspect& suspect, const RefinedLight& light) {
+  return 2 * shared_pixels(suspect.box, light.box) > light.box.pixels() &&
+         near_frequency(suspect.frequency, light.frequency);
+}
+
+bool are_doubles(const Detection& a, const Detection& b) {
+  return shared_of_smaller(a.light.box, b.light.box) > 0.5 &&
+         !(a.expected && b.expected && !one_frequency(a.light.frequency, b.light.frequency));
+}
+
+bool is_double_of_any(const Detection& one, const std::vector<Detection>& others) {
+  return std::ranges::any_of(others, [&](const Detection& other) { return are_doubles(one, other); });
+}
+
+std::vector<Detection> without_doubles(std::vector<Detection> found) {
+  std::ranges::stable_sort(found, std::greater{}, strength);
+  std::vector<Detection> kept;
+  for (const Detection& one : found) {
+    const auto twin = std::ranges::find_if(kept, [&](const Detection& other) { return are_doubles(one, other); });
+    if (twin == kept.end())
+      kept.push_back(one);
+    else
+      ++twin->merged;
+  }
+  return kept;
+}
+
+std::vector<Detection> with_joined_parts(const LitFrame& frame, std::vector<Detection> found) {
+  for (std::size_t i = 0; i < found.size(); ++i)
+    for (std::size_t k = i + 1; k < found.size();) {
+      Detection &one = found[i], &other = found[k];
+      const LightPart a{one.box, one.light.frequency}, b{other.box, other.light.frequency};
+      const bool beside = one_light_across(frame, a, b);
+      if (!beside && !one_light_down(frame, a, b)) {
+        ++k;
+        continue;
+      }
+      one.expected = one.expected || other.expected;
+      one.reported = std::max(one.reported, other.reported);
+      one.data = one.data || other.data || !beside || !one_frequency(one.light.frequency, other.light.frequency);
+      one.merged += 1 + other.merged;
+      one.joined = true;
+      one.box = hull(one.box, other.box);
+      found.erase(found.begin() + static_cast<std::ptrdiff_t>(k));
+      k = i + 1;
+    }
+  return found;
+}
+
+std::vector<Detection> with_reflections(std::vector<Detection> found) {
+  for (std::size_t i = 1; i < found.size(); ++i)
+    for (std::size_t k = 0; k < i && !found[i].reflection_of && !found[i].expected; ++k) {
+      if (found[k].reflection_of || !is_reflection(found[i].light, found[k].light)) continue;
+      found[i].reflection_of = k;
+      found[i].reflection_by_phase = phase_spread(found[i].light, found[k].light) < 1;
+    }
+  return found;
+}
+
+std::vector<Detection> by_probability(const std::vector<Detection>& found) {
+  std::vector<std::size_t> order(found.size()), place(found.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(order, std::greater{}, [&](std::size_t i) { return found[i].reported; });
+  for (std::size_t k = 0; k < order.size(); ++k) place[order[k]] = k;
+  std::vector<Detection> sorted;
+  for (const std::size_t i : order) {
+    sorted.push_back(found[i]);
+    if (auto& of = sorted.back().reflection_of) of = place[*of];
+  }
+  return sorted;
+}
+
+}  // namespace ocisac

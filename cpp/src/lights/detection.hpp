@@ -1,0 +1,76 @@
+// Detections of one frame and how they belong together: doubles, parts of one light, reflections.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "lights/light_patch.hpp"
+#include "lights/merging.hpp"
+#include "lights/refinement.hpp"
+#include "lights/screening.hpp"
+#include "ocisac/core/views.hpp"
+
+namespace ocisac {
+
+// A tone or a waveform that may be a light.
+struct Detection {
+  RefinedLight light;      // the strongest part
+  Region box;              // of all parts
+  std::size_t merged = 0;  // detections in it beside the first
+  bool joined = false;     // of parts beside or above each other
+  bool data = false;       // frequencies differ, or no tone spans the parts
+  bool expected = false;   // from the last frame
+  std::optional<std::size_t> reflection_of = {};
+  bool reflection_by_phase = false;
+  double odds = 1;         // of a light by the phase in other frames
+  double alone = 0;        // probability without regard to other lights
+  double probability = 0;  // with regard to them
+  double reported = 0;     // probability for users
+};
+
+LightPart part_of(const RefinedLight& light);
+
+// Min share of the swing common to the columns that a tone or a square wave explains; data has less.
+constexpr double kPeriodic = 0.7;
+
+// True for a tone, or a square wave, by the periodic share of its swing.
+bool is_tone(const Detection& one);
+
+// True if the detection is certain to be no part of a light that sends data, whose chips alternate for fewer cycles.
+bool is_settled(const Detection& one);
+
+// Compares frequencies with a tolerance: texture under a faint reflection biases its frequency by more than the
+// standard error.
+bool same_frequency(const RefinedLight& weak, const RefinedLight& strong);
+
+// Compares frequencies; that of a suspect or tile is accurate to half a cycle of at least 2.5.
+bool near_frequency(double suspected, double frequency);
+
+bool covers(const Region& box, const Region& part);
+
+// True if a suspect or tile lies in a light's box, or at most a cycle above or below it, or beside it at a frequency of
+// that light: it needs no refinement.
+bool is_explained(const Region& box, double frequency, const RefinedLight& light);
+
+// True if a coarse suspect contains a light of its frequency.
+bool contains(const Suspect& suspect, const RefinedLight& light);
+
+// True if boxes share half of the smaller one at any frequency; lights known to be separate may cross.
+bool are_doubles(const Detection& a, const Detection& b);
+bool is_double_of_any(const Detection& one, const std::vector<Detection>& others);
+
+// Merges double detections of a light into the stronger one. The strongest come first.
+std::vector<Detection> without_doubles(std::vector<Detection> found);
+
+// Joins the parts of a light that sends data, which is periodic in places; repeats with the joined parts.
+std::vector<Detection> with_joined_parts(const LitFrame& frame, std::vector<Detection> found);
+
+// Marks reflections among detections, the strongest first. A reflection has the light's phase at row 0; if the distance
+// in rows is too large to extrapolate the phase, only frequencies are compared.
+std::vector<Detection> with_reflections(std::vector<Detection> found);
+
+// The most probable first, then the strongest.
+std::vector<Detection> by_probability(const std::vector<Detection>& found);
+
+}  // namespace ocisac

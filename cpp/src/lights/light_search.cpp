@@ -1,0 +1,302 @@
+#include "lights/light_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <iterator>
+#include <optional>
+#include <utility>
+
+#include "core/check_interrupt.hpp"
+#include "lights/data_light.hpp"
+#include "lights/merging.hpp"
+#include "lights/refinement.hpp"
+#include "lights/screening.hpp"
+#include "ocisac/camera/linear_light.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t kMaxSuspects = 256;
+constexpr std::size_t kMinColumns = 8;  // beside a light
+constexpr double kMuchClearer = 1.5;    // ratio of signal-to-noise ratios
+constexpr double kEdgesBeyond = 1.5;    // cycles that both edges of a whole box may lie beyond those of the own pixels
+constexpr double kShortestInner = 2;    // cycles of an inner box; its outline may be longer
+
+using Columns = IndexRange;
+
+Columns all_columns(const SearchedFrame& in) { return {0, shape_of(in.frame.frames).columns}; }
+
+Surroundings around(const Detections& found) { return {found.suspects, found.lights}; }
+
+std::vector<Suspect> suspects_in(const SearchedFrame& in, const Region& region, Coarsening coarsening) {
+  auto suspects = screen_sources(in.frame, region, in.options.false_alarms, coarsening);
+  suspects.resize(std::min(suspects.size(), kMaxSuspects));
+  return suspects;
+}
+
+// Refinement that sees the columns `within` alone.
+std::optional<RefinedLight> refine(const SearchedFrame& in, Suspect suspect, const Columns& within, double edge) {
+  LitFrame part = in.frame;
+  part.frames = part_of(in.frame.frames, {within.begin, 0, within.size(), shape_of(in.frame.frames).rows});
+  suspect.box.x -= within.begin, suspect.best.x -= within.begin;
+  const LightLimits inner{in.limits.rows, kShortestInner, in.limits.amplitude};
+  auto light = refine_source(part, suspect, edge == inner_box ? inner : in.limits, edge);
+  if (light) light->box.x += within.begin;
+  return light;
+}
+
+Suspect suspect_at(const Region& box, double frequency) { return {box, frequency, 1, 0, box}; }
+
+// The part of a suspect that no light explains.
+std::optional<Suspect> unexplained(const Suspect& suspect, std::span<const Detection> lights) {
+  const auto known = [&](const auto& one) {
+    return std::ranges::any_of(
+        lights, [&](const Detection& other) { return is_explained(one.box, one.frequency, other.light); });
+  };
+  if (known(suspect)) return {};
+  std::vector<Tile> tiles;
+  std::ranges::remove_copy_if(suspect.tiles, std::back_inserter(tiles), known);
+  if (tiles.empty()) return {};
+  auto rest = suspect_of(std::move(tiles));
+  if (known(rest)) return {};
+  return rest;
+}
+
+bool is_explained(const Suspect& suspect, const RefinedLight& light) {
+  return is_explained(suspect.box, suspect.frequency, light) || contains(suspect, light);
+}
+
+// A light, or adjacent lamps that were detected as one, each refined in its own columns.
+std::vector<Detection> lamps_of(const SearchedFrame& in, const Detection& light, const Detections& found) {
+  std::vector<Detection> lamps;
+  for (const LightPart& part : parts_beside(in.frame, part_of(light.light))) {
+    const auto lamp = refine(in, suspect_at(part.box, part.frequency), {part.box.x, part.box.right()}, whole_box);
+    const auto one = lamp ? judged(in, *lamp, around(found)) : std::nullopt;
+    if (one && is_convincing(in, *one, found.suspects)) lamps.push_back(*one);
+  }
+  if (lamps.size() < 2) lamps.assign(1, light);
+  return lamps;
+}
+
+Detections with_tone(const SearchedFrame& in, Detections found, const Detection& light) {
+  std::ranges::copy(lamps_of(in, light, found), std::back_inserter(found.lights));
+  return found;
+}
+
+// The tone of a suspect: that of the inner box about its clearest tile where the whole one does not convince. The phase
+// in other frames tells the same of both.
+std::optional<Detection> most_probable(const SearchedFrame& in, const Suspect& suspect, Detections& found) {
+  const auto tone = [&](const Suspect& of, double edge) {
+    const auto light = refine(in, of, all_columns(in), edge);
+    return light ? judged(in, *light, around(found)) : std::nullopt;
+  };
+  const auto by_this_frame = [&](const Detection& one) { return judged_again(one, around(found), false); };
+  const auto whole = tone(suspect, whole_box);
+  if (whole && is_convincing(in, by_this_frame(*whole), found.suspects)) return whole;
+  const auto inner = tone({suspect.best, suspect.frequency, suspect.share, 0, suspect.best}, inner_box);
+  const bool better = inner && (!whole || by_this_frame(*inner).probability > by_this_frame(*whole).probability);
+  if (const auto& other = better ? whole : inner) found.less_probable.push_back(*other);
+  return better ? inner : whole;
+}
+
+// A light leaves what it does not explain, such as another lamp beside it.
+Detections with_tones_of(const SearchedFrame& in, Detections found, const Suspect& suspect) {
+  for (auto rest = unexplained(suspect, found.lights); rest;) {
+    const auto one = most_probable(in, *rest, found);
+    if (!one) break;
+    if (!is_convincing(in, *one, found.suspects)) {
+      found.doubtful.push_back(*one);
+      break;
+    }
+    found = with_tone(in, std::move(found), *one);
+    auto left = unexplained(*rest, found.lights);
+    if (left && left->tiles.size() == rest->tiles.size()) break;
+    rest = std::move(left);
+  }
+  return found;
+}
+
+Detections with_tones(const SearchedFrame& in, Detections found, std::span<const Suspect> suspects,
+                      std::span<const double> frequencies) {
+  for (const Suspect& suspect : suspects) {
+    check_interrupt();
+    const auto near = [&](double frequency) { return near_frequency(suspect.frequency, frequency); };
+    if (frequencies.empty() || std::ranges::any_of(frequencies, near))
+      found = with_tones_of(in, std::move(found), suspect);
+  }
+  return found;
+}
+
+// Suspects that belong to lights are no chances of a texture: without them, a fainter light may convince. `earlier`:
+// number of lights found before this search.
+Detections reconsidered(const SearchedFrame& in, Detections found, std::span<const Suspect> suspects,
+                        std::size_t earlier) {
+  for (;;) {
+    found.suspects = 1 + static_cast<std::size_t>(std::ranges::count_if(suspects, [&](const Suspect& suspect) {
+                       return std::ranges::none_of(
+                           found.lights, [&](const Detection& one) { return is_explained(suspect, one.light); });
+                     }));
+    for (std::size_t i = earlier; i < found.lights.size(); ++i)
+      found.lights[i] = judged_again(found.lights[i], around(found));
+    for (Detection& one : found.doubtful) one = judged_again(one, around(found));
+    const auto next = std::ranges::find_if(found.doubtful, [&](const Detection& one) {
+      return is_convincing(in, one, found.suspects) && !is_double_of_any(one, found.lights);
+    });
+    if (next == found.doubtful.end()) return found;
+    const Detection one = *next;
+    found.doubtful.erase(next);
+    found = with_tone(in, std::move(found), one);
+  }
+}
+
+// A lamp of another frequency in the columns `within` beside a light; `searched`: those near it.
+Detections with_lamps_beside(const SearchedFrame& in, Detections found, const RefinedLight& light,
+                             const Region& searched, const Columns& within) {
+  if (searched.width < kMinColumns) return found;
+  for (const Suspect& suspect : suspects_in(in, searched, Coarsening::rows)) {
+    const auto known = [&](const Detection& one) {
+      return covers(one.light.box, suspect.box) || contains(suspect, one.light);
+    };
+    if (std::ranges::any_of(found.lights, known) ||
+        one_light_across(in.frame, part_of(light), {suspect.box, suspect.frequency}))
+      continue;
+    const auto other = refine(in, suspect, within, whole_box);
+    const auto one = other && !same_frequency(*other, light) ? judged(in, *other, around(found)) : std::nullopt;
+    if (one && is_convincing(in, *one, found.suspects) && !is_double_of_any(*one, found.lights))
+      found = with_tone(in, std::move(found), *one);
+  }
+  return found;
+}
+
+// Tiles that resolve a light's cycle are up to two cycles wide and show the light alone where a lamp beside it is
+// narrower. The columns beside it are screened by themselves, for lamps of other frequencies.
+Detections searched_beside(const SearchedFrame& in, Detections found, const RefinedLight light) {
+  const Shape shape = shape_of(in.frame.frames);
+  const auto cycle = static_cast<std::size_t>(std::lround(1 / light.frequency));
+  const std::size_t right = std::min(light.box.right(), shape.columns);
+  Region near = widened(light.box, std::max(light.box.height, 2 * cycle));
+  near.y = light.box.y - std::min(light.box.y, 2 * cycle);
+  near.height = std::min(light.box.bottom() + 2 * cycle, shape.rows) - near.y;
+  const std::size_t end = std::max(right, std::min(near.right(), shape.columns));
+  found = with_lamps_beside(in, std::move(found), light, {near.x, near.y, light.box.x - near.x, near.height},
+                            {0, light.box.x});
+  return with_lamps_beside(in, std::move(found), light, {right, near.y, end - right, near.height},
+                           {right, shape.columns});
+}
+
+// True for a tone, and for lamps above each other, whose columns also have a common swing.
+bool is_made_of_tones(const RefinedLight& light, std::span<const Detection> lights) {
+  std::size_t rows = 0;
+  for (const Detection& one : lights)
+    if (is_tone(one) && is_settled(one) &&
+        shared_length(one.light.box.x, one.light.box.width, light.box.x, light.box.width) > 0)
+      rows += shared_length(one.light.box.y, one.light.box.height, light.box.y, light.box.height);
+  return 2 * rows > light.box.height;
+}
+
+Detections with_data(const SearchedFrame& in, Detections found, std::span<const Suspect> suspects) {
+  std::vector<RefinedLight> tones;  // that were joined into lights
+  for (const Suspect& suspect : suspects) {
+    check_interrupt();
+    const auto explains = [&](const RefinedLight& light) { return is_explained(suspect, light); };
+    if (std::ranges::any_of(tones, explains) ||
+        std::ranges::any_of(found.lights, [&](const Detection& one) { return is_settled(one) && explains(one.light); }))
+      continue;
+    const auto data = find_data_light(in.frame, suspect);
+    auto one = data ? judged(in, *data, suspects.size()) : std::nullopt;
+    if (!one) continue;
+    found.waveforms.push_back(candidate_of(in, *one, features_of(*data, suspects.size()), false, true));
+    if (!is_convincing(in, *one)) continue;
+    if (is_made_of_tones(one->light, found.lights)) {
+      tones.push_back(one->light);
+      continue;
+    }
+    one->merged = std::erase_if(found.lights, [&](const Detection& other) {
+      return !other.expected && shared_of_smaller(other.light.box, one->light.box) > 0.5;
+    });
+    found.lights.push_back(*one);
+  }
+  return found;
+}
+
+// Frequency of a short light from its own pixels, without bias by its outline. Box and measures too where they are
+// much clearer and the box is shorter: texture that swings in phase with the light made its box too large. A sharp
+// edge is 0.4 cycles further out at 0.15 of the amplitude than it is. Absent if the light is too short then.
+std::optional<Detection> sharpened(const SearchedFrame& in, Detection one) {
+  RefinedLight& light = one.light;
+  if (one.data || light.inside || static_cast<double>(light.box.height) * light.frequency > longest_inner) return one;
+  const auto own = refine(in, suspect_at(light.box, light.frequency), all_columns(in), inner_box);
+  if (!own || !near_frequency(own->frequency, light.frequency)) return one;
+  const bool fits = is_measurable(*own, in.limits);
+  const auto shorter = static_cast<double>(light.box.height) - static_cast<double>(own->box.height);
+  const bool smaller = shorter * light.frequency >= kEdgesBeyond || much_narrower(own->box, light.box);
+  if (!one.expected && smaller && own->snr >= kMuchClearer * light.snr) {
+    if (!fits) return {};
+    light = *own, one.box = own->box;
+  } else if (fits) {
+    light.frequency = own->frequency, light.frequency_std = own->frequency_std, light.phase = own->phase;
+  }
+  return one;
+}
+
+}  // namespace
+
+bool add_expected(const SearchedFrame& in, const Region& box, double cycles_per_row, Detections& found) {
+  const auto light = refine_source(in.frame, suspect_at(box, cycles_per_row), in.limits, whole_box, 1);
+  auto one = light ? judged(in, *light, around(found)) : std::nullopt;
+  if (!one || !is_convincing(in, *one, found.suspects)) return false;
+  one->expected = true;
+  if (is_double_of_any(*one, found.lights)) return false;
+  found.lights.push_back(*one);
+  return true;
+}
+
+Detections searched(const SearchedFrame& in, Detections found, const Region& region,
+                    std::span<const double> frequencies) {
+  const auto suspects = suspects_in(in, region, Coarsening::both);
+  const std::size_t earlier = found.lights.size();
+  found.suspects = suspects.size();
+  found.doubtful.clear();
+  found = with_tones(in, std::move(found), suspects, frequencies);
+  found = reconsidered(in, std::move(found), suspects, earlier);
+  if (!frequencies.empty()) return found;
+  for (std::size_t i = 0; i < found.lights.size(); ++i) {
+    const Detection light = found.lights[i];
+    if (std::none_of(found.lights.begin(), found.lights.begin() + static_cast<std::ptrdiff_t>(i),
+                     [&](const Detection& one) { return are_doubles(one, light); }))
+      found = searched_beside(in, std::move(found), light.light);
+  }
+  return with_data(in, std::move(found), suspects);
+}
+
+std::vector<Detection> listed_lights(const SearchedFrame& in, Detections found) {
+  std::vector<Detection> lights;
+  for (const Detection& one : without_doubles(std::move(found.lights)))
+    if (const auto sharp = sharpened(in, one)) lights.push_back(*sharp);
+  lights = without_doubles(std::move(lights));  // boxes of a light and of texture that it is part of
+  lights = with_reflections(with_joined_parts(in.frame, std::move(lights)));
+  lights.resize(std::min(lights.size(), in.options.max_sources));
+  return by_probability(lights);
+}
+
+std::vector<LightCandidate> tone_candidates(const SearchedFrame& in, const Detections& found) {
+  std::vector<LightCandidate> all;
+  const auto add = [&](const Detection& one, bool listed) {
+    if (one.data) return;
+    const Detection now = judged_again(one, around(found));
+    if (const auto sharp = sharpened(in, now))
+      all.push_back(candidate_of(in, *sharp, features_of(now, around(found)), now.light.inside, listed));
+  };
+  for (const Detection& one : found.less_probable) add(one, false);
+  auto tones = without_doubles(found.lights);
+  auto doubtful = found.doubtful;
+  std::ranges::stable_sort(doubtful, std::greater{}, &Detection::probability);
+  for (const Detection& one : doubtful)
+    if (!is_double_of_any(one, tones)) tones.push_back(one);
+  for (const Detection& one : tones) add(one, true);
+  return all;
+}
+
+}  // namespace ocisac

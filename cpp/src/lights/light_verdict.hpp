@@ -1,0 +1,55 @@
+// Decides whether a tone or a waveform of a frame is a light: what is measurable, its probability, the one required.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "lights/data_light.hpp"
+#include "lights/detection.hpp"
+#include "lights/light_patch.hpp"
+#include "lights/light_probability.hpp"
+#include "lights/refinement.hpp"
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/lights/detect_sources.hpp"
+
+namespace ocisac {
+
+// A frame in which lights are searched, among others that are compared with it, and what is required of its lights.
+struct SearchedFrame {
+  LitFrame frame;
+  Camera camera;
+  DetectOptions options;
+  LightLimits limits;
+};
+SearchedFrame searched_frame(const AnyFramesView& frames, std::size_t index, const Camera& camera,
+                             const DetectOptions& options);
+
+// Chances of a texture: the suspects that no light explains; and the lights found beside it.
+struct Surroundings {
+  std::size_t suspects = 1;
+  std::span<const Detection> lights;
+};
+
+ToneFeatures features_of(const Detection& one, const Surroundings& around);
+
+// True for a tone of enough rows, cycles and amplitude. The pixels of an outline agree with a tone, or it is none.
+bool is_measurable(const RefinedLight& light, const LightLimits& limits);
+
+// A measurable tone with its probability.
+std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const Surroundings& around);
+
+// The tone with its probabilities among other suspects and lights. `other_frames`: false judges by one frame.
+Detection judged_again(Detection one, const Surroundings& around, bool other_frames = true);
+
+bool is_convincing(const SearchedFrame& in, const Detection& one, std::size_t suspects);
+
+// A waveform with enough evidence and its probability. `suspects`: those of the picture.
+std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, std::size_t suspects);
+bool is_convincing(const SearchedFrame& in, const Detection& data);
+
+LightCandidate candidate_of(const SearchedFrame& in, const Detection& one, std::span<const double> features,
+                            bool inside, bool listed);
+
+}  // namespace ocisac
