@@ -7,10 +7,8 @@ is told, told wrong, or not told. Every chip has its log-likelihood ratio L and 
 1 / (1 + exp(|L|)); by decades of it, the share of wrong chips is compared with the mean rate told. Chips are numbered
 by the frame's own clock; a frame may be a chip early or late as a whole, the choice that the phase leaves.
 
-usage: bench/calibration.py [--chips N] [--first SEED] [--state FILE] [--processes N] [--picture FILE] [--text FILE]
-    [--json] [--check payloads|rates]
-
---state: a file of the counts so far, kept after every few draws; a run that finds one goes on from there.
+usage: bench/calibration.py [--chips N] [--first SEED] [--processes N] [--picture FILE] [--text FILE] [--json]
+    [--check payloads|rates]
 
 --check: exit status 1 for a wrong payload; with rates, also for a decade whose share is not within a factor of two of
 the rate told.
@@ -26,7 +24,6 @@ import math
 import multiprocessing
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -201,40 +198,18 @@ def counted(draw: Draw) -> Counts:
     return counts
 
 
-def kept_counts(state: Path, first: int) -> Counts:
-    """Counts of an earlier run, from the same seed on."""
-    kept = json.loads(state.read_text())
-    if kept.pop("first") != first:
-        raise SystemExit(f"state: {state} counts draws from another seed on, allowed: of --first {first}")
-    empty = Counts.none()
-    for name, value in kept.items():
-        is_array = isinstance(value, list)
-        setattr(empty, name, np.array(value, getattr(empty, name).dtype) if is_array else value)
-    return empty
-
-
-def keep_counts(state: Path, first: int, counts: Counts) -> None:
-    """Replace the state, as a whole."""
-    part = state.with_name(state.name + ".part")
-    part.write_text(json.dumps({"first": first, **facts_of(counts)}))
-    part.replace(state)
-
-
 def facts_of(counts: Counts) -> dict[str, Any]:
     """For JSON."""
     return {name: np.asarray(value).tolist() for name, value in dataclasses.asdict(counts).items()}
 
 
-def measure(chips: int, first: int, processes: int, state: Path | None) -> Counts:
+def measure(chips: int, first: int, processes: int) -> Counts:
     """Draws from a seed on, until at least so many chips are read, a few at once."""
-    total = kept_counts(state, first) if state and state.exists() else Counts.none()
-    seeds = itertools.count(first + total.draws)
+    total, seeds = Counts.none(), itertools.count(first)
     with multiprocessing.get_context("spawn").Pool(processes or None) as pool:
         while total.chips.sum() < chips:
             for counts in pool.imap(counted, [Draw.of(seed) for seed in itertools.islice(seeds, _AT_ONCE)]):
                 total.add(counts)
-                if state:
-                    keep_counts(state, first, total)
                 text = f"{total.draws} draws, {total.chips.sum()} chips, {total.wrong_payloads} wrong payloads"
                 print(text, file=sys.stderr, flush=True)
     return total
@@ -292,7 +267,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
     parser.add_argument("--chips", type=int, default=1_000_000, help="chips to read, at least (default 1000000)")
     parser.add_argument("--first", type=int, default=0, help="seed of the first draw")
-    parser.add_argument("--state", type=Path, help="file of the counts so far, from which a later run goes on")
     parser.add_argument("--processes", type=int, default=0, help="at once; 0: one for each processor")
     parser.add_argument("--picture", help="draw shares over rates to a .png, .svg or .pdf")
     parser.add_argument(
@@ -301,7 +275,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("--check", choices=["payloads", "rates"], help="exit code 1 for a wrong payload, or rate")
     asked = parser.parse_args()
-    counts = measure(asked.chips, asked.first, asked.processes, asked.state)
+    counts = measure(asked.chips, asked.first, asked.processes)
     if asked.picture:
         draw_picture(asked.picture, counts)
     if asked.text:

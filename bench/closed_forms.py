@@ -12,22 +12,22 @@ CHIP_LEVELS = np.random.default_rng(2).integers(0, 2, 1000).astype(float)
 
 
 class ClosedForms:
-    """Mean light of each row of each frame in float64, some frames at a time, in memory that is kept.
+    """Mean light of each row of each frame in float64, in memory that is kept.
 
     NumPy gives the memory of large results back, and whether it is cheap to get again depends on what ran before: a
     frame of square waves took 25 or 45 ms.
     """
 
-    def __init__(self, shape: tuple[int, int], camera: Camera, at_a_time: int) -> None:
+    def __init__(self, shape: tuple[int, int], camera: Camera) -> None:
         """``shape``: (frames, rows); ``camera`` with exposure and frame time."""
         assert camera.exposure is not None
         assert camera.frame_time is not None
-        self._exposure, self._at_a_time = camera.exposure, at_a_time
+        self._exposure = camera.exposure
         frames, rows = shape
         self._rows = np.arange(rows) * camera.row_time
         self._starts = np.arange(frames)[:, None] * camera.frame_time
-        self._times, self._part, self._end, self._begin = (np.empty((at_a_time, rows)) for _ in range(4))
-        self._index, self._turns = (np.empty((at_a_time, rows), np.int64) for _ in range(2))
+        self._times, self._part, self._end, self._begin = (np.empty(shape) for _ in range(4))
+        self._index, self._turns = (np.empty(shape, np.int64) for _ in range(2))
         self._sums = np.concatenate([[0.0], np.cumsum(CHIP_LEVELS)])
 
     def tone(self, out: np.ndarray) -> None:
@@ -76,12 +76,10 @@ class ClosedForms:
         self, light: Callable[[np.ndarray, np.ndarray], None], scale: float, steady: float, out: np.ndarray
     ) -> None:
         """steady + scale (light(t) - light(t - T_e)) / T_e."""
-        for first in range(0, len(out), self._at_a_time):
-            means = out[first : first + self._at_a_time]
-            np.add(self._starts[first : first + self._at_a_time], self._rows, out=self._times)
-            light(self._times, self._end)
-            np.subtract(self._times, self._exposure, out=self._times)
-            light(self._times, self._begin)
-            np.subtract(self._end, self._begin, out=self._end)
-            np.multiply(self._end, scale / self._exposure, out=means)
-            np.add(means, steady, out=means)
+        np.add(self._starts, self._rows, out=self._times)
+        light(self._times, self._end)
+        np.subtract(self._times, self._exposure, out=self._times)
+        light(self._times, self._begin)
+        np.subtract(self._end, self._begin, out=self._end)
+        np.multiply(self._end, scale / self._exposure, out=out)
+        np.add(out, steady, out=out)

@@ -3,13 +3,10 @@
 
 Random chips through an exposure, with random rate and phase for every frame of 1080 rows; chips cut by the frame's ends
 are excluded. The limits are the project's aims; a limit is reached if the error rate is below it. The channel is known.
-With --estimated the grid of exposures, rows per chip and noise is measured as in bench/timing.py, from a preamble and a
-nominal rate alone, and compared with the most likely sequence for a known channel. --anywhere pools one frame each of
-random decodable settings within the grid. --picture draws every detector's error rate over the exposure, the
-theoretical one, and the bound of the closest pair.
+bench/timing.py measures the same with the channel estimated. --picture draws every detector's error rate over the
+exposure, the theoretical one, and the bound of the closest pair.
 
-usage: bench/detection.py [--frames N] [--method NAME] [--grid | --estimated [--quick]] [--json] [--check]
-       bench/detection.py --anywhere SETTINGS [--json] [--check]
+usage: bench/detection.py [--frames N] [--method NAME] [--json] [--check]
        bench/detection.py --picture FILE [--frames N]
 """
 
@@ -23,22 +20,19 @@ import sys
 import time
 
 import numpy as np
-import timing
+from chip_frames import ROWS, make_frame
 
 from ocisac_fast.chips import DETECTORS, closest_pair_distance, detector_error_rates
-from studies.chart.detectors import Setting, make_frame
-
-ROWS = 1080
 
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """Exposure in chips, rows per chip, noise over the swing; limit of the error rate."""
+    """Exposure in chips, rows per chip, noise over the swing; limit of the error rate, infinite without one."""
 
     exposure_chips: float
     rows_per_chip: float
     noise: float
-    limit: float | None = None
+    limit: float = math.inf
 
 
 AIMS = (
@@ -47,15 +41,6 @@ AIMS = (
     *(Case(14.0, rows, 0.01, 1e-4) for rows in (4.0, 7.0)),
     Case(1.0, 1.0, 0.02, 1e-3),
 )
-GRID = tuple(
-    Case(exposure, rows, noise)
-    for exposure in (0.5, 1.0, 3.0, 5.0, 7.0, 10.0)
-    for rows in (2.0, 4.0, 7.0)
-    for noise in (0.01, 0.02, 0.04)
-)
-
-
-QUICK_EXPOSURES = (0.5, 3.0, 7.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,9 +59,9 @@ class Result:
         return self.wrong / self.chips
 
     @property
-    def reached(self) -> bool | None:
-        """True if the rate is below the limit; None without a limit."""
-        return None if self.case.limit is None else self.rate < self.case.limit
+    def reached(self) -> bool:
+        """True if the rate is below the limit."""
+        return self.rate < self.case.limit
 
 
 def bound_of(exposure: float, rows_per_chip: float, noise: float) -> float:
@@ -88,54 +73,16 @@ def bound_of(exposure: float, rows_per_chip: float, noise: float) -> float:
 def measure(case: Case, frames: int, method: str, seed: int = 1) -> Result:
     """Count errors over the frames; also the least time of one detection."""
     random = np.random.default_rng(seed)
-    setting = Setting(case.exposure_chips, case.rows_per_chip, case.noise)
     wrong = total = 0
     least = math.inf
     for _ in range(frames):
-        frame = make_frame(setting, random, ROWS)
+        frame = make_frame(case.exposure_chips, case.rows_per_chip, case.noise, random)
         begin = time.perf_counter()
         found = frame.detect(method)
         least = min(least, time.perf_counter() - begin)
-        whole = frame.whole
-        wrong += int(np.sum((found > 0)[whole] != frame.chips[whole]))
-        total += int(np.sum(whole))
+        errors, whole = frame.errors(found)
+        wrong, total = wrong + errors, total + whole
     return Result(case, total, wrong, bound_of(case.exposure_chips, case.rows_per_chip, case.noise), 1e3 * least)
-
-
-def measure_estimated(frames: int, quick: bool, as_json: bool) -> bool:
-    """Measure the grid with everything estimated, one line per setting; True if every setting is good."""
-    exposures = QUICK_EXPOSURES if quick else timing.EXPOSURES
-    good = True
-    if not as_json:
-        timing.print_heading()
-    for exposure in exposures:
-        for rows_per_chip in timing.ROWS_PER_CHIP:
-            for noise in timing.NOISES:
-                got = timing.measure(rows_per_chip, exposure, noise, frames, False)
-                good = good and timing.is_good(got)
-                print(json.dumps(got) if as_json else timing.line(got), flush=True)
-    return good
-
-
-def measure_anywhere(settings: int, as_json: bool) -> bool:
-    """Measure one frame of each random setting within the grid, pooled as one setting; True if it is good."""
-    random = np.random.default_rng(0)
-    frames = []
-    while len(frames) < settings:
-        exposure, rows_per_chip = random.uniform(0.5, 14.0), random.uniform(2.0, 7.0)
-        noise = float(random.choice(timing.NOISES))
-        if detector_error_rates(rows_per_chip, exposure * rows_per_chip, noise).mlse < timing.DECODABLE:
-            frames.append(timing.measure(rows_per_chip, exposure, noise, 1, False))
-    names = [name for name in frames[0] if name.startswith("chip_error_rate")]
-    got = {name: sum(frame[name] * frame["chips"] for frame in frames) for name in names}
-    got |= {name: sum(frame[name] for frame in frames) for name in ("chips", "frames_lost", "frames_clock_off")}
-    got |= {name: got[name] / got["chips"] for name in names}
-    rates = " ".join(
-        f"{name.removeprefix('chip_error_rate').strip('_') or 'estimated'} {got[name]:.1e}" for name in names
-    )
-    text = f"{settings} settings, {got['chips']} chips; wrong: {rates}; frames lost {got['frames_lost']}"
-    print(json.dumps(got) if as_json else f"{text}, clocks off by more than 0.1 % {got['frames_clock_off']}")
-    return timing.is_good(got)
 
 
 def draw(path: str, frames: int) -> None:
@@ -178,7 +125,7 @@ def print_table(results: list[Result]) -> None:
     print("chips/exposure  rows/chip  noise     chips   wrong      rate  closest pair      ms  limit")
     for r in results:
         case = r.case
-        limit = "" if case.limit is None else f"{case.limit:g}  {'reached' if r.reached else 'NOT REACHED'}"
+        limit = f"{case.limit:g}  {'reached' if r.reached else 'NOT REACHED'}"
         print(
             f"{case.exposure_chips:14g}  {case.rows_per_chip:9g}  {case.noise:5.2f}  {r.chips:8d}  {r.wrong:6d}"
             f"  {r.rate:8.1e}  {r.bound:12.1e}  {r.milliseconds:6.3f}  {limit}"
@@ -189,39 +136,25 @@ def main() -> int:
     """Exit code 1 with --check if a limit is not reached."""
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
     parser.add_argument("--frames", type=int, default=0, help="frames per case; 0: as many as a limit needs, else 20")
-    parser.add_argument("--grid", action="store_true", help="add the grid of cases without limits")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("--check", action="store_true", help="exit code 1 if a limit is not reached")
     parser.add_argument("--method", default="auto", help="the detector (default auto)")
-    parser.add_argument("--estimated", action="store_true", help="the grid with only a preamble known")
-    parser.add_argument("--anywhere", type=int, default=0, help="number of random settings, otherwise as --estimated")
-    parser.add_argument("--quick", action="store_true", help="with --estimated: three exposures only")
     parser.add_argument("--picture", help="draw every detector's errors over the exposure to a .png, .svg or .pdf")
     arguments = parser.parse_args()
     if arguments.picture:
         draw(arguments.picture, arguments.frames or 40)
         return 0
-    if arguments.anywhere:
-        good = measure_anywhere(arguments.anywhere, arguments.json)
-        return 1 if arguments.check and not good else 0
-    if arguments.estimated:
-        good = measure_estimated(arguments.frames or (2 if arguments.quick else 20), arguments.quick, arguments.json)
-        return 1 if arguments.check and not good else 0
     results = []
-    for case in (*AIMS, *(GRID if arguments.grid else ())):
+    for case in AIMS:
         # Three times as many chips as contain one error at the limit.
-        enough = (
-            20
-            if case.limit is None
-            else math.ceil(3 / case.limit / (ROWS / case.rows_per_chip - case.exposure_chips - 2))
-        )
+        enough = math.ceil(3 / case.limit / (ROWS / case.rows_per_chip - case.exposure_chips - 2))
         results.append(measure(case, arguments.frames or max(enough, 20), arguments.method))
     if arguments.json:
         records = [{**dataclasses.asdict(r), "rate": r.rate, "reached": r.reached} for r in results]
         print(json.dumps({"rows": ROWS, "method": arguments.method, "results": records}))
     else:
         print_table(results)
-    return 1 if arguments.check and any(r.reached is False for r in results) else 0
+    return 1 if arguments.check and not all(r.reached for r in results) else 0
 
 
 if __name__ == "__main__":

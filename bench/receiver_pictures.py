@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from chip_frames import make_frame
 
 from ocisac_fast.chips import ChipClock, expose_chips
 from ocisac_fast.plots import BLACK, BLUE, ORANGE, RED, picture
-from studies.chart.detectors import Setting, make_frame
 from studies.drawing import shrink
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def draw_eyes(path: Path) -> None:
     """Draw rows over their position in a chip, from half a chip before to half a chip after; coloured by the chip."""
     with picture(path, 10.4, 3.0) as figure:
         for axes, exposure in zip(figure.subplots(1, 4, sharey=True), EXPOSURES, strict=True):
-            frame = make_frame(Setting(exposure, ROWS_PER_CHIP, NOISE), np.random.default_rng(1))
+            frame = make_frame(exposure, ROWS_PER_CHIP, NOISE, np.random.default_rng(1))
             period, phase = frame.clock.rows_per_chip, frame.clock.phase
             for k in np.flatnonzero(frame.whole):
                 begin = phase + (frame.first + k) * period

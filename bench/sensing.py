@@ -27,7 +27,7 @@ import numpy as np
 
 from ocisac_fast import SourceTracker, SquareWave, detect_sources, integrate_exposure, locate_camera
 from ocisac_fast.exposure import best_noisy_exposure
-from studies.drive import POLICIES, drive_past_light
+from studies.drive.simulation import POLICIES, drive_past_light
 
 CAMERA = light_scenes.CAMERA
 

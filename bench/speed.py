@@ -7,7 +7,7 @@ caches, so that drift of the machine cancels and frames come from memory. Peers 
 of one are not charged to the other. Results are checked on the same frames before timing. Limits are the project's aims
 for one thread, 1080x1920 bytes, one tone, all columns.
 
-usage: bench/speed.py [--json] [--chart FILE] [--check] [--quick]      peers: pip install -r bench/requirements.txt
+usage: bench/speed.py [--json] [--check] [--quick]      peers: pip install -r bench/studies/requirements.txt
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from typing import Any
 
 import numpy as np
 import stored
+from chip_frames import make_frame
 from closed_forms import CHIP_LEVELS, ClosedForms
 from peers import PEERS
 from processors import FEWEST_ROUNDS, RoundsOnTwo, arithmetic_on_two, at_mean_rate, two_processors
@@ -48,7 +49,6 @@ from ocisac_fast import (
     tone_gain,
     varying_tone_gain,
 )
-from studies.chart.detectors import Setting, make_frame
 from studies.chart.measuring import POOL_BYTES, Timing, in_blocks, in_turn, seconds_of
 
 ROWS, COLUMNS, ROW_TIME = 1080, 1920, 22.2e-6
@@ -176,11 +176,11 @@ def against_reading(seconds: float) -> Iterator[Figure]:
 def against_peers(seconds: float, missing: list[str]) -> Iterator[Figure]:
     """Time of each peer over that of the library, in three settings."""
     aims = {"cv2.dft batched float32": (25, 15), "scipy.fft.rfft float32": (25, 15), "numpy.fft.rfft": (70, 50)}
-    for name, (library, make) in PEERS.items():
+    for name, (first, second) in aims.items():
+        library, make = PEERS[name]
         if importlib.util.find_spec(library) is None:
             missing.append(name)
             continue
-        first, second = aims.get(name, (None, None))
         for cycles, efficiency, limit in ((SLOW, 0.99, first), (FAST, 0.99, second), (FAST, 1.0, second)):
             title = f"{name} / gain, f·T_r = {cycles / ROWS:.3f}, efficiency {efficiency:g}"
             peer = checked(make(ROWS, COLUMNS, cycles), cycles, name)
@@ -281,46 +281,38 @@ def beside_two_threads(groups: Sequence[Iterator[Figure]], seconds: float) -> It
         yield Figure("arithmetic on two processors, median / fastest twentieth", arithmetic.slowed(), "x")
 
 
-def what_is_stored(seconds: float, missing: list[str]) -> Iterator[Figure]:
-    """Time over that of reading the stored bytes, for what cameras store, and that of the peers over it."""
+def what_is_stored(seconds: float) -> Iterator[Figure]:
+    """Time over that of reading the stored bytes, for what cameras store."""
     tone = frequency(SLOW)
     for case in stored.CASES:
         frames = stored.pool_of(case, pool(), POOL_BYTES)
-        wanted = case.expected(frames[0], tone)
-
-        def right(call: stored.Call, name: str, frames: Any = frames, wanted: Any = wanted) -> stored.Call:
-            worst = float(np.max(np.abs(call(frames[0]) - wanted)))
-            if not worst < GAIN_TOLERANCE:
-                raise SystemExit(f"speed.py: {name}: gain off by {worst:.2g}, allowed: {GAIN_TOLERANCE:g}; not timed")
-            return call
-
-        own = right(case.gains(tone), case.name)
+        own = case.gains(tone)
+        worst = float(np.max(np.abs(own(frames[0]) - case.expected(frames[0], tone))))
+        if not worst < GAIN_TOLERANCE:
+            raise SystemExit(f"speed.py: {case.name}: gain off by {worst:.2g}, allowed: {GAIN_TOLERANCE:g}; not timed")
         title = f"{case.name} / reading its bytes"
         if case.bounded:
             yield from bounded(title, own, stored.read, frames, seconds, case.limit)
         else:
             yield figure_of(title, in_turn(own, stored.read, frames, seconds, (9, 400)), case.limit)
-        for name, peer in stored.peers_of(case, SLOW, missing):
-            timing = in_blocks(right(peer, f"{name}, {case.name}"), own, frames, seconds)
-            yield figure_of(f"  {name} / gain, {case.name}", timing)
 
 
 def integration(seconds: float) -> Iterator[Figure]:
     """A frame of 1080x1920 exposures, each at its own time: NumPy over the library.
 
-    The reference computes in long double. The others are closed forms in float64, which lose precision with time: of
-    the whole frame, and of blocks that stay in the processor's cache.
+    The reference computes in long double. The other one is closed forms in float64, which lose precision with
+    time.
     """
     exposure, frame_time = 1202e-6, 1.0 / 30.0
     camera = Camera(ROW_TIME, exposure, frame_time)
     out, of_peer = (np.empty((COLUMNS, ROWS)) for _ in range(2))
-    whole, blocks = (ClosedForms((COLUMNS, ROWS), camera, frames) for frames in (COLUMNS, 128))
+    forms = ClosedForms((COLUMNS, ROWS), camera)
     cases = {
-        "tone": (Tone(500.0), whole.tone, blocks.tone),
-        "square wave": (SquareWave(500.0), whole.square, blocks.square),
-        "chips": (Chips(CHIP_LEVELS, chip_rate=8e3, repeat=True), whole.chips, blocks.chips),
+        "tone": (Tone(500.0), forms.tone),
+        "square wave": (SquareWave(500.0), forms.square),
+        "chips": (Chips(CHIP_LEVELS, chip_rate=8e3, repeat=True), forms.chips),
     }
-    for name, (waveform, of_whole, of_blocks) in cases.items():
+    for name, (waveform, of_whole) in cases.items():
 
         def careful(_: Any, waveform: Any = waveform) -> None:
             reference.integrate_exposure(waveform, camera, ROWS, frames=COLUMNS, out=of_peer)
@@ -329,10 +321,9 @@ def integration(seconds: float) -> Iterator[Figure]:
             integrate_exposure(waveform, camera, ROWS, frames=COLUMNS, out=out)
 
         own(None)
-        peers: dict[str, tuple[Callable[[Any], None], float, float | None]] = {
+        peers: dict[str, tuple[Callable[[Any], None], float, float]] = {
             "reference": (careful, 1e-12, 10.0),
             "float64": (lambda _, peer=of_whole: peer(of_peer), 1e-9, 8.0),
-            "float64, 128 frames at a time": (lambda _, peer=of_blocks: peer(of_peer), 1e-9, None),
         }
         for peer, (call, tolerance, limit) in peers.items():
             call(None)
@@ -358,8 +349,6 @@ def paper_gains(seconds: float) -> Iterator[Figure]:
         if importlib.util.find_spec("cv2") is not None:
             peer = checked(PEERS["cv2.dft batched float32"][1](ROWS, COLUMNS, cycles), cycles, "cv2.dft")
             yield figure_of(name, in_blocks(own, peer, pool(), seconds, (4, 4)), 1.0)
-        timing = in_turn(own, _core.read_bytes, pool(), seconds, (9, 400))
-        yield figure_of(f"gain by DFT / reading, f·T_r = {cycles / ROWS:.3f}", timing)
 
 
 def by_hand(forward: Any, backward: Any, gain: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
@@ -393,21 +382,14 @@ def equalisation(seconds: float, missing: list[str]) -> Iterator[Figure]:
         worst = float(np.max(np.abs(own(frames[0])[:, :8] - precise))) / float(np.max(np.abs(precise)))
         if not worst < tolerance:
             raise SystemExit(f"speed.py: {name}: off by {worst:.2g}, allowed: {tolerance:g}; not timed")
-        beyond = len(reference.tones.continuation(ROWS, 1202e-6 / ROW_TIME))
-        whole = reference.tones.optimal_length(ROWS + 2 * beyond)
-        padded = np.zeros((COLUMNS // 2, whole), np.result_type(dtype, np.complex64))
         timing = in_turn(own, hand, frames, seconds, (9, 200))
         yield figure_of(f"{name} / {peer.__name__}: rfft, product, irfft", timing, limit)
-        yield figure_of(
-            f"  {name} / OpenCV's DFT of its columns there and back",
-            in_turn(own, lambda _, padded=padded: _core.transform_there_and_back(padded), frames, seconds, (9, 200)),
-        )
         two = functools.partial(own, threads=2)
         yield figure_of(f"  {name}, one thread / two", in_turn(own, two, frames, seconds, (9, 200)))
 
 
-def frequency_search(seconds: float, missing: list[str]) -> Iterator[Figure]:
-    """find_frequency with its defaults, in milliseconds; a sine fit of one column by scipy beside it."""
+def frequency_search(seconds: float) -> Iterator[Figure]:
+    """find_frequency with its defaults, in milliseconds."""
     random = np.random.default_rng(4)
     turns = 12.3 * np.arange(ROWS)[:, None] / ROWS + random.random(COLUMNS)
     for shape, wave, limits in (("sine", np.cos(2 * np.pi * turns), (4.0, 2.0)), ("square wave", None, (8.0, 5.0))):
@@ -419,19 +401,6 @@ def frequency_search(seconds: float, missing: list[str]) -> Iterator[Figure]:
                 raise SystemExit(f"speed.py: find_frequency of a {what}: {found.frequency} Hz; not timed")
             timing = in_turn(lambda _, c=columns: find_frequency(c, CAMERA), lambda _: None, [None], seconds, (5, 50))
             yield Figure(f"find_frequency, a {what} with a {shape}", 1e3 * timing.seconds, "ms", limit)
-    if importlib.util.find_spec("scipy") is None:
-        missing.append("scipy.optimize, for the frequency")
-        return
-    from scipy.optimize import curve_fit
-
-    column, time = frame[:, 5].astype(float), np.arange(ROWS) * ROW_TIME
-
-    def tone(t: np.ndarray, mean: float, a: float, b: float, f: float) -> np.ndarray:
-        return mean + a * np.cos(2 * np.pi * f * t) + b * np.sin(2 * np.pi * f * t)
-
-    start = (100.0, 30.0, 10.0, frequency(12.2))
-    timing = in_turn(lambda _: curve_fit(tone, time, column, p0=start), lambda _: None, [None], seconds, (5, 50))
-    yield Figure("  scipy's curve_fit of a sine, one column, frequency known to 0.1 bins", 1e3 * timing.seconds, "ms")
 
 
 def varying_tone(seconds: float) -> Iterator[Figure]:
@@ -447,11 +416,11 @@ def varying_tone(seconds: float) -> Iterator[Figure]:
 def sequences(seconds: float) -> Iterator[Figure]:
     """Maximum-likelihood detection with soft outputs: states times chips a second, on a frame of 1080 rows."""
     for exposure_chips, limit in ((7.0, None), (10.0, 1.0), (14.0, None)):
-        frame = make_frame(Setting(exposure_chips, 4.0, 0.01), np.random.default_rng(5))
-        wrong, counted = frame.errors("mlse")
+        frame = make_frame(exposure_chips, 4.0, 0.01, np.random.default_rng(5))
+        wrong, counted = frame.errors(frame.detect("mlse"))
         if not wrong <= 1e-3 * counted:
             raise SystemExit(f"speed.py: mlse: {wrong} of {counted} chips wrong; not timed")
-        timing = in_turn(functools.partial(frame.detect), lambda _: None, ["mlse"], seconds, (5, 200))
+        timing = in_turn(frame.detect, lambda _: None, ["mlse"], seconds, (5, 200))
         steps = 2.0**exposure_chips * frame.chips.size
         name = f"mlse, exposure of {exposure_chips:g} chips, states times chips a second"
         yield Figure(
@@ -478,11 +447,11 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
     groups = [
         against_reading(seconds),
         against_peers(seconds, missing),
-        what_is_stored(seconds, missing),
+        what_is_stored(seconds),
         four_tones(seconds),
         paper_gains(seconds),
         equalisation(seconds, missing),
-        frequency_search(seconds, missing),
+        frequency_search(seconds),
         varying_tone(seconds),
         integration(seconds),
         sequences(seconds),
@@ -505,31 +474,10 @@ def print_table(figures: list[Figure], missing: list[str]) -> None:
         print(f"{name}: not installed, left out")
 
 
-def draw(path: str, figures: list[Figure]) -> None:
-    """Draw bars of measured over limit on a logarithmic scale; 1 is the limit."""
-    from ocisac_fast.plots import BLACK, BLUE, RED, picture
-
-    shown = [figure for figure in figures if figure.limit is not None][::-1]
-    with picture(path, 10.0, 0.8 + 0.27 * len(shown)) as figure:
-        axes = figure.subplots()
-        margins = [f.limit / f.value if f.at_most else f.value / f.limit for f in shown if f.limit]
-        colours = [BLUE if f.reached else RED for f in shown]
-        axes.barh(range(len(shown)), [m - 1.0 for m in margins], left=1.0, color=colours, height=0.65)
-        for k, (f, margin) in enumerate(zip(shown, margins, strict=True)):
-            text = f" {f.value:.3g} ({'≤' if f.at_most else '≥'} {f.limit:g}) "
-            axes.text(margin, k, text, va="center", ha="left" if margin >= 1.0 else "right", fontsize=8)
-        axes.axvline(1.0, color=BLACK, lw=1.0)
-        axes.set_xscale("log")
-        axes.set_xlim(0.4 * min(*margins, 0.9), 1.6 * max(*margins, 1.4))
-        axes.set_yticks(range(len(shown)), [f.name for f in shown], fontsize=8)
-        axes.set_xlabel("times better than the limit (red: not reached)")
-
-
 def main() -> int:
     """Exit code 1 with --check if a limit is not reached."""
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
-    parser.add_argument("--chart", metavar="FILE", help="a picture: .png, .pdf or .svg")
     parser.add_argument("--check", action="store_true", help="exit code 1 if a limit is not reached")
     parser.add_argument("--quick", action="store_true", help="short timings, for a trial")
     arguments = parser.parse_args()
@@ -543,8 +491,6 @@ def main() -> int:
     else:
         print_table(figures, missing)
         print(", ".join(f"{name} {value}" for name, value in facts.items()))
-    if arguments.chart:
-        draw(arguments.chart, figures)
     return 1 if arguments.check and any(figure.reached is False for figure in figures) else 0
 
 

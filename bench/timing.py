@@ -8,12 +8,16 @@ latter are more than twice the former (beyond chance); frames lost; frames with 
 Cramer-Rao bound of the exposure, its rms error over that bound, the share of frames with an exposure within 1 %, and
 the same of ten frames pooled.
 
-usage: bench/timing.py [--frames N] [--longest CHIPS] [--blind] [--json]
+--anywhere measures one frame each of random decodable settings within the grid and pools them. --check: exit code 1 if
+a setting is not good (`is_good`).
+
+usage: bench/timing.py [--frames N] [--exposures CHIPS...] [--anywhere SETTINGS] [--json] [--check]
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import sys
@@ -30,7 +34,6 @@ from ocisac_fast.chips import (
     clock_bounds,
     detector_error_rates,
     expose_chips,
-    find_channel,
     find_preamble,
     pool_estimates,
     refine_channel,
@@ -104,23 +107,15 @@ def genie(frame: Frame) -> int:
     return frame.errors(chips, first, 0)
 
 
-def estimate(frame: Frame, rows_per_chip: float, blind: bool) -> tuple[ChannelEstimate, int, float] | None:
-    """Channel, errors and seconds from the rows alone; blind frames have a given exposure instead of a preamble."""
+def estimate(frame: Frame, rows_per_chip: float) -> tuple[ChannelEstimate, int, float] | None:
+    """Channel, errors and seconds from the rows and the preamble alone."""
     begin = time.perf_counter()
-    if blind:
-        exposure = frame.clock.exposure_rows
-        found = find_channel(frame.rows, rows_per_chip=rows_per_chip, exposure_rows=exposure)
-    else:
-        matches = find_preamble(frame.rows, LENGTHENED, rows_per_chip=rows_per_chip)
-        found = refine_channel(frame.rows, matches[0].channel, known=LENGTHENED) if matches else None
+    matches = find_preamble(frame.rows, LENGTHENED, rows_per_chip=rows_per_chip)
+    found = refine_channel(frame.rows, matches[0].channel, known=LENGTHENED) if matches else None
     seconds = time.perf_counter() - begin
     if found is None:
         return None
-    shift = frame.preamble_chip
-    if blind:
-        here, there = frame.clock, found.channel
-        shift = round((ROWS / 2 - here.phase) / here.rows_per_chip - (ROWS / 2 - there.phase) / there.rows_per_chip)
-    return found.channel, frame.errors(found.chips, found.first, shift), seconds
+    return found.channel, frame.errors(found.chips, found.first, frame.preamble_chip), seconds
 
 
 def pooled_off(relative: np.ndarray, errors: np.ndarray) -> np.ndarray:
@@ -129,7 +124,7 @@ def pooled_off(relative: np.ndarray, errors: np.ndarray) -> np.ndarray:
     return np.array([pool_estimates(relative[k : k + POOLED], errors[k : k + POOLED]).value for k in batches])
 
 
-def measure(rows_per_chip: float, exposure: float, noise: float, frames: int, blind: bool) -> dict[str, Any]:
+def measure(rows_per_chip: float, exposure: float, noise: float, frames: int) -> dict[str, Any]:
     random = np.random.default_rng([int(100 * rows_per_chip), int(100 * exposure), int(1000 * noise)])
     chips = wrong = wrong_genie = lost = clock_off = 0
     seconds, relative, bounds, own = 0.0, [], [], []
@@ -137,7 +132,7 @@ def measure(rows_per_chip: float, exposure: float, noise: float, frames: int, bl
         frame = make_frame(random, rows_per_chip, exposure, noise)
         chips += len(frame.whole)
         wrong_genie += genie(frame)
-        found = estimate(frame, rows_per_chip, blind)
+        found = estimate(frame, rows_per_chip)
         if found is None:
             lost += 1
             wrong += len(frame.whole)
@@ -204,22 +199,42 @@ def print_heading() -> None:
     print("  chips /chip /swing  errors    errors        frames  off  of the exposure    1 %    1 %")
 
 
-def main() -> None:
+def measure_anywhere(settings: int) -> dict[str, Any]:
+    """One frame of each random setting within the grid, pooled as one setting."""
+    random = np.random.default_rng(0)
+    frames: list[dict[str, Any]] = []
+    while len(frames) < settings:
+        exposure, rows_per_chip = random.uniform(0.5, 14.0), random.uniform(2.0, 7.0)
+        noise = float(random.choice(NOISES))
+        if detector_error_rates(rows_per_chip, exposure * rows_per_chip, noise).mlse < DECODABLE:
+            frames.append(measure(rows_per_chip, exposure, noise, 1))
+    got = {name: sum(frame[name] for frame in frames) for name in ("chips", "frames_lost", "frames_clock_off")}
+    for name in ("chip_error_rate", "chip_error_rate_genie", "chip_error_rate_foretold"):
+        got[name] = sum(frame[name] * frame["chips"] for frame in frames) / got["chips"]
+    return got
+
+
+def main() -> int:
+    """Exit code 1 with --check if a setting is not good."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, default=10, help="frames per setting (default 10)")
-    parser.add_argument("--longest", type=float, default=7.0, help="longest exposure, chips (default 7)")
-    parser.add_argument("--blind", action="store_true", help="no preamble; the exposure is given")
+    parser.add_argument("--exposures", nargs="+", type=float, default=EXPOSURES, help="chips (default: the grid's)")
+    parser.add_argument("--anywhere", type=int, default=0, help="number of random settings, in place of the grid")
     parser.add_argument("--json", action="store_true", help="one JSON object per line instead of the table")
+    parser.add_argument("--check", action="store_true", help="exit code 1 if a setting is not good")
     options = parser.parse_args()
+    if options.anywhere:
+        got = measure_anywhere(options.anywhere)
+        print(json.dumps(got))
+        return int(options.check and not is_good(got))
     if not options.json:
         print_heading()
-    for exposure in EXPOSURES:
-        for rows_per_chip in ROWS_PER_CHIP:
-            for noise in NOISES:
-                if exposure > options.longest:
-                    continue
-                got = measure(rows_per_chip, exposure, noise, options.frames, options.blind)
-                print(json.dumps(got) if options.json else line(got), flush=True)
+    good = True
+    for exposure, rows_per_chip, noise in itertools.product(options.exposures, ROWS_PER_CHIP, NOISES):
+        got = measure(rows_per_chip, exposure, noise, options.frames)
+        good = good and is_good(got)
+        print(json.dumps(got) if options.json else line(got), flush=True)
+    return int(options.check and not good)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Studies that measure the library: chart, limits, reproduction of the paper, and a simulated drive.
+"""Studies that measure the library: gain methods, limits, the paper, links over distance, a simulated drive.
 
 Each is a program: ``PYTHONPATH=bench python -m studies.chart --help``.
 """

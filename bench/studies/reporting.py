@@ -31,3 +31,8 @@ def fill_markers(path: str | os.PathLike[str], kind: str, blocks: Mapping[str, s
         raise ValueError(f"{os.fspath(path)}: got no marker, allowed: {allowed}")
     with atomic_path(path) as temporary:
         Path(temporary).write_text(result, encoding="utf-8")
+
+
+def number(value: float) -> str:
+    """Three digits."""
+    return f"{value:.3g}" if 1e-3 <= abs(value) < 1e5 or value == 0.0 else f"{value:.1e}"

@@ -2,7 +2,6 @@
 #include "bindings.hpp"
 #include "chips/lit_rows.hpp"
 #include "columns/lamp_slope.hpp"
-#include "core/spectrum.hpp"
 #include "lights/own_pixels.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/chips/row_profile.hpp"
@@ -32,24 +31,6 @@ py::object without_nuisance(const Doubles& signal, double slow, const std::vecto
   return py::make_tuple(array_of(fit->rest), fit->squares);
 }
 
-// Every row of (count, length) transformed and back by OpenCV's DFT, in batches and memory that is kept: the yardstick
-// of the equaliser in bench/speed.py. Nothing is returned.
-template <class T>
-void there_and_back(const py::array_t<std::complex<T>, py::array::c_style>& signals) {
-  require(signals.ndim() == 2, "signals", std::to_string(signals.ndim()) + " dimensions", "(count, length)");
-  constexpr std::size_t kBatch = 16;
-  const auto count = static_cast<std::size_t>(signals.shape(0)), length = static_cast<std::size_t>(signals.shape(1));
-  const std::complex<T>* const from = signals.data();
-  unlocked([&] {
-    std::vector<std::complex<T>> spectra(kBatch * length), back(kBatch * length);
-    for (std::size_t first = 0; first < count; first += kBatch) {
-      const std::size_t batch = std::min(kBatch, count - first);
-      transform_rows(Transform::forward, from + first * length, spectra.data(), batch, length, length);
-      transform_rows(Transform::inverse, spectra.data(), back.data(), batch, length, length);
-    }
-  });
-}
-
 // Frequency and own pixels by fit_outline() of log light (rows, groups); None if they do not settle.
 std::optional<py::tuple> outline_of(const Doubles& light, const py::array_t<bool, py::array::c_style>& own,
                                     double frequency) {
@@ -70,8 +51,6 @@ std::optional<py::tuple> outline_of(const Doubles& light, const py::array_t<bool
 
 void register_reference(py::module_& module) {
   using py::arg;
-  module.def("transform_there_and_back", &there_and_back<float>, arg("signals").noconvert());
-  module.def("transform_there_and_back", &there_and_back<double>, arg("signals").noconvert());
   module.def(
       "first_profile",
       [](const std::vector<Doubles>& signals, std::size_t smooth) {

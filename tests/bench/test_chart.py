@@ -4,25 +4,17 @@ from __future__ import annotations
 
 import csv
 import dataclasses
-import json
 
 import numpy as np
 import pytest
 
-from studies import chart
-from studies.chart import measuring
-from studies.chart.__main__ import chart as command
-from studies.chart.measuring import Point
-from studies.chart.panels import Panel
+from studies.chart import __main__ as command, measuring, panels
+from studies.chart.methods import GAIN_METHODS
 from studies.chart.scenes import SCENES, Scene, odd_harmonics
-from studies.command import run
+from studies.reporting import fill_markers
 
-METHODS = {method.name: method for method in chart.GAIN_METHODS}
+METHODS = {method.name: method for method in GAIN_METHODS}
 CLEAN = Scene("clean", "clean", 24.0, mean=120.0, noise=0.3, rows=480, columns=64)
-
-
-def point(method, cost, error, problem=""):
-    return Point("p", method, "family", "", "", "", cost, error, cost, problem)
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -125,41 +117,50 @@ def test_blocks_leave_out_what_follows_a_change_of_call(monkeypatch):
     assert timing.pairs == 3
 
 
-def test_front_holds_what_no_other_beats_in_its_problem():
-    points = [point("a", 1, 5), point("b", 2, 3), point("c", 3, 4), point("d", 4, np.nan), point("e", 9, 9, "other")]
-    assert [p.method for p in chart.pareto_front(points)] == ["a", "b", "e"]
-    assert chart.beaten_by(points[2], points) is points[1]
-    assert chart.beaten_by(points[0], points) is None
-    assert chart.beaten_by(point("f", 2.1, 3.0), points) is None  # within the spread of the measure
+def point(name, cost, error, family="family"):
+    method = dataclasses.replace(GAIN_METHODS[0], name=name, family=family, precision="float32")
+    return panels.Point("p", method, cost, error, cost)
 
 
-def tiny_panel():
-    def measure(effort, progress):
-        progress("one")
-        return [
-            Point("tiny", name, name, "", name, "float32", *numbers)
-            for name, numbers in {"fast": (1.5, 30.0, 1e-4), "right": (8.0, 1.02, 5e-4)}.items()
-        ]
-
-    return Panel("tiny", "Tiny", "time", "error", labelled=False, limits=True, steps=1, measure=measure)
+def test_front_holds_what_no_other_beats():
+    points = [point("a", 1, 5), point("b", 2, 3), point("c", 3, 4), point("d", 4, np.nan)]
+    assert [p.method.name for p in panels.pareto_front(points)] == ["a", "b"]
+    assert panels.beaten_by(points[2], points) is points[1]
+    assert panels.beaten_by(points[0], points) is None
+    assert panels.beaten_by(point("f", 2.1, 3.0), points) is None  # within the spread of the measure
 
 
-def test_command_writes_picture_table_and_text(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(chart, "PANELS", [tiny_panel()])
-    monkeypatch.setattr(chart.measure, "__defaults__", ([tiny_panel()],))
+def test_rows_added_are_measured_for_the_fits_alone(monkeypatch):
+    monkeypatch.setattr(panels, "SCENES", [CLEAN])
+    monkeypatch.setattr(panels, "FAST_TONE", dataclasses.replace(panels.FAST_TONE, rows=480, columns=64))
+    (_, every), (scene, fits) = panels.measure(64, 1, 0.001, lambda _: None)
+    assert {p.family for p in every} >= {"fit", "DTFT", "Goertzel"}
+    assert {p.method.family for p in fits} == {"fit"}
+    assert len({p.family for p in fits}) == 4
+    of = {p.method.name: p.error for p in fits}
+    assert of["fit, kernel 26 bits, D=8"] > 1.2 * of["fit, kernel 26 bits, D=1"]
+    assert scene.name == "rows-added"
+
+
+def test_command_writes_picture_table_and_text(tmp_path, monkeypatch):
+    points = [point("fast", 1.5, 30.0, "DTFT"), point("right", 8.0, 1.02, "fit"), point("slow", 9.0, 1.03, "Goertzel")]
+    monkeypatch.setattr(command, "measure", lambda *_: [(CLEAN, points)])
     text = tmp_path / "text.md"
-    text.write_text("before\n<!-- chart: tiny -->\nold\n<!-- chart: end -->\nafter <!-- chart: end -->\n")
-    assert run(command, ["--quick", "--json", "--directory", str(tmp_path), "--text", str(text)]) == 0
-    out = json.loads(capsys.readouterr().out)
-    assert [p["method"] for p in out["panels"][0]["front"]] == ["fast", "right"]
+    text.write_text("before\n<!-- chart: clean -->\nold\n<!-- chart: end -->\nafter <!-- chart: end -->\n")
+    command.main(["--quick", "--directory", str(tmp_path), "--text", str(text)])
     assert (tmp_path / "chart.png").stat().st_size > 5000
     with open(tmp_path / "chart.csv", encoding="utf-8") as file:
-        assert [(row["method"], row["on_front"]) for row in csv.DictReader(file)] == [("fast", "yes"), ("right", "yes")]
+        assert [(row["method"], row["on_front"]) for row in csv.DictReader(file)] == [
+            ("fast", "True"),
+            ("right", "True"),
+            ("slow", "False"),
+        ]
     written = text.read_text()
     assert "| right | 8 | 1.02 |" in written
     assert "old" not in written
-    assert written.startswith("before\n<!-- chart: tiny -->\n")
+    assert written.startswith("before\n<!-- chart: clean -->\n")
     assert written.endswith("\n<!-- chart: end -->\nafter <!-- chart: end -->\n")
+    assert "| clean | right | 8 | 1.02 | none |" in command.blocks([(CLEAN, points)], True)["fit"]
 
 
 @pytest.mark.parametrize("content", ["nothing here\n", "<!-- chart: other -->\n<!-- chart: end -->\n"])
@@ -167,45 +168,5 @@ def test_text_without_known_markers_is_refused_and_left_alone(tmp_path, content)
     text = tmp_path / "text.md"
     text.write_text(content)
     with pytest.raises(ValueError, match="marker"):
-        chart.update_text(text, [(tiny_panel(), [])], "setting")
+        fill_markers(text, "chart", {"setting": "none"})
     assert text.read_text() == content
-
-
-def test_later_panels_enter_by_the_decorator():
-    before = list(chart.PANELS)
-    try:
-        chart.panel("new", "New", "s", "errors")(lambda effort, progress: [])
-        assert [panel.name for panel in chart.PANELS] == [*(panel.name for panel in before), "new"]
-    finally:
-        chart.PANELS[:] = before
-
-
-def test_the_paper_s_closed_form_falls_short_as_published_and_exact_does_not():
-    panel = next(panel for panel in chart.PANELS if panel.name == "exposure-choice")
-    steps: list[str] = []
-    effort = dataclasses.replace(chart.QUICK, problems=100, seconds=0.001)
-    found = {p.method: p for p in panel.measure(effort, steps.append)}
-    assert len(steps) == panel.steps
-    assert found["closed-form"].error == pytest.approx(0.0571, abs=5e-5)
-    assert found["rounded"].error == pytest.approx(0.0167, abs=5e-5)
-    assert found["exact"].error < 1e-12
-    assert found["exact"].error <= min(p.error for p in found.values())
-
-
-def test_exposure_integration_is_exact_and_oversampling_converges_to_it():
-    panel = next(panel for panel in chart.PANELS if panel.name == "integration")
-    found = {p.method: p.error for p in panel.measure(chart.QUICK, lambda _: None)}
-    for light in ("tone", "square wave", "chips"):
-        assert found[f"{light}, exact"] < 1e-12
-        assert found[f"{light}, oversampled 256"] < 0.1 * found[f"{light}, oversampled 4"]
-
-
-def test_panel_of_the_chart_sets_plans_beside_brute_force():
-    panel = next(panel for panel in chart.PANELS if panel.name == "scenes")
-    steps = []
-    points = panel.measure(dataclasses.replace(chart.QUICK, columns=120), steps.append)
-    assert len(steps) == panel.steps == len(points)
-    found = {point.method: point for point in points}
-    assert found["plan, 0.1 DN"].error <= 0.1
-    assert found["brute force, 4"].error > found["brute force, 64"].error > found["plan, 0.1 DN"].error
-    assert found["brute force, 64"].cost > found["plan, 0.1 DN"].cost

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from studies import distance
-from studies.command import run
-from studies.distance import Link, measure_link
-from studies.distance.__main__ import distance as command
+from studies.distance import __main__ as command, published
+from studies.distance.links import Link, measure_link
 from studies.distance.published import MATUS, MATUS_CHIP, MATUS_EXPOSURE, ErrorCount
+from studies.distance.sweeps import Sweep
 
 
 @pytest.mark.parametrize("link", [Link(10.0), Link(15.0, closing=5.0), Link(ambient=0.5), Link(lamps=2)])
@@ -34,16 +32,16 @@ def test_a_lamp_too_far_away_gives_no_payload_to_anyone() -> None:
 
 def test_a_square_wave_correlates_as_its_triangle() -> None:
     """An exposure of one chip makes 0101… a triangle: r = (1/2) / sqrt(1/3)."""
-    r = distance.correlation_after_exposure((0, 1), 1e-3, 1e-3)
+    r = published.correlation_after_exposure((0, 1), 1e-3, 1e-3)
     assert r == pytest.approx(math.sqrt(3) / 2, abs=1e-3)
-    assert distance.correlation_after_exposure((0, 1), 1e-3, 1e-9) == pytest.approx(1.0, abs=1e-6)
+    assert published.correlation_after_exposure((0, 1), 1e-3, 1e-9) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_published_correlations_lie_between_those_of_a_sequence_and_of_random_chips() -> None:
     random = tuple(int(chip) for chip in np.random.default_rng(1).integers(0, 2, 2000))
     for share, printed in MATUS.items():
         values = [
-            distance.correlation_after_exposure(chips, MATUS_CHIP, MATUS_EXPOSURE, share)
+            published.correlation_after_exposure(chips, MATUS_CHIP, MATUS_EXPOSURE, share)
             for chips in ((0, 0, 0, 0, 1), random)
         ]
         assert min(values) - 0.01 < printed < max(values)
@@ -51,35 +49,31 @@ def test_published_correlations_lie_between_those_of_a_sequence_and_of_random_ch
 
 def test_error_counts_are_bounded() -> None:
     assert ErrorCount(0, 1000).bound == pytest.approx(-math.log(0.05) / 1000, rel=1e-9)
-    counted, predicted = distance.long_exposure_errors(7.0, 0.2, 4000)
+    counted, predicted = published.long_exposure_errors(7.0, 0.2, 4000)
     assert 0 < counted.wrong / counted.chips < counted.bound
     assert predicted > 1e-4
-    assert distance.long_exposure_errors(7.0, 0.02, 4000)[0].wrong == 0
+    assert published.long_exposure_errors(7.0, 0.02, 4000)[0].wrong == 0
 
 
 def test_all_lights_are_found_and_none_is_false() -> None:
-    frequencies = distance.published.RAJAGOPAL
-    assert distance.simultaneous_lights(frequencies, seed=5) == (len(frequencies), 0)
+    frequencies = published.RAJAGOPAL
+    assert published.simultaneous_lights(frequencies, seed=5) == (len(frequencies), 0)
 
 
 def test_a_symbol_a_row_is_detected_better_than_by_three_taps() -> None:
-    result = distance.one_row_symbol_errors(0.15)
+    result = published.one_row_symbol_errors(0.15)
     q = 0.5 * math.erfc(0.5 / 0.15 / math.sqrt(2.0))
     assert result.detected[0] == pytest.approx(q, abs=4 * math.sqrt(q / 20_000))  # matched filter of one row
     assert np.all(result.detected <= result.three_taps + 4 * np.sqrt(result.three_taps / 20_000))
     assert result.three_taps[-1] > 2 * result.detected[-1]
 
 
-def test_the_command_draws_and_counts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    picture = tmp_path / "lamps.png"
-    assert run(command, ["--sweep", "distance", "--recordings", "0"]) == 2
-    assert "recordings" in capsys.readouterr().err
-    sweep = distance.Sweep("distance", "distance / m", (30.0, 40.0), (Link(30.0), Link(40.0)))
-    results = distance.measure(sweep, 1, 0, lambda: None)
-    distance.draw(picture, [sweep], [results])
-    assert picture.read_bytes()[:4] == b"\x89PNG"
-    text = tmp_path / "page.md"
+def test_the_command_draws_and_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sweep = Sweep("distance", "distance / m", (30.0, 40.0), (Link(30.0), Link(40.0)))
+    monkeypatch.setattr(command, "SWEEPS", [sweep])
+    monkeypatch.setattr(command, "comparison", dict)
+    picture, text = tmp_path / "distance.png", tmp_path / "page.md"
     text.write_text("<!-- distance: distance -->\n<!-- distance: end -->\n", encoding="utf-8")
-    distance.reporting.update_text(text, {"distance": distance.reporting.table(sweep, results)})
+    command.main(["--recordings", "1", "-o", str(picture), "--text", str(text)])
+    assert picture.read_bytes()[:4] == b"\x89PNG"
     assert text.read_text(encoding="utf-8").count("\n| ") == 3
-    assert json.dumps([vars(counts) for counts in results])

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import csv
-import json
 import pathlib
 
 import numpy as np
 import pytest
 
-from ocisac_fast.light.waveforms import SquareWave, integrate_exposure
-from studies import reproduction
-from studies.command import run
-from studies.reproduction import choices, gains, testbed
-from studies.reproduction.__main__ import reproduce
+from ocisac_fast import SquareWave, best_exposure, integrate_exposure
+from studies.reproduction import __main__ as reproduction, choices, gains, testbed
+from studies.reproduction.figures import FIGURES
+from studies.reproduction.testbed import Setting, settings
 
 DOCUMENT = pathlib.Path(__file__).resolve().parents[2] / "docs" / "measured" / "paper.md"
 
@@ -21,19 +19,19 @@ DOCUMENT = pathlib.Path(__file__).resolve().parents[2] / "docs" / "measured" / "
 def test_ring_takes_whole_periods_and_says_its_true_grating():
     assert [testbed.periods_on_ring(grating) for grating in testbed.GRATINGS] == [47, 94, 236]
     for grating in testbed.GRATINGS:
-        setting = reproduction.Setting("sensing", grating, 1e-3)
+        setting = Setting("sensing", grating, 1e-3)
         assert setting.frequency == pytest.approx(testbed.true_grating(grating) * testbed.speed(), rel=1e-12)
     assert testbed.speed() == pytest.approx(1.751, abs=5e-4)
 
 
 def test_recording_is_the_light_through_the_exposure():
-    setting = reproduction.Setting("communication", 200.0, 2404e-6)
+    setting = Setting("communication", 200.0, 2404e-6)
     recorded = testbed.record(setting, 6, seed=1)
     assert recorded.shape == (6, 720, 1)
     assert recorded.dtype == np.uint8
     np.testing.assert_array_equal(recorded, testbed.record(setting, 6, seed=1))
     assert np.any(recorded != testbed.record(setting, 6, seed=2))
-    turn = np.random.default_rng([1, reproduction.settings().index(setting)]).uniform()
+    turn = np.random.default_rng([1, settings().index(setting)]).uniform()
     light = integrate_exposure(SquareWave(200.0, phase=2 * np.pi * turn), setting.camera, 720, frames=6)
     error = recorded[..., 0] - (testbed.DARK_LEVEL + testbed.SWING * light)
     assert abs(error.mean()) < 0.2
@@ -41,7 +39,7 @@ def test_recording_is_the_light_through_the_exposure():
 
 
 def test_turning_grating_passes_one_column_after_the_other():
-    setting = reproduction.Setting("sensing", 100.0, 622e-6)
+    setting = Setting("sensing", 100.0, 622e-6)
     frame = testbed.record(setting, 1, seed=0, columns=41)[0].astype(float)
     pitch = testbed.DISTANCE * testbed.PIXEL_PITCH / testbed.FOCAL_LENGTH  # m at the grating
     later = 40 * pitch / testbed.speed() / testbed.ROW_TIME  # rows from the first column to the last
@@ -57,7 +55,7 @@ def check_gains(results):
 
 
 def test_gains_are_those_of_theory_and_the_rounded_bin_is_biased_where_it_must_be():
-    results = [reproduction.measure(setting, 36, seed=1) for setting in reproduction.settings()]
+    results = [gains.measure(setting, 36, seed=1) for setting in settings()]
     assert len(results) == 24
     check_gains(results)
     for result in results:
@@ -72,7 +70,7 @@ def test_gains_are_those_of_theory_and_the_rounded_bin_is_biased_where_it_must_b
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed", range(10))
 def test_gains_are_those_of_theory_at_full_length(seed):
-    check_gains([reproduction.measure(setting, seed=seed + 1) for setting in reproduction.settings()])
+    check_gains([gains.measure(setting, seed=seed + 1) for setting in settings()])
 
 
 def test_closed_form_deviates_as_printed():
@@ -95,41 +93,37 @@ def test_limit_of_chi_squared():
     assert gains.chi_squared_limit(100) == pytest.approx(135.807, rel=2e-3)
 
 
-def test_command_draws_what_is_asked_and_writes_the_numbers(tmp_path, capsys):
+def test_rounding_leaves_less_than_the_floor_and_the_exact_choice_nothing():
+    fast = choices.SLOWEST / choices.deviations().inverse_ratio
+    exact = np.asarray(best_exposure(fast, choices.SLOWEST).objective)
+    rounded = np.asarray(best_exposure(fast, choices.SLOWEST, method="rounded").objective)
+    searched = np.asarray(best_exposure(fast, choices.SLOWEST, method="search", points=10001).objective)
+    assert np.mean(1 - rounded / exact) == pytest.approx(0.0167, abs=5e-5)
+    assert np.all(exact >= np.maximum(rounded, searched) * (1 - 1e-12))
+
+
+def test_command_draws_what_is_asked_and_writes_the_numbers(tmp_path):
     text = tmp_path / "paper.md"
     text.write_text("<!-- reproduce: test -->\n<!-- reproduce: end -->\n", encoding="utf-8")
-    arguments = ["-o", str(tmp_path), "--frames", "2", "--text", str(text), "--json"]
-    names = ("5", "11", "table-2")
-    assert run(reproduce, arguments + [word for name in names for word in ("--figure", name)]) == 0
-    facts = json.loads(capsys.readouterr().out)
-    assert len(facts["settings"]) == 24
-    assert len(facts["pictures"]) == len(names)
-    for picture in facts["pictures"]:
-        assert pathlib.Path(picture).read_bytes().startswith(b"\x89PNG")
+    reproduction.main(["-o", str(tmp_path), "--frames", "2", "--text", str(text), "--figure", "5", "11"])
+    for name in ("5", "11"):
+        assert (tmp_path / f"figure-{name}.png").read_bytes().startswith(b"\x89PNG")
     with open(tmp_path / "gains.csv", newline="", encoding="utf-8") as file:
         lines = list(csv.DictReader(file))
-    assert [float(line["theory"]) for line in lines] == pytest.approx(
-        [s.theory for s in reproduction.settings()], abs=1e-7
-    )
+    assert [float(line["theory"]) for line in lines] == pytest.approx([s.theory for s in settings()], abs=1e-7)
     assert "χ² = " in text.read_text(encoding="utf-8")
 
 
-def test_a_figure_without_gains_measures_none(tmp_path, capsys, monkeypatch):
+def test_a_figure_without_gains_measures_none(tmp_path, monkeypatch):
     monkeypatch.setattr(gains, "measure", None)
-    assert run(reproduce, ["-o", str(tmp_path), "--figure", "12"]) == 0
+    reproduction.main(["-o", str(tmp_path), "--figure", "12"])
     assert not (tmp_path / "gains.csv").exists()
     assert (tmp_path / "figure-12.png").exists()
 
 
-@pytest.mark.parametrize("arguments", [["--figure", "7"], ["--frames", "1"], ["--quick", "--frames", "9"]])
-def test_bad_input_is_one_line(arguments, capsys):
-    assert run(reproduce, arguments) == 2
-    assert len(capsys.readouterr().err.strip().splitlines()) == 1
-
-
 def test_document_shows_every_figure():
     text = DOCUMENT.read_text(encoding="utf-8")
-    for name, figure in reproduction.FIGURES.items():
-        assert f"paper/{figure.name}.png" in text or name == "table-2"
-        assert f"## {'Table 2' if name == 'table-2' else 'Figure'}" in text
+    for name in FIGURES:
+        assert f"paper/figure-{name}.png" in text
+    assert "## Table 2" in text
     assert "over 24 settings" in text

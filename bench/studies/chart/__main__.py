@@ -1,105 +1,88 @@
-"""``python -m studies.chart``."""
+"""Time of every gain method relative to reading the frame, and its error relative to the Cramér-Rao bound.
+
+usage: PYTHONPATH=bench python -m studies.chart [--directory FOLDER] [--text FILE] [--quick]
+"""
 
 from __future__ import annotations
 
-import contextlib
+import argparse
+import csv
 import platform
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
-
-import click
 
 from ocisac_fast import __version__, _core
-from ocisac_fast.cli.output import emit_json, emit_table
-from ocisac_fast.cli.pictures import json_option
-from studies import chart as charts
-from studies.command import run
-
-
-@click.command
-@click.option(
-    "--directory",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("chart"),
-    show_default=True,
-    help="Folder of chart.png and chart.csv.",
+from studies.chart.drawing import draw
+from studies.chart.methods import GAIN_METHODS
+from studies.chart.panels import (
+    COST,
+    ERROR,
+    FAST_TONE,
+    Measured,
+    Point,
+    best_fit,
+    best_of_families,
+    measure,
+    pareto_front,
 )
-@click.option(
-    "--text",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="A Markdown file whose figures between '<!-- chart: NAME -->' and '<!-- chart: end -->' are updated.",
-)
-@click.option("--quick", is_flag=True, help="Few columns and short timings, for a trial.")
-@json_option
-def chart(directory: Path, text: Path | None, quick: bool, as_json: bool) -> None:
-    """Measure every method: its time relative to reading the frame, and its error relative to the Cramér-Rao bound."""
-    effort = charts.QUICK if quick else charts.FULL
-    missing = charts.missing_libraries()
-    if missing:
-        click.echo(f"ocisac: left out, since not installed: {', '.join(missing)}", err=True)
-    with _progress(sum(panel.steps for panel in charts.PANELS)) as advance:
-        measured = charts.measure(effort, advance)
-    directory.mkdir(parents=True, exist_ok=True)
-    picture, table = directory / "chart.png", directory / "chart.csv"
-    charts.draw(picture, measured)
-    charts.write_table(table, measured)
-    if text is not None:
-        charts.update_text(text, measured, _setting(quick, missing))
-    if as_json:
-        emit_json(
-            {
-                "picture": str(picture),
-                "table": str(table),
-                "missing": missing,
-                "panels": [
-                    {"panel": panel.name, "front": [_facts(p) for p in charts.pareto_front(points)]}
-                    for panel, points in measured
-                ],
-            }
-        )
-        return
-    for panel, points in measured:
-        rows = [[p.method, f"{p.cost:.3g}", f"{p.error:.3g}"] for p in charts.pareto_front(points)]
-        emit_table(f"{panel.title}: Pareto front", ["method", panel.cost, panel.error], rows)
-    click.echo(f"picture: {picture}")
-    click.echo(f"table: {table}")
+from studies.reporting import fill_markers, number
 
 
-def _facts(point: Any) -> dict[str, Any]:
-    return {"method": point.method, "cost": point.cost, "error": point.error, "seconds": point.seconds}
+def write_table(path: Path, measured: Measured) -> None:
+    """Write CSV, one line per point."""
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("scene", "method", "precision", COST, ERROR, "seconds", "on_front"))
+        for scene, points in measured:
+            front = pareto_front(points)
+            for p in points:
+                numbers = (f"{value:.4g}" for value in (p.cost, p.error, p.seconds))
+                writer.writerow((scene.name, p.method.name, p.method.precision, *numbers, p in front))
 
 
-def _setting(quick: bool, missing: list[str]) -> str:
-    processor = next(
-        (line.split(":", 1)[1].strip() for line in _cpuinfo() if line.startswith("model name")), platform.machine()
-    )
+def blocks(measured: Measured, quick: bool) -> dict[str, str]:
+    """Figures of a text: ``setting`` (machine and effort), ``fit`` (its place in every scene), and every scene."""
+    lines = ["| scene | fit | time | error | beaten by |", "|---|---|---:|---:|---|"]
+    texts = {"setting": _setting(quick)}
+    for scene, points in measured:
+        if scene is not FAST_TONE:
+            fit, other = best_fit(points)
+            verdict = "none" if other is None else f"{other.method.name} ({_numbers(other, ', ')})"
+            lines.append(f"| {scene.title} | {fit.method.name} | {_numbers(fit)} | {verdict} |")
+        shown = points if scene is FAST_TONE else best_of_families(points)
+        table = [f"| method | {COST} | {ERROR} |", "|---|---:|---:|"]
+        texts[scene.name] = "\n".join(table + [f"| {p.method.name} | {_numbers(p)} |" for p in shown])
+    return texts | {"fit": "\n".join(lines)}
+
+
+def _numbers(point: Point, between: str = " | ") -> str:
+    return f"{number(point.cost)}{between}{number(point.error)}"
+
+
+def _setting(quick: bool) -> str:
+    about = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
+    names = [line.split(":", 1)[1].strip() for line in about.splitlines() if line.startswith("model name")]
+    missing = sorted({method.needs for method in GAIN_METHODS if not method.installed})
     left_out = f"; not installed and left out: {', '.join(missing)}" if missing else ""
     effort = " (quick run: not to be quoted)" if quick else ""
+    processor = (names or [platform.machine()])[0]
     return f"Version {__version__}, one thread of an {processor}, SIMD target {_core.simd_target()}{left_out}{effort}."
 
 
-def _cpuinfo() -> list[str]:
-    try:
-        return Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return []
-
-
-@contextlib.contextmanager
-def _progress(steps: int) -> Iterator[Callable[[str], None]]:
-    """A progress bar on standard error if it is a terminal."""
-    if not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("measuring", total=steps)
-        yield lambda what: bar.update(task, advance=1, description=what[:48].ljust(48))
+def main(arguments: list[str] | None = None) -> None:
+    """Write chart.png and chart.csv, and the figures between '<!-- chart: NAME -->' and '<!-- chart: end -->'."""
+    parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
+    parser.add_argument("--directory", type=Path, default=Path("chart"), help="folder of chart.png and chart.csv")
+    parser.add_argument("--text", type=Path, help="a Markdown file whose figures are updated")
+    parser.add_argument("--quick", action="store_true", help="few columns and short timings, for a trial")
+    asked = parser.parse_args(arguments)
+    columns, frames, seconds = (240, 1, 0.02) if asked.quick else (1920, 2, 0.3)
+    measured = measure(columns, frames, seconds, lambda title: print(title, flush=True))
+    asked.directory.mkdir(parents=True, exist_ok=True)
+    draw(asked.directory / "chart.png", measured)
+    write_table(asked.directory / "chart.csv", measured)
+    if asked.text is not None:
+        fill_markers(asked.text, "chart", blocks(measured, asked.quick))
 
 
 if __name__ == "__main__":
-    sys.exit(run(chart))
+    main()

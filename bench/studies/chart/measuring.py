@@ -1,4 +1,4 @@
-"""Time relative to reading, error relative to the Cramér-Rao bound, and Pareto fronts."""
+"""Times of alternating calls, so that drift of the machine cancels."""
 
 from __future__ import annotations
 
@@ -43,35 +43,6 @@ class Timing:
         ratio = statistics.median(a / b for a, b in zip(mine, others, strict=True))
         fast, yardstick = (sorted(times)[len(times) // 10] for times in (mine, others))
         return cls(statistics.median(mine), ratio, len(mine), fast / yardstick)
-
-
-@dataclass(frozen=True)
-class Point:
-    """One method in one panel.
-
-    Attributes:
-        panel: name of the panel.
-        method: name of the method.
-        family: determines marker and colour.
-        series: methods joined by a line, or empty.
-        label: short text at the point in labelled panels.
-        precision: arithmetic, or empty.
-        cost: abscissa, in the panel's unit.
-        error: ordinate, in the panel's unit.
-        seconds: per call.
-        problem: points of different problems are not compared.
-    """
-
-    panel: str
-    method: str
-    family: str
-    series: str
-    label: str
-    precision: str
-    cost: float
-    error: float
-    seconds: float
-    problem: str = ""
 
 
 def pool_of_frames(shape: tuple[int, int]) -> list[Bytes]:
@@ -155,24 +126,3 @@ def one_thread() -> Iterator[None]:
 def root_mean_square(values: npt.ArrayLike) -> float:
     """Root mean square; NaN if any value is."""
     return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))
-
-
-def pareto_front(points: Sequence[Point]) -> list[Point]:
-    """Points that no other of the same problem beats in cost and error, by problem and ascending cost."""
-    front: list[Point] = []
-    for problem in dict.fromkeys(point.problem for point in points):
-        least = np.inf
-        for point in sorted((p for p in points if p.problem == problem), key=lambda p: (p.cost, p.error)):
-            if point.error < least:
-                front.append(point)
-                least = point.error
-    return front
-
-
-def beaten_by(point: Point, points: Sequence[Point], cost: float = 0.1, error: float = 0.03) -> Point | None:
-    """Another point that is no slower and no less accurate, and better in one by more than the measurement's spread."""
-    for other in points:
-        no_worse = other.problem == point.problem and other.cost <= point.cost and other.error <= point.error
-        if no_worse and (other.cost < (1.0 - cost) * point.cost or other.error < (1.0 - error) * point.error):
-            return other
-    return None

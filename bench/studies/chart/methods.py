@@ -6,6 +6,7 @@ returns one gain per column. ``GAIN_METHODS`` is the list; others may append to 
 
 from __future__ import annotations
 
+import functools
 import importlib
 import importlib.util
 from collections.abc import Callable
@@ -272,61 +273,49 @@ def by_library(efficiency: float, harmonics: bool) -> Callable[[Scene], Estimato
     return prepare
 
 
+def _add(name: str, family: str, precision: Any, prepare: Callable[[Scene], Estimator], **about: Any) -> None:
+    GAIN_METHODS.append(GainMethod(name, family, precision, prepare, **about))
+
+
+def _exact(scene: Scene) -> Float64s:
+    return _transform_weights(scene.cycles_per_row, scene.rows)
+
+
+def _on_bin(scene: Scene) -> Float64s:
+    return _transform_weights(max(1, round(scene.cycles)) / scene.rows, scene.rows)
+
+
 def _register() -> None:
-    for transform in (_NUMPY, _SCIPY, _CV2):
-        about = (transform.precision, transform.needs)
-        _add(f"rounded bin, {transform.name}", "rounded bin (paper)", rounded_bin(transform), *about)
-    for transform in (_NUMPY, _SCIPY):
-        about = (transform.precision, transform.needs)
-        _add(f"Hann, {transform.name}", "windowed DFT: Hann", windowed_bin(transform, _HANN), *about)
-        _add(f"flat-top, {transform.name}", "windowed DFT: flat-top", windowed_bin(transform, _FLAT_TOP), *about)
-        _add(f"zero-padded x4, {transform.name}", "zero-padded DFT", zero_padded(transform), *about)
-        _add(f"interpolated, {transform.name}", "interpolated DFT", interpolated(transform), *about)
-    _add("Goertzel, numpy float32", "Goertzel", goertzel(np.float32), "float32")
-    _add("Goertzel, numpy float64", "Goertzel", goertzel(np.float64), "float64")
-    _register_products()
-    for efficiency in (1.0, 0.99):
-        for harmonics in (False, True):
-            kind = "fit with harmonics" if harmonics else "fit"
-            name = f"{kind}, tone_gain(efficiency={efficiency:g})"
-            prepare = by_library(efficiency, harmonics)
-            label = "tone_gain" if harmonics and efficiency < 1.0 else ""
-            method = GainMethod(name, kind, "integer", prepare, f"{kind}, tone_gain", 1, True, label=label)
-            GAIN_METHODS.append(method)
-
-
-def _register_products() -> None:
-    def exact(scene: Scene) -> Float64s:
-        return _transform_weights(scene.cycles_per_row, scene.rows)
-
-    def on_bin(scene: Scene) -> Float64s:
-        return _transform_weights(max(1, round(scene.cycles)) / scene.rows, scene.rows)
-
-    _add("DTFT, matrix product float32", "DTFT", by_matrix_product(exact, 1, np.float32), "float32")
-    _add("DTFT, matrix product float64", "DTFT", by_matrix_product(exact, 1, np.float64), "float64")
-    _add("DTFT, kernel", "DTFT", by_kernel(exact, 1, 2), "integer")
-    _add("rounded bin, kernel", "rounded bin (paper)", by_kernel(on_bin, 1, 2), "integer")
-    for harmonics in (False, True):
-        kind = "fit with harmonics" if harmonics else "fit"
+    for one in (_NUMPY, _SCIPY, _CV2):
+        _add(f"rounded bin, {one.name}", "rounded bin (paper)", one.precision, rounded_bin(one), needs=one.needs)
+    for one in (_NUMPY, _SCIPY):
+        for name, family, prepare in (
+            ("Hann", "windowed DFT: Hann", windowed_bin(one, _HANN)),
+            ("flat-top", "windowed DFT: flat-top", windowed_bin(one, _FLAT_TOP)),
+            ("zero-padded x4", "zero-padded DFT", zero_padded(one)),
+            ("interpolated", "interpolated DFT", interpolated(one)),
+        ):
+            _add(f"{name}, {one.name}", family, one.precision, prepare, needs=one.needs)
+    for dtype in (np.float32, np.float64):
+        precision = np.dtype(dtype).name
+        _add(f"Goertzel, numpy {precision}", "Goertzel", precision, goertzel(dtype))
+        _add(f"DTFT, matrix product {precision}", "DTFT", precision, by_matrix_product(_exact, 1, dtype))
+    _add("DTFT, kernel", "DTFT", "integer", by_kernel(_exact, 1, 2))
+    _add("rounded bin, kernel", "rounded bin (paper)", "integer", by_kernel(_on_bin, 1, 2))
+    for harmonics, kind in ((False, "fit"), (True, "fit with harmonics")):
         for group in (1, 2, 4, 8):
-            weights = _fit_of(group, harmonics)
-            for dtype in (np.float32, np.float64):
-                series = f"{kind}, matrix product {np.dtype(dtype).name}"
-                prepare = by_matrix_product(weights, group, dtype)
-                precision: Any = np.dtype(dtype).name
-                GAIN_METHODS.append(GainMethod(f"{series}, D={group}", kind, precision, prepare, series, group))
-            for limbs in (1, 2):
-                series = f"{kind}, kernel {13 * limbs} bits"
-                prepare = by_kernel(weights, group, limbs)
-                GAIN_METHODS.append(GainMethod(f"{series}, D={group}", kind, "integer", prepare, series, group))
-
-
-def _fit_of(row_group: int, harmonics: bool) -> Weights:
-    return lambda scene: _fit_weights(scene, row_group, harmonics)
-
-
-def _add(name: str, family: str, prepare: Callable[[Scene], Estimator], precision: Any, needs: str = "") -> None:
-    GAIN_METHODS.append(GainMethod(name, family, precision, prepare, needs=needs))
+            weights = functools.partial(_fit_weights, row_group=group, harmonics=harmonics)
+            products = [(np.dtype(d).name, by_matrix_product(weights, group, d)) for d in (np.float32, np.float64)]
+            ways = [(f"matrix product {name}", name, prepare) for name, prepare in products]
+            ways += [(f"kernel {13 * limbs} bits", "integer", by_kernel(weights, group, limbs)) for limbs in (1, 2)]
+            for way, precision, prepare in ways:
+                series = f"{kind}, {way}"
+                _add(f"{series}, D={group}", kind, precision, prepare, series=series, row_group=group)
+        for efficiency in (1.0, 0.99):
+            label = "tone_gain" if harmonics and efficiency < 1.0 else ""
+            about: dict[str, Any] = {"series": f"{kind}, tone_gain", "timed_per_scene": True, "label": label}
+            name = f"{kind}, tone_gain(efficiency={efficiency:g})"
+            _add(name, kind, "integer", by_library(efficiency, harmonics), **about)
 
 
 _register()

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import itertools
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from statistics import NormalDist
 
 import numpy as np
@@ -13,16 +12,10 @@ from ocisac_fast.chips import closest_pair_distance
 from studies.distance import published
 from studies.distance.links import LinkResult
 from studies.distance.sweeps import Sweep
-from studies.reporting import fill_markers
 
 _LONG_EXPOSURES = ((7.0, 400_000), (14.0, 400_000))  # chips of exposure, chips counted
 _Q = 1e-7  # Q(d/2 sigma) at which they are measured
 _ONE_ROW_NOISE = 0.15
-
-
-def update_text(path: str | os.PathLike[str], blocks: Mapping[str, str]) -> None:
-    """Update a Markdown file between ``<!-- distance: NAME -->`` and ``<!-- distance: end -->``."""
-    fill_markers(path, "distance", blocks)
 
 
 def table(sweep: Sweep, results: Sequence[LinkResult]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ocisac_fast.plots import BLUE, ORANGE
@@ -43,14 +43,13 @@ SWEEPS = (
 )
 
 
-def measure(sweep: Sweep, recordings: int, seed: int, done: Callable[[], object]) -> list[LinkResult]:
-    """Counts of each link over ``recordings``; ``done`` is called after each."""
+def measure(sweep: Sweep, recordings: int) -> list[LinkResult]:
+    """Counts of each link over ``recordings``."""
     results = []
     for link in sweep.links:
         total = LinkResult()
         for number in range(recordings):
-            total.add(measure_link(link, seed + number))
-            done()
+            total.add(measure_link(link, number))
         results.append(total)
     return results
 

@@ -1,67 +1,57 @@
-"""``python -m studies.limits``."""
+"""Measure a plain method and the library at every known limit: errors of both, and the library's flags.
+
+usage: PYTHONPATH=bench python -m studies.limits [--directory FOLDER] [--text FILE]
+"""
 
 from __future__ import annotations
 
-import sys
+import argparse
+import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import click
-
-from ocisac_fast.cli.output import emit_json, emit_table
-from ocisac_fast.cli.pictures import json_option
-from studies import limits as catalogue
-from studies.command import run
-from studies.limits.reporting import number, stated
+from studies.limits import LIMITS, Limit, Point, draw
+from studies.reporting import fill_markers
 
 
-@click.command
-@click.option(
-    "--directory",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("limits"),
-    show_default=True,
-    help="Folder of limits.png.",
-)
-@click.option(
-    "--text",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="A Markdown file whose parts between '<!-- limits: NAME -->' and '<!-- limits: end -->' are updated.",
-)
-@json_option
-def limits(directory: Path, text: Path | None, as_json: bool) -> None:
-    """Measure a plain method and the library at every known limit: errors of both, and the library's flags."""
-    measured = [(limit, limit.measure()) for limit in catalogue.LIMITS]
-    directory.mkdir(parents=True, exist_ok=True)
-    picture = directory / "limits.png"
-    catalogue.draw(picture, measured)
-    if text is not None:
-        catalogue.update_text(text, measured)
-    if as_json:
-        for limit, points in measured:
-            facts = {"limit": limit.name, "sweep": limit.sweep, "error": limit.error, "plain": limit.plain}
-            emit_json({**facts, "points": [_facts(limit, point) for point in points]})
-        return
-    rows = []
+def table(measured: Sequence[tuple[Limit, Sequence[Point]]]) -> str:
+    """Markdown: every entry at its spot."""
+    lines = ["| limit | at | error | plain | library | it reports |", "|---|---|---|---:|---:|---|"]
     for limit, points in measured:
         point = limit.point_at_spot(points)
-        spot = f"{limit.sweep} = {point.x:g}"
-        rows.append([limit.title, spot, limit.error, number(point.plain), number(point.library), stated(point)])
-    header = ["limit", "at", "error", "plain", "library", "it reports"]
-    emit_table("", header, rows, left=("at", "error", "it reports"))
-    click.echo(f"picture: {picture}")
+        cells = (limit.title, f"{limit.sweep} = {point.x:g}", limit.error, _number(point.plain))
+        lines.append(f"| {' | '.join(cells)} | {_number(point.library)} | {_stated(point)} |")
+    return "\n".join(lines)
 
 
-def _facts(limit: Any, point: Any) -> dict[str, Any]:
-    return {
-        "x": point.x,
-        "plain": point.plain,
-        "library": point.library,
-        "stated": point.stated,
-        "flags": point.flags.names(),
-        "answer": point.answered(limit),
-    }
+def _stated(point: Point) -> str:
+    """Standard error and flags that the library reports."""
+    spread = _number(point.stated) if point.stated != 0.0 else "rounding"
+    parts = [] if math.isnan(point.stated) else [f"± {spread}"]
+    parts += [name.upper() for name in point.flags.names()]
+    return ", ".join(parts + ["frequency reported lost"] * point.lost)
+
+
+def _number(value: float) -> str:
+    """Two digits, one of small and large values."""
+    if math.isnan(value):
+        return "NaN"
+    return f"{value:.2g}" if 1e-3 <= abs(value) < 1e5 or value == 0.0 else f"{value:.0e}"
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Draw limits.png and write the table between '<!-- limits: figures -->' and '<!-- limits: end -->'."""
+    parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
+    parser.add_argument("--directory", type=Path, default=Path("limits"), help="folder of limits.png")
+    parser.add_argument("--text", type=Path, help="a Markdown file whose table is updated")
+    asked = parser.parse_args(arguments)
+    measured = [(limit, limit.measure()) for limit in LIMITS]
+    asked.directory.mkdir(parents=True, exist_ok=True)
+    draw(asked.directory / "limits.png", measured)
+    if asked.text is not None:
+        fill_markers(asked.text, "limits", {"figures": table(measured)})
+    print(table(measured))
 
 
 if __name__ == "__main__":
-    sys.exit(run(limits))
+    main()

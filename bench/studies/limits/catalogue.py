@@ -1,12 +1,12 @@
 """The catalogue of limits: each entry sweeps one quantity and compares a plain method and the library with the truth.
 
-One definition serves the tests, the picture and docs/measured/limits.md. A new limit is one more function under
-``@limit``.
+One definition serves the tests, the picture and the table of docs/measured/limits.md, whose texts say why the plain
+method fails and what the library does. A new limit is one more function under ``@limit``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import reduce
 from operator import or_
@@ -19,6 +19,7 @@ from ocisac_fast.core.flags import Flag
 from ocisac_fast.tones.gain import ToneGain
 
 Float64s = npt.NDArray[np.float64]
+Measuring = Callable[[], "Iterator[Point]"]
 
 
 @dataclass(frozen=True)
@@ -59,14 +60,11 @@ class Limit:
         title: over the panel.
         sweep: the swept quantity, with its unit.
         error: the error, with its unit.
-        plain: the plain method.
-        why: cause of the failure.
-        then: behaviour of the library.
         spot: x at which figures are quoted.
         fails_by: min. error of the plain method at ``spot``.
         good: max. error of a good result.
         flags: those that indicate the limit.
-        silent: x at which the library is neither good nor honest nor flagged; ``then`` explains it.
+        silent: x at which the library is neither good nor honest nor flagged; docs/measured/limits.md explains it.
         measure: the points of the sweep, in order.
     """
 
@@ -74,15 +72,12 @@ class Limit:
     title: str
     sweep: str
     error: str
-    plain: str
-    why: str
-    then: str
     spot: float
     fails_by: float
     good: float
-    flags: Flag
-    silent: tuple[float, ...]
     measure: Callable[[], list[Point]]
+    flags: Flag = Flag(0)  # noqa: RUF009, a constant
+    silent: tuple[float, ...] = ()
 
     def point_at_spot(self, points: Iterable[Point]) -> Point:
         """The point whose figures are quoted."""
@@ -92,27 +87,12 @@ class Limit:
 LIMITS: list[Limit] = []
 
 
-def limit(
-    name: str,
-    title: str,
-    *,
-    sweep: str,
-    error: str,
-    plain: str,
-    why: str,
-    then: str,
-    spot: float,
-    fails_by: float,
-    good: float,
-    flags: Flag = Flag(0),  # noqa: B008, a constant
-    silent: tuple[float, ...] = (),
-) -> Callable[[Callable[[], list[Point]]], Callable[[], list[Point]]]:
-    """Add a measuring function to ``LIMITS``."""
+def limit(title: str, sweep: str, error: str = "RMS error of the gain", **about: Any) -> Callable[[Measuring], None]:
+    """Enter a measuring function, whose name is the key, with the other attributes of its :class:`Limit`."""
 
-    def enter(measure: Callable[[], list[Point]]) -> Callable[[], list[Point]]:
-        texts = (name, title, sweep, error, plain, why, then)
-        LIMITS.append(Limit(*texts, spot, fails_by, good, flags, silent, measure))
-        return measure
+    def enter(measure: Measuring) -> None:
+        name = measure.__name__.strip("_").replace("_", "-")
+        LIMITS.append(Limit(name, title, sweep, error, measure=lambda: list(measure()), **about))
 
     return enter
 

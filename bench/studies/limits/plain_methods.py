@@ -1,4 +1,4 @@
-"""Plain methods in addition to those of the chart (``studies.chart.GAIN_METHODS``), in their simplest form."""
+"""Plain methods in addition to those of the chart (``studies.chart.methods``), in their simplest form."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from studies.chart import GAIN_METHODS
+from ocisac_fast.camera.camera import Camera
+from ocisac_fast.light.response import exposure_response
+from studies.chart.methods import GAIN_METHODS
 from studies.chart.scenes import Float64s, Scene, design_matrix
 
 _CHARTED = {method.name: method for method in GAIN_METHODS}
@@ -58,3 +60,11 @@ def peak_frequency(columns: npt.NDArray[Any]) -> Float64s:
     """Cycles per row of the highest bin other than the mean, for each column."""
     spectrum = np.abs(np.fft.rfft(columns.astype(np.float64), axis=0))
     return np.asarray((1 + spectrum[1:].argmax(axis=0)) / columns.shape[0])
+
+
+def circular_inverse(columns: npt.NDArray[Any], camera: Camera, max_boost: float = 10.0) -> Float64s:
+    """Division of the periodic DFT by H, with limited boost."""
+    rows = columns.shape[0]
+    response = exposure_response(np.fft.rfftfreq(rows, camera.row_period), camera.exposure or 0.0)
+    restoring = response.conj() / np.maximum(np.abs(response) ** 2, max_boost**-2)
+    return np.fft.irfft(np.fft.rfft(columns, axis=0) * restoring[:, None], rows, axis=0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -11,8 +12,8 @@ from ocisac_fast.cleaning import remove_bands
 from ocisac_fast.light.waveforms import Tone, Waveform, integrate_exposure, sample_waveform
 from ocisac_fast.tones.equalization import equalize
 from studies.chart.scenes import Float64s
-from studies.chart.tradeoffs import circular_inverse
 from studies.limits.catalogue import Point, limit, rms
+from studies.limits.plain_methods import circular_inverse
 
 _ROW_TIME = 22.2e-6
 _NO_LIMIT = 1e12  # boost
@@ -39,47 +40,28 @@ def _restored(light: Waveform, frequency: float, x: float, rows: int, exposure_r
     return Point(x, plain, error(restored), _NOISE * rms(report.noise_gain), lost=lost)
 
 
-@limit(
-    "null-equalisation",
-    "Sinc null: equalisation",
-    sweep="exposure, rows",
-    error="RMS error / swing, 1 % noise",
-    plain="DFT divided by sinc(f·T_e)",
-    why="Around the multiples of 1/T_e the division multiplies noise, and whatever the frame's ends brought, without "
-    "bound.",
-    then="Amplifies no frequency by more than `max_boost`, continues the column beyond its ends, and reports the bands "
-    "lost and the noise gained.",
-    spot=24,
-    fails_by=10.0,
-    good=0.05,
-)
-def _null_equalisation() -> list[Point]:
-    points = []
+@limit("Sinc null: equalisation", "exposure, rows", "RMS error / swing, 1 % noise", spot=24, fails_by=10.0, good=0.05)
+def _null_equalisation() -> Iterator[Point]:
     for exposure_rows in (1.5, 3, 6, 12, 24, 45):
         highest = 0.3 / (exposure_rows * _ROW_TIME)  # well inside the first lobe
         light = Tone(highest, amplitude=0.5) + Tone(0.45 * highest, amplitude=0.5, phase=1.0)
-        points.append(_restored(light, highest, exposure_rows, 1080, exposure_rows))
-    return points
+        yield _restored(light, highest, exposure_rows, 1080, exposure_rows)
 
 
 @limit(
-    "long-exposure",
     "Exposure longer than the frame",
-    sweep="exposure / frame",
-    error="RMS error / swing, 1 % noise",
-    plain="DFT divided by sinc(f·T_e)",
-    why="Every frequency that the frame can show lies beyond the first null: there is next to nothing to divide.",
-    then="From one frame on returns the mean of the column, and reports all frequencies as lost. At half a frame the "
-    "ends still cost 0.2 of the swing, which the report does not contain.",
+    "exposure / frame",
+    "RMS error / swing, 1 % noise",
     spot=2.0,
     fails_by=100.0,
     good=0.06,
     silent=(0.5,),
 )
-def _long_exposure() -> list[Point]:
+def _long_exposure() -> Iterator[Point]:
     frequency = 1.6 / (240 * _ROW_TIME)
     shares = (0.05, 0.1, 0.2, 0.5, 1.0, 1.5, 2.0, 4.0)
-    return [_restored(Tone(frequency), frequency, share, 240, share * 240) for share in shares]
+    for share in shares:
+        yield _restored(Tone(frequency), frequency, share, 240, share * 240)
 
 
 def _picture_with_a_horizon(random: np.random.Generator, rows: int = 360, columns: int = 96) -> Float64s:
@@ -114,18 +96,14 @@ def _cleaned(cycles: float, seeds: tuple[int, ...] = (1, 2, 3)) -> Point:
 
 
 @limit(
-    "bands",
     "Bands over a picture",
-    sweep="cycles in the picture",
-    error="RMS error / mean after one gain",
-    plain="rows divided by their mean",
-    why="The mean of a row is the picture's as well: its texture and its horizon are divided away with the bands.",
-    then="Divides by the light that pixels of the same column have in common, each with its own share. Bands of less "
-    "than three cycles may be the picture's own shades and stay; `remarks` names some of those only.",
+    "cycles in the picture",
+    "RMS error / mean after one gain",
     spot=12,
     fails_by=0.15,
     good=0.07,
     silent=(0.5, 1.0, 2.0),
 )
-def _bands() -> list[Point]:
-    return [_cleaned(cycles) for cycles in (0.5, 1.0, 1.5, 2.0, 3.0, 6.0, 12.0, 24.0, 48.0)]
+def _bands() -> Iterator[Point]:
+    for cycles in (0.5, 1.0, 1.5, 2.0, 3.0, 6.0, 12.0, 24.0, 48.0):
+        yield _cleaned(cycles)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
@@ -12,8 +14,8 @@ from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.sensing.region import sense_region
 from ocisac_fast.tones.frequency import find_frequency
 from studies.chart.scenes import Float64s
-from studies.chart.tradeoffs import circular_inverse
 from studies.limits.catalogue import Point, limit, rms
+from studies.limits.plain_methods import circular_inverse
 
 _ROW_TIME, _FRAME_TIME, _EXPOSURE = 22.2e-6, 1 / 30, 622e-6
 _TEXTURE, _PITCH = 230.0, 1e-4  # cycles per metre, metres per row
@@ -48,57 +50,43 @@ _SPEEDS = (0.02, 0.05, 0.15, 0.5, 1.751, 3.0)
 
 
 @limit(
-    "motion-along",
     "Motion along the rows",
-    sweep="speed against the read-out, m/s",
-    error="RMS error of f_x·v, Hz",
-    plain="the frequency that a column shows",
-    why="The next row looks at another place of the texture: the column shows f_x·(v·T_r + pitch) a row.",
-    then="`sense_region` takes the pitch and the texture (or the speed), and a second frame or the direction picks one "
-    "of two answers; with less it lists them: AMBIGUOUS_MOTION.",
+    "speed against the read-out, m/s",
+    "RMS error of f_x·v, Hz",
     spot=1.751,
     fails_by=500.0,
     good=0.05,
     flags=Flag.AMBIGUOUS_MOTION | Flag.AMBIGUOUS_KIND,
 )
-def _motion_along() -> list[Point]:
-    return [_motion(speed, spatial_frequency=_TEXTURE) for speed in _SPEEDS]
+def _motion_along() -> Iterator[Point]:
+    for speed in _SPEEDS:
+        yield _motion(speed, spatial_frequency=_TEXTURE)
 
 
 @limit(
-    "motion-frames",
     "Motion from two frames alone",
-    sweep="speed against the read-out, m/s",
-    error="RMS error of f_x·v, Hz",
-    plain="the frequency that a column shows",
-    why="Two frames give f_x·v modulo the frame rate, and a column only with the texture at rest in it.",
-    then="Gives the slowest of the answers that fit and lists others, AMBIGUOUS_MOTION, unless `bounds` of the "
-    "motion leave one.",
+    "speed against the read-out, m/s",
+    "RMS error of f_x·v, Hz",
     spot=1.751,
     fails_by=500.0,
     good=0.05,
     flags=Flag.AMBIGUOUS_MOTION | Flag.AMBIGUOUS_KIND,
 )
-def _motion_frames() -> list[Point]:
-    return [_motion(speed) for speed in _SPEEDS]
+def _motion_frames() -> Iterator[Point]:
+    for speed in _SPEEDS:
+        yield _motion(speed)
 
 
 @limit(
-    "restored-contrast",
     "Contrast that the exposure took",
-    sweep="f_x·v·T_e",
-    error="error of the restored gain",
-    plain="DFT divided by sinc(f·T_e)",
-    why="Towards the null the division multiplies noise, and what the frame's ends brought, without bound.",
-    then="`restore_contrast` gives back up to `max_boost`; what the ends and the boost leave is predicted "
-    "(`expected`); noise gives NEAR_NULL, WEAK.",
+    "f_x·v·T_e",
+    "error of the restored gain",
     spot=0.6,
     fails_by=1.0,
     good=0.02,
     flags=Flag.NEAR_NULL | Flag.WEAK,
 )
-def _restored_contrast() -> list[Point]:
-    points = []
+def _restored_contrast() -> Iterator[Point]:
     frequency = 350.2
     for cycles in (0.3, 0.6, 0.8, 0.9, 0.99, 1.1, 1.3, 1.5):
         camera = Camera(_ROW_TIME, cycles / frequency)
@@ -110,5 +98,4 @@ def _restored_contrast() -> list[Point]:
         divided = circular_inverse(pictures[0], camera, 1e12)
         plain = rms(tone_gain(divided, Camera(_ROW_TIME), frequency).gain - 1.0)
         stated = rms([np.hypot(one.after_std, one.expected - 1.0) for one in found])
-        points.append(Point(cycles, plain, rms([one.after - 1.0 for one in found]), stated, found[0].flags))
-    return points
+        yield Point(cycles, plain, rms([one.after - 1.0 for one in found]), stated, found[0].flags)

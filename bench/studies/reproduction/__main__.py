@@ -1,112 +1,86 @@
-"""``python -m studies.reproduction``."""
+"""Simulate the paper's testbed, measure it by the paper's method and by the fit, and draw the figures.
+
+usage: PYTHONPATH=bench python -m studies.reproduction [-o FOLDER] [--figure NAME...] [--frames N] [--text FILE]
+"""
 
 from __future__ import annotations
 
-import sys
+import argparse
+import csv
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import click
+from studies.reporting import fill_markers
+from studies.reproduction import choices, gains, testbed
+from studies.reproduction.figures import FIGURES, draw, table_rows
+from studies.reproduction.gains import GainResult
 
-from ocisac_fast.cli.output import emit_json, emit_table, progress
-from ocisac_fast.cli.pictures import json_option
-from studies.command import run
-from studies.reproduction import FIGURES, Workshop, figures, reporting, testbed
-
-_NAMES = ("5", "6", "9", "10", "11", "12", "13", "table-2")
-_QUICK = 60  # frames per setting
+_HEADER = "kind nominal frequency_hz exposure_s frames theory fit fit_std fit_scatter paper paper_std bin"
 
 
-@click.command
-@click.option("--figure", "names", type=click.Choice(_NAMES), multiple=True, help="Only this figure; repeatable.")
-@click.option(
-    "-o",
-    "--output",
-    "directory",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("paper"),
-    show_default=True,
-    help="Folder of the pictures and gains.csv.",
-)
-@click.option("--frames", type=click.IntRange(2, 100_000), help="Frames per setting.  [default: 1800, as in the paper]")
-@click.option("--quick", is_flag=True, help=f"{_QUICK} frames per setting.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of noise and phases.")
-@click.option(
-    "--text",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="A Markdown file whose parts between '<!-- reproduce: NAME -->' and '<!-- reproduce: end -->' are updated.",
-)
-@json_option
-def reproduce(
-    names: tuple[str, ...],
-    directory: Path,
-    frames: int | None,
-    quick: bool,
-    seed: int,
-    text: Path | None,
-    as_json: bool,
-) -> None:
-    """Simulate the paper's testbed, measure it by the paper's method and by the fit, and draw the figures."""
-    if quick and frames is not None:
-        raise ValueError("--frames: got it with --quick, allowed: one of the two")
-    count = frames or (_QUICK if quick else testbed.FRAMES)
-    chosen = [FIGURES[name] for name in names or _NAMES]
-    results = None
-    if text is not None or any(figure.needs_gains for figure in chosen):
-        calls = figures.measured_settings(count, seed)
-        results = [call() for call in progress(calls, "recording and measuring", len(calls))]
-    directory.mkdir(parents=True, exist_ok=True)
-    pictures = []
-    for figure in chosen:
-        pictures.append(directory / f"{figure.name}.png")
-        figures.draw(figure, pictures[-1], Workshop(results, seed))
-    if results is not None:
-        reporting.write_table(directory / "gains.csv", results)
-        if text is not None:
-            reporting.update_text(text, results)
-    if as_json:
-        emit_json({"settings": [_facts(result) for result in results or ()], "pictures": [str(p) for p in pictures]})
-        return
-    if results is not None:
-        emit_table(f"Gains over {count} frames a setting", _HEADER, [_row(result) for result in results])
-        click.echo(reporting.verdict(results))
-    for path in pictures:
-        click.echo(f"picture: {path}")
+def write_table(path: Path, results: Sequence[GainResult]) -> None:
+    """Write CSV, one line per setting."""
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(_HEADER.split())
+        for result in results:
+            setting = result.setting
+            light = (setting.kind, f"{setting.nominal:g}", f"{setting.frequency:.4f}", f"{setting.exposure:.6f}")
+            values = (setting.theory, result.fit, result.fit_std, result.fit_scatter, result.paper, result.paper_std)
+            numbers = [f"{value:.7f}" for value in values]
+            writer.writerow((*light, result.frames, *numbers, f"{result.bin:.3f}"))
 
 
-_HEADER = ["light", "frequency", "exposure", "theory", "paper's method", "bias", "fit", "± σ", "difference / σ"]
-
-
-def _row(result: Any) -> list[str]:
-    setting = result.setting
-    return [
-        setting.kind,
-        f"{setting.frequency:.1f} Hz",
-        f"{1e6 * setting.exposure:.0f} µs",
-        f"{setting.theory:.5f}",
-        f"{result.paper:.5f}",
-        f"{result.bias:+.4f}",
-        f"{result.fit:.5f}",
-        f"{result.fit_std:.5f}",
-        f"{result.deviation:+.1f}",
-    ]
-
-
-def _facts(result: Any) -> dict[str, Any]:
-    setting = result.setting
+def blocks(results: Sequence[GainResult]) -> dict[str, str]:
+    """Figures of a text between '<!-- reproduce: NAME -->' and '<!-- reproduce: end -->'."""
+    chi, limit = gains.chi_squared(results), gains.chi_squared_limit(len(results))
+    loss = choices.deviations().loss
     return {
-        "kind": setting.kind,
-        "frequency_hz": setting.frequency,
-        "exposure_s": setting.exposure,
-        "frames": result.frames,
-        "theory": setting.theory,
-        "gain": result.fit,
-        "gain_std": result.fit_std,
-        "paper_gain": result.paper,
-        "paper_gain_std": result.paper_std,
-        "bin": result.bin,
+        "gains": _gains(results),
+        "test": f"χ² = {chi:.1f} over {len(results)} settings (1 % point {limit:.1f}), largest deviation "
+        f"{gains.worst_deviation(results):.1f} standard errors.",
+        "deviations": f"| | printed | here |\n|---|---:|---:|\n"
+        f"| mean deviation of the closed form | {100 * choices.PRINTED_MEAN:.2f} % | {100 * loss.mean():.2f} % |\n"
+        f"| largest | {100 * choices.PRINTED_LARGEST:.2f} % | {100 * loss.max():.2f} % |",
+        "table": "\n".join(
+            ["| parameter | printed | here |", "|---|---|---|", *(f"| {' | '.join(row)} |" for row in table_rows())]
+        ),
     }
 
 
+def _gains(results: Sequence[GainResult]) -> str:
+    lines = [
+        "| | f / Hz | exposure / µs | m before rounding | theory | paper | bias | fit | ± | fit − theory, in σ |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    for result in results:
+        setting = result.setting
+        light = f"| {setting.kind} | {setting.frequency:.1f} | {1e6 * setting.exposure:.0f} | {result.bin:.2f}"
+        paper = f"{setting.theory:.5f} | {result.paper:.5f} | {result.bias:+.4f}"
+        lines.append(f"{light} | {paper} | {result.fit:.5f} | {result.fit_std:.5f} | {result.deviation:+.1f} |")
+    return "\n".join(lines)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Draw the figures asked for; record and measure the 24 settings where one of them or the text needs them."""
+    parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
+    parser.add_argument("-o", "--directory", type=Path, default=Path("paper"), help="of the pictures and gains.csv")
+    parser.add_argument("--figure", nargs="+", choices=FIGURES, default=list(FIGURES), help="only these figures")
+    parser.add_argument("--frames", type=int, default=testbed.FRAMES, help="a setting; 1800, as in the paper")
+    parser.add_argument("--text", type=Path, help="a Markdown file whose figures are updated")
+    asked = parser.parse_args(arguments)
+    asked.directory.mkdir(parents=True, exist_ok=True)
+    results: list[GainResult] = []
+    if asked.text is not None or any(FIGURES[name].needs_gains for name in asked.figure):
+        results = [gains.measure(setting, asked.frames) for setting in testbed.settings()]
+        write_table(asked.directory / "gains.csv", results)
+    for name in asked.figure:
+        draw(name, asked.directory / f"figure-{name}.png", results)
+    if asked.text is not None:
+        fill_markers(asked.text, "reproduce", blocks(results))
+    if results:
+        print(_gains(results))
+
+
 if __name__ == "__main__":
-    sys.exit(run(reproduce))
+    main()

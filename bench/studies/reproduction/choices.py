@@ -34,14 +34,13 @@ class Deviations:
     Attributes:
         inverse_ratio: (100,) 1/epsilon = f_min/f_max, 0.01 ... 1.
         exact, closed_form: (100,) objective, s.
-        exact_exposure, closed_form_exposure: (100,) s.
+        exact_exposure: (100,) s.
     """
 
     inverse_ratio: FloatArray
     exact: FloatArray
     closed_form: FloatArray
     exact_exposure: FloatArray
-    closed_form_exposure: FloatArray
 
     @property
     def loss(self) -> FloatArray:
@@ -55,10 +54,5 @@ def deviations() -> Deviations:
     fast = SLOWEST / inverse_ratio
     exact = best_exposure(fast, SLOWEST)
     closed = best_exposure(fast, SLOWEST, method="closed-form")
-    return Deviations(
-        inverse_ratio,
-        np.asarray(exact.objective),
-        np.asarray(closed.objective),
-        np.asarray(exact.exposure),
-        np.asarray(closed.exposure),
-    )
+    objectives = (np.asarray(exact.objective), np.asarray(closed.objective))
+    return Deviations(inverse_ratio, *objectives, np.asarray(exact.exposure))

@@ -13,7 +13,7 @@ from ocisac_fast.exposure.choice import best_exposure
 from ocisac_fast.light.response import exposure_response
 from ocisac_fast.plots import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, picture
 from ocisac_fast.tones.gain import tone_gain
-from studies.reproduction import choices, gains, testbed
+from studies.reproduction import choices, testbed
 from studies.reproduction.gains import GainResult
 from studies.reproduction.testbed import Setting
 
@@ -26,47 +26,26 @@ _EXPOSURE_COLOURS = dict(zip(testbed.EXPOSURES, (GREEN, ORANGE, BLUE, PURPLE), s
 
 
 @dataclass(frozen=True)
-class Workshop:
-    """Inputs of the figures: gains are measured once, pictures are recorded on demand.
-
-    Attributes:
-        results: of all 24 settings, in the order of :func:`settings`; None if no figure needs them.
-        seed: of the noise and phases.
-    """
-
-    results: Sequence[GainResult] | None
-    seed: int = 0
-
-    def of_kind(self, kind: str) -> list[GainResult]:
-        """The results of communication or sensing."""
-        return [result for result in self.results or () if result.setting.kind == kind]
-
-
-@dataclass(frozen=True)
 class Figure:
-    """One figure or table of the paper.
+    """One figure of the paper.
 
     Attributes:
-        name: file name, such as ``figure-10``.
-        title: subject.
         size: inches.
-        draw: draws it on a canvas.
-        needs_gains: True if it needs the 24 settings measured.
+        draw: draws it on a canvas, from the results of all 24 settings.
+        needs_gains: True if it needs them.
     """
 
-    name: str
-    title: str
     size: tuple[float, float]
-    draw: Callable[[Canvas, Workshop], None]
+    draw: Callable[[Canvas, Sequence[GainResult]], None]
     needs_gains: bool = False
 
 
-def _response_and_lines(canvas: Canvas, workshop: Workshop) -> None:
+def _response_and_lines(canvas: Canvas, results: Sequence[GainResult]) -> None:
     """Figure 5: both tones of one pixel under the response of the exposure."""
     exposure, light, grating = 622e-6, 700.0, testbed.true_grating(100.0)
     sensing = Setting("sensing", 100.0, exposure)
     communication = Setting("communication", light, exposure)
-    both = [testbed.record(each, 24, workshop.seed)[:, :, 0].astype(float) for each in (communication, sensing)]
+    both = [testbed.record(each, 24, 0)[:, :, 0].astype(float) for each in (communication, sensing)]
     pixel = (both[0] + both[1]) / 2.0  # half of the light from each
     tones = np.array([light, sensing.frequency])
     mean_of_one = testbed.SWING / 4.0
@@ -94,7 +73,7 @@ def _response_and_lines(canvas: Canvas, workshop: Workshop) -> None:
     axes.legend(loc="upper right")
 
 
-def _objective_over_exposure(canvas: Canvas, workshop: Workshop) -> None:
+def _objective_over_exposure(canvas: Canvas, results: Sequence[GainResult]) -> None:
     """Figure 6: the response at several exposures, and the resulting sum of both tones."""
     light, motion = 500.0, 174.68
     left, right = canvas.subplots(1, 2)
@@ -118,14 +97,14 @@ def _objective_over_exposure(canvas: Canvas, workshop: Workshop) -> None:
     right.legend(loc="lower left")
 
 
-def _pictures(canvas: Canvas, workshop: Workshop) -> None:
+def _pictures(canvas: Canvas, results: Sequence[GainResult]) -> None:
     """Figure 9: stored pictures, and a column of each."""
     communication = [Setting("communication", 200.0, exposure) for exposure in (2404e-6, 1202e-6, 622e-6)]
     sensing = [Setting("sensing", grating, 1202e-6) for grating in testbed.GRATINGS]
     rows = canvas.subplots(4, 3, height_ratios=(1.3, 1.0, 1.3, 1.0))
     for k, (kind, chosen) in enumerate((("a", communication), ("b", sensing))):
         for column, setting in enumerate(chosen):
-            frame = testbed.record(setting, 1, workshop.seed, testbed.COLUMNS)[0]
+            frame = testbed.record(setting, 1, 0, testbed.COLUMNS)[0]
             top, below = rows[2 * k, column], rows[2 * k + 1, column]
             top.imshow(frame, cmap="gray", vmin=0, vmax=255, aspect="auto", interpolation="nearest")
             top.grid(False)
@@ -137,9 +116,9 @@ def _pictures(canvas: Canvas, workshop: Workshop) -> None:
             below.set_xlabel("row" if k else "")
 
 
-def _gains(canvas: Canvas, workshop: Workshop, kind: str, number: int) -> None:
+def _gains(canvas: Canvas, results: Sequence[GainResult], kind: str, number: int) -> None:
     """Figures 10 and 11: mean gains over frequency, one panel per exposure."""
-    results = workshop.of_kind(kind)
+    results = [result for result in results if result.setting.kind == kind]
     panels = canvas.subplots(1, 4, sharey=True)
     for axes, exposure in zip(panels, testbed.EXPOSURES, strict=True):
         chosen = [result for result in results if result.setting.exposure == exposure]
@@ -190,7 +169,7 @@ def _gain_panel(axes: Axes, chosen: Sequence[GainResult], exposure: float) -> No
     axes.set(xlabel="frequency / Hz", title=f"Tₑ = {1e6 * exposure:.0f} µs", xlim=(0.0, 1000.0), ylim=(0.0, 1.05))
 
 
-def _optimum_and_closed_form(canvas: Canvas, workshop: Workshop) -> None:
+def _optimum_and_closed_form(canvas: Canvas, results: Sequence[GainResult]) -> None:
     """Figure 12: the objective at 200 Hz and three motions, with the paper's choice and the optimum."""
     axes = canvas.subplots()
     for motion, colour in zip((100.0, 150.0, 200.0), (GREEN, ORANGE, BLUE), strict=True):
@@ -213,7 +192,7 @@ def _optimum_and_closed_form(canvas: Canvas, workshop: Workshop) -> None:
     axes.legend(loc="upper right")
 
 
-def _deviations(canvas: Canvas, workshop: Workshop) -> None:
+def _deviations(canvas: Canvas, results: Sequence[GainResult]) -> None:
     """Figure 13: the objective of optimum and closed form, and the loss of the closed form."""
     found = choices.deviations()
     left, right = canvas.subplots(1, 2)
@@ -230,23 +209,6 @@ def _deviations(canvas: Canvas, workshop: Workshop) -> None:
     )
     right.text(0.97, 0.95, words, transform=right.transAxes, ha="right", va="top")
     right.set(xlabel="1/ε", ylabel="deviation / %", title="What the closed form leaves")
-
-
-def _table(canvas: Canvas, workshop: Workshop) -> None:
-    """Table 2, with derived values."""
-    axes = canvas.subplots()
-    axes.set_axis_off()
-    axes.set_title("Table 2: as printed, and what follows")
-    table = axes.table(
-        cellText=table_rows(), colLabels=TABLE_HEADER, loc="upper left", cellLoc="left", edges="horizontal"
-    )
-    table.auto_set_font_size(False)
-    table.set_fontsize(9.0)
-    table.auto_set_column_width(range(len(TABLE_HEADER)))
-    table.scale(1.0, 1.5)
-
-
-TABLE_HEADER = ("parameter", "printed", "here")
 
 
 def table_rows() -> list[list[str]]:
@@ -278,35 +240,17 @@ def table_rows() -> list[list[str]]:
 
 
 FIGURES = {
-    "5": Figure("figure-5", "A pixel's tones under the exposure's response", (9.0, 4.5), _response_and_lines),
-    "6": Figure("figure-6", "The objective over the exposure time", (11.0, 4.2), _objective_over_exposure),
-    "9": Figure("figure-9", "Pictures and pixel values", (11.0, 9.0), _pictures),
-    "10": Figure(
-        "figure-10",
-        "Gains of communication",
-        (14.0, 4.6),
-        functools.partial(_gains, kind="communication", number=10),
-        needs_gains=True,
-    ),
-    "11": Figure(
-        "figure-11",
-        "Gains of sensing",
-        (14.0, 4.6),
-        functools.partial(_gains, kind="sensing", number=11),
-        needs_gains=True,
-    ),
-    "12": Figure("figure-12", "Optimum and closed form", (9.0, 4.8), _optimum_and_closed_form),
-    "13": Figure("figure-13", "Deviations over the ratio of frequencies", (11.0, 4.4), _deviations),
-    "table-2": Figure("table-2", "Parameters of the testbed", (13.0, 3.9), _table),
+    "5": Figure((9.0, 4.5), _response_and_lines),
+    "6": Figure((11.0, 4.2), _objective_over_exposure),
+    "9": Figure((11.0, 9.0), _pictures),
+    "10": Figure((14.0, 4.6), functools.partial(_gains, kind="communication", number=10), needs_gains=True),
+    "11": Figure((14.0, 4.6), functools.partial(_gains, kind="sensing", number=11), needs_gains=True),
+    "12": Figure((9.0, 4.8), _optimum_and_closed_form),
+    "13": Figure((11.0, 4.4), _deviations),
 }
 
 
-def measured_settings(frames: int, seed: int) -> list[Callable[[], GainResult]]:
-    """One call per setting, for a progress bar."""
-    return [functools.partial(gains.measure, setting, frames, seed) for setting in testbed.settings()]
-
-
-def draw(figure: Figure, path: Any, workshop: Workshop) -> None:
-    """Write the figure's picture."""
-    with picture(path, *figure.size) as canvas:
-        figure.draw(canvas, workshop)
+def draw(name: str, path: Any, results: Sequence[GainResult]) -> None:
+    """Write a figure's picture."""
+    with picture(path, *FIGURES[name].size) as canvas:
+        FIGURES[name].draw(canvas, results)
