@@ -1,8 +1,6 @@
 """Many recordings on real schedulers and workers: equal tables, whatever is killed; one line for what is wrong."""
 
 import contextlib
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -18,7 +16,7 @@ pytest.importorskip("pyarrow")
 pytest.importorskip("distributed")
 
 import distributed
-from lamp_recordings import MAX_FRAMES
+from lamp_recordings import MAX_FRAMES, slowed
 
 from ocisac_fast.batch import ClusterError, VersionError, cluster, measure_recordings, read_results
 from ocisac_fast.batch.results import Results
@@ -27,16 +25,6 @@ from ocisac_fast.cli import main
 # Connections that die with killed processes are reported by the collector of garbage.
 pytestmark = pytest.mark.filterwarnings("ignore")
 GAIN = ["gain", "--frequency", "500Hz", "--row-time", "22.2us", "--exposure", "1202us"]
-OPTIONS = ["--max-frames", str(MAX_FRAMES)]
-
-
-def slowed(folder):
-    """Environment in which a recording takes 0.1 s more: 45 last 2 s, so the run is not over when a signal comes."""
-    (folder / "sitecustomize.py").write_text(
-        "import time\nfrom ocisac_fast.batch import jobs\nfast = jobs.Work._measured\n"
-        "jobs.Work._measured = lambda *arguments: (time.sleep(0.1), fast(*arguments))[1]\n"
-    )
-    return {**os.environ, "PYTHONPATH": str(folder)}
 
 
 class Processes:
@@ -95,19 +83,6 @@ def connected(processes, workers):
         yield client
 
 
-@pytest.mark.usefixtures("process_semaphores")
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_local_cluster_gives_the_same_table(workers, campaign, task, truth, tmp_path):
-    with cluster(workers=workers) as client:
-        done = measure_recordings(
-            campaign.folder, task, client=client, output=tmp_path / "results", max_frames=MAX_FRAMES
-        )
-        assert done.progress.finished == campaign.count
-        assert read_results(tmp_path / "results").equals(truth)
-        if workers == 2:
-            assert measure_recordings(campaign.folder, task, client=client, max_frames=MAX_FRAMES).table.equals(truth)
-
-
 def test_workers_and_a_scheduler_are_killed_and_each_row_is_there_once(campaign, task, truth, processes, tmp_path):
     """A scheduler and workers of their own. Three workers die, then the scheduler; the run is started again."""
     results = tmp_path / "results"
@@ -138,51 +113,6 @@ def test_workers_and_a_scheduler_are_killed_and_each_row_is_there_once(campaign,
         assert done.progress.finished == campaign.count
     finally:
         second.kill()
-    assert read_results(results).equals(truth)
-
-
-@pytest.mark.usefixtures("process_semaphores")
-def test_the_whole_run_is_killed_and_started_again(campaign, truth, tmp_path):
-    results = tmp_path / "results"
-    command = [sys.executable, "-m", "ocisac_fast.cli", "batch", str(campaign.folder), "-o", str(results)]
-    words = ["--workers", "2", *OPTIONS, *GAIN]
-    run = subprocess.Popen([*command, *words], start_new_session=True, stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + 60
-    while not results.exists() or len(Results(results).names()) < 8:
-        assert run.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    os.killpg(run.pid, signal.SIGKILL)
-    run.wait()
-    assert 8 <= len(Results(results).names()) < 45
-    assert main([*command[3:], "--workers", "0", *OPTIONS, *GAIN]) == 0
-    assert read_results(results).equals(truth)
-
-
-@pytest.mark.usefixtures("process_semaphores")
-def test_ctrl_c_ends_the_run_in_seconds_and_keeps_what_is_finished(campaign, task, truth, tmp_path):
-    """As a terminal sends it: to the process and its workers."""
-    results = tmp_path / "results"
-    words = ["batch", str(campaign.folder), "-o", str(results), "--workers", "2", *OPTIONS, *GAIN]
-    run = subprocess.Popen(
-        [sys.executable, "-m", "ocisac_fast.cli", *words],
-        start_new_session=True,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=slowed(tmp_path),
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
-    )
-    deadline = time.monotonic() + 60
-    while not results.exists() or not Results(results).names():
-        assert run.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.001)
-    os.killpg(run.pid, signal.SIGINT)
-    _, err = run.communicate(timeout=60)
-    assert run.returncode == 130
-    assert err.splitlines() == [f"ocisac: interrupted; {results} keeps what is finished, the same command goes on"]
-    done = measure_recordings(campaign.folder, task, output=results, max_frames=MAX_FRAMES)
-    assert done.progress.skipped + done.progress.finished > done.progress.skipped > 0
     assert read_results(results).equals(truth)
 
 
@@ -243,21 +173,9 @@ def test_a_scheduler_that_is_not_there_is_one_line(campaign, tmp_path, capsys, m
 
 def test_the_package_does_without_dask(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with cluster() as client:
-        assert client is None
-    with pytest.raises(ClusterError, match="Dask: not installed: pip install"), cluster(workers=2):
-        pass
-
-
-def test_without_semaphores_one_process_does_the_work_and_says_so(monkeypatch):
-    def refused(*_):
-        raise OSError(30, "Read-only file system")
-
-    monkeypatch.setattr("ocisac_fast.batch.engines.multiprocessing.get_context", refused)
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1}, raising=False)
-    with pytest.warns(UserWarning, match="one recording after another: no semaphores"), cluster() as client:
-        assert client is None
-    with pytest.raises(ClusterError, match=r"workers: no semaphores .*Read-only"), cluster(workers=2):
+    with cluster(workers=2) as workers:
+        assert workers.count == 2
+    with pytest.raises(ClusterError, match="Dask: not installed: pip install"), cluster(scheduler="tcp://127.0.0.1:9"):
         pass
 
 

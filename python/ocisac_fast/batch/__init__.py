@@ -5,8 +5,8 @@ from ocisac_fast.batch.campaign import (
     Progress as Progress,
     measure_recordings as measure_recordings,
 )
-from ocisac_fast.batch.engines import ClusterError as ClusterError, cluster as cluster
-from ocisac_fast.batch.jobs import VersionError as VersionError
+from ocisac_fast.batch.engines import cluster as cluster
+from ocisac_fast.batch.jobs import ClusterError as ClusterError, VersionError as VersionError
 from ocisac_fast.batch.measuring import measure_recording as measure_recording
 from ocisac_fast.batch.results import (
     ResultsError as ResultsError,
@@ -19,3 +19,4 @@ from ocisac_fast.batch.summary import (
     summarize as summarize,
 )
 from ocisac_fast.batch.task import Task as Task
+from ocisac_fast.batch.workers import Workers as Workers

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from ocisac_fast.batch.engines import Jobs, in_this_process, on_cluster, thread_count
+from ocisac_fast.batch.engines import in_this_process, on_cluster, thread_count
 from ocisac_fast.batch.fields import FAILURE, columns, schema, table
-from ocisac_fast.batch.jobs import Job, Report, Work
+from ocisac_fast.batch.jobs import Job, Jobs, Report, Work
 from ocisac_fast.batch.measuring import build
 from ocisac_fast.batch.recordings import Entry, find_recordings
 from ocisac_fast.batch.results import Results, are_whole, failure_row, is_of, key_of, rows_name
 from ocisac_fast.batch.task import Task
+from ocisac_fast.batch.workers import Workers
 from ocisac_fast.files.extras import pyarrow
 
 MAX_FRAMES = 1000
@@ -73,7 +75,7 @@ def measure_recordings(
     Args:
         paths: files, folders and patterns (``campaign/**/*.mkv``), also of fsspec's file systems.
         task: what is measured in each.
-        client: ``distributed.Client``; None: one recording after another in this process.
+        client: what ``cluster`` yields, or a ``distributed.Client``; None: one recording after another in this process.
         output: results folder, which the workers write; what is finished there is skipped. None: rows are returned.
         max_frames: longer recordings are cut into stretches of about this length, at key frames, for ``gain`` and
             ``detect``; 0: none is cut.
@@ -128,7 +130,7 @@ class _Campaign:
         self._failures: dict[str, str] = {}
         self._untold: list[tuple[str, str]] = []
         self._failed_before: set[str] = set()
-        self._present: dict[str, dict[str, bool]] = {}  # files of rows of unfinished recordings; True: whole; by key
+        self._present: dict[str, list[str]] = {}  # files of rows of unfinished recordings, by key
         self._finished = self._skipped = self._frames = 0
         self._group = 1
         self._look_at_results(entries)
@@ -139,42 +141,46 @@ class _Campaign:
         work = Work(self._task, folder, self._max_frames, build(), client is not None)
         self._tell()
         if self._waiting:
-            if client is None:
-                batches = in_this_process(work, self._next_jobs)
-            else:
-                self._group = group_size(len(self._waiting), thread_count(client))
-                batches = on_cluster(client, work, self._next_jobs)
-            for reports in batches:
-                for each in reports:
-                    self._take(each)
-                    self._tell()
+            with contextlib.closing(self._batches(work, client)) as batches:
+                for reports in batches:
+                    for each in reports:
+                        self._take(each)
+                        self._tell()
         return self._outcome()
+
+    def _batches(self, work: Work, client: Any) -> Generator[list[Report]]:
+        if client is None:
+            return in_this_process(work, self._next_jobs)
+        if isinstance(client, Workers):
+            return client.run(work, self._next_jobs)
+        self._group = group_size(len(self._waiting), thread_count(client))
+        return on_cluster(client, work, self._next_jobs)
 
     def _look_at_results(self, entries: list[Entry]) -> None:
         """Skip what is finished; remove rows of files that changed since."""
-        rows: dict[str, bool] = {}
-        if self._results is not None:
-            rows = self._results.names()
-            self._failed_before = set(self._results.names("failures"))
+        if self._results is None:
+            self._waiting.extend(entries)
+            return
+        self._failed_before = set(self._results.names("failures"))
+        rows = self._results.checked_names(self._task)
         by_key: dict[str, list[str]] = {}
         for name in rows:
             by_key.setdefault(key_of(name), []).append(name)
         stale = []
         for entry in entries:
             names = by_key.pop(entry.key, [])
-            present = [name for name in names if is_of(name, entry)]
-            kept = [name for name in present if rows[name]]
+            present = [name for name in names if is_of(name, entry) and rows[name]]
             whole = rows_name(entry, None, None)
-            if whole in kept:  # and stretches, where the run ended before they were removed
-                kept = [whole]
-            if are_whole(kept):
+            if whole in present:  # and stretches, where the run ended before they were removed
+                present = [whole]
+            stale += [name for name in names if name not in present]
+            if are_whole(present):
                 self._finished += 1
                 self._skipped += 1
-                present = kept
             else:
                 self._waiting.append(entry)
-                self._present[entry.key] = {name: name in kept for name in present}
-            stale += [name for name in names if name not in present]
+                if present:
+                    self._present[entry.key] = present
         self._remove(stale)
 
     def _next_jobs(self) -> Jobs:
@@ -197,15 +203,15 @@ class _Campaign:
             self._fail(job.entry, report.failure)
             return
         self._frames += report.frames
-        self._remove({*self._present.pop(job.entry.key, {})} - {job.name})  # stretches of an earlier run
+        self._remove(self._present.pop(job.entry.key, []))  # stretches of an earlier run
         self._finish(job.entry, report.table)
 
     def _begin(self, job: Job, stretches: Jobs) -> None:
         """Queue the stretches of a recording that are not finished."""
         names = {each.name for each in stretches}
-        present = self._present.pop(job.entry.key, {})
-        self._remove({*present} - names)  # of other cuts
-        left = [each for each in stretches if not present.get(each.name)]
+        present = set(self._present.pop(job.entry.key, []))
+        self._remove(present - names)  # of other cuts
+        left = [each for each in stretches if each.name not in present]
         self._open[job.entry.path] = _Recording(len(left), sorted(names))
         self._stretches.extend(left)
         if not left:
@@ -243,7 +249,7 @@ class _Campaign:
         self._failures[entry.path] = message
         self._untold.append((entry.path, message))
         if self._results is not None:
-            self._remove(self._present.pop(entry.key, {}))
+            self._remove(self._present.pop(entry.key, []))
             self._results.write_failure(entry, message)
 
     def _remove(self, names: Iterable[str]) -> None:

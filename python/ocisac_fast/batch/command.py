@@ -12,9 +12,9 @@ from typing import Any
 import click
 
 from ocisac_fast.batch.campaign import MAX_FRAMES, Outcome, Progress, measure_recordings
-from ocisac_fast.batch.engines import ClusterError, cluster
+from ocisac_fast.batch.engines import cluster
 from ocisac_fast.batch.fields import FIELDS
-from ocisac_fast.batch.jobs import VersionError
+from ocisac_fast.batch.jobs import ClusterError, VersionError
 from ocisac_fast.batch.results import Results
 from ocisac_fast.batch.summary import Summary, summarize
 from ocisac_fast.batch.task import Task

@@ -1,4 +1,4 @@
-"""Where jobs run: in this process one after another, or on the workers of a Dask cluster."""
+"""Where jobs run: in this process, in worker processes of this machine, or on the workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -8,35 +8,29 @@ import importlib
 import importlib.metadata
 import json
 import logging
-import multiprocessing
 import os
 import queue
 import time
 import uuid
-import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
-from ocisac_fast.batch.jobs import Job, Report, VersionError, Work
+from ocisac_fast.batch.jobs import ClusterError, Jobs, Report, VersionError, Work
+from ocisac_fast.batch.workers import Workers
 
-Jobs = tuple[Job, ...]
 _IN_FLIGHT = 3  # groups of jobs per thread of the workers: none waits for the client, few wait in the scheduler
 _CONNECT_SECONDS = 10
 _RECOUNT_SECONDS = 5.0
 
 
-class ClusterError(RuntimeError):
-    """A scheduler that is not there or was lost, or workers that cannot be used; one line."""
-
-
-def in_this_process(work: Work, next_jobs: Callable[[], Jobs]) -> Iterator[list[Report]]:
+def in_this_process(work: Work, next_jobs: Callable[[], Jobs]) -> Generator[list[Report]]:
     """Run the jobs one after another until there is none."""
     while jobs := next_jobs():
         yield work(jobs)
 
 
-def on_cluster(client: Any, work: Work, next_jobs: Callable[[], Jobs]) -> Iterator[list[Report]]:
+def on_cluster(client: Any, work: Work, next_jobs: Callable[[], Jobs]) -> Generator[list[Report]]:
     """Run the jobs on the workers of ``client``; reports in the order in which jobs end.
 
     A bounded number is in flight, so that scheduler and client need the same memory for any number of recordings.
@@ -148,69 +142,40 @@ def _require_same_version(client: Any) -> None:
             raise VersionError(f"ocisac_fast: worker {worker} has {has}, this process {here}; allowed: the same")
 
 
-def _missing_semaphores() -> str | None:
-    """The reason if worker processes cannot be started: they share semaphores, which need /dev/shm."""
-    try:
-        multiprocessing.get_context("spawn").Lock()
-    except (OSError, ImportError) as error:
-        return f"no semaphores between processes here, is /dev/shm writable? ({error})"
-    return None
-
-
 @contextlib.contextmanager
 def cluster(*, scheduler: str | None = None, workers: int | None = None) -> Iterator[Any | None]:
-    """A Dask client: of a running scheduler, or of workers started on this machine, a process for each processor.
+    """A Dask client of a running scheduler, or worker processes of this machine, which listen on no port.
 
     Args:
         scheduler: address (``tcp://host:8786``) or scheduler file; None: this machine.
-        workers: number of worker processes; None: one for each processor, none where Dask is not installed or processes
-            have no semaphores; 0: none.
+        workers: number of worker processes; None: one for each processor, if there are several; 0: none.
 
     Yields:
-        ``distributed.Client``; None: the calling process does the work.
+        ``distributed.Client`` or ``Workers``; None: the calling process does the work.
 
     Raises:
-        ClusterError: no such scheduler, or what is needed is missing here: Dask, semaphores.
+        ClusterError: no such scheduler, or Dask is not installed.
     """
-    count = len(os.sched_getaffinity(0)) if workers is None and hasattr(os, "sched_getaffinity") else workers
-    count = os.cpu_count() or 1 if count is None else count
-    wanted = scheduler is not None or bool(workers)
-    if scheduler is None and (count == 0 or (workers is None and count == 1)):
-        yield None
+    if scheduler is None:
+        count = _processors() if workers is None else workers
+        yield Workers(count) if count > (1 if workers is None else 0) else None
         return
     try:
         distributed = importlib.import_module("distributed")
     except ModuleNotFoundError as error:
-        if wanted:
-            raise ClusterError("Dask: not installed: pip install 'ocisac-fast[dask]'") from error
-        yield None
-        return
-    missing = _missing_semaphores() if scheduler is None else None
-    if missing is not None:
-        if wanted:
-            raise ClusterError(f"workers: {missing}")
-        warnings.warn(f"one recording after another: {missing}", stacklevel=3)
-        yield None
-        return
+        raise ClusterError("Dask: not installed: pip install 'ocisac-fast[dask]'") from error
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    with contextlib.ExitStack() as opened:
-        if scheduler is None:
-            local = opened.enter_context(
-                distributed.LocalCluster(
-                    n_workers=count,
-                    threads_per_worker=1,
-                    dashboard_address=":0",
-                    silence_logs=logging.CRITICAL,
-                    preload=["ocisac_fast.batch.worker"],
-                )
-            )
-            yield opened.enter_context(distributed.Client(local))
-            return
-        try:
-            address = scheduler
-            if scheduler.endswith(".json"):
-                address = json.loads(Path(scheduler).read_text(encoding="utf-8"))["address"]
-            client = distributed.Client(address, timeout=_CONNECT_SECONDS)
-        except (OSError, ValueError, KeyError, TimeoutError, ImportError) as error:
-            raise ClusterError(f"scheduler {scheduler}: not there ({type(error).__name__})") from error
-        yield opened.enter_context(client)
+    try:
+        address = scheduler
+        if scheduler.endswith(".json"):
+            address = json.loads(Path(scheduler).read_text(encoding="utf-8"))["address"]
+        client = distributed.Client(address, timeout=_CONNECT_SECONDS)
+    except (OSError, ValueError, KeyError, TypeError, TimeoutError, ImportError) as error:
+        raise ClusterError(f"scheduler {scheduler}: not there ({type(error).__name__})") from error
+    with client:
+        yield client
+
+
+def _processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -23,6 +23,10 @@ from ocisac_fast.files.videos import decoder_threads
 _one_at_a_time = threading.Lock()
 
 
+class ClusterError(RuntimeError):
+    """A scheduler that is not there or was lost, or workers that cannot be used; one line."""
+
+
 class VersionError(RuntimeError):
     """A worker with another ocisac_fast than the client's."""
 
@@ -47,6 +51,9 @@ class Job:
         return rows_name(self.entry, self.part, self.frame_count)
 
 
+Jobs = tuple[Job, ...]
+
+
 @dataclass(frozen=True)
 class Report:
     """What came of a job.
@@ -62,7 +69,7 @@ class Report:
     job: Job
     frames: int = 0
     failure: str | None = None
-    stretches: tuple[Job, ...] = ()
+    stretches: Jobs = ()
     table: Any = None
     written: Mapping[str, int] = field(default_factory=dict)
 
@@ -75,16 +82,16 @@ class Work:
         folder: of the results; None: tables are in the reports.
         max_frames: longer recordings are cut into stretches of about this length.
         client_build: version and commit that workers must have.
-        is_on_cluster: False: the process has the machine for itself.
+        is_one_of_several: False: the process has the machine for itself.
     """
 
     task: Task
     folder: str | None
     max_frames: int
     client_build: dict[str, str]
-    is_on_cluster: bool
+    is_one_of_several: bool
 
-    def __call__(self, jobs: tuple[Job, ...]) -> list[Report]:
+    def __call__(self, jobs: Jobs) -> list[Report]:
         """Do the jobs one after the other.
 
         Raises:
@@ -96,8 +103,8 @@ class Work:
             here, there = (" ".join(each.values()) for each in (build(), self.client_build))
             raise VersionError(f"ocisac_fast: a worker has {here}, this process {there}; allowed: the same")
         results = None if self.folder is None else Results(self.folder)
-        # Workers of a cluster share a machine, a process for each processor: one thread decodes.
-        with _one_at_a_time, decoder_threads(1 if self.is_on_cluster else 0):
+        # Workers share a machine, a process for each processor: one thread decodes.
+        with _one_at_a_time, decoder_threads(1 if self.is_one_of_several else 0):
             return [self._report(job, results) for job in jobs]
 
     def _report(self, job: Job, results: Results | None) -> Report:

@@ -162,16 +162,25 @@ class Results:
             raise ResultsError(f"{self.folder}: no results of `ocisac batch`")
         return facts
 
-    def names(self, kind: str = "rows") -> dict[str, bool]:
-        """Names of the files of rows or failures, in their order; True for those as long as in the manifest."""
+    def names(self, kind: str = "rows") -> list[str]:
+        """Names of the files of rows or failures."""
+        return [PurePosixPath(place).name for place in self._listed(kind)]
+
+    def checked_names(self, task: Task) -> dict[str, bool]:
+        """Names of the files of rows; True for those as long as in the manifest, or, after a killed run, whole."""
+        checked = {}
+        for place, length in self._listed("rows").items():
+            name = PurePosixPath(place).name
+            held = None if self._lengths.get(place) == length else self.holds(name, task)
+            if held is not None:
+                self.note(held[1])
+            checked[name] = self._lengths.get(place) == length
+        return checked
+
+    def _listed(self, kind: str) -> dict[str, int]:
         with self._errors():
             self._system.invalidate_cache()
-            found = self._found(kind)
-        return {
-            PurePosixPath(place).name: self._lengths.get(place) == length
-            for place, length in found.items()
-            if _OURS.fullmatch(place)
-        }
+            return {place: length for place, length in self._found(kind).items() if _OURS.fullmatch(place)}
 
     def holds(self, name: str, task: Task) -> tuple[dict[str, Any], dict[str, int]] | None:
         """The facts of a whole file of rows of this task and version, and lengths of its files; None without it."""

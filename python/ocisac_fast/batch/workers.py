@@ -1,0 +1,133 @@
+"""Worker processes of this machine: each has a pipe to the process that started it, which nobody else can reach."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import signal
+import sys
+from collections import Counter, deque
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from ocisac_fast.batch.jobs import ClusterError, Jobs, Report, VersionError, Work
+
+_MAX_DEATHS = 4  # of the workers of one job, which is then to blame
+_SECONDS_TO_END = 5.0
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Processes of this machine, which start when there is work and end with it.
+
+    Attributes:
+        count: of processes, at least 1.
+    """
+
+    count: int
+
+    def run(self, work: Work, next_jobs: Callable[[], Jobs]) -> Generator[list[Report]]:
+        """Run the jobs; reports in the order in which jobs end. A job whose workers die is a failure.
+
+        Raises:
+            ClusterError: processes do not start.
+        """
+        again: deque[Jobs] = deque()
+        deaths: Counter[str] = Counter()
+        idle: list[_Worker] = []
+        busy: dict[Any, _Worker] = {}
+        try:
+            while True:
+                while len(busy) < self.count and (jobs := again.popleft() if again else next_jobs()):
+                    worker = idle.pop() if idle else _Worker(work)
+                    busy[worker.connection] = worker
+                    worker.begin(jobs)
+                if not busy:
+                    return
+                for connection in wait(list(busy)):
+                    worker = busy[connection]
+                    try:
+                        reports = worker.answer()
+                    except EOFError:
+                        del busy[connection]
+                        worker.end()
+                        deaths.update(job.name for job in worker.jobs)
+                        lost = [job for job in worker.jobs if deaths[job.name] >= _MAX_DEATHS]
+                        again.extend((job,) for job in worker.jobs if job not in lost)
+                        yield [Report(job, failure=f"its worker died {_MAX_DEATHS} times") for job in lost]
+                        continue
+                    if reports is not None:
+                        idle.append(busy.pop(connection))
+                        yield reports
+        finally:
+            for worker in (*idle, *busy.values()):
+                worker.process.terminate()
+            for worker in (*idle, *busy.values()):
+                worker.end()
+
+
+class _Worker:
+    """A process and its pipe."""
+
+    def __init__(self, work: Work) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.jobs: Jobs = ()
+        self._has_started = False
+        self.connection, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(theirs, work), daemon=True)
+        resource_tracker.ensure_running()  # it would be started below, and unblocks signals
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C, which reaches it too, is ours
+        try:
+            self.process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+        theirs.close()
+
+    def begin(self, jobs: Jobs) -> None:
+        self.jobs = jobs
+        with contextlib.suppress(OSError):  # it died: `answer` notices
+            self.connection.send(jobs)
+
+    def answer(self) -> list[Report] | None:
+        """Reports of its jobs; None: it has started. EOFError: it died."""
+        try:
+            answer = self.connection.recv()
+        except (EOFError, OSError):
+            if self._has_started:
+                raise EOFError from None
+            raise ClusterError(
+                "workers: a process ended as it started (a program that starts workers does so below "
+                "`if __name__ == '__main__':`, since they import it)"
+            ) from None
+        self._has_started = True
+        if isinstance(answer, Exception):
+            raise answer
+        reports: list[Report] | None = answer
+        return reports
+
+    def end(self) -> None:
+        """Close its pipe, at which it ends; a process that does not is killed."""
+        self.connection.close()
+        self.process.join(_SECONDS_TO_END)
+        self.process.kill()
+        self.process.join()
+
+
+def _serve(connection: Connection, work: Work) -> None:
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # unwinding removes incomplete files
+    with contextlib.suppress(EOFError, OSError):  # the process that started it has ended
+        connection.send(None)
+        while True:
+            connection.send(_answer(work, connection.recv()))
+
+
+def _answer(work: Work, jobs: Jobs) -> list[Report] | Exception:
+    try:
+        return work(jobs)
+    except (VersionError, ValueError) as error:
+        return error
+    except Exception as error:
+        return ClusterError(f"a worker: {type(error).__name__}: {error}")

@@ -1,0 +1,161 @@
+"""Many recordings by worker processes of this machine: equal tables, whatever is killed, and no port."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytest.importorskip("click")
+pytest.importorskip("rich")
+pytest.importorskip("PIL.Image")
+pytest.importorskip("av")
+pytest.importorskip("fsspec")
+pytest.importorskip("pyarrow")
+pytest.importorskip("psutil")
+
+import psutil
+from lamp_recordings import MAX_FRAMES, slowed
+
+from ocisac_fast.batch import cluster, measure_recordings, read_results
+from ocisac_fast.batch.results import Results
+from ocisac_fast.cli import main
+
+GAIN = ["gain", "--frequency", "500Hz", "--row-time", "22.2us", "--exposure", "1202us"]
+OPTIONS = ["--max-frames", str(MAX_FRAMES)]
+
+
+def patched(folder, body):
+    """Environment in which workers do ``body`` before a recording, whose job is ``job``."""
+    (folder / "sitecustomize.py").write_text(
+        "import os\nfrom ocisac_fast.batch import jobs\nreal = jobs.Work._measured\n"
+        f"def measured(self, job, results):\n    {body}\n    return real(self, job, results)\n"
+        "jobs.Work._measured = measured\n"
+    )
+    return str(folder)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_workers_give_the_same_table(workers, campaign, task, truth, tmp_path):
+    with cluster(workers=workers) as client:
+        done = measure_recordings(
+            campaign.folder, task, client=client, output=tmp_path / "results", max_frames=MAX_FRAMES
+        )
+        assert done.progress.finished == campaign.count
+        assert read_results(tmp_path / "results").equals(truth)
+        if workers == 2:
+            assert measure_recordings(campaign.folder, task, client=client, max_frames=MAX_FRAMES).table.equals(truth)
+
+
+def test_a_run_listens_nowhere(campaign, tmp_path):
+    """No port, not even of this machine alone, and no named socket: others cannot ask the workers for anything."""
+    words = ["batch", str(campaign.folder), "-o", str(tmp_path / "results"), "--workers", "2", *OPTIONS, *GAIN]
+    run = subprocess.Popen(
+        [sys.executable, "-m", "ocisac_fast.cli", *words], stderr=subprocess.DEVNULL, env=slowed(tmp_path)
+    )
+    try:
+        deadline = time.monotonic() + 60
+        while not list((tmp_path / "results").glob("rows/*/*.parquet")):
+            assert run.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        processes = [psutil.Process(run.pid), *psutil.Process(run.pid).children(recursive=True)]
+        assert len([each for each in processes if "spawn_main" in " ".join(each.cmdline())]) == 2
+        internet = [(each.pid, one) for each in processes for one in each.net_connections("inet")]
+        named = [one.laddr for each in processes for one in each.net_connections("unix") if one.laddr]
+        assert (internet, named) == ([], [])
+    finally:
+        run.send_signal(signal.SIGTERM)
+        assert run.wait(timeout=20) == 143
+    psutil.wait_procs(processes, timeout=10)
+    assert not [each for each in processes if each.is_running()]
+    assert not list((tmp_path / "results").rglob(".*"))
+
+
+def test_the_whole_run_is_killed_and_started_again(campaign, truth, tmp_path):
+    results = tmp_path / "results"
+    command = [sys.executable, "-m", "ocisac_fast.cli", "batch", str(campaign.folder), "-o", str(results)]
+    words = ["--workers", "2", *OPTIONS, *GAIN]
+    run = subprocess.Popen([*command, *words], start_new_session=True, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while not results.exists() or len(Results(results).names()) < 8:
+        assert run.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    assert 8 <= len(Results(results).names()) < 45
+    assert main([*command[3:], "--workers", "0", *OPTIONS, *GAIN]) == 0
+    assert read_results(results).equals(truth)
+
+
+def test_ctrl_c_ends_the_run_in_seconds_and_keeps_what_is_finished(campaign, task, truth, tmp_path):
+    """As a terminal sends it: to the process and its workers."""
+    results = tmp_path / "results"
+    words = ["batch", str(campaign.folder), "-o", str(results), "--workers", "2", *OPTIONS, *GAIN]
+    run = subprocess.Popen(
+        [sys.executable, "-m", "ocisac_fast.cli", *words],
+        start_new_session=True,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=slowed(tmp_path),
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
+    )
+    deadline = time.monotonic() + 60
+    while not list(results.glob("rows/*/*-all.parquet")):
+        assert run.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+    os.killpg(run.pid, signal.SIGINT)
+    _, err = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert err.splitlines() == [f"ocisac: interrupted; {results} keeps what is finished, the same command goes on"]
+    done = measure_recordings(campaign.folder, task, output=results, max_frames=MAX_FRAMES)
+    assert done.progress.skipped + done.progress.finished > done.progress.skipped > 0
+    assert read_results(results).equals(truth)
+
+
+@pytest.mark.parametrize("deaths", [1, 9])
+def test_a_recording_that_kills_its_workers_is_a_failure_and_no_more(deaths, campaign, task, tmp_path, monkeypatch):
+    (tmp_path / "deaths").mkdir()
+    body = (
+        f"folder = {str(tmp_path / 'deaths')!r}; n = len(os.listdir(folder))\n"
+        f"    if job.entry.path.endswith('short-05.mkv') and n < {deaths}:\n"
+        "        open(f'{folder}/{n}', 'w').close(); os.kill(os.getpid(), 9)"
+    )
+    monkeypatch.setenv("PYTHONPATH", patched(tmp_path, body))
+    with cluster(workers=2) as client:
+        done = measure_recordings(campaign.folder / "night", task, client=client)
+    assert done.progress.finished == (36 if deaths == 1 else 35)
+    assert done.failures["message"].to_pylist() == ([] if deaths == 1 else ["its worker died 4 times"])
+
+
+def test_an_error_of_a_worker_ends_the_run(campaign, task, monkeypatch, tmp_path):
+    from ocisac_fast.batch import VersionError
+
+    monkeypatch.setenv("PYTHONPATH", patched(tmp_path, "raise jobs.VersionError('another version')"))
+    with cluster(workers=2) as client, pytest.raises(VersionError, match="another version"):
+        measure_recordings(campaign.folder / "night", task, client=client)
+
+
+def test_a_program_without_a_guard_is_told_so(campaign, tmp_path):
+    """Workers import the program, which then starts workers."""
+    program = tmp_path / "program.py"
+    program.write_text(
+        "from ocisac_fast.batch import Task, cluster, measure_recordings\n"
+        "with cluster(workers=1) as client:\n"
+        "    task = Task('gain', {'frequency': 0.01})\n"
+        f"    measure_recordings({str(campaign.folder / 'night')!r}, task, client=client)\n"
+    )
+    done = subprocess.run([sys.executable, program], stderr=subprocess.PIPE, text=True, timeout=60)
+    assert done.returncode == 1
+    assert "ClusterError: workers: a process ended as it started (a program that starts workers" in done.stderr
+
+
+def test_the_number_of_workers():
+    with cluster(workers=0) as client:
+        assert client is None
+    with cluster() as client:
+        assert client is None if len(os.sched_getaffinity(0)) == 1 else client.count == len(os.sched_getaffinity(0))
