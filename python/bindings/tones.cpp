@@ -5,11 +5,11 @@
 #include "bindings.hpp"
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/rows/basis.hpp"
 #include "ocisac/tones/equalize.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/projection.hpp"
 #include "ocisac/tones/read_bytes.hpp"
-#include "ocisac/tones/tone_design.hpp"
 #include "ocisac/tones/tone_gain.hpp"
 #include "ocisac/tones/tone_spectrum.hpp"
 #include "ocisac/tones/varying_tone.hpp"
@@ -197,9 +197,10 @@ py::tuple columns_of_tone(const py::array& columns, const Camera& camera, double
 
 // (rows, columns)
 py::array_t<double> design_of(std::size_t rows, const std::vector<double>& cycles_per_row, std::size_t trend_degree) {
-  const ToneDesign design{rows, cycles_per_row, trend_degree};
-  const auto matrix = design.matrix();
-  py::array_t<double, py::array::f_style> out({rows, design.columns()});
+  std::vector<double> matrix;
+  append_trend(matrix, centred_rows(rows), trend_degree);
+  append_tones(matrix, centred_rows(rows), cycles_per_row);
+  py::array_t<double, py::array::f_style> out({rows, matrix.size() / rows});
   std::ranges::copy(matrix, out.mutable_data());
   return out;
 }

@@ -17,8 +17,6 @@ using Eigen::Index;
 
 namespace {
 
-constexpr double kMinPivot = 1e-11;  // relative to the unit diagonal of a normal matrix
-
 // P_(k + 1) = rise·x·P_k − fall·P_(k − 1): [k] rise from k, fall to k + 1.
 constexpr auto kRises = [] {
   std::array<double, kHighestDegree + 1> rises{};
@@ -54,19 +52,6 @@ double polynomial(std::span<const double> coefficients, double x) {
     before = std::exchange(sum, next);
   }
   return sum;
-}
-
-std::optional<Solved> solve_normal(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right) {
-  const auto diagonal = normal.diagonal().array();
-  if (!normal.allFinite()) return std::nullopt;
-  const Eigen::VectorXd scale = (diagonal > 0).select(diagonal.max(1e-300).sqrt().inverse(), 0.0);
-  const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-  Eigen::MatrixXd sides(normal.rows(), normal.rows() + 1);
-  sides << Eigen::MatrixXd::Identity(normal.rows(), normal.rows()), scale.cwiseProduct(right);
-  const auto solved = solve_symmetric(scaled, sides, kMinPivot);
-  if (!solved) return std::nullopt;
-  return Solved{scale.cwiseProduct(solved->rightCols(1)),
-                scale.asDiagonal() * solved->leftCols(normal.rows()) * scale.asDiagonal()};
 }
 
 ChannelEquations::ChannelEquations(std::span<const double> signal, const KnownChips& chips, const ChannelModel& model,
@@ -175,13 +160,6 @@ NormalProducts& ChannelEquations::products_of(std::span<const double> swing_of_r
   std::fill_n(left(), padded_, 0.0);
   multiply(left(), dark_size_, swing_size_, false);
   return with_clock();
-}
-
-Eigen::MatrixXd normal_of(const Eigen::Ref<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>& parts) {
-  Eigen::MatrixXd products(parts.cols(), parts.cols());
-  for (Index k = 0; k < parts.cols(); ++k)
-    products.col(k).head(k + 1) = parts.leftCols(k + 1).transpose() * parts.col(k);
-  return products.selfadjointView<Eigen::Upper>();
 }
 
 std::optional<LastInverse> clock_inverse(const NormalFactors& factors, std::size_t level_size, std::size_t clock_size) {

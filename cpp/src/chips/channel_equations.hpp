@@ -9,11 +9,11 @@
 #include <span>
 #include <vector>
 
-#include "chips/exposed_chips.hpp"
-#include "chips/normal_factors.hpp"
 #include "core/aligned_memory.hpp"
 #include "core/legendre.hpp"
 #include "ocisac/chips/channel_estimate.hpp"
+#include "rows/exposed_chips.hpp"
+#include "rows/normal_factors.hpp"
 
 namespace ocisac {
 
@@ -88,17 +88,6 @@ class ChannelEquations {
   double* columns_ = nullptr;
   NormalProducts products_;
 };
-
-// Solution of normal equations scaled to a unit diagonal; absent where columns are dependent.
-struct Solved {
-  Eigen::VectorXd values;
-  Eigen::MatrixXd inverse;
-};
-
-std::optional<Solved> solve_normal(const Eigen::MatrixXd& normal, const Eigen::VectorXd& right);
-
-// PᵀP of parts P, (rows × unknowns).
-Eigen::MatrixXd normal_of(const Eigen::Ref<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>& parts);
 
 // Levels for a clock, their residual squares, and the Gauss–Newton step of the clock. If the rows do not separate the
 // exposure from the phase (for example, all edges at the same fraction of a row) it is kept, with infinite variance.

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "chips/channel_equations.hpp"
-#include "chips/exposed_chips.hpp"
 #include "ocisac/core/require.hpp"
+#include "rows/exposed_chips.hpp"
 
 namespace ocisac {
 
@@ -95,6 +95,15 @@ ClockErrors errors_of(const ChannelEquations& equations, const LastInverse& inve
 }
 
 }  // namespace
+
+double ClockErrors::phase_std(std::ptrdiff_t at) const {
+  const auto away = static_cast<double>(at - chip);
+  return std::sqrt(covariance[0] + 2 * away * covariance[1] + away * away * covariance[4]);
+}
+
+double ClockErrors::rows_per_chip_std() const { return std::sqrt(covariance[4]); }
+
+double ClockErrors::exposure_rows_std() const { return std::sqrt(covariance[8]); }
 
 double ChannelEstimate::dark_at(double row, std::size_t frame_rows) const {
   return polynomial(dark, along_frame(row, frame_rows));

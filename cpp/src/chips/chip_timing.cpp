@@ -13,6 +13,7 @@
 #include "columns/moving_mean.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/spectrum.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 

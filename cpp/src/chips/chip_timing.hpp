@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "chips/edges.hpp"
-#include "ocisac/chips/chip_clock.hpp"
+#include "ocisac/rows/chip_clock.hpp"
 
 namespace ocisac {
 

@@ -5,12 +5,12 @@
 #include <optional>
 #include <string>
 
-#include "chips/exposed_chips.hpp"
 #include "chips/threshold_detectors.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/chips/error_rates.hpp"
 #include "ocisac/chips/sequence_detector.hpp"
 #include "ocisac/core/require.hpp"
+#include "rows/exposed_chips.hpp"
 
 namespace ocisac {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "chips/exposed_chips.hpp"
 #include "columns/moving_mean.hpp"
+#include "rows/exposed_chips.hpp"
 
 namespace ocisac {
 

@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <span>
 
-#include "chips/exposed_chips.hpp"
 #include "ocisac/chips/error_rates.hpp"
 #include "ocisac/tones/equalize.hpp"
+#include "rows/exposed_chips.hpp"
 
 namespace ocisac {
 

@@ -5,9 +5,8 @@
 #include <limits>
 #include <numbers>
 
-#include "core/linear_algebra.hpp"
-#include "core/spectrum.hpp"
 #include "ocisac/light/exposure_response.hpp"
+#include "ocisac/rows/tone_search.hpp"
 
 namespace ocisac {
 
@@ -29,7 +28,6 @@ constexpr int kRounds = 5;               // of the search for tones
 constexpr double kMinResponse = 0.1;     // of the exposure to a tone: no light is amplified more
 constexpr double kMinSeen = 0.08;        // the same for a peak, whose frequency has an error
 constexpr double kMinPowerRatio = 0.01;  // power of a tone over that of the strongest found with it
-constexpr int kRefinements = 2;
 
 // Power density of light at a frequency (cycles per row): flat, or one of three shapes that fall beyond a corner.
 double density(std::size_t shape, double frequency) {
@@ -58,11 +56,7 @@ ColumnAnalysis::ColumnAnalysis(std::size_t rows, double exposure_rows, std::size
       bins_(length / 2 + 1),
       grouped_((bins_ + kMaxGroups - 1) / kMaxGroups),
       exposure_rows_(exposure_rows),
-      smooth_(rows, exposure_rows),
-      window_(Vector::NullaryExpr(static_cast<Index>(rows), [&](Index n) {
-        return 0.5 - 0.5 * std::cos(2 * pi * static_cast<double>(n + 1) / static_cast<double>(rows + 1));
-      })) {
-  window_ /= window_.norm();
+      smooth_(rows, exposure_rows) {
   make_shapes(exposure_rows);
 }
 
@@ -103,13 +97,9 @@ void ColumnAnalysis::make_shapes(double exposure_rows) {
   }
 }
 
-// |DFT|² of the column under a Hann window: the power density.
-Eigen::VectorXd ColumnAnalysis::periodogram(const Vector& column) const {
-  std::vector<double> padded(length_, 0.0);
-  for (std::size_t n = 0; n < rows_; ++n) padded[n] = column(static_cast<Index>(n)) * window_(static_cast<Index>(n));
-  const auto spectrum = half_spectra(padded, length_);
-  return Vector::NullaryExpr(static_cast<Index>(bins_),
-                             [&](Index k) { return std::norm(spectrum[static_cast<std::size_t>(k)]); });
+Eigen::VectorXd ColumnAnalysis::power_of(const Vector& column) const {
+  const auto power = periodogram({column.data(), rows_}, rows_, length_);
+  return Eigen::Map<const Vector>(power.data(), static_cast<Index>(bins_));
 }
 
 // The largest likelihood of a periodogram whose values are exponentially distributed about light·seen + noise
@@ -151,7 +141,7 @@ ColumnAnalysis::Smooth ColumnAnalysis::smooth_light(const Vector& column, std::o
   Smooth found{smooth_.estimate(column, noise), false};
   const bool evident = found.light.evident;
   const double allowed = kSmoothNoise * noise.value_or(noise_of_second_differences(column));
-  const LightAndNoise left = fit(periodogram(evident ? Vector(column - found.light.seen) : column), noise);
+  const LightAndNoise left = fit(power_of(evident ? Vector(column - found.light.seen) : column), noise);
   found.is_all = (!evident || found.light.noise <= allowed) && left.light <= left.noise;
   found.light.evident = evident && found.is_all;
   return found;
@@ -173,85 +163,44 @@ std::vector<double> ColumnAnalysis::new_tones(const Vector& spectrum, const Ligh
   std::vector<double> found;
   for (const Index k : peaks) {
     if (spectrum(k) < kMinPowerRatio * spectrum(peaks.front()) || known.size() + found.size() >= kMaxTones) break;
-    const double before = std::log(spectrum(k - 1)), at = std::log(spectrum(k)), after = std::log(spectrum(k + 1));
-    const double off = std::clamp(0.5 * (before - after) / (before - 2 * at + after), -0.5, 0.5);
-    const double f = (static_cast<double>(k) + (std::isfinite(off) ? off : 0)) / static_cast<double>(length_);
+    const double f = static_cast<double>(k) / static_cast<double>(length_);
     const auto is_near = [&](double other) { return std::abs(other - f) <= apart; };
     if (std::ranges::none_of(known, is_near) && std::ranges::none_of(found, is_near)) found.push_back(f);
   }
   return found;
 }
 
-// (rows × (2·tones + 2)) cosines, sines, ones and a slope, `later` rows after those of the column: the column's line
-// and its tones are estimated together.
-ColumnAnalysis::Matrix ColumnAnalysis::waves(std::span<const double> frequencies, double later) const {
-  const auto count = static_cast<Index>(frequencies.size());
-  Matrix result(static_cast<Index>(rows_), 2 * count + 2);
-  for (Index n = 0; n < result.rows(); ++n) {
-    const double row = static_cast<double>(n) + later - 0.5 * static_cast<double>(rows_ - 1);
-    for (Index tone = 0; tone < count; ++tone) {
-      const double angle = 2 * pi * frequencies[static_cast<std::size_t>(tone)] * row;
-      result(n, tone) = std::cos(angle);
-      result(n, tone + count) = std::sin(angle);
-    }
-    result(n, 2 * count) = 1;
-    result(n, 2 * count + 1) = row;
-  }
-  return result;
-}
-
-// Gauss-Newton steps of all frequencies together.
-void ColumnAnalysis::refine(const Vector& column, std::vector<double>& frequencies) const {
-  const auto count = static_cast<Index>(frequencies.size());
-  const double reach = 0.5 / static_cast<double>(rows_);
-  for (int step = 0; step < kRefinements; ++step) {
-    const Matrix basis = waves(frequencies, 0);
-    const Vector amplitudes = least_squares(basis, column);
-    Eigen::MatrixXd extended(basis.rows(), 3 * count + 2);
-    extended.leftCols(2 * count + 2) = basis;
-    for (Index n = 0; n < basis.rows(); ++n) {
-      const double turn = 2 * pi * (static_cast<double>(n) - 0.5 * static_cast<double>(rows_ - 1));
-      for (Index tone = 0; tone < count; ++tone)
-        extended(n, 2 * count + 2 + tone) =
-            turn * (amplitudes(tone + count) * basis(n, tone) - amplitudes(tone) * basis(n, tone + count));
-    }
-    const Vector moves = least_squares(extended, column - basis * amplitudes).bottomRows(count);
-    for (Index tone = 0; tone < count; ++tone) {
-      double& f = frequencies[static_cast<std::size_t>(tone)];
-      f = std::clamp(f + std::clamp(moves(tone), -reach, reach), 2 * reach, 0.5 - 2 * reach);
-    }
-  }
-}
-
-// Tones in the column, and what is left of it. Where smooth light explains it, the alternative is the strongest tone.
+// Tones in the column beside its line. Where smooth light explains it, the alternative is the strongest tone.
 ColumnAnalysis::Tones ColumnAnalysis::find_tones(const Vector& column, std::optional<double> noise,
                                                  const SmoothLight::Estimate& smooth) const {
-  Tones tones{.frequencies = {}, .amplitudes = {}, .rest = column, .left = {}};
+  Tones tones{{{}, {}, column}, {}};
   for (int round = 0;; ++round) {
-    const Vector spectrum = periodogram(tones.rest);
+    const Vector spectrum = power_of(tones.fit.rest);
     tones.left = fit(spectrum, noise);
     if (round == (smooth.evident ? 1 : kRounds)) return tones;
     auto found =
-        new_tones(spectrum, smooth.evident ? LightAndNoise{0, smooth.noise, 0} : tones.left, tones.frequencies);
+        new_tones(spectrum, smooth.evident ? LightAndNoise{0, smooth.noise, 0} : tones.left, tones.fit.frequencies);
     if (found.empty()) return tones;
     if (smooth.evident) found.erase(found.begin() + 1, found.end());
-    tones.frequencies.insert(tones.frequencies.end(), found.begin(), found.end());
-    refine(column, tones.frequencies);
-    const Matrix basis = waves(tones.frequencies, 0);
-    tones.amplitudes = Vector(least_squares(basis, column));  // moved: Eigen's resize frees twice where memory ends
-    tones.rest = Vector(column - basis * tones.amplitudes);
+    found.insert(found.begin(), tones.fit.frequencies.begin(), tones.fit.frequencies.end());
+    tones.fit = refine_frequencies(centred_rows(rows_), std::move(found), smooth_.line(), column);
   }
 }
 
 // Light of the tones and their line at the ends of the exposures.
-ColumnAnalysis::Vector ColumnAnalysis::light_of(const Tones& tones) const {
-  const auto count = tones.frequencies.size();
+ColumnAnalysis::Vector ColumnAnalysis::light_of(const FrequencyFit& tones) const {
+  RowSampling rows = centred_rows(rows_);
+  std::vector<double> seen, light;
+  append_tones(seen, rows, tones.frequencies);
+  for (double& time : rows.times) time += 0.5 * exposure_rows_;
+  append_tones(light, rows, tones.frequencies);
   Vector amplitudes = tones.amplitudes;
-  for (std::size_t tone = 0; tone < 2 * count; ++tone) {
-    const double response = sinc(tones.frequencies[tone % count] * exposure_rows_);
-    amplitudes(static_cast<Index>(tone)) /= std::copysign(std::max(std::abs(response), kMinResponse), response);
+  for (Index k = 0; k < amplitudes.size(); ++k) {
+    const double response = sinc(tones.frequencies[static_cast<std::size_t>(k / 2)] * exposure_rows_);
+    amplitudes(k) /= std::copysign(std::max(std::abs(response), kMinResponse), response);
   }
-  return waves(tones.frequencies, 0.5 * exposure_rows_) * amplitudes;
+  return matrix_of(light, rows) * amplitudes -
+         smooth_.line_light() * Vector(smooth_.line().transpose() * (matrix_of(seen, rows) * tones.amplitudes));
 }
 
 ColumnAnalysis::Result ColumnAnalysis::take_off_course(std::span<double> column, std::optional<double> noise) const {
@@ -260,22 +209,22 @@ ColumnAnalysis::Result ColumnAnalysis::take_off_course(std::span<double> column,
   Smooth smooth = smooth_light(values, noise);
   Tones tones = find_tones(values, noise, smooth.light);
   Vector course = Vector::Zero(values.size());
-  bool with_tones = !tones.frequencies.empty();
+  bool with_tones = !tones.fit.frequencies.empty();
   if (with_tones) {  // Schwarz's criterion: three parameters a tone
-    Smooth beside = smooth_light(tones.rest, noise);
-    const double score = beside.light.score +
-                         3 * static_cast<double>(tones.frequencies.size()) * std::log(static_cast<double>(rows_ - 2));
+    Smooth beside = smooth_light(tones.fit.rest, noise);
+    const double score = beside.light.score + 3 * static_cast<double>(tones.fit.frequencies.size()) *
+                                                  std::log(static_cast<double>(rows_ - 2));
     with_tones = !smooth.light.evident || (beside.is_all && score < smooth.light.score);
     if (with_tones) {
-      course += light_of(tones);
+      course += light_of(tones.fit);
       smooth = std::move(beside);
     }
   }
-  Vector rest = with_tones ? std::move(tones.rest) : values;
+  Vector rest = with_tones ? std::move(tones.fit.rest) : values;
   if (smooth.light.evident) {
     course += smooth.light.light;
     rest -= smooth.light.seen;
-    tones.left = fit(periodogram(rest), noise);
+    tones.left = fit(power_of(rest), noise);
   }
   stored = rest;
   return {{course.begin(), course.end()}, tones.left};

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "columns/smooth_light.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 
@@ -44,28 +45,23 @@ class ColumnAnalysis {
     bool is_all;  // no more light than noise is left beside it
   };
   struct Tones {
-    std::vector<double> frequencies;  // cycles per row
-    Vector amplitudes;                // of the cosines, the sines and the line, as the rows see them
-    Vector rest;
-    LightAndNoise left;  // in the rest
+    FrequencyFit fit;    // as the rows see them, beside a line
+    LightAndNoise left;  // in its rest
   };
 
   void make_shapes(double exposure_rows);
-  [[nodiscard]] Vector periodogram(const Vector& column) const;
+  [[nodiscard]] Vector power_of(const Vector& column) const;  // its periodogram, (bins)
   [[nodiscard]] LightAndNoise fit(const Vector& periodogram, std::optional<double> noise) const;
   [[nodiscard]] Smooth smooth_light(const Vector& column, std::optional<double> noise) const;
   [[nodiscard]] std::vector<double> new_tones(const Vector& spectrum, const LightAndNoise& rest,
                                               std::span<const double> known) const;
-  [[nodiscard]] Matrix waves(std::span<const double> frequencies, double later) const;
   [[nodiscard]] Tones find_tones(const Vector& column, std::optional<double> noise,
                                  const SmoothLight::Estimate& smooth) const;
-  [[nodiscard]] Vector light_of(const Tones& tones) const;
-  void refine(const Vector& column, std::vector<double>& frequencies) const;
+  [[nodiscard]] Vector light_of(const FrequencyFit& tones) const;
 
   std::size_t rows_, length_, bins_, grouped_;  // bins of a group
   double exposure_rows_;
   SmoothLight smooth_;
-  Vector window_;
   Matrix seen_;                                            // (shapes × bins) mean 1
   std::vector<std::vector<std::complex<double>>> wanted_;  // (shapes × bins)
   Matrix groups_seen_, weights_;                           // (shapes × groups), (shapes·ratios × groups)

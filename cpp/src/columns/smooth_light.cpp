@@ -3,17 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
-#include "core/linear_algebra.hpp"
-#include "ocisac/light/exposure_response.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 
 namespace {
 
 using Eigen::Index;
-using std::numbers::pi;
 
 constexpr double kMaxCycles = 36, kMinRowsPerCycle = 8;  // in the column
 constexpr double kWidest = 3.5;                          // the highest frequency over the corner of the widest spectrum
@@ -21,20 +18,6 @@ constexpr int kWidths = 12;                              // corners, by half oct
 constexpr double kMinPivot = 1e-8;
 constexpr int kMinRatio = -6, kRatios = 21;  // light over noise: 4^-6 to 4^14
 constexpr double kEvidence = 12;             // gain in score over noise alone
-
-// (rows × 2·frequencies) cosines, then sines, phases from the middle of the column, `later` rows after its rows.
-Eigen::MatrixXd waves(Index rows, const Eigen::VectorXd& frequencies, double later) {
-  const Index count = frequencies.size();
-  Eigen::MatrixXd result(rows, 2 * count);
-  for (Index k = 0; k < count; ++k)
-    for (Index n = 0; n < rows; ++n) {
-      const double angle =
-          2 * pi * frequencies(k) * (static_cast<double>(n) - 0.5 * static_cast<double>(rows - 1) + later);
-      result(n, k) = std::cos(angle);
-      result(n, k + count) = std::sin(angle);
-    }
-  return result;
-}
 
 }  // namespace
 
@@ -47,25 +30,26 @@ SmoothLight::SmoothLight(std::size_t row_count, double exposure_rows) {
   const Index count = static_cast<Index>(2 * cycles) + 1;
   const Vector frequencies = Vector::LinSpaced(count, 0, static_cast<double>(count - 1) / (2 * length));
   const auto density = [&](double at) {
-    const Vector half = (-(frequencies.array() / at).square()).exp();
-    return Vector(half.replicate(2, 1));
+    return Vector(
+        Vector::NullaryExpr(2 * count, [&](Index k) { return std::exp(-std::pow(frequencies(k / 2) / at, 2)); }));
   };
-  const Vector centred = Vector::LinSpaced(rows, -0.5 * (length - 1), 0.5 * (length - 1));
-  Matrix line(rows, 2);
-  line.col(0).setConstant(1 / std::sqrt(length));
-  line.col(1) = centred / centred.norm();
-  Matrix line_light = line;
-  line_light.col(1).array() += 0.5 * exposure_rows / centred.norm();
+  RowSampling sampling = centred_rows(row_count);
+  const Eigen::Map<const Vector> centred(sampling.times.data(), rows);
+  line_.resize(rows, 2);
+  line_.col(0).setConstant(1 / std::sqrt(length));
+  line_.col(1) = centred / centred.norm();
+  line_light_ = line_;
+  line_light_.col(1).array() += 0.5 * exposure_rows / centred.norm();
 
-  Matrix seen = waves(rows, frequencies, -0.5 * exposure_rows);
-  for (Index k = 0; k < count; ++k) {
-    const double response = sinc(frequencies(k) * exposure_rows);
-    seen.col(k) *= response;
-    seen.col(k + count) *= response;
-  }
-  const Matrix in_lines = transposed_product(line, seen);
-  light_ = waves(rows, frequencies, 0) - product(line_light, in_lines);
-  const Matrix weighted = (seen - product(line, in_lines)) * density(corner).cwiseSqrt().asDiagonal();
+  std::vector<double> light, seen_basis;
+  append_tones(light, sampling, {frequencies.data(), static_cast<std::size_t>(count)});
+  for (double& time : sampling.times) time -= 0.5 * exposure_rows;
+  sampling.exposures.assign(row_count, exposure_rows);
+  append_tones(seen_basis, sampling, {frequencies.data(), static_cast<std::size_t>(count)});
+  const Matrix seen = matrix_of(seen_basis, sampling);
+  const Matrix in_lines = transposed_product(line_, seen);
+  light_ = matrix_of(light, sampling) - product(line_light_, in_lines);
+  const Matrix weighted = (seen - product(line_, in_lines)) * density(corner).cwiseSqrt().asDiagonal();
   const OrthogonalFactors factors = pivoted_orthogonal_factors(weighted);
   Index terms = 0;
   while (terms < factors.rank() &&

@@ -24,6 +24,10 @@ class SmoothLight {
   // `noise`: variance of a row's noise; absent: estimated.
   [[nodiscard]] Estimate estimate(const Vector& column, std::optional<double> noise) const;
 
+  // (rows × 2) orthonormal lines as the rows see them, and their light at the ends of the exposures.
+  [[nodiscard]] const Eigen::MatrixXd& line() const { return line_; }
+  [[nodiscard]] const Eigen::MatrixXd& line_light() const { return line_light_; }
+
  private:
   using Matrix = Eigen::MatrixXd;
 
@@ -34,6 +38,7 @@ class SmoothLight {
     Matrix vectors;
   };
 
+  Matrix line_, line_light_;
   Matrix basis_;      // (rows × terms) orthonormal, orthogonal to lines
   Matrix projected_;  // (terms × waves) waves as the rows see them
   Matrix light_;      // (rows × waves) light of the waves, less that of the lines in what the rows see of them

@@ -8,7 +8,7 @@
 
 #include "chips/chip_period.hpp"
 #include "chips/lit_rows.hpp"
-#include "ocisac/chips/chip_clock.hpp"
+#include "ocisac/rows/chip_clock.hpp"
 #include "receiver/chip_reliability.hpp"
 
 namespace ocisac {

@@ -6,9 +6,9 @@
 #include <numeric>
 #include <utility>
 
-#include "ocisac/chips/chip_clock.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/receive.hpp"
+#include "ocisac/rows/chip_clock.hpp"
 #include "receiver/chip_reliability.hpp"
 #include "receiver/rows_of_noise.hpp"
 

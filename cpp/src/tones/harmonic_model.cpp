@@ -5,10 +5,9 @@
 #include <limits>
 #include <numbers>
 
-#include "core/linear_algebra.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
-#include "tones/design_matrix.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 
@@ -18,7 +17,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kIllConditioned = 1e6;  // condition number above which noise dominates the result
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // True if the tone's sines or cosines vanish on every row: at multiples of half the row rate, up to the rounding of
@@ -82,48 +80,19 @@ struct Folding {
   [[nodiscard]] double scale(Index i) const { return odd && i == 0 ? 1.0 : std::numbers::sqrt2; }
 };
 
-// One half of the model, solved by QR, which does not square the condition number as normal equations do.
-struct Block {
-  MatrixXd basis;       // (folded rows × rank), orthonormal
-  MatrixXd weights;     // (folded rows × wanted): columns of the transposed pseudo-inverse
-  MatrixXd covariance;  // (wanted × wanted)
-  double condition = 1;
-};
-
-Block solve_block(const MatrixXd& design, Index wanted) {
-  if (design.cols() == 0) return {MatrixXd(design.rows(), 0), MatrixXd(design.rows(), 0), MatrixXd(0, 0)};
-  OrthogonalFactors factors = pivoted_orthogonal_factors(design);
-  const Index rank = factors.rank();
-  Block block;
-  block.basis = std::move(factors.basis);
-  const auto triangle = factors.triangle.leftCols(rank);
-  if (rank < design.cols())
-    block.condition = kInfinity;
-  else if (rank > 0)
-    block.condition = std::abs(triangle(0, 0) / triangle(rank - 1, rank - 1));
-  // Parameter p is column j of R after pivoting: its row of the pseudo-inverse is Q·R^{-T}·e_j.
-  MatrixXd selected = MatrixXd::Zero(rank, wanted);
-  for (Index j = 0; j < rank; ++j) {
-    const Index parameter = factors.order[static_cast<std::size_t>(j)];
-    if (parameter < wanted) selected(j, parameter) = 1;
-  }
-  const MatrixXd solved = solve_upper_transposed(triangle, selected);
-  block.weights = product(block.basis, solved);
-  block.covariance = transposed_product(solved, solved);
-  return block;
-}
-
 // The design's rows with u ≥ 0, folded: its symmetric columns (trend and cosines) and its antisymmetric ones (sines).
 struct FoldedDesign {
   MatrixXd cosines, sines;
 };
 
 FoldedDesign folded_design(const std::vector<Oscillation>& oscillations, std::size_t rows, const Folding& folding) {
-  ToneDesign design{rows, {}};
-  for (const auto& oscillation : oscillations) design.cycles_per_row.push_back(oscillation.cycles_per_row);
+  RowSampling half = centred_rows(rows);
+  half.times.erase(half.times.begin(), half.times.begin() + static_cast<std::ptrdiff_t>(rows / 2));
+  for (Index i = 0; i < folding.count; ++i) half.weights.push_back(folding.scale(i));
+  std::vector<double> frequencies;
+  for (const auto& oscillation : oscillations) frequencies.push_back(oscillation.cycles_per_row);
   const auto count = static_cast<Index>(oscillations.size());
-  MatrixXd folded = design_matrix(design, rows / 2);
-  for (Index i = 0; i < folding.count; ++i) folded.row(i) *= folding.scale(i);
+  const MatrixXd folded = tone_design(half, frequencies);
   FoldedDesign halves{MatrixXd(folding.count, count + 1), MatrixXd(folding.count, count)};
   halves.cosines.col(0) = folded.col(0);
   for (Index k = 0; k < count; ++k) {
@@ -145,7 +114,7 @@ void unfold(const Eigen::Ref<const VectorXd>& folded, const Folding& folding, do
 }
 
 // Adds the solution of a block to the model; `places`: indices of its estimates in the model.
-void add_block(const Block& block, const Folding& folding, double sign, const std::vector<std::size_t>& places,
+void add_block(const LinearFit& block, const Folding& folding, double sign, const std::vector<std::size_t>& places,
                HarmonicModel& model) {
   const auto row_of = [&](std::vector<double>& table, std::size_t index) {
     return std::span(table).subspan(index * model.rows, model.rows);
@@ -199,9 +168,9 @@ HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones)
     odd_places.push_back(2 * oscillations.all[k].tone + 2);
   }
   const FoldedDesign design = folded_design(oscillations.all, rows, folding);
-  const Block even = solve_block(design.cosines, wanted + 1);
+  const LinearFit even = linear_fit(design.cosines, wanted + 1);
   add_block(even, folding, 1, even_places, model);
-  const Block odd = solve_block(design.sines, wanted);
+  const LinearFit odd = linear_fit(design.sines, wanted);
   add_block(odd, folding, -1, odd_places, model);
 
   const double condition = std::max(even.condition, odd.condition);

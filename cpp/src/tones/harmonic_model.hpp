@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "ocisac/core/flags.hpp"
-#include "ocisac/tones/tone_design.hpp"
 
 namespace ocisac {
 
@@ -19,7 +18,7 @@ struct ModelTone {
 // The multiples of a square wave of `duty` that lie below half the row rate and do not vanish; at least {1}.
 std::vector<int> square_wave_harmonics(double cycles_per_row, double duty);
 
-// The least-squares solution of a ToneDesign with a constant trend as plain row weights:
+// The least-squares solution of a constant and tones as plain row weights, u counted from the middle row:
 //   y(n) = c + Σ_k Σ_h [a_kh·cos(2π h ν_k u) + b_kh·sin(2π h ν_k u)] + noise,
 // and parameters = weights·y, where only c and the fundamentals a_k1, b_k1 have weights, in this order:
 // c, a_1, b_1, a_2, b_2, … Sines and cosines are orthogonal, which splits the model

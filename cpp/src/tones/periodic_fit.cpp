@@ -10,10 +10,8 @@
 #include <utility>
 
 #include "columns/equalizer_kernels.hpp"
-#include "core/legendre.hpp"
-#include "core/linear_algebra.hpp"
 #include "ocisac/core/require.hpp"
-#include "tones/design_matrix.hpp"
+#include "rows/fit.hpp"
 #include "tones/harmonic_kernels.hpp"
 #include "tones/row_moments.hpp"
 
@@ -38,8 +36,10 @@ Signals as_matrix(std::span<const double> signals, std::size_t rows) {
 Index trend_columns(const PeriodicModel& model) { return static_cast<Index>(model.trend_degree) + 1; }
 
 // The model's columns: trend, then cosine and sine of each harmonic.
-MatrixXd model_matrix(const PeriodicModel& model, Index rows, double frequency) {
-  return design_matrix(model.design(static_cast<std::size_t>(rows), frequency));
+MatrixXd model_matrix(const PeriodicModel& model, std::size_t rows, double frequency) {
+  std::vector<double> frequencies;
+  for (const std::size_t harmonic : model.harmonics) frequencies.push_back(static_cast<double>(harmonic) * frequency);
+  return tone_design(centred_rows(rows), frequencies, model.trend_degree);
 }
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -155,78 +155,14 @@ MatrixXd solve_backward(const MatrixXd& triangle, MatrixXd right) {
 // Distance of the first row of the second half from the middle.
 double first_distance(std::size_t rows) { return rows % 2 == 0 ? 0.5 : 0.0; }
 
-// cos and sin of 2πfu, by a rotation from row to row that starts anew every 16 rows: exact to some 10⁻¹⁵.
-void fill_waves(double frequency, double first, Eigen::RowVectorXd& cosine, Eigen::RowVectorXd& sine) {
-  constexpr Index kAnchors = 16;
-  const Phasor turn = phasor(frequency, 1);
-  Phasor at{1, 0};
-  for (Index i = 0; i < cosine.size(); ++i) {
-    at = i % kAnchors == 0
-             ? phasor(frequency, first + static_cast<double>(i))
-             : Phasor{at.cosine * turn.cosine - at.sine * turn.sine, at.sine * turn.cosine + at.cosine * turn.sine};
-    cosine(i) = at.cosine;
-    sine(i) = at.sine;
-  }
-}
-
-// Cosines and sines of the harmonics at the rows from the middle on, (harmonics × half), into the rows from
-// `first_even` and `first_odd` on.
-void fill_harmonics(const PeriodicModel& model, std::size_t rows, double frequency, RowMajor& even, Index first_even,
-                    RowMajor& odd, Index first_odd) {
-  const Index half = even.cols();
-  Eigen::RowVectorXd cosine(half), sine(half);
-  fill_waves(frequency, first_distance(rows), cosine, sine);
-  Eigen::RowVectorXd of_cosine = cosine, of_sine = sine;  // of the harmonic
-  std::size_t order = 1;
-  for (std::size_t h = 0; h < model.harmonics.size(); ++h) {
-    for (; order < model.harmonics[h]; ++order)
-      for (Index i = 0; i < half; ++i) {
-        const Phasor at{of_cosine(i), of_sine(i)};
-        of_cosine(i) = at.cosine * cosine(i) - at.sine * sine(i);
-        of_sine(i) = at.sine * cosine(i) + at.cosine * sine(i);
-      }
-    even.row(first_even + static_cast<Index>(h)) = of_cosine;
-    odd.row(first_odd + static_cast<Index>(h)) = of_sine;
-  }
-}
-
-// The polynomials of each parity up to `degree` at the rows from the middle on, (functions × half).
-void fill_trend(std::size_t degree, std::size_t rows, RowMajor& even, RowMajor& odd) {
-  std::vector<double> polynomials(degree + 1);
-  for (Index i = 0; i < even.cols(); ++i) {
-    legendre(2 * (first_distance(rows) + static_cast<double>(i)) / static_cast<double>(rows), polynomials);
-    for (std::size_t d = 0; d <= degree; ++d) (d % 2 == 0 ? even : odd)(static_cast<Index>(d / 2), i) = polynomials[d];
-  }
-}
-
-// The model's functions at the rows from the middle on: (functions × half), the trend first.
-struct HalfBasis {
-  RowMajor even, odd;
-};
-
-HalfBasis half_basis(const PeriodicModel& model, std::size_t rows, double frequency) {
-  const auto half = static_cast<Index>((rows + 1) / 2), count = static_cast<Index>(model.harmonics.size());
-  const Index even_trend = static_cast<Index>(model.trend_degree) / 2 + 1,
-              odd_trend = trend_columns(model) - even_trend;
-  HalfBasis basis{RowMajor(even_trend + count, half), RowMajor(odd_trend + count, half)};
-  fill_trend(model.trend_degree, rows, basis.even, basis.odd);
-  fill_harmonics(model, rows, frequency, basis.even, even_trend, basis.odd, odd_trend);
-  return basis;
-}
-
-// The model's functions at all rows.
-MatrixXd at_all_rows(const HalfBasis& basis, const Parities& both, Index rows) {
-  MatrixXd matrix(rows, basis.even.rows() + basis.odd.rows());
-  const auto fill = [&](const RowMajor& values, const Parity& parity, double sign) {
-    for (Index j = 0; j < values.rows(); ++j) {
-      auto column = matrix.col(parity.at[static_cast<std::size_t>(j)]);
-      column.tail(values.cols()) = values.row(j).transpose();
-      column.head(rows / 2) = sign * values.row(j).tail(rows / 2).reverse().transpose();
-    }
-  };
-  fill(basis.even, both.even, 1);
-  fill(basis.odd, both.odd, -1);
-  return matrix;
+// Cosines and sines of the harmonics at the rows from the middle on, (harmonics × half), into the first rows.
+void fill_harmonics(const PeriodicModel& model, std::size_t rows, double frequency, RowMajor& even, RowMajor& odd) {
+  const auto half = static_cast<std::size_t>(even.cols());
+  std::vector<double> times(half);
+  std::iota(times.begin(), times.end(), first_distance(rows));
+  for (std::size_t h = 0; h < model.harmonics.size(); ++h)
+    fill_wave(times, static_cast<double>(model.harmonics[h]) * frequency,
+              {even.row(static_cast<Index>(h)).data(), half}, {odd.row(static_cast<Index>(h)).data(), half});
 }
 
 // The tones times 2πhu: with the coefficients (b, −a) they give ∂y/∂f up to a tone, which the fit absorbs.
@@ -291,13 +227,6 @@ PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t max
   return model;
 }
 
-ToneDesign PeriodicModel::design(std::size_t rows, double frequency) const {
-  ToneDesign design{rows, {}, trend_degree};
-  for (const std::size_t harmonic : harmonics)
-    design.cycles_per_row.push_back(static_cast<double>(harmonic) * frequency);
-  return design;
-}
-
 double PeriodicFit::total_residual() const {
   return std::accumulate(residual_energy.begin(), residual_energy.end(), 0.0);
 }
@@ -354,7 +283,7 @@ HarmonicProducts products_in_lanes(const PeriodicSignals& signals, const Periodi
   const auto half = static_cast<Index>(signals.half()), count = static_cast<Index>(model.harmonics.size());
   const Index functions = with_slopes ? 2 * count : count;
   RowMajor even(functions, half), odd(functions, half);
-  fill_harmonics(model, signals.rows(), frequency, even, 0, odd, 0);
+  fill_harmonics(model, signals.rows(), frequency, even, odd);
   if (with_slopes) {
     const double first = first_distance(signals.rows());
     const Eigen::RowVectorXd u = Eigen::RowVectorXd::LinSpaced(half, first, first + static_cast<double>(half - 1));
@@ -478,7 +407,7 @@ std::vector<Equations> normal_equations(const PeriodicSignals& signals, const Pe
 
 Equations orthogonal_equations(const PeriodicSignals& signals, const PeriodicModel& model, double frequency) {
   const Signals y = as_matrix(signals.samples(), signals.rows());
-  const MatrixXd matrix = model_matrix(model, y.rows(), frequency);
+  const MatrixXd matrix = model_matrix(model, signals.rows(), frequency);
   const MatrixXd slopes = slope_matrix(model, matrix);
   std::vector<Index> at(static_cast<std::size_t>(matrix.cols())), slopes_at(static_cast<std::size_t>(slopes.cols()));
   std::iota(at.begin(), at.end(), Index{0});
@@ -499,8 +428,10 @@ Equations orthogonal_equations(const PeriodicSignals& signals, const PeriodicMod
 
 // Products with the trend's polynomials: even degrees, then odd ones.
 void PeriodicSignals::add_trend() {
-  RowMajor even(kMaxTrend / 2 + 1, static_cast<Index>(half())), odd((kMaxTrend + 1) / 2, even.cols());
-  fill_trend(kMaxTrend, rows_, even, odd);
+  const MatrixXd trend = tone_design(centred_rows(rows_), {}, kMaxTrend).bottomRows(static_cast<Index>(half()));
+  RowMajor even(2, trend.rows());
+  even << trend.col(0).transpose(), trend.col(2).transpose();
+  const RowMajor odd = trend.col(1).transpose();
   const auto columns = static_cast<Index>(count());
   const auto products = [&](const RowMajor& functions, const std::vector<double>& parts) -> RowMajor {
     if (in_lanes_) return products_with(functions, parts, width_).leftCols(columns);
@@ -588,54 +519,25 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel&
   return best;
 }
 
-namespace {
-
-struct Projection {
-  MatrixXd q;             // (rows × parameters) orthonormal
-  MatrixXd coordinates;   // qᵀ·signals
-  MatrixXd coefficients;  // of the model's columns
-};
-
-Projection project(const PeriodicModel& model, double frequency, const MatrixXd& matrix, const Signals& signals) {
-  const auto rows = static_cast<std::size_t>(signals.rows());
-  const Parities both = parities_of(model, rows);
-  const RowMoments moments = moments_of(model, rows, frequency);
-  MatrixXd gram = MatrixXd::Zero(matrix.cols(), matrix.cols());
-  for (const Parity* parity : {&both.even, &both.odd}) {
-    const MatrixXd own = inner_products(parity->functions, moments);
-    for (Index a = 0; a < own.rows(); ++a)
-      for (Index b = 0; b < own.cols(); ++b)
-        gram(parity->at[static_cast<std::size_t>(a)], parity->at[static_cast<std::size_t>(b)]) = own(a, b);
-  }
-  OrthogonalFactors factors;
-  if (auto triangle = cholesky_factor(gram, kMinPivot))
-    factors = {solve_upper_transposed(*triangle, matrix.transpose()).transpose(), *triangle, {}};
-  else
-    factors = orthogonal_factors(matrix);
-  const MatrixXd coordinates = transposed_product(factors.basis, signals);
-  return {std::move(factors.basis), coordinates, solve_upper(factors.triangle, coordinates)};
-}
-
-}  // namespace
-
 double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
                      double frequency) {
   if (rows <= model.parameters() + 1) return std::numeric_limits<double>::quiet_NaN();
   const Signals y = as_matrix(signals, rows);
   const auto members = static_cast<Index>(group);
   require(group > 0 && y.cols() % members == 0, "group", group, "a divisor of the number of signals");
-  const MatrixXd matrix =
-      at_all_rows(half_basis(model, rows, frequency), parities_of(model, rows), static_cast<Index>(rows));
-  const Projection p = project(model, frequency, matrix, y);
-  const MatrixXd residual = y - product(p.q, p.coordinates);
+  const MatrixXd matrix = model_matrix(model, rows, frequency);
+  const OrthogonalFactors factors = orthogonal_factors(matrix);
+  const MatrixXd& q = factors.basis;
+  const MatrixXd coordinates = transposed_product(q, y);
+  const MatrixXd residual = y - product(q, coordinates);
   const MatrixXd slopes = slope_matrix(model, matrix);
-  MatrixXd derivative = product(slopes, slope_coefficients(model, p.coefficients));
-  derivative -= product(p.q, transposed_product(p.q, derivative));
+  MatrixXd derivative = product(slopes, slope_coefficients(model, solve_upper(factors.triangle, coordinates)));
+  derivative = beside(q, derivative);
   const double information = derivative.squaredNorm();
   if (!(information > 0)) return std::numeric_limits<double>::quiet_NaN();
 
   // Corrects for the share of each row's noise absorbed by the fit (its leverage).
-  const VectorXd leverage = p.q.rowwise().squaredNorm() + derivative.rowwise().squaredNorm() / information;
+  const VectorXd leverage = q.rowwise().squaredNorm() + derivative.rowwise().squaredNorm() / information;
   const VectorXd spare = (1 - leverage.array()).max(1e-3).sqrt().inverse();
   const MatrixXd products = residual.cwiseProduct(derivative);
   MatrixXd scores(y.rows(), y.cols() / members);

@@ -2,10 +2,11 @@
 
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <span>
 
 #include "ocisac/core/require.hpp"
-#include "ocisac/tones/tone_design.hpp"
+#include "ocisac/rows/basis.hpp"
 
 namespace ocisac {
 
@@ -21,17 +22,14 @@ void fill_powers(std::size_t rows, std::span<double> moments) {
 }
 
 void add_up(std::size_t rows, double cycles_per_row, std::span<double> moments) {
-  constexpr std::size_t kAnchors = 16;  // rows after which a rotation restarts from an exact value; error about 10⁻¹⁵
-  const Phasor turn = phasor(cycles_per_row, 1);
-  Phasor wave{1, 0};
-  for (std::size_t i = 0; i < (rows + 1) / 2; ++i) {
-    const double u = static_cast<double>(i) + (rows % 2 == 0 ? 0.5 : 0.0);
-    wave = i % kAnchors == 0 ? phasor(cycles_per_row, u)
-                             : Phasor{wave.cosine * turn.cosine - wave.sine * turn.sine,
-                                      wave.sine * turn.cosine + wave.cosine * turn.sine};
+  std::vector<double> times((rows + 1) / 2), cosine(times.size()), sine(times.size());
+  std::iota(times.begin(), times.end(), rows % 2 == 0 ? 0.5 : 0.0);
+  fill_wave(times, cycles_per_row, cosine, sine);
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    const double u = times[i];
     double power = u == 0 ? 1 : 2;  // the middle row once, all others on both sides
     for (std::size_t p = 0; p < moments.size(); ++p, power *= 2 * u / static_cast<double>(rows))
-      moments[p] += power * (p % 2 == 0 ? wave.cosine : wave.sine);
+      moments[p] += power * (p % 2 == 0 ? cosine[i] : sine[i]);
   }
 }
 

@@ -6,8 +6,8 @@
 #include <numbers>
 
 #include "columns/row_kernels.hpp"
-#include "core/linear_algebra.hpp"
 #include "core/recently_used.hpp"
+#include "rows/fit.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
 
@@ -32,10 +32,6 @@ double group_gain(double cycles_per_row, int row_group) {
          (row_group * std::sin(std::numbers::pi * cycles_per_row));
 }
 
-double tone_of(std::size_t estimate, std::span<const double> per_tone, double for_mean) {
-  return estimate == 0 ? for_mean : per_tone[(estimate - 1) / 2];
-}
-
 std::vector<double> dense(const RowMajor& matrix) { return {matrix.data(), matrix.data() + matrix.size()}; }
 
 }  // namespace
@@ -53,25 +49,21 @@ StreamingFit::Candidate StreamingFit::candidate(std::size_t rows, std::span<cons
                                                 int row_group) {
   const std::size_t groups = rows / static_cast<std::size_t>(row_group);
   const HarmonicModel model = fundamentals_only(groups, cycles_per_row, row_group);
-  std::vector<double> gains;
-  for (const double cycles : cycles_per_row) gains.push_back(group_gain(cycles, row_group));
-  const auto size = static_cast<Eigen::Index>(model.estimates);
-  Candidate result{row_group, model.tone_flags, RowMajor(size, static_cast<Eigen::Index>(groups)),
-                   Eigen::MatrixXd(static_cast<Eigen::Index>(groups), size), RowMajor(size, size)};
-  for (Eigen::Index i = 0; i < size; ++i) {
-    const auto estimate = static_cast<std::size_t>(i);
-    const double scale = row_group * tone_of(estimate, gains, 1);
-    const double cycles = row_group * tone_of(estimate, cycles_per_row, 0);
-    for (Eigen::Index j = 0; j < static_cast<Eigen::Index>(groups); ++j) {
-      const Phasor at = phasor(cycles, static_cast<double>(j) - (static_cast<double>(groups) - 1) / 2);
-      result.weights(i, j) = model.weights[estimate * groups + static_cast<std::size_t>(j)] / scale;
-      result.design(j, i) = scale * (i == 0 || i % 2 == 1 ? at.cosine : at.sine);
-    }
-    for (Eigen::Index k = 0; k < size; ++k)
-      result.covariance(i, k) = model.covariance[estimate * model.estimates + static_cast<std::size_t>(k)] * row_group /
-                                (scale * row_group * tone_of(static_cast<std::size_t>(k), gains, 1));
+  const auto size = static_cast<Eigen::Index>(model.estimates), count = static_cast<Eigen::Index>(groups);
+  Eigen::VectorXd scale(size);  // of the estimates, from a row's to a group's sum
+  scale(0) = row_group;
+  std::vector<double> of_groups;
+  for (Eigen::Index a = 1; a < size; a += 2) {
+    const double cycles = cycles_per_row[of_groups.size()];
+    scale.segment(a, 2).setConstant(row_group * group_gain(cycles, row_group));
+    of_groups.push_back(row_group * cycles);
   }
-  return result;
+  const Eigen::VectorXd inverse = scale.cwiseInverse();
+  const Eigen::Map<const RowMajor> weights(model.weights.data(), size, count),
+      covariance(model.covariance.data(), size, size);
+  return {row_group, model.tone_flags, inverse.asDiagonal() * weights,
+          tone_design(centred_rows(groups), of_groups) * scale.asDiagonal(),
+          row_group * (inverse.asDiagonal() * covariance * inverse.asDiagonal())};
 }
 
 namespace {

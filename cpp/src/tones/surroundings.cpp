@@ -12,11 +12,10 @@
 #include <utility>
 #include <vector>
 
-#include "core/linear_algebra.hpp"
 #include "core/recently_used.hpp"
-#include "core/spectrum.hpp"
 #include "ocisac/light/exposure_response.hpp"
-#include "tones/design_matrix.hpp"
+#include "ocisac/rows/tone_search.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 
@@ -31,15 +30,6 @@ constexpr double kPeak = 20;         // of the residual's periodogram over its f
 constexpr double kExplained = 0.05;  // max fraction of the residual's energy above the noise that tones may leave
 constexpr double kCorrelated = 6;    // standard errors of a correlation from row to row
 constexpr double kNearNull = 0.05;
-constexpr std::size_t kPadding = 4;  // of the periodogram
-
-double middle_of(Index rows) { return (static_cast<double>(rows) - 1) / 2; }
-
-// Cosine and sine of each tone, (rows × 2·tones).
-MatrixXd waves_of(std::vector<double> tones, Index rows) {
-  const auto columns = 2 * static_cast<Index>(tones.size());
-  return design_matrix({static_cast<std::size_t>(rows), std::move(tones)}).rightCols(columns);
-}
 
 // All harmonics below half the row rate, at least a quarter of a bin apart; at most one for eight rows.
 std::vector<double> all_harmonics(const std::vector<double>& lights, std::size_t row_count) {
@@ -56,7 +46,7 @@ std::vector<double> all_harmonics(const std::vector<double>& lights, std::size_t
 MatrixXd make_basis(std::vector<double> harmonics, std::size_t rows, std::size_t degree) {
   const std::size_t room = rows / 2 / (degree + 1);  // terms that leave half of the degrees of freedom
   harmonics.resize(std::min(harmonics.size(), (std::max<std::size_t>(room, 1) - 1) / 2));
-  return orthogonal_factors(design_matrix({rows, std::move(harmonics), degree, degree})).basis;
+  return orthogonal_factors(tone_design(centred_rows(rows), harmonics, degree, degree)).basis;
 }
 
 // Orthonormal bases of polynomials times mean and harmonics.
@@ -84,109 +74,28 @@ std::shared_ptr<const Space> space_of(std::size_t rows, const std::vector<double
                   [&] { return std::make_shared<const Space>(all_harmonics(cycles_per_row, rows), rows); });
 }
 
-MatrixXd beside(const MatrixXd& basis, const MatrixXd& vectors) {
-  return vectors - product(basis, transposed_product(basis, vectors));
-}
-
-// Power in bins of 1/(length·padding) cycles per row, over the rows.
-std::vector<double> periodogram(const VectorXd& residual, std::size_t padding) {
-  const auto rows = static_cast<std::size_t>(residual.size());
-  std::vector<double> padded(rows * padding);
-  std::copy(residual.begin(), residual.end(), padded.begin());
-  std::vector<double> power;
-  for (const auto& line : half_spectra(padded, padded.size())) power.push_back(std::norm(line) / double(rows));
-  return power;
-}
-
-// Variance of white noise: the median of the upper half of the periodogram over that of an exponential variate.
-double noise_floor(const VectorXd& residual) {
-  auto power = periodogram(residual, 1);
-  power.erase(power.begin(), power.begin() + static_cast<std::ptrdiff_t>(power.size() / 2));
-  const auto middle = power.begin() + static_cast<std::ptrdiff_t>(power.size() / 2);
-  std::ranges::nth_element(power, middle);
-  const double upper = *middle;
-  const double median = power.size() % 2 ? upper : (upper + *std::max_element(power.begin(), middle)) / 2;
-  return median / std::numbers::ln2;
-}
-
-// Parameters that are nearly collinear with others are 0.
-VectorXd fitted_levels(const MatrixXd& design, const VectorXd& values) {
-  constexpr double kCollinear = 1e-6;
-  return least_squares(design, values, kCollinear);
-}
-
-// Energy that a tone explains beside the basis.
-double explained_energy(double cycles_per_row, const MatrixXd& basis, const VectorXd& residual) {
-  const MatrixXd own = beside(basis, waves_of({cycles_per_row}, residual.size()));
-  if (own.squaredNorm() < 1e-3 * static_cast<double>(residual.size())) return 0;
-  const VectorXd fitted = own * fitted_levels(own, residual);
-  return fitted.dot(residual);
-}
-
-struct TonesFound {
-  std::vector<double> cycles_per_row;
-  VectorXd left;
-};
-
-// Gauss–Newton on all frequencies together.
-TonesFound refine(std::vector<double> tones, const MatrixXd& basis, const VectorXd& column) {
-  constexpr int kSteps = 6;
-  const Index rows = column.size(), count = static_cast<Index>(tones.size());
-  const double bin = 1 / static_cast<double>(rows);
-  const VectorXd u = VectorXd::LinSpaced(rows, -middle_of(rows), middle_of(rows)) * (2 * std::numbers::pi);
-  for (int step = 0; step < kSteps; ++step) {
-    const MatrixXd waves = waves_of(tones, rows);
-    MatrixXd slopes(rows, count), both(rows, 3 * count);
-    both.leftCols(2 * count) = beside(basis, waves);
-    const VectorXd levels = fitted_levels(both.leftCols(2 * count), column);
-    for (Index k = 0; k < count; ++k)
-      slopes.col(k) = u.cwiseProduct(levels(2 * k + 1) * waves.col(2 * k) - levels(2 * k) * waves.col(2 * k + 1));
-    both.rightCols(count) = beside(basis, slopes);
-    const VectorXd moves = fitted_levels(both, column).tail(count);
-    for (Index k = 0; k < count; ++k) {
-      double& tone = tones[static_cast<std::size_t>(k)];
-      tone = std::clamp(tone + std::clamp(moves(k), -bin / 4, bin / 4), bin, 0.5 - bin);
-    }
-  }
-  const MatrixXd own = beside(basis, waves_of(tones, rows));
-  return {tones, column - own * fitted_levels(own, column)};
-}
-
-// The best of the frequencies around a peak of the periodogram.
-double best_near(std::size_t peak, const MatrixXd& basis, const VectorXd& residual) {
-  const auto rows = static_cast<double>(residual.size());
-  double best = 0, largest = -1;
-  for (int offset = -static_cast<int>(kPadding); offset <= static_cast<int>(kPadding); ++offset) {
-    const double cycles =
-        std::clamp((static_cast<double>(peak) + offset) / (kPadding * rows), 1 / rows, 0.5 - 1 / rows);
-    const double energy = explained_energy(cycles, basis, residual);
-    if (energy > largest) {
-      largest = energy;
-      best = cycles;
-    }
-  }
-  return best;
-}
-
 // Tones that leave white noise; nothing without tones, or if they do not explain the residual.
 std::optional<std::vector<double>> find_tones(const VectorXd& column, const MatrixXd& basis) {
-  const auto rows = static_cast<double>(column.size());
+  const auto count = static_cast<std::size_t>(column.size()), length = padded_length(count);
+  const auto rows = static_cast<double>(count);
+  const auto power_of = [&](const VectorXd& rest) { return periodogram({rest.data(), count}, count, length); };
   const VectorXd first = beside(basis, column);
-  TonesFound found{{}, first};
-  const double floor = noise_floor(first);
+  FrequencyFit found{{}, {}, first};
+  auto power = power_of(first);
+  const double floor = noise_floor(power);
   const double excess = first.squaredNorm() - floor * rows;
-  while (found.cycles_per_row.size() < kMaxTones) {
-    auto power = periodogram(found.left, kPadding);
-    std::fill_n(power.begin(), std::min(kPadding, power.size()), 0.0);  // less than a cycle in the frame
-    const auto peak = std::ranges::max_element(power);
+  while (found.frequencies.size() < kMaxTones) {
+    const auto slowest = power.begin() + static_cast<std::ptrdiff_t>(length / count);  // a cycle in the frame
+    const auto peak = std::max_element(slowest, power.end());
     if (*peak < kPeak * floor) return {};
-    found.cycles_per_row.push_back(best_near(static_cast<std::size_t>(peak - power.begin()), basis, found.left));
-    found = refine(std::move(found.cycles_per_row), basis, first);
-    const double left = found.left.squaredNorm() - floor * rows;
+    found.frequencies.push_back(static_cast<double>(peak - power.begin()) / static_cast<double>(length));
+    found = refine_frequencies(centred_rows(count), std::move(found.frequencies), basis, first);
+    const double left = found.rest.squaredNorm() - floor * rows;
+    power = power_of(found.rest);
     if (left >= std::max(kExplained * excess, 4 * floor * std::sqrt(2 * rows))) continue;
     constexpr double kTrend = 1.2;  // cycles in the frame: no tone
-    if (std::ranges::min(found.cycles_per_row) * rows < kTrend) return {};
-    return found.cycles_per_row;
+    if (std::ranges::min(found.frequencies) * rows < kTrend) return {};
+    return found.frequencies;
   }
   return {};
 }
@@ -223,10 +132,8 @@ double distortion_of(const VectorXd& column, const FittedLight& light, const Spa
       lines.push_back({h, {}});
     }
   if (lines.size() < 2) return 0;
-  MatrixXd design(column.size(), 1 + 2 * static_cast<Index>(lines.size()));
-  design.col(0).setOnes();
-  design.rightCols(design.cols() - 1) = waves_of(cycles, column.size());
-  const VectorXd levels = fitted_levels(design, column);
+  const VectorXd levels =
+      coefficients_of(tone_design(centred_rows(static_cast<std::size_t>(column.size())), cycles), column);
   for (std::size_t k = 0; k < lines.size(); ++k) {
     const auto a = static_cast<Index>(1 + 2 * k);
     lines[k].level = {levels(a), -levels(a + 1)};

@@ -17,6 +17,7 @@
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
+#include "ocisac/rows/basis.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
 #include "tones/streaming_fit.hpp"

@@ -11,13 +11,12 @@
 #include "columns/equalizer_kernels.hpp"
 #include "columns/light_rows.hpp"
 #include "core/legendre.hpp"
-#include "core/linear_algebra.hpp"
 #include "core/parallel.hpp"
 #include "core/recently_used.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/projection.hpp"
-#include "tones/design_matrix.hpp"
+#include "rows/fit.hpp"
 #include "tones/harmonic_model.hpp"
 
 namespace ocisac {
@@ -31,7 +30,6 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 18, 1>;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kIllConditioned = 1e6;
 constexpr double kSure = 4;         // standard errors above which a bias is significant
 constexpr double kWeak = 3;         // standard errors
 constexpr double kRounding = 1e-9;  // gains below it are rounding
@@ -59,14 +57,6 @@ MatrixXd legendre_at_places(int degree) {
   for (Index i = 0; i < values.rows(); ++i)
     legendre(kPlaces[static_cast<std::size_t>(i)].x, {values.row(i).data(), static_cast<std::size_t>(values.cols())});
   return values;
-}
-
-// Polynomials alone, then times cosine and sine of each harmonic: (rows × terms·(1 + 2·harmonics)).
-MatrixXd varying_design(std::size_t rows, double cycles_per_row, const std::vector<int>& harmonics, int degree) {
-  const auto polynomials = static_cast<std::size_t>(degree);
-  ToneDesign design{rows, {}, polynomials, polynomials};
-  for (const int h : harmonics) design.cycles_per_row.push_back(h * cycles_per_row);
-  return design_matrix(design);
 }
 
 // Harmonics in ascending order until half of the degrees of freedom are used, without those so close to half the row
@@ -128,26 +118,23 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
   plan.terms = options.degree + 1;
   if (harmonics.size() < shape_harmonics.size()) plan.flags |= flag::harmonics_dropped;
   if (cycles_per_row * static_cast<double>(rows) < 1 + options.degree / 2.0) plan.flags |= flag::few_cycles;
-  const MatrixXd design = varying_design(rows, cycles_per_row, harmonics, options.degree);
-  OrthogonalFactors factors = pivoted_orthogonal_factors(design);
-  if (design.rows() <= design.cols() || factors.rank() < design.cols()) {
+  std::vector<double> frequencies;
+  for (const int h : harmonics) frequencies.push_back(h * cycles_per_row);
+  const auto degree = static_cast<std::size_t>(options.degree);
+  const MatrixXd design = tone_design(centred_rows(rows), frequencies, degree, degree);
+  LinearFit fit = linear_fit(design, 3 * plan.terms);
+  if (design.rows() <= design.cols() || !std::isfinite(fit.condition)) {
     plan.flags |= flag::unresolvable;
     return plan;
   }
-  const MatrixXd& triangle = factors.triangle;
-  if (std::abs(triangle(0, 0)) > kIllConditioned * std::abs(triangle(design.cols() - 1, design.cols() - 1)))
-    plan.flags |= flag::ill_conditioned;
-  plan.basis = std::move(factors.basis);
-  const MatrixXd pivoted = solve_upper(triangle, plan.basis.transpose());
-  MatrixXd solved(pivoted.rows(), pivoted.cols());
-  for (Index j = 0; j < solved.rows(); ++j) solved.row(factors.order[static_cast<std::size_t>(j)]) = pivoted.row(j);
+  if (fit.condition > kIllConditioned) plan.flags |= flag::ill_conditioned;
+  plan.basis = std::move(fit.basis);
 
   const std::array<ModelTone, 1> tone{{{cycles_per_row, shape_harmonics}}};
   const HarmonicModel steady = harmonic_model(rows, tone);
   plan.weights.resize(3 * plan.terms + 3, design.rows());
-  plan.weights << solved.topRows(3 * plan.terms),
-      Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>>(steady.weights.data(), 3,
-                                                                                  design.rows());
+  plan.weights << fit.weights.transpose(), Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>>(
+                                               steady.weights.data(), 3, design.rows());
   plan.covariance = product(plan.weights, plan.weights.transpose());
   plan.projections.resize(plan.weights.rows() + plan.basis.cols(), design.rows());
   plan.projections << plan.weights, plan.basis.transpose();

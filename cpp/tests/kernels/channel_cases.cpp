@@ -1,6 +1,6 @@
 #include "chips/channel_kernels.hpp"
-#include "chips/exposed_chips.hpp"
 #include "kernel_cases.hpp"
+#include "rows/exposed_chips.hpp"
 
 namespace kernel_cases {
 

@@ -11,9 +11,9 @@
 
 #include "chips/chip_timing.hpp"
 #include "chips/edges.hpp"
-#include "ocisac/chips/chip_clock.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/receiver/receive.hpp"
+#include "ocisac/rows/chip_clock.hpp"
 
 namespace {
 

@@ -4,6 +4,7 @@
 #include <numbers>
 #include <vector>
 
+#include "ocisac/rows/basis.hpp"
 #include "ocisac/tones/tone_gain.hpp"
 #include "tones/harmonic_model.hpp"
 

@@ -1,32 +1,29 @@
 // Least-squares estimate of the channel from light to rows, given known chips: clock, exposure and levels.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <limits>
 #include <optional>
 #include <span>
 #include <vector>
 
-#include "ocisac/chips/chip_clock.hpp"
+#include "ocisac/rows/chip_clock.hpp"
 
 namespace ocisac {
 
-// The chips first, first + 1, … of a light: levels between 0 (dark) and 1 (bright).
-struct KnownChips {
-  std::span<const double> levels;
-  std::ptrdiff_t first = 0;
-};
+// Standard errors of a clock. The phase is that of chip `chip`, the middle of the chips in use, where phase and rows
+// per chip are nearly independent.
+struct ClockErrors {
+  std::ptrdiff_t chip = 0;
+  // Covariance of (phase there, rows_per_chip, exposure), rows². Infinite for an exposure that is not separable from
+  // the phase, 0 for a known one.
+  std::array<double, 9> covariance{};
 
-// s_n of rows 0 … out.size() − 1, with error (1e-12 rows)/exposure; the first and the last known chip extend without
-// end.
-void expose_chips(const KnownChips& chips, const ChipClock& clock, std::span<double> out);
-
-// Range of the rows that depend on known chips only, after the light settled from its unknown first level.
-struct RowRange {
-  std::size_t begin = 0, end = 0;
-  [[nodiscard]] std::size_t size() const { return end - begin; }
+  [[nodiscard]] double phase_std(std::ptrdiff_t at) const;  // at the beginning of chip `at`
+  [[nodiscard]] double rows_per_chip_std() const;
+  [[nodiscard]] double exposure_rows_std() const;
 };
-RowRange rows_of(const KnownChips& chips, const ChipClock& clock, std::size_t rows);
 
 // Row n = dark_n + swing_n·s_n + noise. Dark (steady 0) and swing (from steady 0 to steady 1) are polynomials along the
 // frame, for gradients and vignetting.

@@ -1,11 +1,12 @@
 // Variation along the rows other than a light's chips: slow light such as mains hum, and tones of other lamps.
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <optional>
 #include <span>
 #include <vector>
+
+#include "ocisac/rows/tone_search.hpp"
 
 namespace ocisac {
 
@@ -27,7 +28,6 @@ struct RowNuisance {
 
 inline constexpr std::size_t kToneHarmonics =
     7;  // in 44 random lamps with PWM, 3 leave more than noise in 74 % of the frames, 7 in 28 %
-inline constexpr std::array kMains{100.0, 120.0};  // Hz; hum of mains of 50 and 60 Hz
 
 struct NuisanceFit {
   std::vector<double> rest;  // (rows) the signal minus slow light and tones
@@ -41,13 +41,6 @@ struct NuisanceFit {
 // part of the chips. Absent where the rows do not determine it.
 std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const RowNuisance& nuisance,
                                            std::span<const double> exposed = {});
-
-// The strongest tone between two frequencies (cycles per row) in the mean spectrum (Hann window) of `signals`, each of
-// `rows` rows: its frequency, and the ratio of its power to the median of its neighbourhood.
-struct StrongestTone {
-  double frequency = 0, prominence = 0;
-};
-StrongestTone strongest_tone(std::span<const double> signals, std::size_t rows, double lowest, double highest);
 
 // The signal minus a square wave of duty ½, exposed for `exposure_rows`, near this frequency (cycles per row, accurate
 // to half a spectral line of the frame), with the frequency and phase of the smallest residual.

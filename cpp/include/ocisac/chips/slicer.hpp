@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "ocisac/chips/chip_clock.hpp"
+#include "ocisac/rows/chip_clock.hpp"
 
 namespace ocisac {
 

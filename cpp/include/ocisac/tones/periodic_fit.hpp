@@ -6,17 +6,14 @@
 #include <span>
 #include <vector>
 
-#include "ocisac/tones/tone_design.hpp"
-
 namespace ocisac {
 
-// A ToneDesign whose oscillations are f and multiples of it.
+// A slow trend, a tone of frequency f, and multiples of it.
 struct PeriodicModel {
   std::size_t trend_degree = 0;  // up to 2
   std::vector<std::size_t> harmonics{1};
 
   [[nodiscard]] std::size_t parameters() const { return trend_degree + 1 + 2 * harmonics.size(); }
-  [[nodiscard]] ToneDesign design(std::size_t rows, double frequency) const;
 };
 
 // Up to `max_harmonics` below half the row rate, and a trend that few cycles do not resemble: a constant below 2 cycles

@@ -34,7 +34,7 @@ struct VaryingToneGain {
   std::vector<Flags> flags;
 };
 
-// Least squares of a ToneDesign whose trend and tones are polynomials of `degree`. Throws as tone_gain does, and for a
+// Least squares of a trend and tones whose levels are polynomials of `degree`. Throws as tone_gain does, and for a
 // degree outside its range.
 VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& camera, double frequency,
                                   const VaryingToneOptions& options = {});

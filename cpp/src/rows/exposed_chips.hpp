@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "ocisac/chips/channel_estimate.hpp"
+#include "ocisac/rows/chip_clock.hpp"
 
 namespace ocisac {
 

@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "chips/normal_factors.hpp"
+#include "rows/normal_factors.hpp"
 
 namespace {
 

@@ -1,15 +1,9 @@
-#include "chips/normal_factors.hpp"
+#include "rows/normal_factors.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 namespace ocisac {
-
-namespace {
-
-constexpr double kMinPivot = 1e-11;  // relative to the unit diagonal
-
-}  // namespace
 
 NormalFactors::NormalFactors(const NormalProducts& products, std::size_t size) {
   const auto without_earlier = [&](double sum, const Row& row, std::size_t j) {

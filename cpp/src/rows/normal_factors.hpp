@@ -25,6 +25,8 @@ class NormalProducts {
   std::array<double, kStride * kStride> values_;
 };
 
+inline constexpr double kMinPivot = 1e-11;  // of normal equations scaled to a unit diagonal
+
 using LastInverse = std::array<std::array<double, 3>, 3>;
 
 // Cholesky factors of products scaled to a unit diagonal, in the order of the unknowns.

@@ -1,8 +1,29 @@
-#include "chips/exposed_chips.hpp"
+#include "ocisac/rows/chip_clock.hpp"
+
+#include <cmath>
 
 #include "ocisac/core/require.hpp"
+#include "rows/exposed_chips.hpp"
 
 namespace ocisac {
+
+std::ptrdiff_t chip_at(double row, const ChipClock& clock) {
+  return static_cast<std::ptrdiff_t>(std::floor((row - clock.phase) / clock.rows_per_chip));
+}
+
+ChipGrid whole_chips(const ChipClock& clock, std::size_t rows) {
+  constexpr double kRounding = 1e-9;  // chips
+  const double begin = (-0.5 - clock.phase) / clock.rows_per_chip - kRounding;
+  const double end = (static_cast<double>(rows) - 0.5 - clock.phase) / clock.rows_per_chip + kRounding;
+  const auto first = static_cast<std::ptrdiff_t>(std::ceil(begin)), last = static_cast<std::ptrdiff_t>(std::floor(end));
+  return {clock, first, last > first ? static_cast<std::size_t>(last - first) : 0};
+}
+
+ChipGrid affecting_chips(const ChipClock& clock, std::size_t rows) {
+  const double half = 0.5 * clock.exposure_rows, last_row = static_cast<double>(rows) - 1;
+  const std::ptrdiff_t first = chip_at(-half, clock), last = chip_at(last_row + half, clock);
+  return {clock, first, static_cast<std::size_t>(last - first + 1)};
+}
 
 void check_clock(const ChipClock& clock) {
   require_positive("rows_per_chip", clock.rows_per_chip);

@@ -1,8 +1,8 @@
-// Positions of a light's chips in the rows of a frame: the clock shared by search, fit, tracking and detection.
+// Positions of a light's chips in the rows of a frame, and the exposure integral of known ones.
 #pragma once
 
-#include <array>
 #include <cstddef>
+#include <span>
 
 namespace ocisac {
 
@@ -25,19 +25,6 @@ inline constexpr double kShortestExposure = 1e-3;  // rows
 // Index of the chip at a row.
 std::ptrdiff_t chip_at(double row, const ChipClock& clock);
 
-// Standard errors of a clock. The phase is that of chip `chip`, the middle of the chips in use, where phase and rows
-// per chip are nearly independent.
-struct ClockErrors {
-  std::ptrdiff_t chip = 0;
-  // Covariance of (phase there, rows_per_chip, exposure), rows². Infinite for an exposure that is not separable from
-  // the phase, 0 for a known one.
-  std::array<double, 9> covariance{};
-
-  [[nodiscard]] double phase_std(std::ptrdiff_t at) const;  // at the beginning of chip `at`
-  [[nodiscard]] double rows_per_chip_std() const;
-  [[nodiscard]] double exposure_rows_std() const;
-};
-
 // Consecutive chips of a clock: first, first + 1, … first + count − 1.
 struct ChipGrid {
   ChipClock clock;
@@ -53,5 +40,22 @@ struct ChipGrid {
 // Chips that lie whole in a frame, and chips that affect any of its rows.
 ChipGrid whole_chips(const ChipClock& clock, std::size_t rows);
 ChipGrid affecting_chips(const ChipClock& clock, std::size_t rows);
+
+// The chips first, first + 1, … of a light: levels between 0 (dark) and 1 (bright).
+struct KnownChips {
+  std::span<const double> levels;
+  std::ptrdiff_t first = 0;
+};
+
+// s_n of rows 0 … out.size() − 1, with error (1e-12 rows)/exposure; the first and the last known chip extend without
+// end.
+void expose_chips(const KnownChips& chips, const ChipClock& clock, std::span<double> out);
+
+// Range of the rows that depend on known chips only, after the light settled from its unknown first level.
+struct RowRange {
+  std::size_t begin = 0, end = 0;
+  [[nodiscard]] std::size_t size() const { return end - begin; }
+};
+RowRange rows_of(const KnownChips& chips, const ChipClock& clock, std::size_t rows);
 
 }  // namespace ocisac

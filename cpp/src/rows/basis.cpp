@@ -1,0 +1,122 @@
+#include "ocisac/rows/basis.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "core/legendre.hpp"
+#include "ocisac/light/exposure_response.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t kTurns = 16;  // of a phasor, rounded by 10⁻¹⁶ each
+
+std::span<double> appended_column(std::vector<double>& basis, const RowSampling& rows) {
+  basis.resize(basis.size() + rows.times.size());
+  return std::span(basis).last(rows.times.size());
+}
+
+// First edge and length of the frame that begins at row `first`.
+struct Extent {
+  double begin, length;
+};
+Extent extent_of(std::span<const double> times) {
+  const double apart = times.size() > 1 ? (times.back() - times.front()) / static_cast<double>(times.size() - 1) : 1;
+  return {times.front() - 0.5 * apart, times.back() - times.front() + apart};
+}
+
+// visit(first row, times) for each frame.
+template <class Visit>
+void for_each_frame(const RowSampling& rows, Visit visit) {
+  const std::size_t height = rows.times.size() / rows.frames;
+  for (std::size_t frame = 0; frame < rows.frames; ++frame)
+    visit(frame * height, std::span(rows.times).subspan(frame * height, height));
+}
+
+void expose(const RowSampling& rows, double frequency, std::span<double> cosine, std::span<double> sine) {
+  double response = 1;
+  for (std::size_t row = 0; row < rows.exposures.size(); ++row) {
+    if (row == 0 || rows.exposures[row] != rows.exposures[row - 1]) response = sinc(frequency * rows.exposures[row]);
+    cosine[row] *= response;
+    sine[row] *= response;
+  }
+}
+
+}  // namespace
+
+RowSampling centred_rows(std::size_t rows) {
+  RowSampling sampling{std::vector<double>(rows)};
+  for (std::size_t n = 0; n < rows; ++n)
+    sampling.times[n] = static_cast<double>(n) - (static_cast<double>(rows) - 1) / 2;
+  return sampling;
+}
+
+void append_course(std::vector<double>& basis, const RowSampling& rows, std::span<const double> course,
+                   std::size_t degree) {
+  const std::size_t begin = basis.size(), count = rows.times.size();
+  basis.resize(begin + (degree + 1) * count);
+  std::vector<double> polynomials(degree + 1, 1.0);
+  for_each_frame(rows, [&](std::size_t first, std::span<const double> times) {
+    const Extent extent = extent_of(times);
+    for (std::size_t i = 0; i < times.size(); ++i) {
+      const std::size_t row = first + i;
+      if (degree > 0) legendre(2 * (times[i] - extent.begin) / extent.length - 1, polynomials);
+      const double factor = (course.empty() ? 1 : course[row]) * (rows.weights.empty() ? 1 : rows.weights[row]);
+      for (std::size_t d = 0; d <= degree; ++d) basis[begin + d * count + row] = factor * polynomials[d];
+    }
+  });
+}
+
+void append_trend(std::vector<double>& basis, const RowSampling& rows, std::size_t degree) {
+  append_course(basis, rows, {}, degree);
+}
+
+void append_slow_light(std::vector<double>& basis, const RowSampling& rows, std::size_t terms) {
+  std::vector<double> times(rows.times.size()), sine(times.size());
+  for (std::size_t k = 1; k <= terms; ++k) {
+    const auto column = appended_column(basis, rows);
+    for_each_frame(rows, [&](std::size_t first, std::span<const double> own) {
+      const Extent extent = extent_of(own);
+      const auto from_edge = std::span(times).subspan(first, own.size());
+      std::ranges::transform(own, from_edge.begin(), [&](double time) { return time - extent.begin; });
+      fill_wave(from_edge, 0.5 * static_cast<double>(k) / extent.length, column.subspan(first, own.size()),
+                std::span(sine).subspan(first, own.size()));
+    });
+    for (std::size_t row = 0; row < rows.weights.size(); ++row) column[row] *= rows.weights[row];
+  }
+}
+
+void append_tones(std::vector<double>& basis, const RowSampling& rows, std::span<const double> frequencies,
+                  std::size_t degree) {
+  std::vector<double> cosine(rows.times.size()), sine(cosine.size());
+  for (const double frequency : frequencies) {
+    fill_wave(rows.times, frequency, cosine, sine);
+    expose(rows, frequency, cosine, sine);
+    append_course(basis, rows, cosine, degree);
+    append_course(basis, rows, sine, degree);
+  }
+}
+
+Phasor phasor(double cycles, double time) {
+  const double product = cycles * time;
+  const double rest = std::fma(cycles, time, -product);
+  const double angle = 2 * std::numbers::pi * ((product - std::nearbyint(product)) + rest);
+  return {std::cos(angle), std::sin(angle)};
+}
+
+void fill_wave(std::span<const double> times, double cycles, std::span<double> cosine, std::span<double> sine) {
+  const double step = times.size() > 1 ? times[1] - times[0] : 0;
+  const Phasor turn = phasor(cycles, step);
+  Phasor at{};
+  for (std::size_t n = 0; n < times.size(); ++n) {
+    at = n % kTurns == 0 || times[n] - times[n - 1] != step
+             ? phasor(cycles, times[n])
+             : Phasor{at.cosine * turn.cosine - at.sine * turn.sine, at.sine * turn.cosine + at.cosine * turn.sine};
+    cosine[n] = at.cosine;
+    sine[n] = at.sine;
+  }
+}
+
+}  // namespace ocisac

@@ -1,0 +1,71 @@
+#include "ocisac/rows/tone_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <utility>
+
+#include "core/spectrum.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t kPadding = 4;                                       // bins per width of a spectral line
+constexpr std::size_t kNearBins = 2 * kPadding, kFarBins = 8 * kPadding;  // from a tone to its neighbourhood
+constexpr double kRounding = 1e-12;  // relative to the mean: a signal that deviates by no more is constant
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + std::ssize(values) / 2;
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
+}  // namespace
+
+std::size_t padded_length(std::size_t rows) { return optimal_dft_length(kPadding * rows); }
+
+std::vector<double> periodogram(std::span<const double> signals, std::size_t rows, std::size_t length) {
+  std::vector<double> window(rows), power(length / 2 + 1), windowed(length);
+  for (std::size_t n = 0; n < rows; ++n)
+    window[n] = std::pow(std::sin(std::numbers::pi * (static_cast<double>(n) + 0.5) / static_cast<double>(rows)), 2);
+  const double energy = std::inner_product(window.begin(), window.end(), window.begin(), 0.0);
+  const double scale = 1 / (energy * static_cast<double>(signals.size() / rows));
+  for (std::size_t begin = 0; begin + rows <= signals.size(); begin += rows) {
+    const auto signal = signals.subspan(begin, rows);
+    const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(rows);
+    const auto varies = [&](double value) { return std::abs(value - mean) > kRounding * std::abs(mean); };
+    if (std::ranges::none_of(signal, varies)) continue;
+    for (std::size_t n = 0; n < rows; ++n) windowed[n] = window[n] * (signal[n] - mean);
+    const auto spectrum = half_spectra(windowed, length);
+    for (std::size_t k = 0; k < power.size(); ++k) power[k] += scale * std::norm(spectrum[k]);
+  }
+  return power;
+}
+
+double noise_floor(std::span<const double> power) {
+  const auto upper = power.subspan(power.size() / 2);
+  return median({upper.begin(), upper.end()}) / std::numbers::ln2;
+}
+
+StrongestTone strongest_tone(std::span<const double> signals, std::size_t rows, double lowest, double highest) {
+  const std::size_t length = padded_length(rows), bins = length / 2 + 1;
+  const std::vector<double> powers = periodogram(signals, rows, length);
+  const auto bin_of = [&](double frequency) {
+    return std::min(static_cast<std::size_t>(std::ceil(frequency * static_cast<double>(length))), bins);
+  };
+  const std::size_t first = bin_of(lowest), last = bin_of(highest);
+  if (first >= last) return {};
+  const auto strongest = static_cast<std::size_t>(std::max_element(powers.begin() + static_cast<std::ptrdiff_t>(first),
+                                                                   powers.begin() + static_cast<std::ptrdiff_t>(last)) -
+                                                  powers.begin());
+  std::vector<double> nearby;
+  for (std::size_t k = strongest - std::min(strongest, kFarBins); k < std::min(strongest + kFarBins + 1, bins); ++k)
+    if (std::max(k, strongest) - std::min(k, strongest) > kNearBins) nearby.push_back(powers[k]);
+  if (nearby.empty()) return {};
+  return {static_cast<double>(strongest) / static_cast<double>(length),
+          powers[strongest] / std::max(median(std::move(nearby)), 1e-300)};
+}
+
+}  // namespace ocisac
