@@ -1,11 +1,10 @@
-"""Gains in company: other tones, distortion and clipped black; agreement with the reference and honesty."""
+"""Gains in company: other tones, distortion and clipped black."""
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings, strategies as st
 
 import ocisac_fast as ocisac
-from ocisac_fast import Camera, Flag, SquareWave, integrate_exposure, reference
+from ocisac_fast import Camera, Flag, SquareWave, integrate_exposure
 
 ROW_TIME, ROWS, FREQUENCY, EXPOSURE = 22.2e-6, 1080, 500.0, 622e-6
 CAMERA = Camera(ROW_TIME, exposure=EXPOSURE, dark_level=16)
@@ -29,37 +28,8 @@ def stored(light, random, dark=16.0, noise=2.0):
     return np.clip(np.rint(light + dark + noise * random.standard_normal(light.shape)), 0, 255).astype(np.uint8)
 
 
-def square_gain(pixels, of=ocisac, **options):
-    return of.tone_gain(pixels, CAMERA, FREQUENCY, waveform="square", method="robust", **options)
-
-
-@settings(deadline=None, max_examples=3 * settings.default.max_examples // 25)
-@given(
-    mains=st.sampled_from([0.0, 100.0, 120.0, 300.0, 520.0, 730.0, 1000.0]),
-    level=st.floats(0.02, 0.6),
-    curve=st.sampled_from([1.0, 1.0, 0.45]),
-    gradient=st.sampled_from([0.0, 0.3]),
-    dtype=st.sampled_from(["uint8", "float64"]),
-    pooled=st.booleans(),
-    seed=st.integers(0, 10**6),
-)
-@example(mains=100.0, level=0.5, curve=1.0, gradient=0.3, dtype="uint8", pooled=False, seed=201)
-def test_agrees_with_the_reference(mains, level, curve, gradient, dtype, pooled, seed):
-    random = np.random.default_rng(seed)
-    light = lamp(random) * np.linspace(1, 1 - gradient, ROWS)[:, None]
-    if mains:
-        light = light + tone(random, mains, 100 * level)
-    pixels = stored(200 * (light / 200) ** curve, random).astype(dtype)
-    got, want = (square_gain(pixels, of, pooled=pooled) for of in (ocisac, reference))
-    np.testing.assert_array_equal(got.flags, want.flags)
-    # Weights of 13 bits, and frequencies that ended their iterations a little apart; a tone near the light is flagged,
-    # and its iterations have no sharp end. Where one of both fits a tone more, which is as good as noise (one of 2,400
-    # examples), other noise is left, and the gains differ by less than their standard errors.
-    clear = got.flags & Flag.MODEL_MISFIT == 0
-    ratio = got.gain_std[clear] / want.gain_std[clear]
-    alike = np.abs(np.median(ratio) - 1) < 0.05 if clear.any() else True
-    assert np.all(np.abs(got.gain - want.gain)[clear] < (5e-3 if alike else 1) * want.gain_std[clear])
-    np.testing.assert_allclose(ratio, 1, rtol=1e-2 if alike else 0.5)
+def square_gain(pixels, **options):
+    return ocisac.tone_gain(pixels, CAMERA, FREQUENCY, waveform="square", method="robust", **options)
 
 
 @pytest.mark.parametrize("frequencies", [(100.0,), (120.0,), (100.0, 200.0), (730.0,), (300.0, 2345.0)])
