@@ -13,6 +13,7 @@ from ocisac_fast.core.regions import Region
 
 Columns = npt.NDArray[Any]
 
+_MAX_UINT16 = 65535
 _COLOURS = 4  # maximum number of colours of a picture
 _KINDS = {np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32), np.dtype(np.float64)}
 
@@ -22,8 +23,9 @@ def as_columns(columns: npt.ArrayLike, *, name: str = "columns", scan_axis: str 
 
     Args:
         columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, no empty dimension.
-            uint8, uint16, float32 and float64 with any strides are not copied; other real types, foreign byte order
-            and unaligned memory are copied.
+            uint8, uint16, float32 and float64 with any strides are not copied; foreign byte order and unaligned memory
+            are. Other integers are read as uint16, whose white level counts, where all fit; else, as all other real
+            types, as float64, which has no level of saturation.
         name: the argument's name in messages.
         scan_axis: ``scan_axis`` of the camera. The result is a view with rows in time order along axis -2; a (rows,)
             array is already in time order.
@@ -40,8 +42,7 @@ def as_columns(columns: npt.ArrayLike, *, name: str = "columns", scan_axis: str 
 
 
 def _viewable_copy(array: Columns, name: str) -> Columns:
-    known = array.dtype in _KINDS
-    if not known and array.dtype.kind not in "buif":
+    if array.dtype.kind not in "buif":
         raise ValueError(f"{name}: got dtype {array.dtype}, allowed: real numbers (uint8, uint16, float32, float64)")
     if not 1 <= array.ndim <= 3:
         raise ValueError(
@@ -49,7 +50,16 @@ def _viewable_copy(array: Columns, name: str) -> Columns:
         )
     if array.size == 0:
         raise ValueError(f"{name}: got shape {array.shape}, allowed: at least one frame, row and column")
-    return np.array(array, dtype=array.dtype.newbyteorder("=") if known else np.float64)
+    return np.array(array, dtype=_read_type(array))
+
+
+def _read_type(array: Columns) -> np.dtype[Any]:
+    """The type in which the core reads an array's values: each is kept, and integers stay integers where they fit."""
+    native = array.dtype.newbyteorder("=")
+    if native in _KINDS:
+        return native
+    fits = native.kind in "ui" and array.min() >= 0 and array.max() <= _MAX_UINT16
+    return np.dtype(np.uint16 if fits else np.float64)
 
 
 def _as_array(values: npt.ArrayLike, name: str) -> npt.NDArray[Any]:
@@ -91,10 +101,11 @@ def as_frames(frames: npt.ArrayLike, name: str = "frames", scan_axis: str = "y",
     if array.ndim == 4:
         if array.size == 0:
             raise ValueError(f"{name}: got shape {array.shape}, allowed: at least one frame, row, column and colour")
-        rows = array.reshape(-1) if array.flags.c_contiguous else array
-        kept = as_columns(rows if rows.ndim == 1 else array[0], name=name)  # gives the type that the core reads
-        if kept.dtype != array.dtype or not array.flags.aligned or not _whole_strides(array):
-            array = np.array(array, dtype=kept.dtype)
+        if array.dtype.kind not in "buif":
+            as_columns(array[0], name=name)  # refuses it
+        read_type = _read_type(array)
+        if read_type != array.dtype or not array.flags.aligned or not _whole_strides(array):
+            array = np.array(array, dtype=read_type)
     else:
         array = as_columns(array, name=name)
         array = array.reshape((1, -1, 1)) if array.ndim == 1 else array
