@@ -63,7 +63,6 @@ void register_lights(py::module_& module);
 void register_receiver(py::module_& module);
 void register_cleaning(py::module_& module);
 void register_scene(py::module_& module);
-void register_reference(py::module_& module);
 
 // Converted to dense float64 if the caller's array has another type or layout.
 using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;

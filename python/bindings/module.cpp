@@ -16,5 +16,4 @@ PYBIND11_MODULE(_core, module, pybind11::mod_gil_not_used()) {
   ocisac::bindings::register_receiver(module);
   ocisac::bindings::register_cleaning(module);
   ocisac::bindings::register_scene(module);
-  ocisac::bindings::register_reference(module);
 }

@@ -358,51 +358,14 @@ def render_parts(
     threads: int,
     out: npt.NDArray[Any],
 ) -> None: ...
-def light_share(
-    light: npt.NDArray[np.float64],
-    variance: npt.NDArray[np.float64],
-    row_light: npt.NDArray[np.float64],
-    smooth: bool = True,
-) -> npt.NDArray[np.float64]: ...
-def comparison_lag(row_light: npt.NDArray[np.float64]) -> int: ...
-def refine_row_light(
-    light: npt.NDArray[np.float64],
-    variance: npt.NDArray[np.float64],
-    share: npt.NDArray[np.float64],
-    row_light: npt.NDArray[np.float64],
-    steps: int,
-    basis: npt.NDArray[np.float64] | None = None,
-    deviation: float = ...,
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
-def row_misfit(
-    light: npt.NDArray[np.float64],
-    variance: npt.NDArray[np.float64],
-    row_light: npt.NDArray[np.float64],
-    share: npt.NDArray[np.float64],
-    lag: int,
-) -> float: ...
 
 class CleaningVerdict:
-    light_left: float
-    texture_change: float
-    gain: float
-    worse: float
-    level: float
-    slow_bands: float
-    energy: float
     @property
-    def objection(self) -> str: ...
-
-def judge_cleaning(
-    light: npt.NDArray[np.float64],
-    variance: npt.NDArray[np.float64],
-    row_light: npt.NDArray[np.float64],
-    share: npt.NDArray[np.float64],
-    block_rows: int,
-    block_columns: int,
-    max_columns: int,
-) -> CleaningVerdict: ...
-def mean_verdict(verdicts: Sequence[CleaningVerdict]) -> CleaningVerdict: ...
+    def light_left(self) -> float: ...
+    @property
+    def texture_change(self) -> float: ...
+    @property
+    def slow_bands(self) -> float: ...
 
 class ModelledLight:
     @property
@@ -459,74 +422,7 @@ class StreamCleaner:
     ) -> tuple[StoredScene, SceneLight, list[tuple[npt.NDArray[np.float64], int, int]]]: ...
     def forget(self) -> None: ...
 
-def fully_modulated_rows(rows: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]: ...
 def lifted_light(stored: npt.NDArray[np.float64], toe: float, white: float) -> npt.NDArray[np.float64]: ...
-def slope_of_lifted(stored: npt.NDArray[np.float64], toe: float, white: float) -> npt.NDArray[np.float64]: ...
-
-class CommonCourse:
-    @property
-    def modes(self) -> npt.NDArray[np.float64]: ...
-    @property
-    def variance(self) -> npt.NDArray[np.float64]: ...
-
-class SlowTone:
-    @property
-    def cycles(self) -> float: ...
-    def light(self, rows: int) -> npt.NDArray[np.float64]: ...
-    def cycle(self) -> npt.NDArray[np.float64]: ...
-
-class SlowVerdict:
-    @property
-    def left(self) -> float: ...
-    @property
-    def worse(self) -> float: ...
-    @property
-    def level(self) -> float: ...
-
-class SlowLight:
-    @property
-    def tones(self) -> list[SlowTone]: ...
-    @property
-    def course(self) -> CommonCourse: ...
-    @property
-    def amplitude(self) -> float: ...
-    @property
-    def verdict(self) -> SlowVerdict: ...
-    @property
-    def objection(self) -> str: ...
-
-def common_course(light: npt.NDArray[np.float64], variance: npt.NDArray[np.float64]) -> CommonCourse: ...
-def find_slow_lights(
-    light: npt.NDArray[np.float64],
-    variance: npt.NDArray[np.float64],
-    camera: Camera,
-    earlier: Sequence[CommonCourse],
-    near: SlowTone | None,
-) -> list[SlowLight]: ...
-def picture_motion(
-    before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
-def moved_picture(
-    values: npt.NDArray[np.float64], down: npt.NDArray[np.float64], right: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]: ...
-def picture_change(
-    before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], npt.NDArray[np.uint8]]: ...
-def merge_columns(
-    stored: npt.NDArray[Any], merged: int, light: npt.NDArray[np.float64], variance: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
-def restore_picture(
-    stored: npt.NDArray[Any],
-    share: npt.NDArray[np.float64],
-    block_rows: int,
-    block_columns: int,
-    rows: npt.NDArray[np.float64],
-    level: float,
-    max_gain: float,
-    light: npt.NDArray[np.float64],
-    variance: npt.NDArray[np.float64],
-    bounds: npt.NDArray[np.float64],
-) -> tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32]]: ...
 def fsk_demodulate(
     camera: Camera, tones: Sequence[float], signal: npt.NDArray[np.float64], amplitude: float | None
 ) -> tuple[Any, ...]: ...
@@ -573,31 +469,3 @@ class ExposureController:
         saturated: float,
     ) -> tuple[float, float, float, float, float, float, float, float, float, int]: ...
     def reset(self) -> None: ...
-
-def first_profile(signals: Sequence[npt.ArrayLike], smooth: int) -> tuple[Any, Any] | None: ...
-def fit_profile(
-    signals: Sequence[npt.ArrayLike],
-    exposed: Sequence[npt.ArrayLike],
-    shape: npt.ArrayLike,
-    smooth: int,
-    weight: float,
-) -> tuple[Any, Any] | None: ...
-def profile_rows(swing: Sequence[float], share: float) -> tuple[int, int]: ...
-def lit_rows(
-    signal: npt.ArrayLike,
-    noise: float,
-    seen: tuple[int, int],
-    least_departure: float = ...,
-    texture: float = ...,
-    most_noise: float = ...,
-    expected: bool = ...,
-) -> tuple[tuple[int, int], int]: ...
-def remove_nuisance(
-    signal: npt.ArrayLike, slow: float, tones: Sequence[float], exposed: npt.ArrayLike, scale: Sequence[float] = ...
-) -> tuple[Any, float] | None: ...
-def strongest_tone(signals: npt.ArrayLike, rows: int, lowest: float, highest: float) -> tuple[float, float]: ...
-def without_square_wave(signal: npt.ArrayLike, frequency: float, exposure_rows: float) -> npt.NDArray[np.float64]: ...
-def fit_outline(
-    light: npt.NDArray[np.float64], own: npt.NDArray[np.bool_], frequency: float
-) -> tuple[float, npt.NDArray[np.uint8]] | None: ...
-def lamp_slope(swings: npt.ArrayLike, centres: npt.ArrayLike) -> float: ...

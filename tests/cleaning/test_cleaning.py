@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from click.testing import CliRunner
-from hypothesis import given, settings, strategies as st
 
 from ocisac_fast import (
     Camera,
@@ -79,99 +78,6 @@ def by_row_means(read: Array) -> list[Array]:
     return [read / (mean / trend)[:, None] for trend in trends]
 
 
-@given(
-    st.sampled_from([(1, 8, 1), (1, 11, 7), (2, 16, 5), (1, 61, 13), (3, 32, 4), (1, 67, 43)]),
-    st.integers(0, 2**32 - 1),
-    st.booleans(),
-    st.booleans(),
-)
-@settings(max_examples=4 * settings.default.max_examples // 25)
-def test_share_agrees_with_the_reference(shape: tuple[int, int, int], seed: int, lost: bool, smooth: bool) -> None:
-    random = np.random.default_rng(seed)
-    light = random.uniform(20, 200, shape)
-    variance = random.uniform(0.5, 4, shape)
-    if lost:
-        variance[random.random(shape) < 0.2] = np.inf
-    rows = random.uniform(0, 2, shape[:2])
-    expected = reference.light_share(light, variance, rows, smooth)
-    np.testing.assert_allclose(_core.light_share(light, variance, rows, smooth), expected, rtol=1e-12, atol=1e-10)
-
-
-@given(
-    st.sampled_from([(8, 1), (17, 5), (31, 12), (97, 6)]),
-    st.integers(0, 2**32 - 1),
-    st.sampled_from(["free", "basis", "held"]),
-)
-@settings(max_examples=9 * settings.default.max_examples // 100)
-def test_row_light_agrees_with_the_reference(shape: tuple[int, int], seed: int, known: str) -> None:
-    random = np.random.default_rng(seed)
-    light, variance = random.uniform(20, 200, (1, *shape)), random.uniform(0.5, 4, (1, *shape))
-    share, rows = random.uniform(0.1, 1, shape), random.uniform(0.5, 1.5, shape[0])
-    more = {"free": (), "basis": (random.standard_normal((shape[0], 3)),), "held": (None, 0.05)}[known]
-    expected = reference.refine_row_light(light, variance, share, rows, 3, *more)
-    for got, want in zip(_core.refine_row_light(light, variance, share, rows, 3, *more), expected, strict=True):
-        np.testing.assert_allclose(got, want, rtol=1e-8, atol=1e-8 * np.abs(want).max())
-
-
-def tables(dtype: type, random: np.random.Generator) -> tuple[Array, Array, Array]:
-    """Light and noise variance of each stored value, the highest saturated, and light between them."""
-    top = 255 if dtype is np.uint8 else 1023
-    light = np.cumsum(random.uniform(0.1, 2.0, top + 1)) - 3.0
-    variance = random.uniform(0.5, 4.0, top + 1)
-    variance[-10:] = np.inf
-    return light, variance, (light[1:] + light[:-1]) / 2
-
-
-@given(
-    st.sampled_from([(1, 1), (9, 13), (16, 32), (31, 40)]),
-    st.sampled_from([(1, 1), (1, 4), (4, 3), (7, 16)]),
-    st.sampled_from([np.uint8, np.uint16]),
-    st.integers(0, 2**32 - 1),
-)
-@settings(max_examples=settings.default.max_examples // 2)
-def test_blocks_agree_with_the_reference(
-    shape: tuple[int, int], block: tuple[int, int], dtype: type, seed: int
-) -> None:
-    random = np.random.default_rng(seed)
-    light, variance, bounds = tables(dtype, random)
-    stored = random.integers(0, len(light), shape).astype(dtype)
-    got, want = (m.merge_columns(stored, block[1], light, variance) for m in (_core, reference))
-    np.testing.assert_allclose(got, want, rtol=1e-12)
-    share = random.uniform(0, 1, [-(-n // size) for n, size in zip(shape, block, strict=True)])
-    arguments = (share, *block, random.uniform(0, 2, shape[0]), 1.3, 4.0, light, variance, bounds)
-    got, want = (m.restore_picture(stored, *arguments) for m in (_core, reference))
-    for one, other, tolerance in zip(got, want, (0, 0, 1e-6), strict=True):
-        np.testing.assert_allclose(np.float64(one), other, atol=tolerance)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"share": np.ones((2, 2))}, "share: got 4"),
-        ({"rows": np.ones(5)}, "rows: got 5"),
-        ({"bounds": np.ones(5)}, "bounds: got 5"),
-        ({"variance": np.ones(5)}, "variance: got 5"),
-        ({"block_rows": 0}, "block_rows, block_columns"),
-        ({"stored": np.full((8, 9), 7, np.uint8)}, "stored: got 7"),
-        ({"stored": np.ones(8, np.uint8)}, "stored: got 1, allowed: 2 dimensions"),
-    ],
-)
-def test_bad_blocks(change: dict[str, Any], message: str) -> None:
-    valid: dict[str, Any] = {
-        "stored": np.ones((8, 9), np.uint8), "share": np.ones((2, 3)), "block_rows": 4, "block_columns": 3,
-        "rows": np.ones(8), "level": 1.0, "max_gain": 8.0, "light": np.arange(4.0), "variance": np.ones(4),
-        "bounds": np.arange(3) + 0.5,
-    }  # fmt: skip
-    _core.restore_picture(**valid)
-    with pytest.raises(ValueError, match=message):
-        _core.restore_picture(**{**valid, **change})
-
-
-def test_bad_merging() -> None:
-    with pytest.raises(ValueError, match="merged: got 0"):
-        _core.merge_columns(np.ones((8, 9), np.uint8), 0, np.arange(4.0), np.ones(4))
-
-
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 @pytest.mark.parametrize("period", [9.0, 47.0])
 def test_shares_of_a_large_picture_are_those_of_blocks(dtype: type, period: float) -> None:
@@ -188,21 +94,6 @@ def test_shares_of_a_large_picture_are_those_of_blocks(dtype: type, period: floa
     assert done.share.shape == read.shape
     assert psnr(done.frames, clean, kept) > psnr(read / left, clean, kept) - 1.2
     assert np.abs(done.share - share).mean() < 0.02
-
-
-@pytest.mark.parametrize(
-    ("more", "message"),
-    [
-        ((np.ones(17), np.inf), "basis: got 17"),
-        ((np.full((16, 2), np.nan), np.inf), "basis: got nan"),
-        ((None, 0.0), "deviation: got 0"),
-        ((np.ones((16, 2)), 0.1), "deviation: got 0.1"),
-    ],
-)
-def test_bad_model_of_rows(more: tuple[Array | None, float], message: str) -> None:
-    ones = np.ones((1, 16, 3))
-    with pytest.raises(ValueError, match=message):
-        _core.refine_row_light(ones, ones, ones[0], np.ones(16), 1, *more)
 
 
 @pytest.mark.parametrize("kind", ["tone", "square", "chips"])
@@ -256,8 +147,7 @@ def test_fully_lit_rows_stay_and_a_blur_fails() -> None:
     def correlation(picture: npt.NDArray[np.generic]) -> float:
         rows = np.where(done.marks == Mark.RESTORED, picture, np.nan)
         rows = np.nanmean(rows[:, :100], axis=1)
-        smooth = _core.fully_modulated_rows(done.light)
-        return abs(float(np.corrcoef(rows, smooth)[0, 1]))
+        return abs(float(np.corrcoef(rows, done.light)[0, 1]))
 
     blurs = [np.apply_along_axis(np.convolve, 0, np.float64(stored), np.ones(n) / n, "same") for n in (7, 9)]
     assert change_of_lit_rows(done.frames) < 0.02
@@ -267,7 +157,8 @@ def test_fully_lit_rows_stay_and_a_blur_fails() -> None:
 
 
 def test_saturated_pixels_are_left_alone_and_dark_ones_marked() -> None:
-    light = _core.fully_modulated_rows(row_light("square"))
+    light = row_light("square")
+    light = (light - light.min()) / (1 - light.min())
     read, _, _ = scene(light, noise=0.5)
     read[60:200, 20:60] = 400 * light[60:200, None]
     stored = np.clip(np.rint(read), 0, 255).astype(np.uint8)
@@ -287,13 +178,12 @@ def test_saturated_pixels_are_left_alone_and_dark_ones_marked() -> None:
 
 @pytest.mark.parametrize("level", ["full", "mean"])
 def test_the_picture_is_the_equation_of_the_share_and_light_found(level: Literal["full", "mean"]) -> None:
-    """v (1 + q (L_full - 1)) / (1 + q (L_n - 1)); the share is that of the reference's kernel."""
-    read = scene(row_light("tone"))[0][:64, 128:160].astype(np.float32)  # where the shadow's edge is
+    """v (1 + q (L_full - 1)) / (1 + q (L_n - 1))."""
+    read, _, truth = (part[:64, 128:160].astype(np.float32) for part in scene(row_light("tone")))  # the shadow's edge
     done = remove_bands(read, CAMERA, level=level, options=CleaningOptions(noise=1.5, max_gain=1e6))
     rows = done.light
-    spread = np.full((1, *read.shape), 1.5**2)
-    share = reference.light_share(read[None].astype(float), spread, rows[None])
-    np.testing.assert_allclose(done.share, share, atol=1e-6)
+    share = done.share
+    assert np.median(np.abs(share - truth)) < 0.1
     full = rows.max() if level == "full" else 1.0
     clean = read * (1 + share * (full - 1)) / (1 + share * (rows[:, None] - 1))
     np.testing.assert_allclose(done.frames, clean, rtol=1e-4)
@@ -385,11 +275,6 @@ def test_toe_and_its_inverse() -> None:
     for toe in (0.0, 0.01, 0.5):
         stored = lowered(light, toe, 255.0)
         np.testing.assert_allclose(_core.lifted_light(stored, toe, 255.0), light, rtol=1e-9, atol=1e-12)
-        bright = stored > 0.1
-        change = _core.lifted_light(stored * (1 + 1e-6), toe, 255.0) - _core.lifted_light(stored, toe, 255.0)
-        np.testing.assert_allclose(
-            _core.slope_of_lifted(stored, toe, 255.0)[bright], change[bright] / (1e-6 * stored[bright]), 1e-4
-        )
 
 
 @pytest.mark.parametrize("toe", [0.0, 1 / 8])
@@ -626,67 +511,3 @@ def test_a_light_that_lights_all_alike_has_one_share(seed: int) -> None:
     assert even.share[0, 0] == pytest.approx(0.5, abs=0.02)
     shaded = remove_bands(scene(light, seed)[0], CAMERA, light=light)
     assert np.ptp(shaded.share) > 0.3
-
-
-@given(
-    st.sampled_from([(8, 1), (16, 5), (61, 30), (300, 70)]),
-    st.integers(0, 2**32 - 1),
-    st.sampled_from(["random", "dark", "even", "lost"]),
-)
-@settings(max_examples=settings.default.max_examples // 2)
-def test_the_verdict_agrees_with_the_reference(shape: tuple[int, int], seed: int, kind: str) -> None:
-    random = np.random.default_rng(seed)
-    light, variance = random.uniform(-5, 200, shape), random.uniform(0.5, 4, shape)
-    share, rows = random.uniform(0, 1, shape), random.uniform(0, 2, shape[0])
-    if kind == "dark":
-        light[:] = 0.0
-    if kind == "even":
-        rows[:] = 1.0
-    if kind == "lost":
-        variance[random.random(shape) < 0.3] = np.inf
-        variance[shape[0] // 2] = np.inf
-    got = _core.judge_cleaning(light[None], variance[None], rows, share, 1, 1, shape[1])
-    want = reference.judge_cleaning(light, variance, rows, share)
-    numbers = got.light_left, got.texture_change, got.gain, got.worse, got.level, got.energy
-    np.testing.assert_allclose(numbers, want, rtol=1e-9, atol=1e-10)
-    lag = int(random.integers(1, shape[0]))
-    for own in (share, share[0], share[0, :1]):
-        misfit = _core.row_misfit(light[None], variance[None], rows[None], own, lag)
-        assert misfit == pytest.approx(
-            reference.row_misfit(light[None], variance[None], rows[None], own, lag), abs=1e-11
-        )
-
-
-def test_a_verdict_counts_some_columns_and_shares_of_blocks() -> None:
-    random = np.random.default_rng(3)
-    light, variance = random.uniform(20, 200, (40, 90)), np.ones((40, 90))
-    rows, blocks = random.uniform(0, 2, 40), random.uniform(0, 1, (4, 8))
-    share = blocks.repeat(12, axis=0)[:40].repeat(12, axis=1)[:, :90]
-    some = _core.judge_cleaning(light[None], variance[None], rows, blocks, 12, 12, 30)
-    every = _core.judge_cleaning(light[None, :, ::3], variance[None, :, ::3], rows, share[:, ::3], 1, 1, 30)
-    assert (some.gain, some.light_left, some.worse) == (every.gain, every.light_left, every.worse)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"share": np.ones((2, 2))}, "share: got 4"),
-        ({"row_light": np.ones(5)}, "row_light: got 5"),
-        ({"max_columns": 0}, "max_columns: got 0"),
-        ({"block_columns": 0}, "block_rows, block_columns"),
-        ({"light": np.full((1, 8, 9), np.nan)}, "picture: got nan"),
-        ({"light": np.ones((2, 8, 9)), "variance": np.ones((2, 8, 9)), "row_light": np.ones((2, 8))}, "frames: got 2"),
-    ],
-)
-def test_bad_verdicts(change: dict[str, Any], message: str) -> None:
-    valid: dict[str, Any] = {
-        "light": np.ones((1, 8, 9)), "variance": np.ones((1, 8, 9)), "row_light": np.ones(8), "share": np.ones((2, 3)),
-        "block_rows": 4, "block_columns": 3, "max_columns": 4,
-    }  # fmt: skip
-    _core.judge_cleaning(**valid)
-    with pytest.raises(ValueError, match=message):
-        _core.judge_cleaning(**{**valid, **change})
-    with pytest.raises(ValueError, match="lag: got 0"):
-        _core.row_misfit(np.ones((1, 8, 9)), np.ones((1, 8, 9)), np.ones((1, 8)), np.ones(1), 0)
-    with pytest.raises(ValueError, match="verdicts: got 0"):
-        _core.mean_verdict([])

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from click.testing import CliRunner
-from hypothesis import example, given, settings, strategies as st
+from hypothesis import given, settings, strategies as st
 
-from ocisac_fast import Camera, _core, reference, remove_bands
+from ocisac_fast import Camera, remove_bands
 from ocisac_fast.cleaning import VideoCleaner
 from ocisac_fast.cli.application import ocisac
 from ocisac_fast.files import open_recording
@@ -65,12 +65,9 @@ def test_a_picture_without_slow_bands_has_none(seed: int) -> None:
     """A sky's gradient and a vignette are the picture's own."""
     y, x = np.mgrid[-1 : 1 : ROWS * 1j, -1 : 1 : COLUMNS * 1j]
     for shade in (np.ones_like(y), np.exp(-0.4 * y), 1 / (1 + 0.3 * (x**2 + y**2)) ** 2):
-        light = 120 * boxes(seed) * shade
-        (slow,) = _core.find_slow_lights(
-            light[None, ..., None], np.ones((1, ROWS, COLUMNS, 1)), CAMERA._handle, (), None
-        )
-        assert slow.objection
-        assert slow.amplitude == 0.0
+        done = remove_bands(under(boxes(seed) * shade, 0.0, 0.0), CAMERA)
+        assert done.unchanged[0]
+        assert done.slow_bands[0] == 0.0
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -86,9 +83,8 @@ def test_bands_of_other_shapes_are_refused_or_left_and_told(seed: int, shape: st
 
 
 def test_a_lamp_on_part_of_the_columns_is_refused() -> None:
-    light = under(boxes(1), 2.0, np.where(np.arange(COLUMNS) < 0.6 * COLUMNS, 0.5, 0.0)).astype(float)
-    (slow,) = _core.find_slow_lights(light[None, ..., None], np.ones((1, ROWS, COLUMNS, 1)), CAMERA._handle, (), None)
-    assert slow.objection
+    stored = under(boxes(1), 2.0, np.where(np.arange(COLUMNS) < 0.6 * COLUMNS, 0.5, 0.0))
+    assert remove_bands(stored, CAMERA).unchanged[0]
 
 
 @pytest.mark.parametrize(("cycles", "depth"), [(1.0, 0.06), (1.7, 0.1)])
@@ -184,35 +180,6 @@ def test_after_stamps_that_do_not_tell_slow_light_is_searched_again(times: list[
     np.testing.assert_array_equal(done.frames, first.frames)
     with pytest.raises(ValueError, match="time: got inf"):
         cleaner.push(frames[0], time=np.inf)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_the_common_course_is_that_of_the_rows(seed: int) -> None:
-    """It does not depend on the columns' brightness, and a row light is added to it."""
-    random = np.random.default_rng(seed)
-    light = random.uniform(0.1, 1.0, 64) * np.exp(0.01 * random.standard_normal((ROWS, 64)))
-    place = (np.arange(ROWS) + 0.5) / ROWS
-    rows = np.exp(0.2 * np.cos(np.pi * np.outer(place, np.arange(1, 4))) @ random.standard_normal(3))
-    lit, brighter = (
-        _core.common_course(scale * light * rows[:, None], np.full(light.shape, scale**2 * 1e-6))
-        for scale in (1.0, 3.0)
-    )
-    np.testing.assert_allclose(brighter.modes, lit.modes, atol=1e-9)
-    modes = np.cos(np.pi * np.outer(place, np.arange(1, len(lit.modes) + 1)))
-    np.testing.assert_allclose(lit.modes, 2 / ROWS * modes.T @ np.log(rows), atol=0.003)
-
-
-@given(st.integers(8, 400), st.integers(1, 150), st.integers(0, 2**32 - 1))
-@example(83, 13, 13)  # dark pixels beside unknown ones
-def test_the_common_course_agrees_with_the_reference(rows: int, columns: int, seed: int) -> None:
-    random = np.random.default_rng(seed)
-    light = random.uniform(0.1, 50.0, columns) * np.exp(0.1 * random.standard_normal((rows, columns)).cumsum(axis=0))
-    variance = random.uniform(1e-4, 1e-2, light.shape) * light**2
-    variance[random.random(light.shape) < 0.1] = np.inf
-    got = _core.common_course(light, variance)
-    modes, of_modes = reference.common_course(light, variance)
-    np.testing.assert_allclose(got.modes, modes, atol=1e-8)
-    np.testing.assert_allclose(got.variance, of_modes, rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("advance", [1 / 3, 0.43, 0.57])

@@ -7,9 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings, strategies as st
 
-from ocisac_fast import Camera, _core, reference, remove_bands
+from ocisac_fast import Camera, remove_bands
 from ocisac_fast.cleaning import VideoCleaner
 
 Array = npt.NDArray[np.float64]
@@ -154,61 +153,3 @@ def test_a_chip_light_is_found_in_every_frame() -> None:
         alone = remove_bands(stored, CAMERA, level="mean")
         assert done.model == alone.model == ("chips",)
         assert psnr(done.frames, clean) > psnr(alone.frames, clean) - 0.3
-
-
-@pytest.mark.parametrize("way", [(0.0, 0.0), (0.4, -0.3), (2.3, 5.6), (-7.2, 11.4)])
-@pytest.mark.parametrize("seed", [0, 1])
-def test_displacements_are_found(way: tuple[float, float], seed: int) -> None:
-    size = np.hypot(*np.meshgrid(np.fft.fftfreq(260), np.fft.fftfreq(300), indexing="ij"))
-    noise = np.fft.fft2(np.random.default_rng(seed).standard_normal(size.shape))
-    whole = noise * np.maximum(size, 0.01) ** -1.2 * np.exp(-30 * size**2)
-    turn = np.exp(-2j * np.pi * (np.fft.fftfreq(260)[:, None] * way[0] + np.fft.fftfreq(300) * way[1]))
-    before, after = (
-        0.3 * part / part.std() for part in (np.fft.ifft2(values).real for values in (whole, whole * turn))
-    )
-    part = np.s_[60:200, 60:240]
-    ways = _core.picture_motion(before[part], after[part])
-    inner = np.s_[15:-15, 15:-15]
-    for found, true in zip(ways, way, strict=True):
-        assert abs(found[inner].mean() - true) < 0.05
-        assert found[inner].std() < 0.3
-    if way != (0.0, 0.0):
-        left = (_core.moved_picture(before[part], *ways) - after[part])[inner]
-        assert left.std() < 0.3 * (before[part] - after[part])[inner].std()
-
-
-@given(
-    st.sampled_from([(1, 1), (1, 9), (3, 40), (4, 4), (7, 13), (30, 41), (64, 50)]),
-    st.integers(0, 2**32 - 1),
-    st.sampled_from([0.01, 0.3, 3.0]),
-)
-@settings(max_examples=settings.default.max_examples // 2)
-def test_motion_agrees_with_the_reference(shape: tuple[int, int], seed: int, contrast: float) -> None:
-    random = np.random.default_rng(seed)
-    before = contrast * random.standard_normal(shape)
-    shifted = np.roll(before, random.integers(-2, 3, 2), (0, 1)) + 0.1 * contrast * random.standard_normal(shape)
-    for got, want in zip(_core.picture_change(before, shifted), reference.picture_change(before, shifted), strict=True):
-        np.testing.assert_allclose(got, want, atol=1e-8)
-    assert all(
-        np.array_equal(*both)
-        for both in zip(_core.picture_motion(before, shifted), _core.picture_change(before, shifted)[:2], strict=True)
-    )
-    ways = 5 * random.standard_normal((2, *shape))
-    got = _core.moved_picture(before, *ways)
-    np.testing.assert_allclose(got, reference.moved_picture(before, *ways), atol=1e-12 * contrast)
-
-
-def test_bad_motion() -> None:
-    picture = np.ones((8, 9))
-    with pytest.raises(ValueError, match="before: got 63"):
-        _core.picture_motion(np.ones((7, 9)), picture)
-    with pytest.raises(ValueError, match="after: got nan"):
-        _core.picture_change(picture, np.full((8, 9), np.nan))
-    with pytest.raises(ValueError, match="after: got 0"):
-        _core.picture_motion(np.ones((0, 9)), np.ones((0, 9)))
-    with pytest.raises(ValueError, match="motion: got 9"):
-        _core.moved_picture(picture, np.ones(9), picture)
-    with pytest.raises(ValueError, match="motion: got nan"):
-        _core.moved_picture(picture, picture, np.full((8, 9), np.nan))
-    with pytest.raises(ValueError, match="before: got 1, allowed: 2"):
-        _core.picture_motion(np.ones(9), picture)

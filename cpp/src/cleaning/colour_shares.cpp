@@ -6,7 +6,7 @@
 
 #include "cleaning/block_shares.hpp"
 #include "cleaning/quantile.hpp"
-#include "ocisac/cleaning/row_misfit.hpp"
+#include "cleaning/row_misfit.hpp"
 
 namespace ocisac {
 

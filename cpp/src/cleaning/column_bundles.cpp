@@ -8,7 +8,7 @@
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/quantile.hpp"
 #include "cleaning/slow_changes.hpp"
-#include "ocisac/cleaning/row_misfit.hpp"
+#include "cleaning/row_misfit.hpp"
 
 namespace ocisac {
 

@@ -1,4 +1,4 @@
-#include "ocisac/cleaning/picture_motion.hpp"
+#include "cleaning/picture_motion.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "ocisac/cleaning/row_misfit.hpp"
+#include "cleaning/row_misfit.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -9,7 +9,7 @@
 #include "cleaning/means_of_rows.hpp"
 #include "cleaning/merged_blocks.hpp"
 #include "ocisac/camera/linear_light.hpp"
-#include "ocisac/cleaning/picture_motion.hpp"
+#include "cleaning/picture_motion.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {

@@ -5,8 +5,8 @@
 #include <numbers>
 #include <vector>
 
+#include "cleaning/row_misfit.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
-#include "ocisac/cleaning/row_misfit.hpp"
 
 namespace ocisac {
 

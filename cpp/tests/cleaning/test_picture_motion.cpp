@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "ocisac/cleaning/picture_motion.hpp"
+#include "cleaning/picture_motion.hpp"
 
 namespace ocisac {
 

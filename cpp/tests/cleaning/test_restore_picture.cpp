@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "ocisac/cleaning/restore_picture.hpp"
+#include "ocisac/cleaning/stored_scene.hpp"
 
 namespace ocisac {
 
@@ -59,6 +60,14 @@ TEST_CASE("stored values beyond the table are rejected") {
   const std::vector<double> light{0, 1}, variance{1, 1}, bounds{0.5};
   const std::vector<std::uint8_t> stored{2};
   CHECK_THROWS_AS(merge_columns<std::uint8_t>(stored, 1, 1, {light, variance}), std::invalid_argument);
+}
+
+TEST_CASE("the slope of the light above a toe is its derivative") {
+  for (const double toe : {0.0, 0.01, 0.5})
+    for (const double stored : {0.5, 20.0, 200.0}) {
+      const double change = lifted_light(stored * (1 + 1e-6), toe, 255) - lifted_light(stored, toe, 255);
+      CHECK(slope_of_lifted(stored, toe, 255) == doctest::Approx(change / (1e-6 * stored)).epsilon(1e-4));
+    }
 }
 
 }  // namespace ocisac

@@ -201,7 +201,13 @@ TEST_CASE("outline and frequency of a short lamp are found together, whatever li
             pixels.light[n * groups + g] = (lit ? std::cos(angle) : ground) + noise(random);
             pixels.own[n * groups + g] = n >= first + 4 && n < end + 6 && g < 7;
           }
+        OwnPixels raised = pixels;
+        for (std::size_t i = 0; i < raised.light.size(); ++i)
+          raised.light[i] += 3 * std::sin(static_cast<double>(i % groups));
         const auto found = fit_outline(pixels, 1.05 * frequency);
+        CHECK(fit_outline(raised, 1.05 * frequency).value_or(0) ==
+              doctest::Approx(found.value_or(1)));  // levels of groups
+        CHECK(raised.own == pixels.own);
         CAPTURE(cycles);
         CAPTURE(ground);
         CAPTURE(phase);

@@ -16,16 +16,7 @@ from ocisac_fast.reference.chips import (
     fit_channel as fit_channel,
     pool_estimates as pool_estimates,
 )
-from ocisac_fast.reference.cleaning import (
-    common_course as common_course,
-    judge_cleaning as judge_cleaning,
-    light_share as light_share,
-    merge_columns as merge_columns,
-    refine_row_light as refine_row_light,
-    restore_picture as restore_picture,
-    row_misfit as row_misfit,
-    subtract_still as subtract_still,
-)
+from ocisac_fast.reference.cleaning import subtract_still as subtract_still
 from ocisac_fast.reference.exposure import (
     best_exposure as best_exposure,
     best_noisy_exposure as best_noisy_exposure,
@@ -39,12 +30,6 @@ from ocisac_fast.reference.light import (
     integrate_exposure as integrate_exposure,
     sample_waveform as sample_waveform,
 )
-from ocisac_fast.reference.lights import fit_outline as fit_outline
-from ocisac_fast.reference.motion import (
-    moved_picture as moved_picture,
-    picture_change as picture_change,
-    picture_motion as picture_motion,
-)
 from ocisac_fast.reference.packets import (
     decode_line_code as decode_line_code,
     encode_line_code as encode_line_code,
@@ -52,16 +37,6 @@ from ocisac_fast.reference.packets import (
     fsk_symbol_error_rate as fsk_symbol_error_rate,
     longest_payload as longest_payload,
     transmit as transmit,
-)
-from ocisac_fast.reference.recognition import KnownLight as KnownLight
-from ocisac_fast.reference.rows import (
-    first_profile as first_profile,
-    fit_profile as fit_profile,
-    lamp_slope as lamp_slope,
-    lit_rows as lit_rows,
-    profile_rows as profile_rows,
-    remove_nuisance as remove_nuisance,
-    without_square_wave as without_square_wave,
 )
 from ocisac_fast.reference.scene import exact_scene as exact_scene, render_scene as render_scene
 from ocisac_fast.reference.tones import (

@@ -441,7 +441,7 @@ def _inverse_response(channel: ChannelEstimate, noise: float) -> tuple[float, Fl
 
 
 def _equalized(rows: FloatArray, exposure_rows: float) -> FloatArray:
-    return equalize(rows, Camera(row_time=1.0, exposure=exposure_rows), method="inverse")
+    return equalize(rows, Camera(row_time=1.0, exposure=exposure_rows))
 
 
 def _shares(

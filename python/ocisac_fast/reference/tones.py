@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +10,6 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.reference.camera import linear_light, saturation_level
-from ocisac_fast.reference.surroundings import Light, Surroundings, harmonic_distortion, is_white, surroundings
 from ocisac_fast.tones.gain import ToneGain
 from ocisac_fast.tones.varying_tone import VaryingToneGain
 
@@ -23,7 +20,7 @@ def tone_gain(
     columns: npt.ArrayLike,
     camera: Camera,
     frequency: npt.ArrayLike,
-    method: Literal["fit", "robust", "dft"] = "fit",
+    method: Literal["fit", "dft"] = "fit",
     waveform: Literal["tone", "square"] = "tone",
     duty: float = 0.5,
     background: npt.ArrayLike = 0.0,
@@ -64,77 +61,14 @@ def _tone_gain(
     estimate = _dft if method == "dft" else _fit
     ratio = 1.0 if waveform == "tone" else 2 * np.sinc(duty)
     harmonics_of = _only_fundamental if waveform == "tone" else _square_harmonics(duty)
-    cycles = tones * camera.row_period
-    exposure_cycles = tones * (np.nan if camera.exposure is None else camera.exposure)
-    lights = [Light(c, e, duty if waveform == "square" else 0.0) for c, e in zip(cycles, exposure_cycles, strict=True)]
-
-    def gains(frame: FloatArray, b: FloatArray, s: Any, others: tuple[float, ...] = ()) -> list[FloatArray]:
-        fitted = np.append(cycles, others)
-        per_tone = [
-            _gain(parts, frame_flags, f, camera, ratio, b, s, whole_numbers)
-            for f, (parts, frame_flags) in zip(
-                tones, estimate(frame, fitted, lambda c: harmonics_of(c) if c in cycles else [1]), strict=False
-            )
-        ]
-        return [np.stack(values) for values in zip(*per_tone, strict=True)]
-
-    clipped = np.zeros(saturated.shape, dtype=bool)
-    if stored.dtype in (np.uint8, np.uint16) and not pooled:
-        clipped = np.sum(stored.reshape(light.shape) == 0, axis=1) > 0.5 * np.sqrt(light.shape[1])
     results = []
-    for frame, b, s, black in zip(light, ambient, saturated, clipped, strict=True):
-        found = gains(frame, b, s)
-        if method == "robust":
-            around = _surroundings(_strongest(frame, found), lights, harmonics_of)
-            if around.tones:
-                found = gains(frame, b, s, around.tones)
-            biased = around.distortion * found[0] > 0.5 * found[1]
-            flags: Any = found[5]
-            flags[biased | around.inseparable] |= np.uint32(Flag.MODEL_MISFIT)
-            settled = np.uint32(Flag.SATURATED | Flag.UNRESOLVABLE | Flag.NO_LIGHT | Flag.WEAK)
-            flags[:, black & (flags[0] & settled == 0)] |= np.uint32(Flag.SATURATED)
-        results.append(found)
+    for frame, b, s in zip(light, ambient, saturated, strict=True):
+        fits = zip(tones, estimate(frame, tones * camera.row_period, harmonics_of), strict=True)
+        gains = [_gain(parts, flags, f, camera, ratio, b, s, whole_numbers) for f, (parts, flags) in fits]
+        results.append([np.stack(values) for values in zip(*gains, strict=True)])
     arrays = [np.stack(values, axis=1) for values in zip(*results, strict=True)]  # (tones, frames, columns)
     out_shape = np.shape(frequency) + shape[:-2] + (() if pooled else shape[-1:] * (len(shape) > 1))
     return ToneGain(*(values.reshape(out_shape) for values in arrays))
-
-
-def _strongest(frame: FloatArray, found: list[FloatArray]) -> FloatArray:
-    """Mean of up to 16 neighbouring columns with the strongest first tone, without saturated ones; empty if all are."""
-    gain, _, _, mean, _, flags = (values[0] for values in found)
-    level = gain * mean
-    level[flags & np.uint32(Flag.SATURATED | Flag.UNRESOLVABLE | Flag.NO_LIGHT) != 0] = np.nan
-    usable = np.isfinite(level)
-    if not usable.any():
-        return np.empty(0)
-    count = min(16, max(len(run) for run in "".join("x" if u else " " for u in usable).split()))
-    first = int(np.nanargmax(np.convolve(level, np.ones(count), "valid")))
-    return np.asarray(frame[:, first : first + count].mean(axis=1))
-
-
-def _surroundings(column: FloatArray, lights: list[Light], harmonics_of: Any) -> Surroundings:
-    """Those of a column that the model does not explain."""
-    harmonics = [[light.cycles * h for h in harmonics_of(light.cycles)] for light in lights]
-    every = np.concatenate(harmonics)
-    rows, estimates = column.size, 1 + 2 * every.size
-    if rows <= 2 * estimates:
-        return Surroundings()
-    fits = list(_fit(column[:, None], every, _only_fundamental))
-    covariance = fits[0][0][4]
-    if any(flags & (Flag.FEW_CYCLES | Flag.UNRESOLVABLE | Flag.ILL_CONDITIONED) for _, flags in fits):
-        return Surroundings()
-    design = np.ones((rows, estimates))
-    for k, c in enumerate(every):
-        phase = _phase(c, np.arange(rows) - (rows - 1) / 2)
-        design[:, 1 + 2 * k], design[:, 2 + 2 * k] = np.cos(phase), np.sin(phase)
-    parameters = np.linalg.lstsq(design, column, rcond=None)[0]
-    left = column - design @ parameters
-    if left @ left <= 1e-18 * (column @ column):
-        return Surroundings()
-    noise = (left @ left) / (rows - estimates) * covariance[1, 1]
-    lines = parameters[1::2] - 1j * parameters[2::2]
-    distorted = len(lights) == 1 and harmonic_distortion(lights[0], harmonics_of(every[0]), lines, noise) > 0
-    return surroundings(column, lights) if distorted or not is_white(left) else Surroundings()
 
 
 def _pool(
@@ -419,17 +353,10 @@ def amplitude_spectrum(signal: FloatArray) -> FloatArray:
     return np.asarray(2.0 * np.abs(lines @ ((signal - mean) * window)) / scale)
 
 
-def equalize(
-    columns: npt.ArrayLike,
-    camera: Camera,
-    method: str = "inverse",
-    noise: npt.ArrayLike | None = None,
-    *,
-    max_boost: float = 10.0,
-) -> FloatArray:
+def equalize(columns: npt.ArrayLike, camera: Camera, *, max_boost: float = 10.0) -> FloatArray:
     """Subtract the line, extend the ends by linear prediction, multiply the DFT by G, add the shifted line.
 
-    Uses np.fft, np.linalg and np.polynomial; see docs/explanation/tones.md.
+    The method ``inverse``; uses np.fft, np.linalg and np.polynomial; see docs/explanation/tones.md.
     """
     light = linear_light(np.asarray(columns), camera)
     assert camera.exposure is not None
@@ -444,10 +371,8 @@ def equalize(
         result[...] = by_column.mean(axis=-1, keepdims=True)
         return np.moveaxis(result, -1, axis)
     weights = continuation(rows, exposure_rows)
-    levels = np.broadcast_to(np.nan if noise is None else np.asarray(noise, dtype=np.float64), by_column.shape[:-1])
     for index in np.ndindex(*by_column.shape[:-1]):
-        level = float(levels[index]) if method == "wiener" else 0.0
-        result[index] = _equalize_column(by_column[index], exposure_rows, weights, level, max_boost)
+        result[index] = _equalize_column(by_column[index], exposure_rows, weights, max_boost)
     return np.moveaxis(result, -1, axis)
 
 
@@ -500,224 +425,17 @@ def optimal_length(length: int) -> int:
         length += 1
 
 
-def _equalize_column(
-    column: FloatArray, exposure_rows: float, weights: FloatArray, noise: float, max_boost: float
-) -> FloatArray:
-    """``noise``: of a row; 0: the inverse; NaN: estimated."""
+def _equalize_column(column: FloatArray, exposure_rows: float, weights: FloatArray, max_boost: float) -> FloatArray:
     rows = len(column)
     n = np.arange(rows)
     line = np.polynomial.Polynomial.fit(n, column, 1) if rows > 1 else np.polynomial.Polynomial([column[0]])
     residual = column - line(n)
-    largest = float(np.abs(residual).max())
-    unit = 2.0 ** np.floor(np.log2(largest)) if largest >= np.finfo(float).tiny else 1.0
-    residual, noise = residual / unit, noise / unit
     predicted, used = weights.shape
     length = optimal_length(rows + 2 * predicted)
     f = np.arange(length // 2 + 1) / length
     h = np.sinc(f * exposure_rows)
-    gain = (h / np.maximum(h**2, max_boost**-2)).astype(complex)
-    light = line(n + exposure_rows / 2)
-    course = np.zeros(rows)
-    if noise != 0 and rows >= 16:
-        residual, course, gain = _without_course(residual, exposure_rows, length, noise)
-        gain = gain * np.minimum(1, max_boost / np.maximum(np.abs(gain), 1e-300))
     after = weights @ residual[::-1][:used]
     before = (weights @ residual[:used])[::-1]
     extended = np.concatenate([residual, after, np.zeros(length - rows - 2 * predicted), before])
-    spectrum = np.fft.rfft(extended) * gain * np.exp(1j * np.pi * f * exposure_rows)
-    return np.asarray(unit * (np.fft.irfft(spectrum, length)[:rows] + course) + light)
-
-
-def _densities(f: FloatArray) -> FloatArray:
-    """(shapes, ...) power densities of light: flat, and three kinds of fall beyond corners at octaves."""
-    squares = [(f / (0.5 * 2.0**-octave)) ** 2 for octave in range(10)]
-    falls = [[1 / (1 + s), 1 / (1 + s) ** 2, np.exp(-np.minimum(s, 600))] for s in squares]
-    return np.stack([np.ones_like(f), *itertools.chain(*falls)])
-
-
-def _fit_spectrum(values: FloatArray, seen: FloatArray, noise: float) -> tuple[float, float, int]:
-    """Light, noise power and shape of the largest likelihood of a periodogram (Whittle)."""
-    group = -(-len(values) // 512)
-    groups = len(values) // group
-    values = values[: groups * group].reshape(groups, group).mean(axis=1)
-    seen = seen[:, : groups * group].reshape(len(seen), groups, group).mean(axis=2)
-    known, mean = not np.isnan(noise), float(values.mean())
-    nothing = (0.0, noise**2 if known else mean, 0)
-    if mean == 0:
-        return nothing
-    ratios = 4.0 ** np.arange(-12, 9)
-    powers = seen[:, np.newaxis] + ratios[:, np.newaxis]
-    sums = (values / powers).sum(axis=-1)
-    light = noise**2 / ratios if known else sums / groups
-    misfit = np.log(powers).sum(axis=-1) + groups * np.log(light) + sums / light
-    alone = groups * (np.log(noise**2) + mean / noise**2 if known else np.log(mean) + 1)
-    shape, ratio = np.unravel_index(np.argmin(misfit), misfit.shape)
-    if not (alone - misfit[shape, ratio]) * group > 6:
-        return nothing
-    level = float(np.broadcast_to(light, misfit.shape)[shape, ratio])
-    power, g = level * float(ratios[ratio]), seen[shape]
-    for _ in range(20):
-        p = level * g + power
-        level *= float(np.sqrt((values * g / p**2).sum() / (g / p).sum()))
-        if not known:
-            p = level * g + power
-            power *= float(np.sqrt((values / p**2).sum() / (1 / p).sum()))
-    return level, power, int(shape)
-
-
-def _without_course(
-    x: FloatArray, exposure_rows: float, length: int, noise: float
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.complex128]]:
-    """Residual of a column without its smooth trend or its tones, the light of these, and the gain for the residual."""
-    rows, n, f = len(x), np.arange(len(x)), np.arange(length // 2 + 1) / length
-    aliases = np.arange(-4, 5)[:, np.newaxis]
-    h = np.sinc((f + aliases) * exposure_rows)
-    aliased = h * np.sinc(f + aliases) * np.exp(1j * np.pi * aliases * exposure_rows)
-    density = _densities(f + aliases)
-    seen, wanted = (h**2 * density).sum(axis=1), (aliased * density).sum(axis=1)
-    wanted, seen = wanted / seen.mean(axis=1, keepdims=True), seen / seen.mean(axis=1, keepdims=True)
-    window = np.hanning(rows + 2)[1:-1]
-    window = window / np.linalg.norm(window)
-
-    def spectrum_of(values: FloatArray) -> FloatArray:
-        return np.asarray(np.abs(np.fft.rfft(values * window, length)) ** 2)
-
-    def waves(frequencies: list[float], later: float) -> FloatArray:
-        centred = n + later - (rows - 1) / 2
-        angle = 2 * np.pi * np.outer(centred, frequencies)
-        return np.concatenate([np.cos(angle), np.sin(angle), np.ones((rows, 1)), centred[:, np.newaxis]], axis=1)
-
-    def trend_of(values: FloatArray) -> _Trend:
-        def light_left(rest: FloatArray) -> bool:
-            light, power, _ = _fit_spectrum(spectrum_of(rest), seen, noise)
-            return light > power
-
-        return _find_trend(values, exposure_rows, noise, light_left)
-
-    smooth = trend_of(x)
-    tones: list[float] = []
-    rest: FloatArray = x
-    amplitudes: FloatArray = np.empty(0)
-    threshold, apart = np.log(len(f)) + 4, 2 / rows
-    for step in range(6):
-        values = spectrum_of(rest)
-        light, power, shape = _fit_spectrum(values, seen, noise)
-        if step == (1 if smooth.found else 5):
-            break
-        if smooth.found:  # or else a single tone
-            light, power = 0.0, smooth.noise
-        is_peak = (values[1:-1] > threshold * (light * seen[shape] + power)[1:-1]) & (values[1:-1] >= values[:-2])
-        is_peak &= (values[1:-1] > values[2:]) & (f[1:-1] > apart) & (f[1:-1] < 0.5 - apart)
-        peaks = np.flatnonzero(is_peak & (np.abs(np.sinc(f[1:-1] * exposure_rows)) > 0.08)) + 1
-        peaks = peaks[np.argsort(-values[peaks], kind="stable")]
-        found: list[float] = []
-        for k in peaks:
-            if values[k] < 0.01 * values[peaks[0]] or len(tones) + len(found) >= 12:
-                break
-            low, at, high = np.log(values[k - 1 : k + 2])
-            candidate = float((k + np.clip(0.5 * (low - high) / (low - 2 * at + high), -0.5, 0.5)) / length)
-            if all(abs(candidate - other) > apart for other in tones + found):
-                found.append(candidate)
-            if smooth.found:
-                break
-        if not found:
-            break
-        tones += found
-        for _ in range(2):
-            basis = waves(tones, 0)
-            amplitudes = np.asarray(np.linalg.lstsq(basis, x, rcond=None)[0])
-            cosines, sines = np.split(amplitudes[:-2], 2)
-            turn = 2 * np.pi * (n - (rows - 1) / 2)[:, np.newaxis]
-            slopes = turn * (sines * basis[:, : len(tones)] - cosines * basis[:, len(tones) : -2])
-            moves = np.linalg.lstsq(np.concatenate([basis, slopes], axis=1), x - basis @ amplitudes, rcond=None)[0]
-            moved = np.array(tones) + np.clip(moves[-len(tones) :], -0.5 / rows, 0.5 / rows)
-            tones = [float(tone) for tone in np.clip(moved, 1 / rows, 0.5 - 1 / rows)]
-        basis = waves(tones, 0)
-        amplitudes = np.asarray(np.linalg.lstsq(basis, x, rcond=None)[0])
-        rest = x - basis @ amplitudes
-    beside = trend_of(rest) if tones else smooth
-    if smooth.found and not (beside.white and beside.score + 3 * len(tones) * np.log(rows - 2) < smooth.score):
-        tones, beside, rest = [], smooth, x
-    course = np.zeros(rows)
-    if tones:
-        responses = np.tile(np.sinc(np.array(tones) * exposure_rows), 2)
-        responses = np.copysign(np.maximum(np.abs(responses), 0.1), responses)
-        course = waves(tones, exposure_rows / 2) @ (amplitudes / np.concatenate([responses, [1, 1]]))
-    if beside.found:
-        rest, course = rest - beside.seen, course + beside.light
-        light, power, shape = _fit_spectrum(spectrum_of(rest), seen, noise)
-    gain = light * wanted[shape] / (light * seen[shape] + power) if light > 0 else np.zeros(len(f), complex)
-    return rest, course, np.asarray(gain)
-
-
-class _Trend(NamedTuple):
-    """Smooth light in a column: what the rows see of it, and the light at the ends of the exposures."""
-
-    score: float  # -2 ln of the evidence
-    found: bool  # there is smooth light, and no more light than noise beside it
-    white: bool  # there is no more light than noise beside it, whether found or not
-    seen: FloatArray
-    light: FloatArray
-    noise: float  # variance that is left
-
-
-def _find_trend(x: FloatArray, exposure_rows: float, noise: float, light_left: Callable[[FloatArray], bool]) -> _Trend:
-    """Light with a Gaussian spectrum, of the most probable width and power, beside any straight line.
-
-    Its frequencies are those of a period of two columns, up to 36 cycles a column; lines do not enter the evidence.
-    """
-    rows, whole = len(x), float(x @ x)
-    zero = np.zeros(rows)
-    if whole == 0:
-        return _Trend(-np.inf, False, True, zero, zero, 0.0)
-    cycles = min(36.0, rows / 8)
-    f = np.arange(int(2 * cycles) + 1) / (2 * rows)
-    highest = cycles / (3.5 * rows)
-    centred = np.arange(rows) - (rows - 1) / 2
-    line = np.stack([np.ones(rows) / np.sqrt(rows), centred / np.linalg.norm(centred)], axis=1)
-    line_light = line + np.array([0, exposure_rows / 2 / np.linalg.norm(centred)])
-
-    def waves(later: float) -> FloatArray:
-        angle = 2 * np.pi * np.outer(centred + later, f)
-        return np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
-
-    def density(corner: float) -> FloatArray:
-        return np.asarray(np.tile(np.exp(-((f / corner) ** 2)), 2))
-
-    waves_seen = waves(-exposure_rows / 2) * np.tile(np.sinc(f * exposure_rows), 2)
-    beside_lines = waves_seen - line @ (line.T @ waves_seen)
-    basis, sizes, _ = np.linalg.svd(beside_lines * np.sqrt(density(highest)), full_matrices=False)
-    basis = basis[:, sizes > 1e-8 * sizes[0]]
-    projected = basis.T @ waves_seen
-    parts = basis.T @ x
-    outside = max(whole - float(parts @ parts), 1e-28 * whole)
-    count, known = rows - 2, not np.isnan(noise)
-    ratios = 4.0 ** np.arange(-6, 15)
-    alone = whole / noise**2 + count * np.log(noise**2) if known else count * (np.log(whole / count) + 1)
-    best: Any = None
-    for half_octaves in range(12):
-        power = density(highest * 2 ** (-half_octaves / 2))
-        among = (projected * power) @ projected.T
-        power, among = power * rows / np.trace(among), among * rows / np.trace(among)
-        values, vectors = np.linalg.eigh(among)
-        values = np.maximum(values, 0)
-        weights = 1 + np.outer(ratios, values)
-        left = ((vectors.T @ parts) ** 2 / weights).sum(axis=1) + outside
-        own = left / noise**2 + count * np.log(noise**2) if known else count * (np.log(left / count) + 1)
-        scores = own + np.log(weights).sum(axis=1)
-        k = int(np.argmin(scores))
-        if best is None or scores[k] < best[0]:
-            best = float(scores[k]), ratios[k], power, values, vectors
-    score, ratio, power, values, vectors = best
-    allowed = 1.3 * (noise**2 if known else np.mean(np.diff(x, 2) ** 2) / 6)
-    gains = ratio * values / (1 + ratio * values)
-    seen = basis @ (vectors @ (gains * (vectors.T @ parts)))
-    rest = x - seen
-    if alone - score < 12:
-        return _Trend(alone, False, not light_left(x), zero, zero, whole / count)
-    power_left = float(rest @ rest / (count - gains.sum()))
-    if power_left > allowed or light_left(rest):
-        return _Trend(score, False, False, zero, zero, power_left)
-    amplitudes = power * (projected.T @ (vectors @ (ratio / (1 + ratio * values) * (vectors.T @ parts))))
-    light = waves(0) @ amplitudes - line_light @ (line.T @ (waves_seen @ amplitudes))
-    return _Trend(score, True, True, seen, np.asarray(light), power_left)
+    gain = h / np.maximum(h**2, max_boost**-2) * np.exp(1j * np.pi * f * exposure_rows)
+    return np.asarray(np.fft.irfft(np.fft.rfft(extended) * gain, length)[:rows] + line(n + exposure_rows / 2))
