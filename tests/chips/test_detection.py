@@ -1,7 +1,5 @@
 """Detectors: agreement with whole matrices, with the truth, and what they refuse."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings, strategies as st
@@ -149,24 +147,6 @@ def test_error_rates_agree_with_the_characteristic_function(rows_per_chip, lengt
         assert getattr(got, name) == pytest.approx(getattr(want, name), rel=1e-6, abs=1e-12)
     for name in ("wiener", "dfe", "mlse"):  # several chips, one in the middle
         assert getattr(got, name) == pytest.approx(getattr(want, name), rel=0.05, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"rows_per_chip": 0.0}, "rows_per_chip: got 0, allowed"),
-        ({"phase": np.nan}, "phase: got nan, allowed"),
-        ({"exposure_rows": -1.0}, "exposure_rows: got -1, allowed"),
-        ({"exposure_rows": 100.0}, "exposure_rows: got 100, allowed: 0 to 24 chips"),
-        ({"swing": np.array([-1.0])}, "channel: got a swing of -1 in row 0, allowed: above 0"),
-        ({"dark": np.zeros(0)}, "dark: got 0, allowed: 1 to 7 coefficients"),
-        ({"noise": np.nan}, "noise: got nan, allowed"),
-    ],
-)
-def test_channels_without_meaning_are_refused(change, message):
-    channel = dataclasses.replace(make_channel(4.0, 8.0), **change)
-    with pytest.raises(ValueError, match=message):
-        ocisac.detect_chips(np.ones(100), CAMERA, channel, method="wiener")
 
 
 def test_an_exposure_of_the_most_chips_is_not_refused_by_rounding():

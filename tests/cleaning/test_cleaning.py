@@ -352,57 +352,10 @@ def test_a_picture_that_cleaning_would_make_worse_stays(seed: int, keep: Literal
         assert not done.share.any()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"frames": np.zeros(9)}, "frames: got shape"),
-        ({"frames": np.zeros((7, 3))}, "at least 8 rows"),
-        ({"frames": np.zeros((9, 0))}, "frames: got"),
-        ({"frames": np.full((9, 3), np.nan)}, "not finite"),
-        ({"frames": np.zeros((9, 3), complex)}, "complex"),
-        ({"light": np.ones(5)}, "light: got shape"),
-        ({"light": np.zeros(16)}, "no light at all"),
-        ({"light": np.full(16, -1.0)}, "0 or above"),
-        ({"light": Tone(5e3), "camera": Camera(1e-5)}, "exposure"),
-        ({"model": "sawtooth"}, "model: got 'sawtooth'"),
-        ({"keep": "all"}, "keep: got 'all'"),
-        ({"level": "high"}, "level: got 'high'"),
-        ({"options": {"toe": 0.1}}, "options: got .*, allowed: a CleaningOptions or None"),
-    ],
-)
-def test_bad_input(arguments: dict[str, object], message: str) -> None:
-    every: dict[str, object] = {"frames": np.ones((16, 3)), "camera": CAMERA, **arguments}
-    with pytest.raises(ValueError, match=message):
-        remove_bands(every.pop("frames"), every.pop("camera"), **every)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"noise": 0.0}, "noise: got 0"),
-        ({"noise": "2"}, "noise: got '2', allowed: a number or None"),
-        ({"max_gain": 1.0}, "max_gain: got 1"),
-        ({"toe": 1.5}, "toe: got 1.5"),
-        ({"toe": np.nan}, "toe: got nan"),
-    ],
-)
-def test_bad_options(options: dict[str, object], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        CleaningOptions(**options)  # type: ignore[arg-type]
-
-
 def test_options_pickle_and_print() -> None:
     options = CleaningOptions(max_gain=4.0)
     assert pickle.loads(pickle.dumps(options)) == options
     assert repr(options) == "CleaningOptions(noise=None, max_gain=4.0, fill=False, toe=None)"
-
-
-def test_bad_still() -> None:
-    for arguments, message in (({}, "at least 2"), ({"still": np.zeros((3, 3), np.uint8)}, "still: got")):
-        with pytest.raises(ValueError, match=message):
-            subtract_still(np.zeros((1, 16, 5), np.uint8), CAMERA, **arguments)
-    with pytest.raises(ValueError, match="neighbours: got 0"):
-        subtract_still(np.zeros((2, 16, 5), np.uint8), CAMERA, neighbours=0)
 
 
 @pytest.mark.parametrize("name", ["picture.png", "video.mkv"])

@@ -200,39 +200,6 @@ class TestRefusals:
         with pytest.raises(ValueError, match=r"frequency: got "):
             of.best_exposure(np.array([100.0, 200.0]), np.array([100.0, bad]))
 
-    @pytest.mark.parametrize(
-        ("arguments", "message"),
-        [
-            ({"weights": (1, 1, 1)}, "weights: got 3 values, allowed: one a frequency, here 2"),
-            ({"weights": (1, 1), "more": [50.0]}, "weights: got 2 values, allowed: one a frequency, here 3"),
-            ({"weights": (0, 0)}, "weights: got 0 for every frequency"),
-            ({"weights": (1, -1)}, "weights: got -1"),
-            ({"weights": (1, math.nan)}, "weights: got nan"),
-            ({"weights": 1.0}, "weights: got 1.0"),
-            ({"bounds": (2e-9, 1e-9)}, "bounds: got 2.*e-09 to 1.*e-09, allowed: the lower bound first"),
-            ({"bounds": (-0.1, 0.01)}, "bounds: got -0.1"),
-            ({"bounds": (0.0, 0.0)}, "bounds: got 0"),
-            ({"bounds": (0.0, math.inf)}, "bounds: got inf"),
-            ({"bounds": (0.0, 1e6)}, "bounds: got .* lobes, allowed: at most 10 million"),
-            ({"bounds": (1e20, 1.0000000001e20), "step": 1e15}, "step|bounds"),
-            ({"bounds": (1, 2, 3)}, r"bounds: got \(1, 2, 3\), allowed: 2 numbers"),
-            ({"step": 0.0}, "step: got 0"),
-            ({"step": -1.0}, "step: got -1"),
-            ({"step": math.nan}, "step: got nan"),
-            ({"step": 0.02}, "step: got 0.02.*allowed: a step with a multiple between 0 and 0.01"),
-            ({"bounds": (0.0101, 0.0109), "step": 0.001}, "step: got 0.001"),
-            ({"method": "search", "points": 1}, "points: got 1"),
-            ({"method": "search", "step": 1e-12}, "step: got .* multiples"),
-            ({"method": "best"}, "method: got best, allowed: exact, closed-form, rounded or search"),
-            ({"method": "closed-form", "bounds": (0.001, 0.01)}, "method: got a closed form with bounds"),
-            ({"method": "rounded", "step": 1e-5}, "method: got a closed form with bounds"),
-            ({"method": "closed-form", "more": [50.0], "weights": (1, 1, 1)}, "method: got a closed form"),
-        ],
-    )
-    def test_arguments(self, arguments: dict[str, object], message: str) -> None:
-        with pytest.raises(ValueError, match=message):
-            of.best_exposure(5000.0, 100.0, **arguments)  # type: ignore[arg-type]
-
     def test_objective(self) -> None:
         with pytest.raises(ValueError, match="exposure: got -1"):
             of.exposure_objective(-1.0, 100.0, 200.0)

@@ -37,22 +37,6 @@ def test_ours_is_on_the_front_and_the_best_of_any_weights(noise: float) -> None:
         assert best.objective == pytest.approx(around.max(), rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"f_comm": 0.0}, "f_comm: got 0.0"),
-        ({"f_sense": math.inf}, "f_sense: got inf"),
-        ({"bounds": (1.0, 1.0)}, "bounds: got 1.0 to 1.0"),
-        ({"bounds": (-1.0, 1.0)}, "bounds: got -1.0 to 1.0"),
-        ({"noise_exposure": 0.0}, "noise_exposure: got 0.0"),
-        ({"points": 1}, "points: got 1"),
-    ],
-)
-def test_refuses(changed: dict[str, object], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        exposure_front(**{"f_comm": 500.0, "f_sense": 200.0, **changed})  # type: ignore[arg-type]
-
-
 def test_front(tmp_path: Path) -> None:
     front = tmp_path / "front.png"
     assert main(["exposure", "--comm", "500", "--sense", "350", "--front", str(front)]) == 0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings, strategies as st
@@ -110,23 +108,3 @@ def test_chip_rate_of_manchester_is_reached() -> None:
     rows = integrate_exposure(Chips(bright, rate), Camera(1 / rate, 1e-3), 2, start=41 / rate)
     assert rate == pytest.approx(40_000)
     assert rows.max() == pytest.approx(0.5 + 2 / (2 * 40))
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: flicker_free_frequencies([], 0.02, (50, 60)), r"exposures: got \[\]"),
-        (lambda: flicker_free_frequencies([0.0], 0.02, (50, 60)), r"exposures: got \[0.0\]"),
-        (lambda: flicker_free_frequencies([1e-3], 0.02, (60, 50)), "bounds: got 60 to 50"),
-        (lambda: flicker_free_frequencies([1e-3], 1.0, (50, 60)), "below: got 1.0"),
-        (lambda: flicker_free_frequencies([1e-3], 0.1, (50, 60), duty=1.0), "duty: got 1.0"),
-        (lambda: flicker_free_frequencies([1e-3], 0.1, (50, 60), exposure_spread=1.0), "exposure_spread: got 1.0"),
-        (lambda: smallest_flicker_free_duty(100.0, [1e-3], 0.0), "below: got 0.0"),
-        (lambda: smallest_flicker_free_duty(math.nan, [1e-3], 0.1), "frequency: got nan"),
-        (lambda: unmissed_frequency([1e-3], 0.0), "duty: got 0.0"),
-        (lambda: flicker_free_chip_rate([1e-3], 0.1, digital_sum_span=0), "digital_sum_span: got 0"),
-    ],
-)
-def test_refusals(call: object, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        call()  # type: ignore[operator]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -153,26 +152,6 @@ def test_what_is_no_pulsed_lamp_is_flagged() -> None:
     light, frequency = recording(0.1)
     slow = np.apply_along_axis(lambda row: np.convolve(row, np.ones(60) / 60, "same"), 1, light)
     assert "model_misfit" in calibrate_pulses([slow], frequency, [0.1]).flags
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda light: calibrate_pulses([light], 0.0, [0.1]), "frequency: got 0.0"),
-        (lambda light: calibrate_pulses([light], 30.0, [0.1, 0.2]), "duties: got 2, allowed: one for each of 1"),
-        (lambda light: calibrate_pulses([light], 30.0, [1.0]), "duties: got 1.0"),
-        (lambda light: calibrate_pulses([], 30.0, []), "duties: got 0"),
-        (lambda light: pulse_bands(light[0]), r"light: got shape \(300,\)"),
-        (lambda light: pulse_bands(light * np.nan), "light: got shape"),
-        (lambda light: pulse_bands(np.ones((9, 9))), "light: got rows that do not change"),
-        (lambda light: calibrate_pulses([light[:3]], 30.0, [0.1]), "recordings: got no lit band"),
-        (lambda _: calibrate_pulses([recording(0.1)[0]] * 2, 30.0, [0.1, 0.2]), r"duties: got \[.*\] lit rows"),
-        (lambda _: pulse_bands(np.random.default_rng(1).normal(0, 1, (200, 40))), "light: got noise above a tenth"),
-    ],
-)
-def test_refusals(call: Callable[[npt.NDArray[np.float64]], object], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        call(recording(0.1, frames=20)[0])
 
 
 def test_command(tmp_path: object, capsys: pytest.CaptureFixture[str]) -> None:

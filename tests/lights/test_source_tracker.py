@@ -137,20 +137,6 @@ def test_frames_may_become_smaller():
     assert [t.visible for t in tracker.update(np.full((40, 30), 20, np.uint8))] == [False]
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"patience": -1}, "patience: got -1, allowed: 0 or above"),
-        ({"reach": 0.0}, "reach: got 0.0, allowed: a finite number above 0"),
-        ({"reach": float("nan")}, "reach: got nan"),
-        ({"full_every": 0}, "full_every: got 0, allowed: 1 or above"),
-    ],
-)
-def test_options_out_of_range_are_refused(options, message):
-    with pytest.raises(ValueError, match=message):
-        SourceTracker(CAMERA, **options)
-
-
 def test_a_stack_of_frames_is_refused():
     with pytest.raises(ValueError, match=r"frame: got shape .*, allowed: one frame"):
         SourceTracker(CAMERA).update(np.zeros((2, 64, 64), np.uint8))

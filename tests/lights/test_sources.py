@@ -470,36 +470,6 @@ def test_false_alarms_of_noise_stay_within_what_was_set():
     assert len(detect_sources(frames, CAMERA, false_alarms=0.01)) <= 2
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"false_alarms": 0.0}, "false_alarms: got 0, allowed: above 0 up to 1"),
-        ({"false_alarms": float("nan")}, "false_alarms: got nan"),
-        ({"false_alarms": 1.5}, "false_alarms: got 1.5"),
-        ({"min_cycles": 1.0}, "min_cycles: got 1, allowed: a finite number, 2 or above"),
-        ({"min_cycles": float("inf")}, "min_cycles: got inf"),
-        ({"max_sources": 0}, "max_sources: got 0, allowed: 1 or above"),
-    ],
-)
-def test_options_out_of_range_are_refused(options, message):
-    with pytest.raises(ValueError, match=message):
-        detect_sources(np.zeros((64, 64), np.uint8), CAMERA, **options)
-
-
-@pytest.mark.parametrize(
-    ("frames", "message"),
-    [
-        (np.zeros((2, 2, 2, 2)), "frames: got 2 colours"),
-        (np.zeros((64, 0)), "frames: got shape"),
-        (np.full((64, 64), np.nan), "columns: got nan"),
-        (np.zeros((64, 64), complex), "frames: got dtype complex128"),
-    ],
-)
-def test_frames_that_are_none_are_refused(frames, message):
-    with pytest.raises(ValueError, match=message):
-        detect_sources(frames, CAMERA)
-
-
 @pytest.mark.parametrize("axis", ["y", "x", "-y", "-x"])
 def test_command_gives_boxes_in_stored_pixels(axis, tmp_path, capsys):
     pytest.importorskip("click")

@@ -154,17 +154,3 @@ def test_chips_of_a_line_code_are_not_read_as_others_of_a_shorter_exposure():
         assert frames_until_payload(results) <= 13
         for result in results:
             assert result.exposure == pytest.approx(EXPOSURE, rel=0.02)
-
-
-@pytest.mark.parametrize(
-    ("stamp", "message"),
-    [
-        ({"time": float("nan")}, "time: got nan"),
-        ({"exposure": 0.0}, "exposure: got 0, allowed: a finite number above 0"),
-        ({"gain": -1.0}, "gain: got -1, allowed: a finite number above 0"),
-    ],
-)
-def test_stamps_without_meaning_are_refused(stamp, message):
-    film = Film(0)
-    with pytest.raises(ValueError, match=message):
-        film.receiver().push(film.frame(0.0), **stamp)

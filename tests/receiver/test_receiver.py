@@ -396,27 +396,6 @@ def test_a_long_exposure_is_flagged():
     assert Flag.LONG_EXPOSURE in ocisac.receive(frame.as_bytes(), Camera(1.0, 6.0))[0].flags
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"frames": np.zeros((0, 3))}, r"frames: got shape \(0, 3\)"),
-        ({"frames": np.zeros((2, 2, 2, 2, 2))}, "frames: got 5 dimensions"),
-        ({"frames": np.zeros((1, 4, 4, 0))}, r"frames: got shape \(1, 4, 4, 0\)"),
-        ({"frames": np.zeros((4, 4), complex)}, "frames: got dtype complex128"),
-        ({"frames": np.full((9, 4), np.nan)}, "got nan, allowed: a finite number"),
-        ({"chip_rate": 0.0}, "chip_rate: got 0, allowed: a finite number above 0"),
-        ({"chip_rate": np.inf}, "chip_rate: got inf"),
-        ({"chip_rate": 0.75}, "chip_rate: got 0.75, allowed: at most half the row rate"),
-        ({"colour": 1}, "colour: got 1, allowed: 0 to 0"),
-        ({"colour": -1}, "colour: got -1, allowed: 0 to 0"),
-    ],
-)
-def test_refuses(arguments, message):
-    arguments = {"frames": np.zeros((9, 4)), **arguments}
-    with pytest.raises(ValueError, match=message):
-        ocisac.receive(arguments.pop("frames"), CAMERA, **arguments)
-
-
 def test_chips_are_as_long_as_the_runs_say():
     """Dim single columns, at half whose period the edges' lattice may lock: every run is then of an even number."""
     for seed in np.random.default_rng(1).integers(0, 1 << 31, 40):

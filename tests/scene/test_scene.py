@@ -400,36 +400,6 @@ def test_files_that_are_not_toml_are_refused(tmp_path):
         load_scene(tmp_path / "bad.toml")
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Plain(1.5), "level: got 1.5"),
-        (lambda: Grating(100, duty=1), "duty: got 1.0"),
-        (lambda: Picture([[0, 2]], 1, 1), "levels: got 0 to 2"),
-        (lambda: Picture([[0, math.nan]], 1, 1), "levels: got nan"),
-        (lambda: Ring(1, 1), "width: got 1"),
-        (lambda: Disc(math.inf), "diameter: got inf"),
-        (lambda: Pose((0, 0)), "position: got"),
-        (lambda: Pinhole(columns=10, rows=0, focal_length=1, pixel_pitch=1), "rows: got 0"),
-        (lambda: Source(Disc(1), Pose((0, 0, 1)), Tone(1, amplitude=-1)), "waveform: got light down to -1"),
-        (lambda: Sensor(1, read_noise=2), "full_well: got None"),
-        (lambda: Source(3, Pose(), Tone(1)), "shape: got 3, allowed: a Rectangle, a Disc or a Ring"),
-        (lambda: scene_of(Surface(Disc(1), Pose((0, 0, -1)))), r"surfaces\[0\].position: got .*before the camera"),
-        (lambda: scene_of(camera=Camera(1e-5)), "exposure: got None"),
-        (lambda: scene_of().plan(tolerance=0), "tolerance: got 0"),
-        (lambda: scene_of().plan(frames=0), "frames: got 0"),
-        (lambda: scene_of().plan(tolerance=0.1, unit="noise"), "unit: got 'noise'"),
-        (lambda: scene_of(camera=Camera(1e-5, 1e-3)).plan(frames=2), "frame_time: got None"),
-        (lambda: render(scene_of().plan(), frames=2), "frames: got 2, allowed: from 1 to 1"),
-        (lambda: render(scene_of().plan(), noise=True), "noise: got True"),
-        (lambda: render(scene_of().plan(), threads=0), "threads: got 0"),
-    ],
-)
-def test_values_without_meaning_are_refused(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()
-
-
 def test_two_moving_patterns_on_one_ray_are_refused():
     turning = Mask(Disc(1), Pose((0, 0, 0.4)), pattern=Grating(50), speed=1.0)
     with pytest.raises(ValueError, match="masks: got 2 moving patterns before or on surface 0, allowed: one"):

@@ -113,19 +113,6 @@ def test_one_frame_finds_textures_and_says_that_they_may_be_still(frames):
     assert wide.flags & Flag.AMBIGUOUS_KIND
 
 
-@pytest.mark.parametrize(
-    ("told", "message"),
-    [
-        ({"depth": 0.0}, "depth: got 0.0"),
-        ({"unlit": np.zeros((5, 5))}, "unlit: got shape (5, 5), allowed: (..., 100, 40)"),
-        ({"waveform": "saw"}, "waveform: got 'saw'"),
-    ],
-)
-def test_bad_arguments_are_refused(told, message):
-    with pytest.raises(ValueError, match=re.escape(message)):
-        ocisac.sense(np.zeros((100, 40)), CAMERA, **told)
-
-
 def test_a_single_column_is_refused():
     with pytest.raises(ValueError, match=re.escape("frames: got 1 dimension")):
         ocisac.sense(np.zeros(100), CAMERA)

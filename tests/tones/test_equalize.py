@@ -398,48 +398,6 @@ class TestAgreesWithNumPy:
 
 
 class TestRefusals:
-    @pytest.mark.parametrize(
-        ("arguments", "message"),
-        [
-            ({"max_boost": 0.5}, "max_boost: got 0.5, allowed: 1 to 1e6"),
-            ({"max_boost": np.nan}, "max_boost: got nan"),
-            ({"max_boost": np.inf}, "max_boost: got inf"),
-            ({"method": "zero"}, "method: got zero, allowed: inverse or wiener"),
-            ({"method": "wiener", "noise": -1.0}, "noise: got -1"),
-            ({"method": "wiener", "noise": np.nan}, "noise: got nan"),
-            ({"method": "wiener", "noise": [1.0, 2.0]}, r"noise: got shape \(2,\)"),
-            ({"out": np.empty((50, 2))}, r"out: got shape \(50, 2\), allowed: \(50, 3\)"),
-            ({"out": np.empty((50, 3), np.float16)}, "out: got dtype float16, allowed: float32 or float64"),
-            ({"threads": 0}, "threads: got 0, allowed: 1 to 1024"),
-        ],
-    )
-    def test_arguments(self, arguments: dict[str, Any], message: str) -> None:
-        with pytest.raises(ValueError, match=message):
-            of.equalize(np.ones((50, 3)), camera(5.0), **arguments)
-
-    def test_read_only_out(self) -> None:
-        out = np.empty((50, 3))
-        out.flags.writeable = False
-        with pytest.raises(ValueError, match="out: got a read-only array"):
-            of.equalize(np.ones((50, 3)), camera(5.0), out=out)
-
-    def test_unknown_exposure(self) -> None:
-        for call in (lambda c: of.equalize(np.ones(9), c), lost_frequencies):
-            with pytest.raises(ValueError, match="exposure: got none, allowed: the exposure of the camera"):
-                call(Camera(ROW_TIME))
-
-    @pytest.mark.parametrize("bad", [np.nan, np.inf])
-    def test_not_finite(self, bad: float) -> None:
-        columns = np.ones((50, 3))
-        columns[7, 1] = bad
-        with pytest.raises(ValueError, match="columns: got"):
-            of.equalize(columns, camera(5.0))
-
-    @pytest.mark.parametrize("shape", [(), (0,), (0, 3), (3, 0), (1, 2, 3, 4)])
-    def test_shapes(self, shape: tuple[int, ...]) -> None:
-        with pytest.raises(ValueError, match="columns: got"):
-            of.equalize(np.ones(shape), camera(5.0))
-
     def test_report_is_frozen(self) -> None:
         report = of.equalize(np.ones(9), camera(2.0), report=True)[1]
         with pytest.raises(dataclasses.FrozenInstanceError):

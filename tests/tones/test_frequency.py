@@ -354,27 +354,6 @@ def test_few_cycles_and_bounds_are_flagged():
     assert oc.find_frequency(columns, PER_ROW, bounds=(0, 1e-9)).flags & Flag.AT_BOUND
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"columns": np.full((20, 2), np.nan)}, "columns: got nan"),
-        ({"columns": np.array([[1.0, np.inf]] * 9)}, "columns: got inf"),
-        ({"columns": np.zeros((0, 3))}, "columns"),
-        ({"columns": np.zeros((2, 2, 2, 2))}, "columns: got 4 dimensions"),
-        ({"columns": ["a"]}, "columns"),
-        ({"waveform": "saw"}, "waveform: got saw, allowed: auto, tone or square"),
-        ({"bounds": (-1.0, 0.2)}, "bounds: got -1"),
-        ({"bounds": (0.2, 0.1)}, "bounds: got 0.1"),
-        ({"bounds": (0.5, 0.9)}, "bounds: got 0.5"),
-        ({"bounds": (float("nan"), 0.1)}, "bounds: got nan"),
-        ({"bounds": (0.1, float("nan"))}, "bounds: got nan"),
-    ],
-)
-def test_nonsense_is_refused(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        oc.find_frequency(**{"columns": np.ones((20, 2)), "camera": PER_ROW, **arguments})
-
-
 @pytest.mark.parametrize("frequency", [0.0, -5.0, float("nan"), float("inf")])
 def test_frequencies_without_meaning_are_refused(frequency):
     with pytest.raises(ValueError, match="frequency: got"):

@@ -176,26 +176,6 @@ def test_threads_do_not_change_a_bit():
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"degree": -1}, "degree: got -1, allowed: 0 to 4"),
-        ({"degree": 5}, "degree: got 5"),
-        ({"frequency": 0.0}, "frequency: got 0"),
-        ({"frequency": np.nan}, "frequency: got nan"),
-        ({"waveform": "saw"}, "waveform: got saw"),
-        ({"duty": 1.0}, "duty: got 1"),
-        ({"threads": 0}, "threads: got 0"),
-        ({"background": np.zeros(5)}, "background: got shape"),
-        ({"columns": np.full((8, 2), np.nan)}, "columns: got nan"),
-    ],
-)
-def test_refusals(change, message):
-    arguments = {"columns": np.ones((8, 2)), "camera": Camera(1.0), "frequency": 0.2} | change
-    with pytest.raises(ValueError, match=message):
-        ocisac.varying_tone_gain(**arguments)
-
-
-@pytest.mark.parametrize(
     ("slope", "flagged", "doubt"),
     [(0.0, False, "columns show the tone at different phases"), (0.8, True, "0 dB below")],
 )
