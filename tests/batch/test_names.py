@@ -1,7 +1,12 @@
 """Names, kinds and places of recordings: each file is measured, or named as a failure; none ends the others."""
 
+import contextlib
+import http.server
+import json
 import os
 import socket
+import sys
+import threading
 
 import numpy as np
 import pytest
@@ -15,6 +20,7 @@ pytest.importorskip("pyarrow")
 from lamp_recordings import ROW_TIME, SHORT, lamp
 
 from ocisac_fast.batch import Task, measure_recordings, read_failures, read_results, summarize
+from ocisac_fast.batch.recordings import find_recordings
 from ocisac_fast.cli import main
 
 GAIN = Task("gain", {"frequency": "500Hz", "row_time": ROW_TIME})
@@ -88,3 +94,88 @@ def test_pipes_sockets_and_lost_links_are_failures(tmp_path, monkeypatch):
     kind = "a pipe, device or folder, allowed: a file"
     lost = "No such file or directory"
     assert failed == {"pipe.npy": kind, "device.npy": kind, "socket.npy": kind, "lost.npy": lost}
+
+
+def test_a_local_name_that_looks_like_a_url(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = [save(tmp_path / name) for name in ("a::b.npy", "memory::c.npy")]
+    assert measured(*(name.name for name in names)) == set(map(str, names))
+    assert measured(tmp_path) == set(map(str, names))
+    assert main(["gain", "a::b.npy", "--frequency", "500Hz", "--row-time", "22.2us"]) == 0
+
+
+@pytest.mark.parametrize("url", ["s3://bucket/a.npy", "nothing://a.npy"])
+def test_a_file_system_that_is_not_installed_is_one_line(url, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "s3fs", None)
+    save(tmp_path / "a.npy")
+    gain = ["gain", "--frequency", "500Hz", "--row-time", "22.2us"]
+    for words in (
+        ["batch", url, "-o", str(tmp_path / "o"), "--workers", "0", *gain],
+        ["batch", str(tmp_path / "a.npy"), "-o", url, "--workers", "0", *gain],
+        ["gain", url, *gain[1:]],
+    ):
+        assert main(words) == 2
+        err = capsys.readouterr().err.splitlines()
+        assert len(err) == 1
+        assert err[0].startswith(f"ocisac: {url}: ")
+
+
+class Server(http.server.BaseHTTPRequestHandler):
+    """Answers as the name says: a file, an error, a body that is cut or no gzip, a redirect to itself, 300 MB."""
+
+    body = b""
+    asked: list[tuple[str, str]] = []  # noqa: RUF012
+
+    def log_message(self, *_):
+        pass
+
+    def do_HEAD(self):
+        self.do_GET()
+
+    def do_GET(self):
+        self.asked.append((self.command, self.path))
+        length = {"big": 300 << 20, "cut": len(self.body) + 10}.get(self.path[1:4], len(self.body))
+        self.send_response({"bad": 500, "rou": 302}.get(self.path[1:4], 200))
+        for name, value in {
+            "Location": self.path if "round" in self.path else None,
+            "Content-Encoding": "gzip" if "zip" in self.path else None,
+            "Content-Length": length,
+        }.items():
+            if value is not None:
+                self.send_header(name, str(value))
+        self.end_headers()
+        if self.command == "GET":
+            with contextlib.suppress(OSError):
+                self.wfile.write(self.body)
+
+
+@pytest.fixture
+def server(tmp_path):
+    pytest.importorskip("aiohttp")
+    Server.body = save(tmp_path / "served.npy").read_bytes()
+    Server.asked.clear()
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Server) as started:
+        threading.Thread(target=started.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{started.server_port}"
+        started.shutdown()
+
+
+def test_what_a_server_answers_is_the_failure_of_one_recording(server, tmp_path, capsys):
+    """None is fetched to be listed."""
+    bad = ["bad.npy", "cut.npy", "round.npy", "zip.npy"]
+    urls = [f"{server}/{name}" for name in ("a.npy", *bad, "c[1].npy", "d.npy?x=1*")]
+    gain = ["gain", "--frequency", "500Hz", "--row-time", "22.2us"]
+    assert main(["batch", *urls, "-o", str(tmp_path / "o"), "--workers", "0", "--json", *gain]) == 3
+    done = json.loads(capsys.readouterr().out)
+    assert (done["finished"], done["failed"]) == (3, 4)
+    messages = {row["path"]: row["message"] for row in read_failures(tmp_path / "o").to_pylist()}
+    assert set(messages) == {f"{server}/{name}" for name in bad}
+    assert "500" in messages[f"{server}/bad.npy"]
+    for name in bad:
+        assert main(["gain", f"{server}/{name}", *gain[1:]]) == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_listing_fetches_nothing(server):
+    assert [entry.size for entry in find_recordings(f"{server}/big.npy")] == [300 << 20]
+    assert {method for method, _ in Server.asked} == {"HEAD"}

@@ -10,8 +10,7 @@ from glob import glob
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ocisac_fast.files.extras import fsspec
-from ocisac_fast.files.remote import is_remote, modified
+from ocisac_fast.files.remote import file_system, is_remote, modified
 
 
 class Entry(NamedTuple):
@@ -76,7 +75,7 @@ def _local(path: str) -> Iterator[Entry]:
 
 
 def _remote(path: str) -> Iterator[Entry]:
-    system, inner = fsspec().core.url_to_fs(path)
+    system, inner = file_system(path)
     entries: dict[str, Any] = {inner: {"size": None}}
     with contextlib.suppress(Exception):  # whatever a server answers: measuring the path names the failure
         entries = _listed(system, inner)

@@ -34,7 +34,8 @@ from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.output import plain
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files import FileWarning, Part, atomic_path
-from ocisac_fast.files.extras import fsspec, pyarrow
+from ocisac_fast.files.extras import pyarrow
+from ocisac_fast.files.remote import file_system
 
 _METADATA = b"ocisac"
 _TASK, _MANIFEST, _FOLDERS = "task.json", "manifest.json", ("rows", "failures", "cleaned")
@@ -63,7 +64,7 @@ class Results:
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         self.folder = os.fspath(folder)
-        self._system, self._root = fsspec().core.url_to_fs(self.folder)
+        self._system, self._root = file_system(self.folder)
         self.is_local = "file" in _protocols(self._system)
         self._lengths: dict[str, int] = {}  # of the manifest
         self._next_save = 0.0
@@ -303,7 +304,9 @@ class Results:
             yield
         except ResultsError:
             raise
-        except (OSError, ValueError) as error:
+        except Exception as error:
+            if self.is_local and not isinstance(error, (OSError, ValueError)):
+                raise
             reason = error.strerror if isinstance(error, OSError) else None
             raise ResultsError(f"{self.folder}: {one_line(str(reason or error))}") from error
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import functools
 import io
+import os
 import re
-from typing import Any, BinaryIO, cast
+from collections.abc import Iterator
+from typing import Any, BinaryIO
 
 from ocisac_fast.files.extras import fsspec
+from ocisac_fast.files.recording import FileError
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+(::|://)")
 _WHOLE = 64 << 20  # bytes; smaller files are fetched by one request
@@ -15,8 +20,33 @@ _PIECE = 8 << 20
 
 
 def is_remote(path: str) -> bool:
-    """Return True for a path that names its file system: ``s3://…``, ``memory://…``, ``zip::…``."""
-    return bool(_URL.match(path))
+    """Return True for a path that names its file system: ``s3://…``, ``memory://…``, ``zip::…``, and no local file."""
+    return bool(_URL.match(path)) and not os.path.lexists(path)
+
+
+def file_system(path: str) -> tuple[Any, str]:
+    """The file system of a path, and the path there."""
+    if not is_remote(path):
+        return fsspec().filesystem("file"), os.path.abspath(path)
+    with _one_line_errors(path):
+        system, inner = fsspec().core.url_to_fs(path)
+        return system, inner
+
+
+@contextlib.contextmanager
+def _one_line_errors(url: str) -> Iterator[None]:
+    """Whatever a file system and its libraries raise, as an error that input provokes."""
+    try:
+        yield
+    except (ImportError, ValueError) as error:  # a library that is not installed, a protocol that is not known
+        raise FileError(f"{url}: {error}") from error
+    except FileNotFoundError as error:
+        reason = f" ({error.__cause__})" if error.__cause__ else ""
+        raise FileNotFoundError(errno.ENOENT, f"{os.strerror(errno.ENOENT)}{reason}", url) from error
+    except OSError:
+        raise
+    except Exception as error:
+        raise OSError(errno.EIO, f"{type(error).__name__}: {error}", url) from error
 
 
 def modified(entry: dict[str, Any]) -> Any:
@@ -29,21 +59,59 @@ class RemotePath:
     """What the readers use of ``pathlib.Path``, for a file of any file system."""
 
     def __init__(self, url: str) -> None:
-        self._system, self._path = fsspec().core.url_to_fs(url)
-        self._entry = self._system.info(self._path)
+        self._url = url
+        self._system, self._path = file_system(url)
+        with _one_line_errors(url):
+            self._entry = self._system.info(self._path)
         if self._entry["type"] == "directory":
             raise IsADirectoryError(21, "Is a directory", url)
 
     def open(self, mode: str = "rb") -> BinaryIO:
         size = self._entry.get("size")
-        if size is not None and size <= _WHOLE:
-            return io.BytesIO(_fetched(self._system, self._path, size, str(modified(self._entry))))
-        opened = self._system.open(self._path, mode, block_size=_PIECE, cache_type="readahead")
-        return cast(BinaryIO, opened)
+        with _one_line_errors(self._url):
+            if size is not None and size <= _WHOLE:
+                return io.BytesIO(_fetched(self._system, self._path, size, str(modified(self._entry))))
+            opened = self._system.open(self._path, mode, block_size=_PIECE, cache_type="readahead")
+            if size is not None:
+                return io.BufferedReader(_Ranges(opened, self._url))
+            with opened:  # without a stated size there are no ranges
+                data = opened.read(_WHOLE + 1)
+        if len(data) > _WHOLE:
+            raise FileError(f"{self._url}: no stated size, and more than {_WHOLE >> 20} MiB")
+        return io.BytesIO(data)
 
     def read_bytes(self) -> bytes:
         with self.open() as file:
             return file.read()
+
+
+class _Ranges(io.RawIOBase):
+    """A file that is read by ranges."""
+
+    def __init__(self, file: Any, url: str) -> None:
+        self._file, self._url = file, url
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        with _one_line_errors(self._url):
+            data = self._file.read(len(buffer))
+        buffer[: len(data)] = data
+        return len(data)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        return int(self._file.seek(offset, whence))
+
+    def tell(self) -> int:
+        return int(self._file.tell())
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
 
 
 @functools.lru_cache(maxsize=1)  # a recording is read several times in a row: its kind, its hash, its frames
