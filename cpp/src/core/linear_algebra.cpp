@@ -2,7 +2,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <Eigen/QR>
 #include <numeric>
 
@@ -22,7 +21,9 @@ MatrixXd gram(const ConstMatrix& a) {
   return result;
 }
 
-MatrixXd inverse(const ConstMatrix& matrix) { return matrix.partialPivLu().inverse(); }
+MatrixXd inverse(const ConstMatrix& matrix) {
+  return least_squares(matrix, MatrixXd::Identity(matrix.rows(), matrix.cols()));
+}
 
 OrthogonalFactors orthogonal_factors(const ConstMatrix& matrix) {
   const Eigen::HouseholderQR<MatrixXd> qr(matrix);

@@ -13,7 +13,7 @@ using ConstMatrix = Eigen::Ref<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 Eigen::MatrixXd product(const ConstMatrix& a, const ConstMatrix& b);             // a·b
 Eigen::MatrixXd transposed_product(const ConstMatrix& a, const ConstMatrix& b);  // aᵀ·b
 Eigen::MatrixXd gram(const ConstMatrix& a);                                      // a·aᵀ
-Eigen::MatrixXd inverse(const ConstMatrix& matrix);  // (n × n), by LU with partial pivoting
+Eigen::MatrixXd inverse(const ConstMatrix& matrix);                              // (n × n)
 
 // QR factors of A (rows × columns): column order[j] of A is column j of basis·triangle.
 struct OrthogonalFactors {

@@ -72,7 +72,7 @@ VectorXd frequency_slope(const RowSampling& rows, const ConstMatrix& waves, cons
   return slope;
 }
 
-MatrixXd beside(const MatrixXd& basis, const MatrixXd& vectors) {
+MatrixXd beside(const ConstMatrix& basis, const ConstMatrix& vectors) {
   return vectors - product(basis, transposed_product(basis, vectors));
 }
 

@@ -30,7 +30,7 @@ struct LinearFit {
 LinearFit linear_fit(const ConstMatrix& design, Eigen::Index wanted);  // `wanted`: of the columns, the first ones
 
 // What an orthonormal basis leaves of vectors (rows × vectors).
-Eigen::MatrixXd beside(const Eigen::MatrixXd& basis, const Eigen::MatrixXd& vectors);
+Eigen::MatrixXd beside(const ConstMatrix& basis, const ConstMatrix& vectors);
 
 // Coefficients of the columns of a design; 0 for those nearly collinear with others.
 Eigen::VectorXd coefficients_of(const ConstMatrix& design, const Eigen::VectorXd& values);

@@ -79,7 +79,7 @@ template <class T>
 using RowSum = decltype(to_sum(std::declval<Loaded<T> >()));
 
 // A strip of columns of other samples: sums of four vectors and all of a tone stay in registers.
-constexpr std::size_t kSampleVectors = kWide ? 4 : 2, kOutputsAtOnce = 6;
+constexpr std::size_t kSampleVectors = kWide ? 4 : HWY_TARGET == HWY_SCALAR ? 1 : 2, kOutputsAtOnce = 6;
 
 // Offsets from the rows of a strip to those of strips ahead, whose lines they ask for; none in the cache.
 template <class T>
@@ -245,7 +245,6 @@ void add_sample_strip(const SampleBlock<T>& strip, const Ahead& ahead, const Sam
   };
   const std::size_t outputs = weights.order.size();
   if (outputs == 0) return add.template operator()<0, false, false>(nullptr);
-  if (outputs == 1) return add.template operator()<1, false, false>(nullptr);
   if (outputs == 2 && strip.mirrored) return add.template operator()<2, false, true>(nullptr);
   if (outputs == 2) return add.template operator()<2, false, false>(nullptr);
   alignas(64) double kept[kKeptSums<kVectors>];
@@ -262,9 +261,9 @@ void add_sample_strip(const SampleBlock<T>& strip, const Ahead& ahead, const Sam
 template <std::size_t kVectors, class T, class Ahead>
 void add_sample_strip(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
                       const StripSums& to) {
-  const auto add =
-      weights.row_group == 1 ? add_sample_strip<kVectors, true, T, Ahead> : add_sample_strip<kVectors, false, T, Ahead>;
-  add(strip, ahead, weights, to);
+  if constexpr (kVectors > 1)  // for the last columns of a row, groups of one row need no code of their own
+    if (weights.row_group == 1) return add_sample_strip<kVectors, true>(strip, ahead, weights, to);
+  add_sample_strip<kVectors, false>(strip, ahead, weights, to);
 }
 
 // The first row of the mirror images of a block.

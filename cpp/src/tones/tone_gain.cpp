@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <numbers>
@@ -11,13 +12,11 @@
 #include <type_traits>
 
 #include "columns/pruned_dft.hpp"
-#include "core/linear_algebra.hpp"
 #include "core/parallel.hpp"
-#include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
-#include "ocisac/rows/basis.hpp"
+#include "rows/fit.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
 #include "tones/streaming_fit.hpp"
@@ -34,22 +33,24 @@ constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: reading 
 constexpr std::size_t kColumnsPerPart = 256;     // minimum for parts shared by threads
 constexpr std::size_t kColumnsPerBlock = 64;     // fixed, so that results do not depend on the threads
 
-// Estimates of one tone in a block of columns: y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu).
-struct Variances {  // for noise of variance 1
-  double mean, cosine, sine, mean_and_cosine;
-};
-
+// Estimates of one tone in a block of columns, (columns,): y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu).
 struct Estimates {
-  std::span<double> mean;                                // (columns,); becomes the source's own
-  std::span<const double> cosine, sine, noise_variance;  // (columns,); noise of one row
-  Variances variances;
-};
+  std::vector<double> mean, cosine, sine, noise_variance;  // the mean becomes the source's own; noise of one row
+  double variance_mean, variance_cosine, variance_sine, covariance_mean_cosine;  // for noise of variance 1
 
-// The same with owned memory.
-struct OwnEstimates {
-  std::vector<double> mean, cosine, sine, noise_variance;
-  Variances variances;
-  Estimates view() { return {mean, cosine, sine, noise_variance, variances}; }
+  [[nodiscard]] kernels::FittedTone fitted() const {
+    return {mean.data(),
+            cosine.data(),
+            sine.data(),
+            noise_variance.data(),
+            mean.size(),
+            variance_mean,
+            variance_cosine,
+            variance_sine,
+            covariance_mean_cosine,
+            0,
+            0};
+  }
 };
 
 struct Tone {
@@ -121,12 +122,11 @@ void take_off_background(const Context& context, std::size_t frame, std::size_t 
 
 // True if the amplitude error of column i by rounding may exceed that by noise. From a noise variance of 1 on it is
 // below 10⁻⁸ of a step.
-bool is_quantised(const Estimates& estimates, std::size_t i, double amplitude) {
+bool is_quantised(const kernels::FittedTone& estimates, std::size_t i, double amplitude) {
   const double noise = estimates.noise_variance[i];
   const double cosine = estimates.cosine[i] * estimates.cosine[i];
   const double sine = estimates.sine[i] * estimates.sine[i];
-  const double radial =
-      noise * (cosine * estimates.variances.cosine + sine * estimates.variances.sine) / (cosine + sine);
+  const double radial = noise * (cosine * estimates.variance_cosine + sine * estimates.variance_sine) / (cosine + sine);
   return rounding_pull(amplitude, noise) > std::sqrt(radial);
 }
 
@@ -138,17 +138,15 @@ struct Peaks {
 
 // Writes gain, standard error, phase, mean, snr and flags of one tone for the columns from `first` of the result on;
 // the estimates' mean is the source's own.
-void write_result(const Context& context, const Tone& tone, const Estimates& estimates, const Peaks& peaks,
+void write_result(const Context& context, const Tone& tone, kernels::FittedTone estimates, const Peaks& peaks,
                   std::size_t first, const ToneGainView& result) {
-  const std::size_t count = estimates.mean.size();
-  const Variances& variances = estimates.variances;
-  thread_local std::vector<double> remarks;  // reused from call to call, as StreamMemory
+  const std::size_t count = estimates.count;
+  estimates.full_depth_ratio = context.ratio;
+  estimates.phase_at_zero = tone.phase_at_zero;
+  thread_local std::vector<double> remarks;  // reused from call to call, as sums and columns of stream_gains
   remarks.resize(count);
-  const bool any = kernels::gains_of_fit(
-      {estimates.mean.data(), estimates.cosine.data(), estimates.sine.data(), estimates.noise_variance.data(), count,
-       variances.mean, variances.cosine, variances.sine, variances.mean_and_cosine, context.ratio, tone.phase_at_zero},
-      {&result.gain[first], &result.gain_std[first], &result.phase[first], &result.mean[first], &result.snr[first],
-       remarks.data()});
+  const bool any = kernels::gains_of_fit(estimates, {&result.gain[first], &result.gain_std[first], &result.phase[first],
+                                                     &result.mean[first], &result.snr[first], remarks.data()});
   for (std::size_t i = 0; i < count; ++i)
     result.flags[first + i] = tone.flags | (peaks.samples[i] >= peaks.saturated ? flag::saturated : 0);
   if (!any && !(tone.flags & flag::unresolvable)) return;
@@ -166,52 +164,33 @@ void write_result(const Context& context, const Tone& tone, const Estimates& est
   }
 }
 
-// Estimates of one method for a block of signals (count × rows), for each tone.
-class Estimator {
- public:
-  virtual ~Estimator() = default;
-  [[nodiscard]] virtual std::vector<OwnEstimates> estimate(const std::vector<double>& signals) const = 0;
-};
+// Estimates of each tone in columns first … first + count of a frame.
+using Estimator = std::function<std::vector<Estimates>(const AnyFramesView& frames, std::size_t frame,
+                                                       std::size_t first, std::size_t count, const ToneCurve& curve)>;
 
-class FitEstimator final : public Estimator {
- public:
-  explicit FitEstimator(HarmonicModel model) : model_(std::move(model)) {}
-
-  [[nodiscard]] std::vector<OwnEstimates> estimate(const std::vector<double>& signals) const override {
-    const auto rows = static_cast<Eigen::Index>(model_.rows);
-    const Eigen::Index count = static_cast<Eigen::Index>(signals.size()) / rows;
-    const Eigen::Map<const Eigen::MatrixXd> y(signals.data(), rows, count);
-    const Eigen::Map<const Eigen::MatrixXd> weights(model_.weights.data(), rows,
-                                                    static_cast<Eigen::Index>(model_.estimates));
-    const Eigen::Map<const Eigen::MatrixXd> basis(model_.basis.data(), rows,
-                                                  static_cast<Eigen::Index>(model_.parameters));
-    const Eigen::MatrixXd values = transposed_product(y, weights);
-    const Eigen::MatrixXd residual = y - product(basis, transposed_product(basis, y));
-    const auto freedom = static_cast<double>(model_.rows - std::min(model_.rows, model_.parameters));
-    const auto tones = static_cast<Eigen::Index>(model_.tone_flags.size());
-    std::vector<double> noise(static_cast<std::size_t>(count), kNaN);
-    for (Eigen::Index column = 0; freedom > 0 && column < count; ++column)
-      noise[static_cast<std::size_t>(column)] = residual.col(column).squaredNorm() / freedom;
-    const auto estimates_of = [&](Eigen::Index i) {
-      const Eigen::VectorXd column = values.col(i);
-      return std::vector<double>(column.begin(), column.end());
-    };
-    std::vector<OwnEstimates> estimates;
-    for (Eigen::Index a = 1; a < 2 * tones; a += 2)
-      estimates.push_back({estimates_of(0),
-                           estimates_of(a),
-                           estimates_of(a + 1),
-                           noise,
-                           {covariance(0, 0), covariance(a, a), covariance(a + 1, a + 1), covariance(0, a)}});
-    return estimates;
-  }
-
- private:
-  [[nodiscard]] double covariance(Eigen::Index i, Eigen::Index j) const {
-    return model_.covariance[static_cast<std::size_t>(i) * model_.estimates + static_cast<std::size_t>(j)];
-  }
-  HarmonicModel model_;
-};
+std::vector<Estimates> estimates_of_fit(const HarmonicModel& model, const std::vector<double>& signals) {
+  const auto rows = static_cast<Eigen::Index>(model.rows);
+  const Eigen::Index count = static_cast<Eigen::Index>(signals.size()) / rows;
+  const Eigen::Map<const Eigen::MatrixXd> y(signals.data(), rows, count);
+  const Eigen::Map<const Eigen::MatrixXd> weights(model.weights.data(), rows,
+                                                  static_cast<Eigen::Index>(model.estimates));
+  const Eigen::Map<const Eigen::MatrixXd> basis(model.basis.data(), rows, static_cast<Eigen::Index>(model.parameters));
+  const Eigen::MatrixXd values = transposed_product(y, weights), residual = beside(basis, y);
+  const auto freedom = static_cast<double>(model.rows - std::min(model.rows, model.parameters));
+  std::vector<double> noise(static_cast<std::size_t>(count), kNaN);
+  for (Eigen::Index column = 0; freedom > 0 && column < count; ++column)
+    noise[static_cast<std::size_t>(column)] = residual.col(column).squaredNorm() / freedom;
+  const auto estimates_of = [&](std::size_t i) {
+    const auto column = values.col(static_cast<Eigen::Index>(i));
+    return std::vector<double>(column.begin(), column.end());
+  };
+  const auto covariance = [&](std::size_t i, std::size_t j) { return model.covariance[i * model.estimates + j]; };
+  std::vector<Estimates> estimates;
+  for (std::size_t a = 1; a < 2 * model.tone_flags.size(); a += 2)
+    estimates.push_back({estimates_of(0), estimates_of(a), estimates_of(a + 1), noise, covariance(0, 0),
+                         covariance(a, a), covariance(a + 1, a + 1), covariance(0, a)});
+  return estimates;
+}
 
 // The bin of eq. 25, folded into [0, rows/2].
 struct Bin {
@@ -226,41 +205,6 @@ Bin nearest_bin(double cycles_per_row, std::size_t rows) {
   return {static_cast<std::size_t>(conjugate ? length - bin : bin), conjugate};
 }
 
-class DftEstimator final : public Estimator {
- public:
-  DftEstimator(std::size_t rows, std::vector<Bin> bins) : rows_(rows), bins_(std::move(bins)) {}
-
-  // Steps 1–4 of the paper; noise is all energy outside of the mean and the bin.
-  [[nodiscard]] std::vector<OwnEstimates> estimate(const std::vector<double>& signals) const override {
-    const std::size_t count = signals.size() / rows_;
-    const std::size_t width = rows_ / 2 + 1;
-    const auto length = static_cast<double>(rows_);
-    const auto spectra = half_spectra(signals, rows_);
-    std::vector<OwnEstimates> estimates;
-    for (const Bin bin : bins_) {
-      OwnEstimates of_tone{{}, {}, {}, {}, {1 / length, 2 / length, 2 / length, 0}};
-      for (std::size_t column = 0; column < count; ++column) {
-        const auto mean = spectra[column * width].real() / length;
-        auto line = 2.0 / length * spectra[column * width + bin.index];
-        if (bin.conjugate) line = std::conj(line);
-        double squares = 0;
-        for (const double v : std::span(signals).subspan(column * rows_, rows_)) squares += (v - mean) * (v - mean);
-        const double rest = std::max(squares - std::norm(line) * length / 2, 0.0);
-        of_tone.mean.push_back(mean);
-        of_tone.cosine.push_back(line.real());
-        of_tone.sine.push_back(-line.imag());
-        of_tone.noise_variance.push_back(rows_ > 3 ? rest / (length - 3) : kNaN);
-      }
-      estimates.push_back(std::move(of_tone));
-    }
-    return estimates;
-  }
-
- private:
-  std::size_t rows_;
-  std::vector<Bin> bins_;
-};
-
 // Row 0 lies `middle` rows before the phase origin of a fit.
 void count_phase_from(Tone& tone, double middle, Flags flags) {
   const Phasor turn = phasor(tone.cycles_per_row, -middle);
@@ -274,7 +218,7 @@ std::vector<int> harmonics_of(const Context& context, const Tone& tone) {
                                                    : std::vector<int>{1};
 }
 
-std::unique_ptr<Estimator> fit_estimator(Context& context) {
+Estimator fit_estimator(Context& context) {
   std::vector<ModelTone> model_tones;
   for (const Tone& tone : context.tones) model_tones.push_back({tone.cycles_per_row, harmonics_of(context, tone)});
   for (const double cycles : context.others) model_tones.push_back({cycles, {1}});
@@ -282,7 +226,10 @@ std::unique_ptr<Estimator> fit_estimator(Context& context) {
   const double middle = (static_cast<double>(context.shape.rows) - 1) / 2;
   for (std::size_t k = 0; k < context.tones.size(); ++k)
     count_phase_from(context.tones[k], middle, model.tone_flags[k]);
-  return std::make_unique<FitEstimator>(std::move(model));
+  return [model = std::move(model)](const AnyFramesView& frames, std::size_t frame, std::size_t first,
+                                    std::size_t count, const ToneCurve& curve) {
+    return estimates_of_fit(model, column_signals(frames, frame, first, count, curve));
+  };
 }
 
 std::vector<Bin> bins_of(Context& context) {
@@ -301,8 +248,31 @@ std::vector<Bin> bins_of(Context& context) {
   return bins;
 }
 
-std::unique_ptr<Estimator> dft_estimator(Context& context) {
-  return std::make_unique<DftEstimator>(context.shape.rows, bins_of(context));
+// Steps 1–4 of the paper; noise is all energy outside of the mean and the bin.
+Estimator dft_estimator(Context& context) {
+  const std::size_t rows = context.shape.rows;
+  std::vector<std::size_t> lines;
+  for (const Bin bin : bins_of(context)) lines.push_back(bin.conjugate ? (rows - bin.index) % rows : bin.index);
+  return [dft = PrunedDft(rows, std::move(lines)), tones = context.tones.size(), rows](
+             const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
+             const ToneCurve& curve) {
+    thread_local PrunedDft::Columns found;
+    dft.transform(frames, frame, first, count, curve, found);
+    const auto length = static_cast<double>(rows);
+    std::vector<Estimates> estimates;
+    for (std::size_t k = 0; k < tones; ++k) {
+      Estimates of_tone{found.mean, {}, {}, {}, 1 / length, 2 / length, 2 / length, 0};
+      for (std::size_t c = 0; c < count; ++c) {
+        const auto line = 2.0 / length * found.lines[k * count + c];
+        of_tone.cosine.push_back(line.real());
+        of_tone.sine.push_back(-line.imag());
+        const double rest = std::max(found.squares[c] - std::norm(line) * length / 2, 0.0);
+        of_tone.noise_variance.push_back(rows > 3 ? rest / (length - 3) : kNaN);
+      }
+      estimates.push_back(std::move(of_tone));
+    }
+    return estimates;
+  };
 }
 
 void check_options(const ToneGainOptions& options, const Shape& shape) {
@@ -388,23 +358,21 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, C
   return fit;
 }
 
-Estimates estimates_of_tone(const StreamingFit& fit, StreamingFit::Columns& columns, std::size_t tone) {
-  const std::size_t count = columns.noise_variance.size();
-  const std::size_t a = 2 * tone + 1;
-  const auto parameter = [&](std::size_t i) { return std::span(columns.parameters).subspan(i * count, count); };
+kernels::FittedTone fitted_tone(const StreamingFit& fit, const StreamingFit::Columns& columns, std::size_t tone) {
+  const std::size_t count = columns.noise_variance.size(), a = 2 * tone + 1;
+  const auto parameter = [&](std::size_t i) { return &columns.parameters[i * count]; };
   return {parameter(0),
           parameter(a),
           parameter(a + 1),
-          columns.noise_variance,
-          {fit.covariance(0, 0), fit.covariance(a, a), fit.covariance(a + 1, a + 1), fit.covariance(0, a)}};
+          columns.noise_variance.data(),
+          count,
+          fit.covariance(0, 0),
+          fit.covariance(a, a),
+          fit.covariance(a + 1, a + 1),
+          fit.covariance(0, a),
+          0,
+          0};
 }
-
-// Memory of a thread, reused from call to call. The C library may return it to the system after every call, and a new
-// allocation takes longer than the arithmetic (four tones in 80 rows: 125 instead of 55 µs).
-struct StreamMemory {
-  Projection sums;
-  StreamingFit::Columns columns;
-};
 
 // Columns processed in one pass.
 struct Piece {
@@ -485,8 +453,10 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
   const auto pieces = pieces_of(frames, context.shape, threads);
   for_each_block(pieces.size(), context.options->threads, [&](std::size_t block) {
     const auto [frame, first, count] = pieces[block];
-    thread_local StreamMemory memory;
-    auto& [sums, columns] = memory;
+    // Memory reused from call to call: the C library may return it to the system after every call, and a new allocation
+    // takes longer than the arithmetic (four tones in 80 rows: 125 instead of 55 µs).
+    thread_local Projection sums;
+    thread_local StreamingFit::Columns columns;
     // The frame after this one, which is prefetched, is the one that this thread takes next.
     fit.add_up(every_frame(frames, frame, threads), 0, first, count, stored.light(), sums);
     check_summed(frames, fit, {frame, first, count}, sums);
@@ -498,13 +468,13 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
       take_off_background(context, frame, first + done, mean);
       const Peaks peaks{std::span(sums.maximum).subspan(done, here), stored.saturated};
       for (std::size_t k = 0; k < context.tones.size(); ++k)
-        write_result(context, context.tones[k], estimates_of_tone(fit, columns, k), peaks,
+        write_result(context, context.tones[k], fitted_tone(fit, columns, k), peaks,
                      index_of(context, k, frame) + first + done, result);
     }
   });
 }
 
-std::unique_ptr<Estimator> make_estimator(Context& context) {
+Estimator make_estimator(Context& context) {
   return context.options->method == GainMethod::fit ? fit_estimator(context) : dft_estimator(context);
 }
 
@@ -590,44 +560,11 @@ std::vector<double> largest_samples(const AnyFramesView& frames, std::size_t fra
       frames);
 }
 
-// Steps 1–4 of the paper for whole frames; noise is all energy outside of the mean and the bin.
-void dft_gains(const AnyFramesView& frames, const Context& context, std::span<const Bin> bins,
-               const ToneGainView& result) {
-  const std::size_t rows = context.shape.rows, columns = context.shape.columns;
-  const auto length = static_cast<double>(rows);
-  std::vector<std::size_t> lines;
-  for (const Bin bin : bins) lines.push_back(bin.conjugate ? (rows - bin.index) % rows : bin.index);
-  const PrunedDft dft(rows, std::move(lines));
-  const double level = saturation_level(frames, context.camera->tone_curve);
-  const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
-  for_each_block(context.shape.frames * blocks, context.options->threads, [&](std::size_t block) {
-    const std::size_t frame = block / blocks, first = block % blocks * kColumnsPerBlock;
-    const std::size_t count = std::min(kColumnsPerBlock, columns - first);
-    thread_local PrunedDft::Columns found;
-    dft.transform(frames, frame, first, count, context.camera->tone_curve, found);
-    const auto largest = largest_samples(frames, frame, first, count);
-    for (std::size_t k = 0; k < context.tones.size(); ++k) {
-      OwnEstimates of_tone{found.mean, {}, {}, {}, {1 / length, 2 / length, 2 / length, 0}};
-      for (std::size_t c = 0; c < count; ++c) {
-        const auto line = 2.0 / length * found.lines[k * count + c];
-        of_tone.cosine.push_back(line.real());
-        of_tone.sine.push_back(-line.imag());
-        const double rest = std::max(found.squares[c] - std::norm(line) * length / 2, 0.0);
-        of_tone.noise_variance.push_back(rows > 3 ? rest / (length - 3) : kNaN);
-      }
-      take_off_background(context, frame, first, of_tone.mean);
-      write_result(context, context.tones[k], of_tone.view(), {largest, level}, index_of(context, k, frame) + first,
-                   result);
-    }
-  });
-}
-
 // Gains of all columns by one model.
 void gains_of_model(const AnyFramesView& frames, Context context, const ToneGainView& result) {
   const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
   if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
   check_samples(frames);
-  if (context.options->method == GainMethod::dft) return dft_gains(frames, context, bins_of(context), result);
   const auto estimator = make_estimator(context);
   const double level = saturation_level(frames, context.camera->tone_curve);
   const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
@@ -635,11 +572,11 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
     const std::size_t frame = block / blocks;
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
-    auto estimates = estimator->estimate(column_signals(frames, frame, first, count, context.camera->tone_curve));
+    auto estimates = estimator(frames, frame, first, count, context.camera->tone_curve);
     const auto largest = largest_samples(frames, frame, first, count);
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       take_off_background(context, frame, first, estimates[k].mean);
-      write_result(context, context.tones[k], estimates[k].view(), {largest, level},
+      write_result(context, context.tones[k], estimates[k].fitted(), {largest, level},
                    index_of(context, k, frame) + first, result);
     }
   });
@@ -879,23 +816,22 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
     const PooledColumn pooled = pool_columns(frames, context, frame);
     const auto write = [&](const Context& of_fit, const Estimator& own) {
-      auto estimates = own.estimate(pooled.signal);
+      auto estimates = own(dense_view(pooled.signal.data(), 1, pooled.signal.size(), 1), 0, 0, 1, {});
       for (std::size_t k = 0; k < of_fit.tones.size(); ++k) {
         estimates[k].mean[0] -= pooled.background;
         const std::array saturated{pooled.saturated ? 1.0 : 0.0};
-        write_result(of_fit, of_fit.tones[k], estimates[k].view(), {saturated, 1}, k * context.shape.frames + frame,
+        write_result(of_fit, of_fit.tones[k], estimates[k].fitted(), {saturated, 1}, k * context.shape.frames + frame,
                      result);
       }
     };
-    write(context, *estimator);
+    write(context, estimator);
     if (options.method != GainMethod::fit || !options.robust || pooled.saturated) return;
     const Surroundings around = surroundings_of(context, false, pooled.signal);
     if (!around.tones.empty()) {
       Context with_others = make_context(frames, camera, frequencies, options);
       with_others.whole_numbers = false;
       with_others.others = around.tones;
-      const auto own = make_estimator(with_others);
-      write(with_others, *own);
+      write(with_others, make_estimator(with_others));
     }
     for (std::size_t k = 0; k < context.tones.size(); ++k)
       flag_misfit(around, k * context.shape.frames + frame, 1, result);
