@@ -271,7 +271,7 @@ TESTBED = (EXAMPLES / "testbed.toml").read_text()
         ("[0.0, 0.0, 0.3]", "[0.0, 0.3]", 27, "sources[0].position: got [0.0, 0.3], allowed: 3 numbers"),
         ("exposure = 2404e-6", "exposure = 0", 6, "camera.exposure: got 0, allowed: above 0"),
         ("exposure = 2404e-6", "exposure = 'long'", 6, "camera.exposure: got 'long', allowed: a number"),
-        ("bit_depth = 8", "bit_depth = 8.5", 17, "sensor.bit_depth: got 8.5, allowed: a whole number"),
+        ("bit_depth = 8", "bit_depth = 8.5", 17, "sensor.bit_depth: got 8.5, allowed: 1 to 16"),
     ],
 )
 def test_bad_files_are_refused_with_line_and_key(tmp_path, old, new, line, message):
@@ -323,7 +323,7 @@ def test_the_line_of_the_second_part_of_a_list_in_a_list(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (CHIPS.format('levels = "01", repeat = "no"'), "waveform.repeat: got 'no', allowed: true or false"),
+        (CHIPS.format('levels = "01", repeat = "no"'), "waveform.repeat: got 'no', allowed: True or False"),
         (CHIPS.format("repeat = true"), "waveform.levels: missing"),
         (b"# \xff\n", "byte 0xff, allowed: UTF-8"),
         ("a = " + "[" * 5000 + "]" * 5000, "nested too deeply"),

@@ -8,15 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast.core.checks import checked, checked_class
+from ocisac_fast.core.checks import Count, Finite, NotNegative, Positive, Within, checked, checked_class
 
 FloatArray = npt.NDArray[np.float64]
+Degree = Annotated[int, Within(0, 6)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,17 +62,9 @@ class ChipClock:
         ValueError: a value outside its range; the message names it.
     """
 
-    rows_per_chip: float
-    phase: float
-    exposure_rows: float
-
-    def __post_init__(self) -> None:
-        if not (np.isfinite(self.rows_per_chip) and self.rows_per_chip > 0.0):
-            raise ValueError(f"rows_per_chip: got {self.rows_per_chip}, allowed: a finite number above 0")
-        if not np.isfinite(self.phase):
-            raise ValueError(f"phase: got {self.phase}, allowed: a finite number")
-        if not (np.isfinite(self.exposure_rows) and self.exposure_rows >= 0.0):
-            raise ValueError(f"exposure_rows: got {self.exposure_rows}, allowed: a finite number, 0 or above")
+    rows_per_chip: Positive
+    phase: Finite
+    exposure_rows: NotNegative
 
     def _for_core(self) -> tuple[float, float, float]:
         return float(self.rows_per_chip), float(self.phase), float(self.exposure_rows)
@@ -274,7 +267,7 @@ class ClockTracker:
 
 
 @checked
-def expose_chips(chips: npt.ArrayLike, rows: int, clock: ChipClock, *, first: int = 0) -> FloatArray:
+def expose_chips(chips: npt.ArrayLike, rows: Count, clock: ChipClock, *, first: int = 0) -> FloatArray:
     """Chips integrated over the exposure of each row: s_n = (1/exposure) times their integral over the exposure.
 
     Args:
@@ -289,10 +282,7 @@ def expose_chips(chips: npt.ArrayLike, rows: int, clock: ChipClock, *, first: in
     Raises:
         ValueError: an argument outside its range; the message names it.
     """
-    levels = _vector(chips, "chips")
-    if rows < 1:
-        raise ValueError(f"rows: got {rows}, allowed: at least 1")
-    return _core.expose_chips(levels, int(first), int(rows), *clock._for_core())
+    return _core.expose_chips(_vector(chips, "chips"), int(first), int(rows), *clock._for_core())
 
 
 @checked
@@ -303,8 +293,8 @@ def fit_channel(
     *,
     first: int = 0,
     exposure_known: bool = False,
-    dark_degree: int = 1,
-    swing_degree: int = 0,
+    dark_degree: Degree = 1,
+    swing_degree: Degree = 0,
 ) -> ChannelEstimate | None:
     """Estimate clock, exposure and levels from a column with known chips, by Gauss-Newton on the exact model.
 
@@ -328,7 +318,8 @@ def fit_channel(
         _vector(chips, "chips"),
         int(first),
         *clock._for_core(),
-        *_degrees(dark_degree, swing_degree),
+        int(dark_degree),
+        int(swing_degree),
         bool(exposure_known),
     )
     return None if values is None else _channel(values)
@@ -343,8 +334,8 @@ def clock_bounds(
     noise: float,
     first: int = 0,
     exposure_known: bool = False,
-    dark_degree: int = 1,
-    swing_degree: int = 0,
+    dark_degree: Degree = 1,
+    swing_degree: Degree = 0,
 ) -> ClockErrors | None:
     """Cramer-Rao bounds of rows per chip, phase and exposure for white noise and unknown levels.
 
@@ -370,7 +361,8 @@ def clock_bounds(
         *clock._for_core(),
         _vector(swing, "swing"),
         float(noise),
-        *_degrees(dark_degree, swing_degree),
+        int(dark_degree),
+        int(swing_degree),
         bool(exposure_known),
     )
     return None if values is None else _errors(values)
@@ -385,7 +377,7 @@ def find_preamble(
     tolerance: float = 0.02,
     exposure_rows: float | None = None,
     max_exposure_chips: float = 14.0,
-    max_matches: int = 1,
+    max_matches: Count = 1,
 ) -> list[PreambleMatch]:
     """Detect a known sequence of chips in a column, at any exposure, and estimate the channel there.
 
@@ -407,8 +399,6 @@ def find_preamble(
     Raises:
         ValueError: an argument outside its range; the message names it.
     """
-    if max_matches < 1:
-        raise ValueError(f"max_matches: got {max_matches}, allowed: at least 1")
     found = _core.find_preamble(
         _vector(signal, "signal"),
         _vector(preamble, "preamble"),
@@ -430,7 +420,7 @@ def refine_channel(
     known: npt.ArrayLike = (),
     known_first: int = 0,
     exposure_known: bool = False,
-    highest_degree: int = 4,
+    highest_degree: Degree = 4,
 ) -> RefinedChannel | None:
     """Extend a channel estimate to the whole frame by alternate detection and least squares.
 
@@ -452,13 +442,12 @@ def refine_channel(
         ValueError: an argument outside its range; the message names it.
     """
     given = np.asarray(known, dtype=np.float64)
-    degree, _ = _degrees(highest_degree, 0, "highest_degree")
     values = _core.refine_channel(
         _vector(signal, "signal"),
         as_tuple(start),
         detect,
         bool(exposure_known),
-        degree,
+        int(highest_degree),
         given if given.size == 0 else _vector(given, "known"),
         int(known_first),
     )
@@ -475,7 +464,7 @@ def find_channel(
     exposure_rows: float | None = None,
     max_exposure_chips: float = 7.0,
     exposure_known: bool = False,
-    highest_degree: int = 4,
+    highest_degree: Degree = 4,
 ) -> RefinedChannel | None:
     """Estimate the channel without a preamble, from a nominal chip rate.
 
@@ -498,7 +487,6 @@ def find_channel(
     Raises:
         ValueError: an argument outside its range; the message names it.
     """
-    degree, _ = _degrees(highest_degree, 0, "highest_degree")
     values = _core.find_channel(
         _vector(signal, "signal"),
         float(rows_per_chip),
@@ -507,7 +495,7 @@ def find_channel(
         float(max_exposure_chips),
         detect,
         bool(exposure_known),
-        degree,
+        int(highest_degree),
     )
     return None if values is None else _refined(values)
 
@@ -519,7 +507,7 @@ def chip_llr(
     *,
     noise: float,
     first: int,
-    count: int,
+    count: Annotated[int, Within(0)],
     method: str = "mlse",
 ) -> FloatArray:
     """Maximum-likelihood detection of chips with intersymbol interference from the exposure, with soft outputs.
@@ -543,8 +531,6 @@ def chip_llr(
     Raises:
         ValueError: an argument outside its range; the message names it.
     """
-    if count < 0:
-        raise ValueError(f"count: got {count}, allowed: 0 or more")
     return _core.chip_llr(
         _vector(rows, "rows"),
         *clock._for_core(),
@@ -597,13 +583,6 @@ def _vector(values: npt.ArrayLike, name: str) -> FloatArray:
     if array.ndim != 1 or array.size == 0:
         raise ValueError(f"{name}: got shape {array.shape}, allowed: a vector of at least one value")
     return np.ascontiguousarray(array, dtype=np.float64)
-
-
-def _degrees(dark_degree: int, swing_degree: int, name_of_dark: str = "dark_degree") -> tuple[int, int]:
-    for name, degree in ((name_of_dark, dark_degree), ("swing_degree", swing_degree)):
-        if not 0 <= degree <= 6:
-            raise ValueError(f"{name}: got {degree}, allowed: 0 to 6")
-    return int(dark_degree), int(swing_degree)
 
 
 def _errors(values: tuple[int, list[float]]) -> ClockErrors:

@@ -15,7 +15,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light, saturation_level, stored_values
 from ocisac_fast.cleaning.stored import BlockShares, lowered
 from ocisac_fast.core.arrays import as_frames, in_stored_order
-from ocisac_fast.core.checks import checked, checked_class, shown
+from ocisac_fast.core.checks import checked, checked_class
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 
 FloatArray = npt.NDArray[np.float64]
@@ -128,13 +128,6 @@ class Task:
     keep: str
     level: str
     options: CleaningOptions
-
-    def __post_init__(self) -> None:
-        allowed = {"model": MODELS, "keep": ("picture", "bands"), "level": ("full", "mean")}
-        for name, values in allowed.items():
-            got = getattr(self, name)
-            if got not in values:
-                raise ValueError(f"{name}: got {shown(got)}, allowed: {', '.join(values)}")
 
 
 @checked

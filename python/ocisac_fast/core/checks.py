@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import functools
 import inspect
+import math
 import os
 import reprlib
 import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, Literal, ParamSpec, TypeVar
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -46,8 +48,47 @@ def count(name: str, value: Any, minimum: int, maximum: int = 255) -> int:
     return int(value)
 
 
+@dataclass(frozen=True)
+class Within:
+    """The range of a number, for annotations that :func:`checked` reads; an infinite end is not within it.
+
+    Attributes:
+        low, high: ends of the range.
+        above, below: the lower and the upper end are not within it.
+    """
+
+    low: float = -math.inf
+    high: float = math.inf
+    above: bool = False
+    below: bool = False
+
+    def __contains__(self, value: float) -> bool:
+        low = value > self.low if self.above else value >= self.low
+        high = value < self.high if self.below else value <= self.high
+        return low and high and math.isfinite(value)
+
+    def __str__(self) -> str:
+        low, high = (f"{end:.10g}" for end in (self.low, self.high))
+        if self.high == math.inf:
+            return f" above {low}" if self.above else f", {low} or above" if self.low > -math.inf else ""
+        if self.above:
+            return f"above {low} {'and below' if self.below else 'up to'} {high}"
+        return f"{low} to {'below ' if self.below else ''}{high}"
+
+
+Finite = Annotated[float, Within()]
+Positive = Annotated[float, Within(0.0, above=True)]
+Invertible = Annotated[float, Within(1e-300)]  # its reciprocal is finite
+NotNegative = Annotated[float, Within(0.0)]
+Share = Annotated[float, Within(0.0, 1.0)]
+ShareAboveZero = Annotated[float, Within(0.0, 1.0, above=True)]
+ShareBelowOne = Annotated[float, Within(0.0, 1.0, below=True)]
+InnerShare = Annotated[float, Within(0.0, 1.0, above=True, below=True)]
+Count = Annotated[int, Within(1)]
+
+
 def checked(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
-    """Raise a ValueError that names the argument if its type is not the annotated one.
+    """Raise a ValueError that names the argument if its type is not the annotated one, or the number out of its range.
 
     Numbers, texts, paths, arrays, sequences and classes are checked before the call. Arrays must be of real numbers;
     a masked array may mask none of them.
@@ -94,7 +135,7 @@ class _RealArray:
     """Stands for ``npt.ArrayLike`` in annotations."""
 
 
-_TYPING = types.SimpleNamespace(ArrayLike=_RealArray, NDArray=npt.NDArray)
+_TYPING = types.SimpleNamespace(ArrayLike=_RealArray, DTypeLike=Any, NDArray=npt.NDArray)
 
 
 def _tests_of(function: Callable[..., Any], names: tuple[str, ...], owner: tuple[Any, ...]) -> dict[str, _Test]:
@@ -102,9 +143,8 @@ def _tests_of(function: Callable[..., Any], names: tuple[str, ...], owner: tuple
     if owner and names[0] == "self":  # inherited fields are annotated in the names of their own module
         for base in reversed(type(owner[0]).__mro__):
             known |= vars(sys.modules[base.__module__])
-    hints = typing.get_type_hints(
-        function, known | getattr(inspect.unwrap(function), "__globals__", {}) | {"npt": _TYPING}
-    )
+    known |= getattr(inspect.unwrap(function), "__globals__", {}) | {"npt": _TYPING}
+    hints = typing.get_type_hints(function, known, include_extras=True)
     return {name: _test_of(hints.get(name, Any)) for name in names}
 
 
@@ -113,6 +153,7 @@ def _test_of(hint: Any) -> _Test:
     if rule is None:
         return lambda name, value: None
     fits, text = rule
+    alike = () if _is_by_value(hint) else _ALIKE
     accepted: set[type] = set()  # types of which every value fits
 
     def test(name: str, value: Any) -> None:
@@ -122,7 +163,7 @@ def _test_of(hint: Any) -> _Test:
         if not fits(value):
             got = f"dtype {value.dtype}" if isinstance(value, np.ndarray) else shown(value)
             raise ValueError(f"{name}: got {got}, allowed: {text}")
-        if kind not in _EXAMINED and (kind in _ALIKE or kind.__module__.startswith("ocisac_fast")):
+        if kind not in _EXAMINED and (kind in alike or kind.__module__.startswith("ocisac_fast")):
             accepted.add(kind)
 
     return test
@@ -133,11 +174,13 @@ def _rule_of(hint: Any) -> _Rule | None:
     origin, inner = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
         return _any_of([_rule_of(option) for option in inner])
+    if origin is Annotated:
+        return _in_range(*inner)
     if hint in _SIMPLE:
         return _SIMPLE[hint]
     if origin is Literal:
         kinds = tuple({type(option) for option in inner})
-        return (lambda value: isinstance(value, kinds)), one_of(map(repr, inner))
+        return (lambda value: isinstance(value, kinds) and value in inner), one_of(map(repr, inner))
     if origin is np.ndarray:
         return (lambda value: isinstance(value, (np.ndarray, np.floating)) and _is_real(np.asanyarray(value))), _NUMPY
     if origin is os.PathLike:
@@ -155,6 +198,16 @@ def _rule_of(hint: Any) -> _Rule | None:
     return None
 
 
+def _is_by_value(hint: Any) -> bool:
+    return typing.get_origin(hint) in (Annotated, Literal) or any(map(_is_by_value, typing.get_args(hint)))
+
+
+def _in_range(kind: Any, span: Within) -> _Rule:
+    fits, _ = _SIMPLE[kind]
+    text = f"a {'whole' if kind is int else 'finite'} number{span}" if span.high == math.inf else str(span)
+    return (lambda value: fits(value) and float(value) in span), text
+
+
 def _any_of(rules: list[_Rule | None]) -> _Rule | None:
     known = [rule for rule in rules if rule is not None]
     if len(known) < len(rules):
@@ -165,7 +218,7 @@ def _any_of(rules: list[_Rule | None]) -> _Rule | None:
 def _each(options: tuple[Any, ...]) -> _Rule | None:
     """Of a tuple whose items have types of their own."""
     rules = [_rule_of(option) or _TRUE for option in options]
-    kind = "numbers" if set(options) <= {float, int} else f"values, each {rules[0][1]}"
+    kind = "numbers" if set(options) <= {float, int, Finite} else f"values, each {rules[0][1]}"
 
     def fits(value: Any) -> bool:
         return _is_sized(value) and len(value) == len(rules) and all(map(_fit, rules, value))

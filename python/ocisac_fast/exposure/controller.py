@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast.core.checks import checked, checked_class
+from ocisac_fast.core.checks import InnerShare, ShareAboveZero, ShareBelowOne, checked, checked_class
 from ocisac_fast.exposure.choice import BestExposure
 
 _NAN = math.nan
@@ -163,20 +163,10 @@ class LevelTargets:
         ValueError: a value outside its range; the message names it.
     """
 
-    floor: float = 0.05
-    aim: float = 0.4
-    ceiling: float = 0.9
-    max_saturated: float = 0.01
-
-    def __post_init__(self) -> None:
-        for name, fits, allowed in (
-            ("floor", 0.0 <= self.floor < 1.0, "0 to below 1"),
-            ("aim", 0.0 < self.aim < 1.0, "above 0 and below 1"),
-            ("ceiling", 0.0 < self.ceiling <= 1.0, "above 0 up to 1"),
-            ("max_saturated", 0.0 <= self.max_saturated < 1.0, "0 to below 1"),
-        ):
-            if not fits:
-                raise ValueError(f"{name}: got {getattr(self, name)}, allowed: {allowed}")
+    floor: ShareBelowOne = 0.05
+    aim: InnerShare = 0.4
+    ceiling: ShareAboveZero = 0.9
+    max_saturated: ShareBelowOne = 0.01
 
 
 @checked_class
@@ -222,9 +212,6 @@ class ExposureController:
         min_snr: float = 1.0,
         noise_level: float | None = None,
     ) -> None:
-        for name, pair in (("exposures", exposures), ("gains", gains), ("weights", weights)):
-            if len(pair) != 2:
-                raise ValueError(f"{name}: got {len(pair)} values, allowed: two")
         targets = levels or LevelTargets()
         self._controller = _core.ExposureController(
             shortest=float(exposures[0]),
@@ -298,8 +285,6 @@ def best_noisy_exposure(
     Raises:
         ValueError: an argument out of its range, or no multiple of ``step`` within ``bounds``.
     """
-    if len(bounds) != 2:
-        raise ValueError(f"bounds: got {len(bounds)} values, allowed: (shortest, longest) in seconds")
     low, high = float(bounds[0]), float(bounds[1])
     each = [np.asarray(values, np.float64) for values in (frequencies, weights)]
     exposure, objective = _core.best_noisy_exposure(each[0], each[1], float(noise_exposure), low, high, float(step))

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import Positive, Within, checked
 
 Float64s = npt.NDArray[np.float64]
+Points = Annotated[int, Within(2, 10_000_000)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +34,12 @@ class ExposureFront:
 
 @checked
 def exposure_front(
-    f_comm: float,
-    f_sense: float,
+    f_comm: Positive,
+    f_sense: Positive,
     *,
     bounds: tuple[float, float] | None = None,
     noise_exposure: float = math.inf,
-    points: int = 4001,
+    points: Points = 4001,
 ) -> ExposureFront:
     """Signals of communication and sensing over the exposure, with the efficient (Pareto-optimal) exposures.
 
@@ -50,16 +52,11 @@ def exposure_front(
     Raises:
         ValueError: an argument out of its range.
     """
-    for name, value in (("f_comm", f_comm), ("f_sense", f_sense)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name}: got {value}, allowed: a finite number above 0 (Hz)")
     low, high = (0.0, 1.0 / min(f_comm, f_sense)) if bounds is None else bounds
     if not (0.0 <= low < high < math.inf):
         raise ValueError(f"bounds: got {low} to {high}, allowed: 0 <= shortest < longest (s)")
     if not noise_exposure > 0.0:
         raise ValueError(f"noise_exposure: got {noise_exposure}, allowed: a number above 0 (s), or infinity")
-    if not 2 <= points <= 10_000_000:
-        raise ValueError(f"points: got {points}, allowed: 2 to 10 million")
     exposure = np.linspace(low, high, points)
     noise = np.sqrt(1.0 + exposure / noise_exposure)
     comm, sense = (exposure * np.abs(np.sinc(f * exposure)) / noise for f in (f_comm, f_sense))

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.core.checks import checked, shown
+from ocisac_fast.core.checks import InnerShare, ShareBelowOne, Within, checked, shown
 from ocisac_fast.exposure.flicker import (
     FlickeringLight,
     cycles_below,
@@ -42,12 +43,12 @@ class LampFrequencies:
 @checked
 def flicker_free_frequencies(
     exposures: Sequence[float],
-    below: float,
+    below: InnerShare,
     bounds: tuple[float, float],
     *,
     duty: float | None = None,
     depth: float = 1.0,
-    exposure_spread: float = 0.0,
+    exposure_spread: ShareBelowOne = 0.0,
 ) -> LampFrequencies:
     """Frequencies of a lamp at which its modulation stays below a bound for all exposures, harmonics included.
 
@@ -67,10 +68,6 @@ def flicker_free_frequencies(
     low, high = bounds
     if not 0.0 < low <= high < math.inf:
         raise ValueError(f"bounds: got {low} to {high}, allowed: 0 < lowest <= highest (Hz)")
-    if not 0.0 < below < 1.0:
-        raise ValueError(f"below: got {below}, allowed: above 0 and below 1")
-    if not 0.0 <= exposure_spread < 1.0:
-        raise ValueError(f"exposure_spread: got {exposure_spread}, allowed: 0 to below 1")
     shorter, longer = 1.0 - exposure_spread, 1.0 + exposure_spread
 
     def frequencies_at(level: float) -> Float64s:
@@ -92,7 +89,7 @@ def flicker_free_frequencies(
 
 
 @checked
-def smallest_flicker_free_duty(frequency: float, exposures: Sequence[float], below: float) -> float:
+def smallest_flicker_free_duty(frequency: float, exposures: Sequence[float], below: InnerShare) -> float:
     """Smallest duty of PWM at which the modulation stays below a bound for all exposures; larger ones satisfy it too.
 
     Args:
@@ -107,8 +104,6 @@ def smallest_flicker_free_duty(frequency: float, exposures: Sequence[float], bel
         ValueError: an argument outside its range.
     """
     times = _checked_exposures(exposures)
-    if not 0.0 < below < 1.0:
-        raise ValueError(f"below: got {below}, allowed: above 0 and below 1")
 
     def holds(duty: float) -> bool:
         return bool(np.max(exposure_modulation(FlickeringLight(frequency, duty=duty), times)) <= below)
@@ -125,14 +120,15 @@ def smallest_flicker_free_duty(frequency: float, exposures: Sequence[float], bel
 
 
 @checked
-def unmissed_frequency(exposures: Sequence[float], duty: float) -> float:
+def unmissed_frequency(exposures: Sequence[float], duty: InnerShare) -> float:
     """Lowest frequency in Hz of PWM at which every exposure contains light at any phase: T_e = (1 - duty) / f."""
-    FlickeringLight(1.0, duty=duty)
     return (1.0 - duty) / float(_checked_exposures(exposures).min())
 
 
 @checked
-def flicker_free_chip_rate(exposures: Sequence[float], below: float, *, digital_sum_span: float = 2) -> float:
+def flicker_free_chip_rate(
+    exposures: Sequence[float], below: InnerShare, *, digital_sum_span: Annotated[float, Within(1.0)] = 2
+) -> float:
     """Chip rate in Hz from which chips show no bands for any data, given the span of their running digital sum.
 
     Over x chips the digital sum changes by at most the span S. So the share of bright chips is within 1/2 +- S/(2x),
@@ -146,10 +142,6 @@ def flicker_free_chip_rate(exposures: Sequence[float], below: float, *, digital_
     Raises:
         ValueError: an argument outside its range.
     """
-    if not 0.0 < below < 1.0:
-        raise ValueError(f"below: got {below}, allowed: above 0 and below 1")
-    if not 1.0 <= digital_sum_span < math.inf:
-        raise ValueError(f"digital_sum_span: got {digital_sum_span}, allowed: 1 or above")
     return digital_sum_span / below / float(_checked_exposures(exposures).min())
 
 

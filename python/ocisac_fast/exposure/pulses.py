@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import Positive, checked
 
 Float64s = npt.NDArray[np.float64]
 
@@ -131,7 +131,7 @@ def pulse_bands(light: npt.ArrayLike) -> PulseBands:
 
 @checked
 def calibrate_pulses(
-    recordings: Sequence[npt.ArrayLike | PulseBands], frequency: float, duties: Sequence[float]
+    recordings: Sequence[npt.ArrayLike | PulseBands], frequency: Positive, duties: Sequence[float]
 ) -> PulseCalibration:
     """Estimate row time, exposure and pulse width from a lamp lit about once a frame, jointly from several duties.
 
@@ -147,7 +147,7 @@ def calibrate_pulses(
     Raises:
         ValueError: an argument outside its range, no pulses, or only split ones at a single duty.
     """
-    _check(recordings, frequency, duties)
+    _check(recordings, duties)
     bands = tuple(each if isinstance(each, PulseBands) else pulse_bands(each) for each in recordings)
     points = _points(bands, np.asarray(duties, dtype=np.float64) / frequency)
     ramp = _fitted_ramp([one.ramps for one in bands if one.ramps.size])
@@ -197,9 +197,7 @@ class _Points(NamedTuple):
     kinds: npt.NDArray[np.int_]
 
 
-def _check(recordings: Sequence[object], frequency: float, duties: Sequence[float]) -> None:
-    if not (math.isfinite(frequency) and frequency > 0.0):
-        raise ValueError(f"frequency: got {frequency}, allowed: a finite number above 0 (Hz)")
+def _check(recordings: Sequence[object], duties: Sequence[float]) -> None:
     if len(recordings) != len(duties) or len(recordings) == 0:
         raise ValueError(f"duties: got {len(duties)}, allowed: one for each of {len(recordings)} recordings")
     for duty in duties:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import Invertible, Within, checked
 from ocisac_fast.light.waveforms import Chips, Product, Sum, Tone, Waveform
 from ocisac_fast.packets.transmission import PacketFormat, transmit
 
@@ -40,13 +41,11 @@ class FskTransmission:
     preamble: str
 
     @checked
-    def waveform(self, symbol_time: float, *, start: float = 0.0, amplitude: float = 1.0) -> Waveform:
+    def waveform(self, symbol_time: Invertible, *, start: float = 0.0, amplitude: float = 1.0) -> Waveform:
         """The light for all time: amplitude * (1 + cos(2 pi f t)) / 2 with the next f every ``symbol_time`` (s).
 
         Symbol 0 begins at ``start`` (s).
         """
-        if not (math.isfinite(symbol_time) and symbol_time > 1e-300):
-            raise ValueError(f"symbol_time: got {symbol_time}, allowed: a finite number above 0")
         gates = [
             Product(
                 [
@@ -117,7 +116,11 @@ def fsk_transmit(
 
 @checked
 def fsk_demodulate(
-    column: npt.ArrayLike, camera: Camera, tones: Sequence[float], *, amplitude: float | None = None
+    column: npt.ArrayLike,
+    camera: Camera,
+    tones: Sequence[float],
+    *,
+    amplitude: Annotated[float, Within(0.0, 1e100)] | None = None,
 ) -> FskSymbol:
     """Detect the tone of a column noncoherently; mean and slope along the column are unknown.
 
@@ -141,8 +144,6 @@ def fsk_demodulate(
     if not largest <= 1e100:
         raise ValueError(f"column: got {largest}, allowed: finite numbers of at most 1e100")
     given = None if amplitude is None else float(amplitude)
-    if given is not None and not 0.0 <= given <= 1e100:
-        raise ValueError(f"amplitude: got {given}, allowed: 0 to 1e100")
     return FskSymbol(*_core.fsk_demodulate(camera._handle, list(fsk_tones(tones)), rows.astype(np.float64), given))
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import Count, Invertible, checked
 from ocisac_fast.packets.transmission import PacketFormat, encode_line_code, longest_payload, transmit
 
 
@@ -37,8 +36,8 @@ def possible_goodput(
     payload_bytes: int,
     camera: Camera,
     *,
-    chip_rate: float,
-    rows: int,
+    chip_rate: Invertible,
+    rows: Count,
     format: PacketFormat | None = None,
 ) -> Goodput:
     """Upper bounds of the goodput of packets with ``payload_bytes``.
@@ -55,12 +54,10 @@ def possible_goodput(
     """
     if camera.frame_time is None:
         raise ValueError("frame_time: got None, allowed: a time in seconds")
-    if not (math.isfinite(chip_rate) and chip_rate > 1e-300):
-        raise ValueError(f"chip_rate: got {chip_rate}, allowed: a finite number above 0")
     longest = longest_payload(format=format)
     if not 1 <= payload_bytes <= longest:
         raise ValueError(f"payload_bytes: got {payload_bytes}, allowed: 1 to {longest}")
-    if not 1 <= rows * 1.0 <= camera.frame_time / camera.row_period * (1.0 + 1e-9):
+    if rows > camera.frame_time / camera.row_period * (1.0 + 1e-9):
         raise ValueError(f"rows: got {rows}, allowed: 1 to as many as the frame time holds")
     packet = transmit(bytes(payload_bytes), format=format)
     chips_per_byte = encode_line_code(np.zeros(8, np.uint8), packet.format.line_code).size

@@ -7,11 +7,11 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ocisac_fast.core.checks import checked, shown
+from ocisac_fast.core.checks import NotNegative, checked, shown
 
 
 @checked
-def merge_receptions(lines: Iterable[str | Mapping[str, Any]], *, window: float = 0.05) -> list[dict[str, Any]]:
+def merge_receptions(lines: Iterable[str | Mapping[str, Any]], *, window: NotNegative = 0.05) -> list[dict[str, Any]]:
     """Merge the results of several receivers by light and time.
 
     A line is a JSON object with ``light`` (its ID, a string or a whole number) and ``time_s``; it may have
@@ -31,8 +31,6 @@ def merge_receptions(lines: Iterable[str | Mapping[str, Any]], *, window: float 
     Raises:
         ValueError: a line that is no JSON object, lacks ``light`` or ``time_s``, or has an invalid value.
     """
-    if not (math.isfinite(window) and window >= 0.0):
-        raise ValueError(f"window: got {window}, allowed: a finite number, 0 or above (s)")
     records = [_read(line, k) for k, line in enumerate(lines, 1) if not isinstance(line, str) or line.strip()]
     moments: list[list[dict[str, Any]]] = []
     open_moments: dict[tuple[str, Any], list[dict[str, Any]]] = {}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
@@ -14,7 +13,7 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_frames, box_in_time_order, split_colours, stored_box
-from ocisac_fast.core.checks import checked, checked_class, count, shown
+from ocisac_fast.core.checks import Finite, InnerShare, Positive, checked, checked_class, count, shown
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
 from ocisac_fast.exposure.choice import BestExposure
@@ -169,20 +168,10 @@ class GainOptions:
         ValueError: a value outside its range; the message names it.
     """
 
-    frequency: float | None = None
+    frequency: Positive | None = None
     waveform: Literal["tone", "square"] = "tone"
-    duty: float = 0.5
-    background: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.frequency is not None and not (math.isfinite(self.frequency) and self.frequency > 0.0):
-            raise ValueError(f"frequency: got {self.frequency}, allowed: a finite number above 0")
-        if self.waveform not in ("tone", "square"):
-            raise ValueError(f"waveform: got {shown(self.waveform)}, allowed: 'tone' or 'square'")
-        if not 0.0 < self.duty < 1.0:
-            raise ValueError(f"duty: got {self.duty}, allowed: above 0 and below 1")
-        if not math.isfinite(self.background):
-            raise ValueError(f"background: got {self.background}, allowed: a finite number")
+    duty: InnerShare = 0.5
+    background: Finite = 0.0
 
 
 @dataclass(frozen=True, slots=True)

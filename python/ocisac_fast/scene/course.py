@@ -20,7 +20,6 @@ from ocisac_fast.light.waveforms import (
     Waveform,
     sample_waveform,
 )
-from ocisac_fast.scene.checks import instance
 
 _MAX_LINES = 64
 
@@ -60,7 +59,6 @@ class Course:
 
 def check_light(waveform: Waveform) -> None:
     """Raise ValueError for an object that is not a waveform, and for light below 0."""
-    instance("waveform", waveform, Waveform)
     low = limits(waveform)[0]
     if not low >= -1e-12:
         raise ValueError(f"waveform: got light down to {low:g}, allowed: 0 or above")

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
-from typing import TypeVar
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.checks import checked_class
+from ocisac_fast.core.checks import NotNegative, Positive, Within, checked_class
 from ocisac_fast.light.waveforms import Constant, Waveform
-from ocisac_fast.scene.checks import hold, instance, number, whole
 from ocisac_fast.scene.course import check_light
 from ocisac_fast.scene.geometry import Array, Pinhole
 from ocisac_fast.scene.objects import Mask, Source, Surface
-
-_Item = TypeVar("_Item", Source, Surface, Mask)
 
 
 @checked_class
@@ -35,23 +32,15 @@ class Sensor:
         frame_jitter: frames start up to so many seconds early or late, uniformly distributed; 0 or above.
     """
 
-    gain: float
+    gain: Positive
     _: KW_ONLY
-    bit_depth: int | None = None
-    full_well: float | None = None
-    read_noise: float = 0.0
+    bit_depth: Annotated[int, Within(1, 16)] | None = None
+    full_well: Positive | None = None
+    read_noise: NotNegative = 0.0
     shot_noise: bool = False
-    frame_jitter: float = 0.0
+    frame_jitter: NotNegative = 0.0
 
     def __post_init__(self) -> None:
-        hold(self, gain=number("gain", self.gain, 0, open_low=True))
-        hold(self, read_noise=number("read_noise", self.read_noise, 0))
-        hold(self, frame_jitter=number("frame_jitter", self.frame_jitter, 0))
-        if self.bit_depth is not None:
-            hold(self, bit_depth=whole("bit_depth", self.bit_depth, 1, 16))
-        if self.full_well is not None:
-            hold(self, full_well=number("full_well", self.full_well, 0, open_low=True))
-        instance("shot_noise", self.shot_noise, bool)
         if self.full_well is None and (self.read_noise or self.shot_noise):
             raise ValueError("full_well: got None, allowed: electrons at the white level, needed for noise")
 
@@ -70,12 +59,11 @@ class Ambient:
         waveform: its variation, such as mains flicker.
     """
 
-    intensity: float = 0.0
+    intensity: NotNegative = 0.0
     _: KW_ONLY
     waveform: Waveform = field(default_factory=lambda: Constant(1.0))
 
     def __post_init__(self) -> None:
-        hold(self, intensity=number("intensity", self.intensity, 0))
         check_light(self.waveform)
 
 
@@ -119,27 +107,20 @@ class SceneDescription:
     ambient: Ambient = Ambient()
 
     def __post_init__(self) -> None:
-        instance("lens", self.lens, Pinhole)
-        instance("camera", self.camera, Camera)
-        instance("sensor", self.sensor, Sensor)
-        instance("ambient", self.ambient, Ambient)
         if self.camera.exposure is None or self.camera.exposure <= 0:
             raise ValueError(f"exposure: got {self.camera.exposure}, allowed: above 0")
-        self._take("sources", self.sources, Source)
-        self._take("surfaces", self.surfaces, Surface)
-        self._take("masks", self.masks, Mask)
+        for name in ("sources", "surfaces", "masks"):
+            self._take(name, tuple(getattr(self, name)))
 
-    def _take(self, name: str, items: Iterable[_Item], kind: type[_Item]) -> None:
-        held = tuple(items)
-        for index, item in enumerate(held):
-            instance(f"{name}[{index}]", item, kind)
+    def _take(self, name: str, items: tuple[Source | Surface | Mask, ...]) -> None:
+        for index, item in enumerate(items):
             depth = self.lens.pose.to_object(item.pose.position)[2]
             if not depth > 0:
                 place = item.pose.position
                 raise ValueError(
                     f"{name}[{index}].position: got {place}, allowed: before the camera (depth {depth:g} m)"
                 )
-        hold(self, **{name: held})
+        object.__setattr__(self, name, items)
 
     @property
     def exposure(self) -> float:

@@ -7,16 +7,17 @@ at whole numbers, (0, 0) in the middle of the top left pixel.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast.core.checks import checked, checked_class, shown
-from ocisac_fast.scene.checks import hold, number, numbers, whole
+from ocisac_fast.core.checks import Finite, Positive, Within, checked, checked_class, shown
 
 Array = npt.NDArray[np.float64]
-Vector = tuple[float, float, float]
+Vector = tuple[Finite, Finite, Finite]
 
 
 def _vectors(name: str, given: npt.ArrayLike, length: int) -> Array:
@@ -31,7 +32,12 @@ def _check_alike(x: Array, y: Array) -> None:
         raise ValueError(f"x, y: got shapes {np.shape(x)} and {np.shape(y)}, allowed: one shape")
 
 
-_MAX_PIXELS = 2**28
+MAX_PIXELS = 2**28
+Pixels = Annotated[int, Within(1, MAX_PIXELS)]
+
+
+def _tuple(values: Iterable[float]) -> tuple[float, ...]:
+    return tuple(map(float, values))
 
 
 @checked_class
@@ -48,7 +54,8 @@ class Pose:
     rotation: Vector = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        hold(self, position=numbers("position", self.position, 3), rotation=numbers("rotation", self.rotation, 3))
+        for name in ("position", "rotation"):
+            object.__setattr__(self, name, _tuple(getattr(self, name)))
 
     @property
     def matrix(self) -> Array:
@@ -88,29 +95,21 @@ class Pinhole:
     """
 
     _: KW_ONLY
-    columns: int
-    rows: int
-    focal_length: float
-    pixel_pitch: float
-    principal_point: tuple[float, float] | None = None
+    columns: Pixels
+    rows: Pixels
+    focal_length: Positive
+    pixel_pitch: Positive
+    principal_point: tuple[Finite, Finite] | None = None
     pose: Pose = Pose()
     velocity: Vector = (0.0, 0.0, 0.0)
-    blur: float = 0.0
+    blur: Annotated[float, Within(0.0, 100.0)] = 0.0
 
     def __post_init__(self) -> None:
-        hold(
-            self,
-            columns=whole("columns", self.columns, 1, _MAX_PIXELS),
-            rows=whole("rows", self.rows, 1, _MAX_PIXELS),
-            focal_length=number("focal_length", self.focal_length, 0, open_low=True),
-            pixel_pitch=number("pixel_pitch", self.pixel_pitch, 0, open_low=True),
-            velocity=numbers("velocity", self.velocity, 3),
-            blur=number("blur", self.blur, 0, 100),
-        )
-        if self.rows * self.columns > _MAX_PIXELS:
-            raise ValueError(f"rows: got {self.rows} x {self.columns} pixels, allowed: up to {_MAX_PIXELS}")
+        object.__setattr__(self, "velocity", _tuple(self.velocity))
+        if self.rows * self.columns > MAX_PIXELS:
+            raise ValueError(f"rows: got {self.rows} x {self.columns} pixels, allowed: up to {MAX_PIXELS}")
         if self.principal_point is not None:
-            hold(self, principal_point=numbers("principal_point", self.principal_point, 2))
+            object.__setattr__(self, "principal_point", _tuple(self.principal_point))
 
     @property
     def focal_pixels(self) -> float:
@@ -156,12 +155,8 @@ class Pinhole:
 class Rectangle:
     """Plate of width (along its x) and height (along its y), m, above 0."""
 
-    width: float
-    height: float
-
-    def __post_init__(self) -> None:
-        for name in ("width", "height"):
-            hold(self, **{name: number(name, getattr(self, name), 0, open_low=True)})
+    width: Positive
+    height: Positive
 
     @checked
     def contains(self, x: Array, y: Array) -> npt.NDArray[np.bool_]:
@@ -178,10 +173,7 @@ class Rectangle:
 class Disc:
     """Round plate of the given diameter, m, above 0."""
 
-    diameter: float
-
-    def __post_init__(self) -> None:
-        hold(self, diameter=number("diameter", self.diameter, 0, open_low=True))
+    diameter: Positive
 
     @checked
     def contains(self, x: Array, y: Array) -> npt.NDArray[np.bool_]:
@@ -203,13 +195,11 @@ class Ring:
         width: from the inner to the outer circle, m, above 0 and below the diameter.
     """
 
-    diameter: float
-    width: float
+    diameter: Positive
+    width: Positive
 
     def __post_init__(self) -> None:
-        hold(self, diameter=number("diameter", self.diameter, 0, open_low=True))
-        hold(self, width=number("width", self.width, 0, self.diameter, open_low=True))
-        if self.width == self.diameter:
+        if self.width >= self.diameter:
             raise ValueError(f"width: got {shown(self.width)}, allowed: below the diameter")
 
     @checked

@@ -8,11 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from ocisac_fast.core.checks import checked, checked_class, is_real_array, shown
+from ocisac_fast.core.checks import (
+    Finite,
+    InnerShare,
+    NotNegative,
+    Positive,
+    Share,
+    checked,
+    checked_class,
+    is_real_array,
+    shown,
+)
 from ocisac_fast.light.waveforms import Waveform
-from ocisac_fast.scene.checks import hold, instance, number
 from ocisac_fast.scene.course import check_light
-from ocisac_fast.scene.geometry import Array, Disc, Pose, Rectangle, Ring, Shape
+from ocisac_fast.scene.geometry import Array, Pose, Ring, Shape
 
 
 @checked_class
@@ -29,18 +38,10 @@ class PathLoss:
         attenuation: 1/m, 0 or above: 0.05 to 0.4 in water.
     """
 
-    exponent: float = 0.0
+    exponent: NotNegative = 0.0
     _: KW_ONLY
-    reference: float = 1.0
-    attenuation: float = 0.0
-
-    def __post_init__(self) -> None:
-        hold(
-            self,
-            exponent=number("exponent", self.exponent, 0),
-            reference=number("reference", self.reference, 0, open_low=True),
-            attenuation=number("attenuation", self.attenuation, 0),
-        )
+    reference: Positive = 1.0
+    attenuation: NotNegative = 0.0
 
     @checked
     def at(self, distance: Array) -> Array:
@@ -48,19 +49,12 @@ class PathLoss:
         return np.asarray(spread * np.exp(-self.attenuation * distance))
 
 
-def _check_levels(low: float, high: float) -> dict[str, float]:
-    return {"low": number("low", low, 0, 1), "high": number("high", high, 0, 1)}
-
-
 @checked_class
 @dataclass(frozen=True)
 class Plain:
     """Uniform reflectance (or transmittance of a mask), 0 to 1."""
 
-    level: float = 1.0
-
-    def __post_init__(self) -> None:
-        hold(self, level=number("level", self.level, 0, 1))
+    level: Share = 1.0
 
 
 @checked_class
@@ -74,15 +68,11 @@ class Cosine:
         phase: rad.
     """
 
-    frequency: float
+    frequency: Positive
     _: KW_ONLY
-    low: float = 0.0
-    high: float = 1.0
-    phase: float = 0.0
-
-    def __post_init__(self) -> None:
-        hold(self, **_check_levels(self.low, self.high), phase=number("phase", self.phase))
-        hold(self, frequency=number("frequency", self.frequency, 0, open_low=True))
+    low: Share = 0.0
+    high: Share = 1.0
+    phase: Finite = 0.0
 
 
 @checked_class
@@ -97,19 +87,12 @@ class Grating:
         phase: rad.
     """
 
-    frequency: float
+    frequency: Positive
     _: KW_ONLY
-    duty: float = 0.5
-    low: float = 0.0
-    high: float = 1.0
-    phase: float = 0.0
-
-    def __post_init__(self) -> None:
-        hold(self, **_check_levels(self.low, self.high), phase=number("phase", self.phase))
-        hold(self, frequency=number("frequency", self.frequency, 0, open_low=True))
-        hold(self, duty=number("duty", self.duty, 0, 1, open_low=True))
-        if self.duty == 1:
-            raise ValueError(f"duty: got {shown(self.duty)}, allowed: above 0 and below 1")
+    duty: InnerShare = 0.5
+    low: Share = 0.0
+    high: Share = 1.0
+    phase: Finite = 0.0
 
 
 @checked_class
@@ -125,8 +108,8 @@ class Picture:
     """
 
     levels: Any  # real numbers, (rows, columns); an array once made
-    width: float
-    height: float
+    width: Positive
+    height: Positive
 
     def __post_init__(self) -> None:
         if not is_real_array(self.levels):
@@ -137,8 +120,7 @@ class Picture:
         if not (levels.min() >= 0 and levels.max() <= 1):
             raise ValueError(f"levels: got {levels.min():g} to {levels.max():g}, allowed: 0 to 1")
         levels.flags.writeable = False
-        hold(self, levels=levels, width=number("width", self.width, 0, open_low=True))
-        hold(self, height=number("height", self.height, 0, open_low=True))
+        object.__setattr__(self, "levels", levels)
 
     @property
     def frequency(self) -> float:
@@ -168,17 +150,12 @@ class Source:
     pose: Pose
     waveform: Waveform
     _: KW_ONLY
-    intensity: float = 1.0
+    intensity: NotNegative = 1.0
     path_loss: PathLoss = PathLoss()
-    directivity: float = 1.0
+    directivity: NotNegative = 1.0
 
     def __post_init__(self) -> None:
-        instance("shape", self.shape, (Rectangle, Disc, Ring))
-        instance("pose", self.pose, Pose)
         check_light(self.waveform)
-        instance("path_loss", self.path_loss, PathLoss)
-        hold(self, intensity=number("intensity", self.intensity, 0))
-        hold(self, directivity=number("directivity", self.directivity, 0))
 
 
 @dataclass(frozen=True)
@@ -187,13 +164,7 @@ class _Patterned:
     pose: Pose
     _: KW_ONLY
     pattern: Pattern = Plain()
-    speed: float = 0.0
-
-    def __post_init__(self) -> None:
-        instance("shape", self.shape, (Rectangle, Disc, Ring))
-        instance("pose", self.pose, Pose)
-        instance("pattern", self.pattern, (Plain, Cosine, Grating, Picture))
-        hold(self, speed=number("speed", self.speed))
+    speed: Finite = 0.0
 
     @property
     def spatial_frequency(self) -> float:
@@ -244,11 +215,6 @@ class Surface(_Patterned):
     _: KW_ONLY
     path_loss: PathLoss = PathLoss()
     lit_by_sources: bool = False
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        instance("path_loss", self.path_loss, PathLoss)
-        instance("lit_by_sources", self.lit_by_sources, bool)
 
 
 @checked_class

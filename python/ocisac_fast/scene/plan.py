@@ -17,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast.core.checks import shown
 from ocisac_fast.light.waveforms import Constant, Waveform
 from ocisac_fast.scene.blur import left_out, spread, widened
 from ocisac_fast.scene.course import Course, course
@@ -121,12 +120,6 @@ def make_plan(
     scene: SceneDescription, tolerance: float, unit: Literal["DN", "noise"], frames: int, start: float
 ) -> Plan:
     """`Scene.plan`."""
-    if not (math.isfinite(tolerance) and tolerance > 0):
-        raise ValueError(f"tolerance: got {shown(tolerance)}, allowed: above 0")
-    if frames < 1:
-        raise ValueError(f"frames: got {frames}, allowed: 1 or more")
-    if not math.isfinite(start):
-        raise ValueError(f"start: got {start}, allowed: finite")
     if frames > 1 and scene.camera.frame_time is None:
         raise ValueError("frame_time: got None, allowed: the frame time of the camera in seconds, needed for frames")
     span = tolerance * _noise(scene) if unit == "noise" else float(tolerance)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import Count, Within, checked
 from ocisac_fast.scene.description import SceneDescription
 from ocisac_fast.scene.plan import Plan, plan_at
 
@@ -22,8 +22,8 @@ def render(
     *,
     frames: int | None = None,
     noise: bool = False,
-    seed: int = 0,
-    threads: int = 1,
+    seed: Annotated[int, Within(0)] = 0,
+    threads: Count = 1,
 ) -> Iterator[Frame]:
     """Render frames of a scene: dark level + v, v = A * T_e * p (eq. 4) within the plan's tolerance.
 
@@ -48,10 +48,6 @@ def render(
         raise ValueError(f"frames: got {count}, allowed: from 1 to {plan.frames}, those of the plan")
     if noise and not plan.scene.sensor.noisy:
         raise ValueError("noise: got True, allowed: False for a sensor without noise")
-    if threads < 1:
-        raise ValueError(f"threads: got {threads}, allowed: 1 or more")
-    if seed < 0:
-        raise ValueError(f"seed: got {seed}, allowed: 0 or above")
     return (_frame(plan, number, noise, seed, threads) for number in range(count))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from ocisac_fast.core.checks import checked, checked_class
+from ocisac_fast.core.checks import Count, Finite, Positive, checked, checked_class
 from ocisac_fast.scene.description import SceneDescription
 from ocisac_fast.scene.plan import Plan, make_plan
 
@@ -17,7 +17,7 @@ class Scene(SceneDescription):
 
     @checked
     def plan(
-        self, *, tolerance: float = 0.5, unit: Literal["DN", "noise"] = "DN", frames: int = 1, start: float = 0.0
+        self, *, tolerance: Positive = 0.5, unit: Literal["DN", "noise"] = "DN", frames: Count = 1, start: Finite = 0.0
     ) -> Plan:
         """Select the terms to compute so that every pixel is within ``tolerance`` of the full model.
 

@@ -4,38 +4,39 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.checks import Finite, NotNegative, Positive, Within, checked
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
-from ocisac_fast.scene.checks import number, whole
+from ocisac_fast.scene.geometry import MAX_PIXELS, Pixels
 
-_MAX_PIXELS = 1 << 28
 _TEXTURE_SCALES = ((8.0, 0.2), (40.0, 0.8))  # standard deviation of a Gaussian in px, its share of the variance
 
 FloatArray = npt.NDArray[np.float64]
 
 
+@checked
 def simulate_frames(
     waveform: Waveform,
     camera: Camera,
-    rows: int,
-    columns: int,
-    frames: int = 1,
+    rows: Pixels,
+    columns: Pixels,
+    frames: Pixels = 1,
     *,
     start: float = 0.0,
-    swing: float = 200.0,
-    dark_level: float = 0.0,
-    noise: float = 0.0,
+    swing: Finite = 200.0,
+    dark_level: Finite = 0.0,
+    noise: NotNegative = 0.0,
     lamp: npt.ArrayLike = 1.0,
     ambient: Waveform | None = None,
     reflectance: npt.ArrayLike = 1.0,
-    jitter: float = 0.0,
+    jitter: NotNegative = 0.0,
     dtype: npt.DTypeLike = np.uint8,
-    seed: int = 0,
+    seed: Annotated[int, Within(0)] = 0,
 ) -> Iterator[npt.NDArray[Any]]:
     """Simulate frames: dark_level + swing * reflectance * (lamp * p_n + ambient_n) + noise.
 
@@ -63,14 +64,8 @@ def simulate_frames(
     Raises:
         ValueError: a value outside its range, at the call.
     """
-    for name, size in (("rows", rows), ("columns", columns), ("frames", frames)):
-        whole(name, size, 1, _MAX_PIXELS)
-    if rows * columns > _MAX_PIXELS:
-        raise ValueError(f"rows x columns: got {rows} x {columns}, allowed: up to {_MAX_PIXELS} pixels")
-    swing, dark_level = number("swing", swing), number("dark_level", dark_level)
-    noise, jitter = number("noise", noise, 0), number("jitter", jitter, 0)
-    if seed < 0:
-        raise ValueError(f"seed: got {seed}, allowed: 0 or above")
+    if rows * columns > MAX_PIXELS:
+        raise ValueError(f"rows x columns: got {rows} x {columns}, allowed: up to {MAX_PIXELS} pixels")
     kind = np.dtype(dtype)
     if kind not in (np.uint8, np.uint16, np.float32, np.float64):
         raise ValueError(f"dtype: got {kind}, allowed: uint8, uint16, float32, float64")
@@ -102,7 +97,8 @@ def simulate_frames(
     return (stored(first if frame == 0 else light_of(frame)) for frame in range(frames))
 
 
-def lamp_bar(rows: int, columns: int, width: float, *, tilt: float = 0.0) -> FloatArray:
+@checked
+def lamp_bar(rows: int, columns: int, width: Positive, *, tilt: float = 0.0) -> FloatArray:
     """Share of its light that reaches each pixel from a bar along the rows through the middle of the picture.
 
     Args:
@@ -113,8 +109,6 @@ def lamp_bar(rows: int, columns: int, width: float, *, tilt: float = 0.0) -> Flo
     Returns:
         (rows, columns), 1 on the middle line.
     """
-    width = number("width", width, 0, open_low=True)
-    tilt = number("tilt", tilt)
     if not abs(tilt) < math.pi / 2:
         raise ValueError(f"tilt: got {tilt}, allowed: inside (-pi/2, pi/2) rad")
     down, across = np.ogrid[:rows, :columns]
@@ -122,7 +116,8 @@ def lamp_bar(rows: int, columns: int, width: float, *, tilt: float = 0.0) -> Flo
     return np.asarray(np.exp(-0.5 * ((across - middle) / width) ** 2))
 
 
-def texture(rows: int, columns: int, contrast: float, *, seed: int = 0) -> FloatArray:
+@checked
+def texture(rows: int, columns: int, contrast: NotNegative, *, seed: int = 0) -> FloatArray:
     """Reflectance of a rough wall: exp(contrast * z), z a Gaussian random field of variance 1.
 
     z is the sum of two fields of white noise, smoothed by Gaussians of 8 and 40 px, with 0.2 and 0.8 of the variance;
@@ -133,7 +128,6 @@ def texture(rows: int, columns: int, contrast: float, *, seed: int = 0) -> Float
         contrast: standard deviation of the logarithm, 0 or above.
         seed: of the field.
     """
-    contrast = number("contrast", contrast, 0)
     random = np.random.default_rng(seed)
     frequencies = np.fft.fftfreq(rows)[:, np.newaxis] ** 2 + np.fft.rfftfreq(columns) ** 2
     log = np.zeros((rows, columns))

@@ -223,7 +223,7 @@ def _made(maker: Callable[..., Any], table: Any, keys: Keys, folder: _Folder) ->
     for name, value in table.items():
         if name not in allowed:
             raise _BadKey((*keys, name), f"unknown key, allowed: {', '.join(allowed)}")
-        values[name] = _value(fields.get(name), name, value, (*keys, name), folder)
+        values[name] = _value(name, value, (*keys, name), folder)
     if posed:
         pose = {name: values.pop(name) for name in ("position", "rotation") if name in values}
         try:
@@ -243,7 +243,7 @@ def _made(maker: Callable[..., Any], table: Any, keys: Keys, folder: _Folder) ->
         raise _BadKey(keys, str(error)) from error
 
 
-def _value(item: dataclasses.Field[Any] | None, name: str, value: Any, keys: Keys, folder: _Folder) -> Any:
+def _value(name: str, value: Any, keys: Keys, folder: _Folder) -> Any:
     if name == "parts" and isinstance(value, list):
         return [_choice(name, part, (*keys, index), folder) for index, part in enumerate(value)]
     if name in _CHOICES:
@@ -252,14 +252,6 @@ def _value(item: dataclasses.Field[Any] | None, name: str, value: Any, keys: Key
         return _made(PathLoss, value, keys, folder)
     if name == "file":
         return _picture(value, keys, folder)
-    kind = str(item.type) if item else "list"
-    numeric = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if kind in ("float", "float | None") and not numeric:
-        raise _BadKey(keys, f"got {shown(value)}, allowed: a number")
-    if kind == "bool" and not isinstance(value, bool):
-        raise _BadKey(keys, f"got {shown(value)}, allowed: true or false")
-    if kind == "str" and not isinstance(value, str):
-        raise _BadKey(keys, f"got {shown(value)}, allowed: a string")
     return value
 
 

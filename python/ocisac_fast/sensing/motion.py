@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Annotated, Literal
 
-from ocisac_fast.core.checks import checked, checked_class, shown
+from ocisac_fast.core.checks import Invertible, Positive, Within, checked, checked_class, shown
 from ocisac_fast.core.flags import Flag
 
 _MAX_CANDIDATES = 16
@@ -61,35 +61,23 @@ class KnownMotion:
 
     axis: Literal["across", "along"] | None = None
     direction: Literal[-1, 0, 1] = 0
-    pitch: float | None = None
-    spatial_frequency: float | None = None
-    speed: float | None = None
+    pitch: Positive | None = None
+    spatial_frequency: Positive | None = None
+    speed: Positive | None = None
     bounds: tuple[float, float] | None = None
     frame_times: tuple[float, ...] | None = None
-    timing_tolerance: float = 1e-4
+    timing_tolerance: Annotated[float, Within(0.0, 0.01, above=True)] = 1e-4
 
     def __post_init__(self) -> None:
-        if self.axis not in (None, "across", "along"):
-            raise ValueError(f"axis: got {shown(self.axis)}, allowed: 'across', 'along' or None")
-        if self.direction not in (-1, 0, 1):
-            raise ValueError(f"direction: got {self.direction}, allowed: -1, 0 or 1")
-        for name in ("pitch", "spatial_frequency", "speed"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name}: got {value}, allowed: a finite number above 0")
         if self.bounds is not None and not (0.0 <= self.bounds[0] < self.bounds[1] < math.inf):
             raise ValueError(f"bounds: got {shown(self.bounds)}, allowed: (low, high), 0 <= low < high, finite")
         times = self.frame_times
         if times is not None and not (all(map(math.isfinite, times)) and all(a < b for a, b in pairwise(times))):
             raise ValueError(f"frame_times: got {shown(times)}, allowed: finite and ascending")
-        if not 0.0 < self.timing_tolerance <= 0.01:
-            raise ValueError(f"timing_tolerance: got {self.timing_tolerance}, allowed: above 0 up to 0.01")
 
     @checked
-    def bounds_for(self, row_time: float) -> tuple[float, float]:
+    def bounds_for(self, row_time: Invertible) -> tuple[float, float]:
         """``bounds``, or 0 to half the row rate, Hz."""
-        if not (math.isfinite(row_time) and row_time > 1e-300):
-            raise ValueError(f"row_time: got {row_time}, allowed: a finite number above 0 (s)")
         return self.bounds or (0.0, 0.5 / row_time)
 
 

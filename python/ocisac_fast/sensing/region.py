@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_grey_frames, stored_box
-from ocisac_fast.core.checks import checked, shown
+from ocisac_fast.core.checks import InnerShare, NotNegative, Positive, Within, checked, checked_class, shown
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
 from ocisac_fast.sensing.fit import (
@@ -139,30 +139,21 @@ class MeasuredFrequency(Protocol):
     def frequency_std(self) -> float: ...
 
 
+@checked_class
 @dataclass(frozen=True, slots=True)
 class Request:
     """The checked arguments of :func:`sense_region` apart from frames and background."""
 
     waveform: Literal["tone", "square"] = "tone"
-    duty: float = 0.5
-    depth: float = 1.0
+    duty: InnerShare = 0.5
+    depth: Annotated[float, Within(1e-9, 1e9)] = 1.0
     motion: KnownMotion | None = None
-    frequency: float | None = None
-    frequency_std: float = 0.0
+    frequency: Positive | None = None
+    frequency_std: NotNegative = 0.0
     others: tuple[float, ...] = ()
     bounds: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        if self.waveform not in ("tone", "square"):
-            raise ValueError(f"waveform: got {shown(self.waveform)}, allowed: 'tone' or 'square'")
-        if not 0.0 < self.duty < 1.0:
-            raise ValueError(f"duty: got {self.duty}, allowed: above 0 and below 1")
-        if not 1e-9 <= self.depth <= 1e9:
-            raise ValueError(f"depth: got {self.depth}, allowed: 1e-9 to 1e9")
-        if self.frequency is not None and not (math.isfinite(self.frequency) and self.frequency > 0.0):
-            raise ValueError(f"frequency: got {self.frequency}, allowed: a finite number above 0")
-        if not (math.isfinite(self.frequency_std) and self.frequency_std >= 0.0):
-            raise ValueError(f"frequency_std: got {self.frequency_std}, allowed: a finite number, 0 or above")
         _frequencies("others", self.others)
 
 
