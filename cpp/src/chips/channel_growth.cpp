@@ -72,7 +72,9 @@ std::optional<RefinedChannel> grow_to_frame(const IterationContext& context, con
     auto tried = from ? grow(context, *from, growth) : std::nullopt;
     if (tried && (!best || tried->channel.noise < best->channel.noise)) best = std::move(tried);
     if (!best) continue;
-    const auto windows = residual_windows(unwarped(context.signal, best->warp), *best);
+    const auto rows = unwarped(context.signal, best->warp);
+    const auto windows =
+        residual_windows(channel_residual(rows, {best->chips, best->first}, best->channel), best->channel);
     best->even = is_even(windows, best->channel.clock);
     if (best->settled && best->even) break;
     from = channel_of_best_part(context, *best, windows);

@@ -113,7 +113,9 @@ std::optional<RefinedChannel> track_in_parallel(const IterationContext& context,
                                                 RowRange rows) {
   const auto clock = most_likely_clock(context, std::move(clocks), rows);
   auto found = clock ? grow(context, *clock, kMinGrowth) : std::nullopt;
-  if (found) found->even = is_even(residual_windows(context.signal, *found), found->channel.clock);
+  if (!found) return found;
+  const auto left = channel_residual(context.signal, {found->chips, found->first}, found->channel);
+  found->even = is_even(residual_windows(left, found->channel), found->channel.clock);
   return found;
 }
 

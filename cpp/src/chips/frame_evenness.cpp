@@ -13,10 +13,8 @@ constexpr double kWindowChips = 30;  // length of a part, beside the exposure
 
 }  // namespace
 
-std::vector<ResidualWindow> residual_windows(std::span<const double> signal, const RefinedChannel& found) {
-  const ChannelEstimate& channel = found.channel;
+std::vector<ResidualWindow> residual_windows(std::span<const double> left, const ChannelEstimate& channel) {
   const double length = kWindowChips * channel.clock.rows_per_chip + channel.clock.exposure_rows;
-  const auto left = channel_residual(signal, {found.chips, found.first}, channel);
   std::vector<ResidualWindow> windows;
   const std::size_t size = std::min(static_cast<std::size_t>(length), channel.rows.size());
   for (std::size_t begin = channel.rows.begin; begin + size <= channel.rows.end;

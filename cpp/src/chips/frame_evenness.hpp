@@ -16,7 +16,8 @@ struct ResidualWindow {
   double left, as_noise;
 };
 
-std::vector<ResidualWindow> residual_windows(std::span<const double> signal, const RefinedChannel& found);
+// `left`: (rows) the residual.
+std::vector<ResidualWindow> residual_windows(std::span<const double> left, const ChannelEstimate& channel);
 
 // A clock lost in a part of the frame raises the residual there. So does higher noise (of brighter light, for example).
 // If chips or exposures are several rows long, wrong chips give a residual that changes slowly from row to row, unlike

@@ -5,14 +5,11 @@
 #include <vector>
 
 #include "ocisac/columns/column_combination.hpp"
+#include "ocisac/receiver/light_receiver.hpp"
 
 namespace ocisac {
 
-// A stream, or the opposite of one.
-struct ColourStream {
-  std::vector<double> weights;  // of the colours' signals: their sum follows this stream and no other one
-  std::size_t colour = 0;       // the colour that shows it best, in whose swing the sum is scaled
-};
+inline constexpr std::size_t kMinChipsOfStreams = 16;  // by which streams are separated
 
 // Model: v = A·s + b + noise, v (colours) of each chip, s one or several streams of −1 and 1, A the mixing of the
 // lamp's colours by those of the camera. Streams start as the colours' own decisions, those that agree or are opposite

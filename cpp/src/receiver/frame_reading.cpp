@@ -8,10 +8,10 @@
 #include <utility>
 
 #include "chips/chip_period.hpp"
-#include "chips/frame_evenness.hpp"
 #include "ocisac/chips/detect_chips.hpp"
 #include "ocisac/chips/preamble.hpp"
 #include "ocisac/chips/refine_channel.hpp"
+#include "receiver/reading_verdict.hpp"
 
 namespace ocisac {
 
@@ -25,15 +25,7 @@ constexpr double kVainStep = 0.02;       // standard errors
 constexpr double kLevelsStay = 0.03;     // relative to the swing
 constexpr double kRestStays = 0.3;       // relative to the noise, of the rows less slow light and tones
 constexpr double kToneReach = 0.25;      // spectral lines of a frame, in a round
-constexpr double kMaxRelativeNoise = 1.0 / 3;
-constexpr double kMaxErrors = 2e-3;  // expected error rate
-constexpr double kMaxErrorsIfEven = 0.08;
-constexpr double kMaxCorrelation = 0.3;  // right frames have at most 0.07, wrong ones at least 0.7
 constexpr double kEquallyGood = 1.2;     // ratio of residuals
-constexpr double kChangedRows = 1.5;     // chips, by one of them
-constexpr double kExcessChips = 8;       // either side, in which the residual is alike
-constexpr double kExcessErrors = 5;      // standard errors
-constexpr double kNoResidual = 0.005;    // relative to the swing: rounding to whole values may be correlated
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
 
@@ -64,26 +56,6 @@ std::string_view method_for(const ChipClock& clock, double longest_trellis) {
 // Fails, so that the channel is rejected, where the estimated exposure is too long.
 std::vector<double> detect_levels(const ChipQuestion& question) {
   return level_detector(method_for(question.clock, kLongestSearchedTrellis))(question);
-}
-
-double error_rate_within(const FrameReading& reading) {
-  const ChipClock& clock = reading.channel.clock;
-  const auto edge = static_cast<std::size_t>(std::ceil(clock.exposure_rows / clock.rows_per_chip)) + 1;
-  if (reading.llr.size() <= 3 * edge) return 1;
-  double sum = 0;
-  for (std::size_t k = edge; k < reading.llr.size() - edge; ++k) sum += 1 / (1 + std::exp(std::abs(reading.llr[k])));
-  return sum / static_cast<double>(reading.llr.size() - 2 * edge);
-}
-
-// Of neighbouring rows of what the channel leaves, −1 to 1.
-double residual_correlation(std::span<const double> left, const FrameReading& reading) {
-  double earlier = 0, later = 0, products = 0;
-  for (std::size_t n = reading.channel.rows.begin + 1; n < reading.channel.rows.end; ++n) {
-    earlier += left[n - 1] * left[n - 1];
-    later += left[n] * left[n];
-    products += left[n] * left[n - 1];
-  }
-  return earlier > 0 && later > 0 ? products / std::sqrt(earlier * later) : 0.0;
 }
 
 // True if detection with one channel is equivalent to that with the other.
@@ -141,38 +113,6 @@ class FittedBeside {
   double moved_by_steps_ = 0;
 };
 
-// Mean squares of the residual about each chip, summed over the rows that a chip changes: a multiple of those of white
-// noise, 1 where it is not significant. The variance of a log-likelihood ratio grows by as much.
-std::vector<double> residual_excess(std::span<const double> left, const FrameReading& reading) {
-  const ChannelEstimate& channel = reading.channel;
-  const ChipClock& clock = channel.clock;
-  std::vector<double> excess(reading.llr.size(), 1.0);
-  const double rows = kChangedRows * clock.rows_per_chip;
-  const auto width = std::max<std::size_t>(static_cast<std::size_t>(std::nearbyint(rows)), 1);
-  if (left.size() < width || !(channel.noise > 0)) return excess;
-  std::vector<double> sums{0.0};  // of squared sums over `width` rows, in variances of white noise
-  double sum = 0;
-  for (std::size_t n = 0; n < left.size(); ++n) {
-    sum += left[n] - (n >= width ? left[n - width] : 0.0);
-    if (n + 1 >= width)
-      sums.push_back(sums.back() + sum * sum / (static_cast<double>(width) * channel.noise * channel.noise));
-  }
-  const double last = static_cast<double>(sums.size() - 1);
-  const double reach = kExcessChips * clock.rows_per_chip + 0.5 * clock.exposure_rows;
-  for (std::size_t k = 0; k < excess.size(); ++k) {
-    const double middle = clock.phase +
-                          (static_cast<double>(reading.first) + static_cast<double>(k) + 0.5) * clock.rows_per_chip -
-                          0.5 * static_cast<double>(width);
-    const double begin = std::clamp(std::floor(middle - reach), 0.0, last - 1),
-                 end = std::clamp(std::ceil(middle + reach), begin + 1, last);
-    const double mean = (sums[static_cast<std::size_t>(end)] - sums[static_cast<std::size_t>(begin)]) / (end - begin);
-    // Squares of sums that overlap: two thirds of the width are one independent value.
-    const double values = 1 + 1.5 * (end - begin) / static_cast<double>(width);
-    if (mean > 1 + kExcessErrors * std::sqrt(2 / values)) excess[k] = mean;
-  }
-  return excess;
-}
-
 }  // namespace
 
 std::vector<double> hard_chips(const FrameReading& reading) {
@@ -212,10 +152,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     if (stays) break;
   }
   reading.channel = std::move(channel);
-  reading.error_rate = error_rate_within(reading);
-  const auto left = channel_residual(reading.rest, {hard_chips(reading), reading.first}, reading.channel);
-  reading.correlation = residual_correlation(left, reading);
-  reading.excess = residual_excess(left, reading);
+  judge(reading);
   return reading;
 }
 
@@ -240,23 +177,9 @@ FrameReading with_shortest_exposure(FrameReading reading, SearchEffort* effort) 
   const auto start = with_shortest_exposure(reading.channel, whole_bits(reading, reading.rest.size()));
   auto shorter = start ? read_frame(reading.rest, *start, false, effort) : std::nullopt;
   if (!shorter || !(shorter->channel.noise < kEquallyGood * reading.channel.noise)) return reading;
-  shorter->even = reading.even;
   shorter->warp = std::move(reading.warp);
+  shorter->nuisance = std::move(reading.nuisance);
   return std::move(*shorter);
-}
-
-bool is_misfit(const FrameReading& reading) {
-  return reading.correlation > kMaxCorrelation && reading.relative_noise > kNoResidual;
-}
-
-bool is_even(const FrameReading& reading) {
-  const RefinedChannel found{reading.channel, hard_chips(reading), reading.first};
-  return is_even(residual_windows(reading.rest, found), reading.channel.clock);
-}
-
-bool is_sound(const FrameReading& reading) {
-  return reading.relative_noise < kMaxRelativeNoise &&
-         reading.error_rate < (reading.even ? kMaxErrorsIfEven : kMaxErrors);
 }
 
 namespace {
@@ -267,7 +190,6 @@ std::optional<FrameReading> reading_of(std::span<const double> signal, const std
   if (!found) return std::nullopt;
   auto reading = read_frame(unwarped(signal, found->warp), found->channel, exposure_known, effort);
   if (!reading) return std::nullopt;
-  reading->even = found->even;
   reading->warp = found->warp;
   return reading;
 }
@@ -287,7 +209,8 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
   const bool exposure_known = search.exposure_rows.has_value();
   const auto sound = [&](std::optional<FrameReading> reading) {
     if (reading && search.warped) reading = refine_warp(signal, std::move(*reading), exposure_known, search.effort);
-    return reading && is_sound(*reading) && !(search.warped && is_misfit(*reading)) ? std::move(reading) : std::nullopt;
+    const Verdict least = search.warped ? Verdict::fits : Verdict::misfit;
+    return reading && reading->verdict >= least ? std::move(reading) : std::nullopt;
   };
   const double chips = static_cast<double>(search.preamble.size());
   const double seen = chips - search.exposure_rows.value_or(0.0) / search.rows_per_chip;

@@ -17,15 +17,11 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMinWeight = 0.1;  // of the largest weight: columns below are outside of the light
 
-constexpr std::size_t kFramesAgreed = 3, kMinChipsOfStreams = 16;
-constexpr std::size_t kLost = 8;         // frames without the light, after which its colours may send other streams
-constexpr double kShortExposure = 1.05;  // chips; in a longer one no chip shows its own level
-constexpr double kSameWeights = 0.9;     // cosine between the weights of two frames
+constexpr double kSameWeights = 0.9;  // cosine between the weights of two frames
 
-double first_of(const std::vector<double>& values) { return values.empty() ? kNaN : values.front(); }
+double first_of(const std::vector<double>& values) { return values.empty() ? LightGain::kUnknown : values.front(); }
 
 // Offset in columns from the centre of the region to the centroid of the weights.
 double offset_of(std::span<const double> weights) {
@@ -43,7 +39,7 @@ double scalar_product(std::span<const double> a, std::span<const double> b) {
   return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
 }
 
-bool are_alike(const ColourWeights& a, const ColourWeights& b) {
+bool are_alike(const ColourStream& a, const ColourStream& b) {
   const double lengths = std::sqrt(scalar_product(a.weights, a.weights) * scalar_product(b.weights, b.weights));
   return scalar_product(a.weights, b.weights) > kSameWeights * lengths;
 }
@@ -69,7 +65,7 @@ bool has_tone(const LightGain& gain) {
 }  // namespace
 
 LightReceiver::LightReceiver(const Camera& camera, const LightOptions& options, std::size_t source)
-    : camera_(camera), options_(options), source_(source), frequency_(kNaN), frequency_std_(kNaN) {
+    : camera_(camera), options_(options), source_(source) {
   check(camera);
   if (options_.data) chips_.emplace(camera_, *options_.data);
   if (options_.sense_frequency) require_positive("sense_frequency", *options_.sense_frequency);
@@ -77,7 +73,7 @@ LightReceiver::LightReceiver(const Camera& camera, const LightOptions& options, 
   if (options_.gain->frequency) require_positive("frequency", *options_.gain->frequency);
   require_finite("background", options_.gain->background);
   require(options_.gain->duty > 0 && options_.gain->duty < 1, "duty", options_.gain->duty, "inside (0, 1)");
-  frequency_ = options_.gain->frequency.value_or(kNaN);
+  tone_.frequency = options_.gain->frequency.value_or(LightGain::kUnknown);
 }
 
 void LightReceiver::place(const Region& region, bool can_move) {
@@ -108,32 +104,21 @@ void LightReceiver::follow(const CombinedColumn& column, std::size_t columns) {
   for (auto& follower : followers_) follower.move(step);
 }
 
-// Returns the received colour.
-std::size_t LightReceiver::receive_data(std::span<const AnyFramesView> colours, RowRange free, const FrameStamp& stamp,
-                                        LightFrame& result) {
-  const bool hold = chips_->compares_rows(can_move_);
-  Region read = region_;
-  if (can_move_) {
-    read.y = free.begin;
-    read.height = free.size();
-  }
+LightColumns LightReceiver::combine(std::span<const AnyFramesView> colours, RowRange free) {
+  LightColumns seen;
+  if (!chips_) return seen;
+  seen.held = chips_->compares_rows(can_move_);
+  seen.rows = can_move_ ? free : RowRange{region_.y, region_.y + region_.height};
+  seen.region = {region_.y - seen.rows.begin, region_.y - seen.rows.begin + region_.height};
   while (followers_.size() < colours.size()) followers_.emplace_back(camera_.tone_curve);
-  std::vector<CombinedColumn> columns;
+  const Region read{region_.x, seen.rows.begin, region_.width, seen.rows.size()};
   for (std::size_t k = 0; k < colours.size(); ++k)
-    columns.push_back(followers_[k].combine(part_of(colours[k], read), hold));
+    seen.of_colour.push_back(followers_[k].combine(part_of(colours[k], read), seen.held));
+  const auto strongest = std::ranges::max_element(seen.of_colour, std::ranges::less{}, &CombinedColumn::quality);
   const bool is_known = stream_.weights.size() == colours.size();
-  const auto strongest = std::ranges::max_element(columns, std::ranges::less{}, &CombinedColumn::quality);
-  const std::size_t colour = is_known ? stream_.colour : static_cast<std::size_t>(strongest - columns.begin());
-  const CombinedColumn best = is_known ? sum_of(columns, {stream_.weights, stream_.colour}) : columns[colour];
-  result.received =
-      chips_->push(best, result.frame, read.y, {region_.y - read.y, region_.y - read.y + region_.height}, stamp);
-  result.received->colour = colour;
-  if (!is_known && colours.size() > 1) learn_streams(columns, *result.received, read.y);
-  if (result.received->outcome != FrameOutcome::received && !hold)
-    for (auto& follower : followers_) follower.forget();
-  else if (can_move_ && !hold)
-    follow(best, shape_of(colours[colour]).columns);
-  return colour;
+  seen.colour = is_known ? stream_.colour : static_cast<std::size_t>(strongest - seen.of_colour.begin());
+  seen.best = is_known ? sum_of(seen.of_colour, stream_) : seen.of_colour[seen.colour];
+  return seen;
 }
 
 void LightReceiver::forget_streams() {
@@ -143,7 +128,7 @@ void LightReceiver::forget_streams() {
   agreed_ = 0;
 }
 
-void LightReceiver::receive_stream(ColourWeights stream) {
+void LightReceiver::receive_stream(ColourStream stream) {
   stream_ = std::move(stream);
   is_other_stream_ = true;
 }
@@ -152,7 +137,7 @@ void LightReceiver::receive_stream(ColourWeights stream) {
 void LightReceiver::learn_streams(const std::vector<CombinedColumn>& columns, const ReceivedFrame& received,
                                   std::size_t first_row) {
   const double exposure_rows = received.exposure / camera_.row_time;
-  const bool is_short = exposure_rows <= kShortExposure * received.rows_per_chip;
+  const bool is_short = exposure_rows <= kLongestSliced * received.rows_per_chip;
   if (received.outcome != FrameOutcome::received || received.bits.size() < kMinChipsOfStreams || !is_short) return;
   const ChipGrid grid{
       {received.rows_per_chip, received.phase - static_cast<double>(first_row)}, 0, received.bits.size()};
@@ -161,11 +146,9 @@ void LightReceiver::learn_streams(const std::vector<CombinedColumn>& columns, co
   auto streams = colour_streams(values);
   std::ranges::sort(streams, std::ranges::greater{},
                     [&](const ColourStream& stream) { return agreement(values, stream, received.bits); });
-  std::vector<ColourWeights> found;
-  for (auto& stream : streams) found.push_back({std::move(stream.weights), stream.colour});
-  const bool agrees = !found.empty() && std::ranges::equal(found, proposed_, are_alike);
+  const bool agrees = !streams.empty() && std::ranges::equal(streams, proposed_, are_alike);
   agreed_ = agrees ? agreed_ + 1 : 1;
-  proposed_ = std::move(found);
+  proposed_ = std::move(streams);
   if (agreed_ < kFramesAgreed) return;
   stream_ = proposed_.front();
   other_streams_.assign(proposed_.begin() + 1, proposed_.end());
@@ -176,20 +159,20 @@ void LightReceiver::find_tone(const AnyFramesView& part) {
   FrequencySearch wanted;
   wanted.saturation = saturation_level(part, camera_.tone_curve);
   const FoundFrequency found = find_frequency(part, wanted);
-  const bool is_tone = (found.flags & flag::no_tone) == 0;
-  frequency_ = is_tone ? found.frequency / camera_.row_time : kNaN;
-  frequency_std_ = is_tone ? found.frequency_std / camera_.row_time : kNaN;
-  frequency_flags_ = found.flags;
+  tone_ = {.flags = found.flags};
+  if (found.flags & flag::no_tone) return;
+  tone_.frequency = found.frequency / camera_.row_time;
+  tone_.frequency_std = found.frequency_std / camera_.row_time;
 }
 
 LightGain LightReceiver::measure_gain(const AnyFramesView& part) const {
-  LightGain result{frequency_, frequency_std_, kNaN, kNaN, kNaN, kNaN, kNaN, frequency_flags_};
-  if (!std::isfinite(frequency_)) return result;
+  LightGain result = tone_;
+  if (!std::isfinite(result.frequency)) return result;
   ToneGainOptions wanted;
   wanted.waveform = options_.gain->waveform;
   wanted.duty = options_.gain->duty;
   wanted.background = {&options_.gain->background, 1};
-  const ToneGain measured = pooled_tone_gain(part, camera_, {&frequency_, 1}, wanted);
+  const ToneGain measured = pooled_tone_gain(part, camera_, {&result.frequency, 1}, wanted);
   result.gain = first_of(measured.gain);
   result.gain_std = first_of(measured.gain_std);
   result.phase = first_of(measured.phase);
@@ -200,10 +183,10 @@ LightGain LightReceiver::measure_gain(const AnyFramesView& part) const {
 }
 
 // The highest tone of chips is half the chip rate.
-void LightReceiver::suggest_exposure(const LightFrame& result) {
-  double comm = frequency_;
-  if (result.received && std::isfinite(result.received->rows_per_chip))
-    comm = 0.5 / (result.received->rows_per_chip * camera_.row_time);
+void LightReceiver::suggest_exposure(const std::optional<ReceivedFrame>& received) {
+  double comm = tone_.frequency;
+  if (received && std::isfinite(received->rows_per_chip))
+    comm = 0.5 / (received->rows_per_chip * camera_.row_time);
   else if (options_.data && options_.data->chip_rate)
     comm = 0.5 * *options_.data->chip_rate;
   if (!std::isfinite(comm) || !(comm > 0) || std::abs(comm - suggested_for_) <= 1e-4 * suggested_for_) return;
@@ -212,25 +195,28 @@ void LightReceiver::suggest_exposure(const LightFrame& result) {
                                          : best_exposure_exact(comm, comm, 1, 0);
 }
 
-LightFrame LightReceiver::push(std::span<const AnyFramesView> colours, std::int64_t frame, RowRange free,
-                               const FrameStamp& stamp) {
-  LightFrame result;
-  result.frame = frame;
-  result.source = source_;
-  const Region before = region_;
-  const std::size_t colour = chips_ ? receive_data(colours, free, stamp, result) : 0;
-  result.region = region_;
-  if (options_.gain) {
-    if (!tone_known_) find_tone(part_of(colours[colour], before));
-    result.gain = measure_gain(part_of(colours[colour], region_));
+LightFrame LightReceiver::finish(std::span<const AnyFramesView> colours, const LightColumns& seen,
+                                 std::optional<ReceivedFrame> received, std::int64_t frame) {
+  LightFrame result{.frame = frame, .source = source_, .region = region_, .received = std::move(received)};
+  if (options_.gain && !tone_known_) find_tone(part_of(colours[seen.colour], region_));
+  const bool has_chips = result.received && result.received->outcome == FrameOutcome::received;
+  if (result.received) {
+    result.received->colour = seen.colour;
+    if (stream_.weights.size() != colours.size() && colours.size() > 1)
+      learn_streams(seen.of_colour, *result.received, seen.rows.begin);
+    if (!has_chips && !seen.held)
+      for (auto& follower : followers_) follower.forget();
+    else if (can_move_ && !seen.held)
+      follow(seen.best, shape_of(colours[seen.colour]).columns);
+    result.region = region_;
   }
-  suggest_exposure(result);
+  if (options_.gain) result.gain = measure_gain(part_of(colours[seen.colour], region_));
+  suggest_exposure(result.received);
   result.suggestion = suggestion_;
-  const bool received = result.received && result.received->outcome == FrameOutcome::received;
   // A tone in the whole picture, without a detected light, has no position.
   const bool tone = can_move_ && result.gain && has_tone(*result.gain);
-  unseen_ = received || tone ? 0 : unseen_ + 1;
-  if (unseen_ >= kLost) forget_streams();
+  unseen_ = has_chips || tone ? 0 : unseen_ + 1;
+  if (is_lost()) forget_streams();
   return result;
 }
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <utility>
 
-#include "ocisac/receiver/row_model_search.hpp"
+#include "ocisac/receiver/row_reader.hpp"
 
 namespace ocisac {
 
@@ -26,8 +26,9 @@ std::vector<double> without_slow_light(std::span<const std::span<const double>> 
 
 }  // namespace
 
-StrongestTone RowModelSearch::prominent_tone(std::span<const double> signals, std::size_t rows) const {
-  const double highest = kHighestTone / rows_per_chip_.value_or(1 / kHighestTone);
+StrongestTone RowReader::prominent_tone(std::span<const double> signals, std::size_t rows,
+                                        const LightState& state) const {
+  const double highest = kHighestTone / state.rows_per_chip.value_or(1 / kHighestTone);
   auto tone = strongest_tone(signals, rows, kLowestHum * camera_.row_time, highest);
   if (tone.prominence < kMinProminence) return {};
   for (const double mains : kMains)
@@ -37,12 +38,13 @@ StrongestTone RowModelSearch::prominent_tone(std::span<const double> signals, st
 }
 
 // Slow light and tones that the rows show, the most likely first.
-std::vector<RowNuisance> RowModelSearch::other_nuisances(std::span<const double> signal, const FrameRows& frame) const {
+std::vector<RowNuisance> RowReader::other_nuisances(const FrameRows& frame, const LightState& state) const {
+  const std::span<const double> signal = frame.signal;
   const double slow = kSlowLight * camera_.row_time, row_time = camera_.row_time;
-  const auto& scale = state_.scale_beside;
+  const auto& scale = state.scale_beside;
   const auto fit = remove_nuisance(signal, {slow, {}, scale});
   const auto plain = remove_nuisance(signal, {});
-  const double highest = kHighestTone / rows_per_chip_.value_or(1 / kHighestTone);
+  const double highest = kHighestTone / state.rows_per_chip.value_or(1 / kHighestTone);
   std::vector<RowNuisance> nuisances;
   if (fit && plain && fit->squares < (1 - kMinSlow) * plain->squares) {
     for (const double mains : kMains) nuisances.push_back({0, {mains * row_time}, scale});
@@ -67,34 +69,32 @@ std::vector<RowNuisance> RowModelSearch::other_nuisances(std::span<const double>
 }
 
 // Alternative models of the rows: slow light, a tone, another exposure.
-std::vector<SignalModel> RowModelSearch::other_models(std::span<const double> signal, const FrameRows& frame,
-                                                      bool searches) const {
-  const SignalModel given{{},
-                          camera_.exposure ? std::optional(*camera_.exposure / camera_.row_time) : std::nullopt,
-                          camera_.exposure.has_value()};
+std::vector<SignalModel> RowReader::other_models(const FrameRows& frame, const LightState& state, bool searches) const {
+  const SignalModel given = given_model(state.exposure), &last = state.model;
   std::vector<SignalModel> models;
   const auto another_exposure = [&](std::optional<double> rows) {
-    models.push_back({state_.model.nuisance, rows, false});
+    models.push_back({.nuisance = last.nuisance, .exposure_rows = rows});
   };
-  if (!state_.model.nuisance.empty() || state_.model.exposure_known != given.exposure_known ||
-      state_.model.slow_light || state_.model.warped)
+  if (!last.nuisance.empty() || last.exposure_known != given.exposure_known || last.slow_light || last.warped)
     models.push_back(given);
-  for (RowNuisance& nuisance : other_nuisances(signal, frame))
-    models.push_back({std::move(nuisance), given.exposure_rows, given.exposure_known});
-  if (!state_.model.slow_light) {
-    models.push_back(state_.model);
+  for (RowNuisance& nuisance : other_nuisances(frame, state)) {
+    models.push_back(given);
+    models.back().nuisance = std::move(nuisance);
+  }
+  if (!last.slow_light) {
+    models.push_back(last);
     models.back().slow_light = true;
   }
-  if (!state_.model.warped) {
+  if (!last.warped) {
     models.push_back(given);
     models.back().warped = true;
   }
-  const double now = state_.channel ? state_.channel->clock.exposure_rows : given.exposure_rows.value_or(0.0);
-  if (state_.channel) another_exposure(brightness_ratio(signal) * now);  // the brightness changed alike
-  if (given.exposure_rows) another_exposure({});                         // a preamble may show it
+  const double now = state.channel ? state.channel->clock.exposure_rows : given.exposure_rows.value_or(0.0);
+  if (state.channel) another_exposure(state.brightness_ratio(frame.signal) * now);  // the brightness changed alike
+  if (given.exposure_rows) another_exposure({});                                    // a preamble may show it
   const std::size_t factors = kExposureFactors.size(), count = searches ? kSearchedFactors : factors;
   for (std::size_t k = 0; now > 0 && k < count; ++k)
-    another_exposure(kExposureFactors[(vain_tries_ * count + k) % factors] * now);
+    another_exposure(kExposureFactors[(state.other_models.failures * count + k) % factors] * now);
   return models;
 }
 

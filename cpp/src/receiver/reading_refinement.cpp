@@ -52,7 +52,7 @@ static void move_tone(std::span<const double> signal, std::span<const double> ex
   tone = 0.5 * (low + high);
 }
 
-std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance& nuisance,
+std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance nuisance,
                                             bool exposure_known, SearchEffort* effort) {
   for (int round = 0; round < kNuisanceRounds; ++round) {
     const auto exposed = exposed_rows(reading, signal.size());
@@ -62,10 +62,10 @@ std::optional<FrameReading> refine_nuisance(std::span<const double> signal, Fram
     if (!again) return std::nullopt;
     const bool stays = again->first == reading.first && exposed_rows(*again, signal.size()) == exposed;
     const bool settled = again->relative_noise > kNuisanceSettled * reading.relative_noise;
-    again->even = reading.even;
     reading = std::move(*again);
     if (stays || (settled && round > 0)) break;
   }
+  reading.nuisance = std::move(nuisance);
   return reading;
 }
 
@@ -122,7 +122,7 @@ std::optional<FrameReading> refine_shape(std::span<const double> signal, FrameRe
     auto again = read_frame(signal, moved, exposure_known, effort);
     if (!again || (round > 0 && !(again->relative_noise < reading.relative_noise))) break;
     const bool settled = round > 0 && again->relative_noise > (1 - kMinShapeGain) * reading.relative_noise;
-    again->even = reading.even;
+    again->nuisance = std::move(reading.nuisance);
     reading = std::move(*again);
     better = true;
     if (settled) break;
@@ -141,16 +141,16 @@ static void add_warp_errors(const RowWarp& warp, ChannelEstimate& channel) {
 
 FrameReading refine_warp(std::span<const double> signal, FrameReading reading, bool exposure_known,
                          SearchEffort* effort) {
-  if (!is_misfit(reading)) return reading;
+  if (reading.verdict == Verdict::fits) return reading;
   FrameReading best = reading;
   std::optional<FrameReading> now = reading;
-  for (int round = 0, vain = 0; round < kWarpRounds && vain < (is_misfit(best) ? kWarpPatience : 1); ++round) {
+  for (int round = 0, vain = 0; round < kWarpRounds && vain < (best.verdict != Verdict::fits ? kWarpPatience : 1);
+       ++round) {
     const auto chips = hard_chips(*now);
     auto warp = fit_warp(unwarped(signal, now->warp), now->warp, {chips, now->first}, now->channel, vain == 0);
     now = read_frame(unwarped(signal, warp), now->channel, exposure_known, effort);
     if (!now) break;
     now->warp = std::move(warp);
-    now->even = reading.even;
     vain = now->channel.noise < kWarpSettled * best.channel.noise ? 0 : vain + 1;
     if (now->channel.noise < best.channel.noise) best = *now;
   }

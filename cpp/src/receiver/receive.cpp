@@ -26,12 +26,10 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kLongestChip = 64, kShortestChip = 2;  // rows
 constexpr double kRateTolerance = 0.03;
 constexpr double kMaxChange = 0.02;                        // relative, of the period in the last fit
 constexpr std::size_t kSureBlind = 12, kSureWithRate = 4;  // edges required for a reliable rate, blind or given
-constexpr double kLongExposure = 1.05;                     // chips
 constexpr double kMinSnr = 2;                              // noise divided at its median has 1.8
 constexpr double kMaxSnr = 1e12;
 constexpr double kSameLight = 0.9;  // cosine between the swings of a signal and of a light
@@ -48,7 +46,6 @@ constexpr double kVaries = 2;                       // times the noise
 constexpr double kSharp = 0.5;
 constexpr double kMedianDistance = 0.674;  // of a normal variable, in standard deviations
 constexpr double kBetter = 1.5;            // times the signal-to-noise ratio
-constexpr std::size_t kMinChipsOfStreams = 16;
 constexpr double kSameClock = 0.005,
                  kDiffering = 0.05;  // rows per chip of the colours of one lamp; bits of two streams
 
@@ -208,7 +205,7 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure_ro
   received.detection = std::move(decoded.detection);
   if (received.snr < kWeakSnr) received.flags |= flag::weak;
   if (chip_period(received.detection.bits)) received.flags |= flag::periodic;
-  if (exposure_rows && *exposure_rows > kLongExposure * received.rows_per_chip) received.flags |= flag::long_exposure;
+  if (exposure_rows && *exposure_rows > kLongestSliced * received.rows_per_chip) received.flags |= flag::long_exposure;
 }
 
 // Chip timing of the lit rows, relative to row `begin`.
@@ -398,7 +395,7 @@ void refine_square(const CombinedColumn& column, const Search& what, double freq
     CombinedColumn other = column;
     other.signal = difference(
         column.signal, difference(beside, without_square_wave(beside, frequency, what.exposure_rows.value_or(0.0))));
-    Received again{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0, {}};
+    Received again{.frame = received.frame, .colour = received.colour};
     if (!decode(other, what, again) || !(again.snr > received.snr)) return;
     received = std::move(again);
     rest = std::move(other.signal);
@@ -457,7 +454,7 @@ bool decode_within(const CombinedColumn& column, const LitRows& lit, const Searc
   const RowRange all{0, own->signal.size()};
   const DarkRows dark{.least_departure = 0, .most_noise = kMostNoise, .expected = true};
   if (!is_part(lit_rows(own->signal, own->noise, all, dark), lit)) return false;
-  Received tried{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0, {}};
+  Received tried{.frame = received.frame, .colour = received.colour};
   if (!decode(*own, what, tried, dark) || !ends_sharply(tried.detection)) return false;
   received = std::move(tried);
   add_to_levels(received, difference(column.signal, own->signal), what.exposure_rows);
@@ -482,7 +479,7 @@ bool decode_any(const CombinedColumn& column, const Search& what, double row_tim
   for (auto& [rest, square] : without_other_light(column.signal, tone, row_time, what.exposure_rows.value_or(0.0))) {
     CombinedColumn other = column;
     other.signal = std::move(rest);
-    Received tried{received.frame, 0, received.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0, {}};
+    Received tried{.frame = received.frame, .colour = received.colour};
     if (!decode(other, what, tried)) continue;
     if (square > 0) refine_square(column, what, square, other.signal, tried);
     if (better && tried.snr < kBetter * received.snr) continue;
@@ -504,8 +501,7 @@ struct Source {
 // The light of best quality in the `allowed` columns (empty: all).
 Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
                       const Search& what, std::span<const std::uint8_t> allowed) {
-  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-  Received best{frame, 0, 0, {}, nan, nan, nan, nan, {}, {}, 0, {}};
+  Received best{.frame = frame};
   double slope = 0;
   bool first = true;
   for (const auto saturated : {SaturatedColumns::leave_out, SaturatedColumns::use}) {
@@ -519,7 +515,7 @@ Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame,
     if (first) slope = columns.front().first.slope;
     for (auto& [column, colour] : columns) {
       if (saturated == SaturatedColumns::use && !column.saturated) continue;  // tried already
-      Received received{frame, 0, colour, {}, nan, nan, nan, nan, {}, {}, 0, {}};
+      Received received{.frame = frame, .colour = colour};
       if (decode_any(column, what, camera.row_time, received)) {
         Source source{std::move(received), column.signal, slope, {}};
         std::ranges::sort(columns, {}, [](const auto& one) { return one.second; });
@@ -555,7 +551,7 @@ std::vector<Received> streams_of(const Source& source, std::size_t frame, const 
   const auto streams = colour_streams(values);
   std::vector<Received> found;
   for (const auto& stream : streams) {
-    Received one{frame, 0, stream.colour, {}, kNan, kNan, kNan, kNan, {}, {}, 0, stream.weights};
+    Received one{.frame = frame, .colour = stream.colour, .colour_weights = stream.weights};
     if (!decode_any(sum_of(source.columns, stream), what, camera.row_time, one)) continue;
     const bool same_clock = std::abs(one.rows_per_chip / first.rows_per_chip - 1) < kSameClock;
     bool is_new = (one.flags & ~(flag::saturated | first.flags)) == 0 && same_clock;

@@ -15,14 +15,12 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kFirstPatience = 8, kMaxPatience = 256;          // frames
-constexpr std::size_t kSearchInterval = 60, kMaxSearchInterval = 240;  // frames between searches for further lights
-constexpr std::size_t kSearchedColumns = 640;                          // evenly spaced, at most
-constexpr std::size_t kMinMargin = 8;       // columns added on either side of a light's region
-constexpr std::size_t kRegionsOfLight = 4;  // that a search may propose, for each light that is allowed
+constexpr std::size_t kSearchedColumns = 640;  // evenly spaced, at most
+constexpr std::size_t kMinMargin = 8;          // columns added on either side of a light's region
+constexpr std::size_t kRegionsOfLight = 4;     // that a search may propose, for each light that is allowed
 constexpr double kSamePlace = 0.5;
-constexpr std::size_t kFramesAgreed = 3, kMaxAttempts = 12;
-constexpr std::size_t kGivenUp = 90;  // frames without reception until a light is dropped
+constexpr std::size_t kMaxAttempts = 12;  // frames in which a proposal is searched
+constexpr std::size_t kGivenUp = 90;      // frames without reception until a light is dropped
 
 // Every `step`-th column.
 AnyFramesView thinned(const AnyFramesView& frame, std::size_t step) {
@@ -59,6 +57,13 @@ double strength(const LightFrame& light) {
   return std::isfinite(snr) ? snr : -1.0;
 }
 
+LightFrame skipped(std::int64_t number, const FrameOrder::Verdict& admitted, const Region& whole) {
+  LightFrame result{.frame = number, .region = whole, .received = nothing_received(number)};
+  result.received->outcome = admitted.outcome;
+  result.received->missing = admitted.missing;
+  return result;
+}
+
 // Boxes of the lights that reflect no other.
 std::vector<Region> light_boxes(const AnyFramesView& frame, const Camera& camera) {
   std::vector<Region> boxes;
@@ -89,8 +94,7 @@ std::vector<Region> several_lights(const AnyFramesView& frame, const Camera& cam
 
 }  // namespace
 
-Receiver::Receiver(const Camera& camera, ReceiverOptions options)
-    : camera_(camera), options_(std::move(options)), patience_(kFirstPatience), search_interval_(kSearchInterval) {
+Receiver::Receiver(const Camera& camera, ReceiverOptions options) : camera_(camera), options_(std::move(options)) {
   require(options_.max_sources >= 1, "max_sources", options_.max_sources, "1 or above");
   const LightReceiver checked(camera_, options_.light, 0);  // refuses its arguments
   for (const Region& region : options_.regions)
@@ -104,29 +108,22 @@ void Receiver::add(const Region& region, bool can_move) {
 
 // A light for each further stream of a lamp's colours, at the lamp's place; all are dropped where no light is seen.
 void Receiver::add_streams() {
-  if (std::ranges::all_of(lights_, [](const auto& light) { return light.unseen() >= kFirstPatience; }))
+  if (std::ranges::all_of(lights_, &LightReceiver::is_lost))
     std::erase_if(lights_, std::mem_fn(&LightReceiver::is_other_stream));
   const std::size_t known = lights_.size();
   for (std::size_t k = 0; k < known; ++k)
-    for (ColourWeights& stream : lights_[k].take_other_streams()) {
+    for (ColourStream& stream : lights_[k].take_other_streams()) {
       const Region region = lights_[k].region();
       add(region, lights_[k].can_move());
       lights_.back().receive_stream(std::move(stream));
     }
 }
 
-// Places lights with given regions.
-void Receiver::place_given(const Region& whole) {
-  if (!lights_.empty()) return;
-  if (options_.whole_picture) add(whole, false);
-  for (const Region& region : options_.regions) add(region, false);
-}
-
 // Resets all state of earlier frames.
 void Receiver::restart(const Region& whole) {
-  agreed_ = attempts_ = 0;
-  patience_ = kFirstPatience;
-  search_interval_ = kSearchInterval;
+  proposal_ = {};
+  when_lost_.restart();
+  further_.restart();
   std::erase_if(lights_, std::mem_fn(&LightReceiver::is_other_stream));
   if (options_.whole_picture && !lights_.empty()) lights_.front().place(whole, false);
   if (options_.whole_picture || !options_.regions.empty())
@@ -136,30 +133,36 @@ void Receiver::restart(const Region& whole) {
 }
 
 bool Receiver::must_search() const {
-  if (options_.whole_picture || !options_.regions.empty()) return false;
-  if (lights_.empty() || agreed_ > 0) return true;
-  std::size_t longest = 0;
-  for (const LightReceiver& light : lights_)
-    if (!light.is_other_stream()) longest = std::max(longest, light.unseen());
-  if (longest >= kFirstPatience) return longest >= patience_ && since_search_ >= patience_;
-  return lights_.size() < options_.max_sources && since_search_ >= search_interval_;
+  return lights_.empty() || proposal_.agreed > 0 || when_lost_.is_due() ||
+         (lights_.size() < options_.max_sources && further_.is_due());
+}
+
+// Places lights with given regions, or searches them; true where it searched.
+bool Receiver::find(std::span<const AnyFramesView> colours, const Region& whole) {
+  further_.pass_frame();
+  if (options_.whole_picture || !options_.regions.empty()) {
+    if (!lights_.empty()) return false;
+    if (options_.whole_picture) add(whole, false);
+    for (const Region& region : options_.regions) add(region, false);
+    return false;
+  }
+  if (!must_search()) return false;
+  search(colours);
+  return true;
 }
 
 void Receiver::search(std::span<const AnyFramesView> colours) {
-  since_search_ = 0;
   const std::size_t known = lights_.size();
-  const std::size_t colour = colours.size() > 1 ? best_column(colours, camera_.tone_curve).second : 0;
-  const bool none_seen =
-      std::ranges::none_of(lights_, [](const auto& light) { return light.unseen() < kFirstPatience; });
-  if (none_seen && agreed_ == 0) {
-    if (!lights_.empty()) patience_ = std::min(2 * patience_, kMaxPatience);
+  const std::size_t colour = colours.size() > 1 ? best_column(colours, camera_.tone_curve).colour : 0;
+  if (std::ranges::all_of(lights_, &LightReceiver::is_lost) && proposal_.agreed == 0) {
+    if (!lights_.empty()) when_lost_.fail();
     search_one(colours[colour]);
   }
   if (options_.max_sources > 1) search_several(colours[colour]);
   if (known != lights_.size())
-    search_interval_ = kSearchInterval;
-  else if (agreed_ == 0)  // no proposal is open
-    search_interval_ = std::min(2 * search_interval_, kMaxSearchInterval);
+    further_.restart();
+  else if (proposal_.agreed == 0)
+    further_.fail();
 }
 
 // Takes effect at once, without agreement over frames. Without a detected light, all rows with swings are received.
@@ -178,20 +181,21 @@ void Receiver::search_one(const AnyFramesView& frame) {
 void Receiver::search_several(const AnyFramesView& frame) {
   auto found = several_lights(frame, camera_, options_.light.data.has_value(), options_.max_sources);
   if (found.size() < 2) {
-    agreed_ = attempts_ = 0;
+    proposal_ = {};
     return;
   }
-  const bool agrees = agreed_ > 0 && found.size() == proposed_.size() &&
-                      std::ranges::equal(found, proposed_, [](const Region& a, const Region& b) {
+  auto& [regions, agreed, searched] = proposal_;
+  const bool agrees = agreed > 0 && std::ranges::equal(found, regions, [](const Region& a, const Region& b) {
                         return shared_of_larger(a, b) > kSamePlace;
                       });
-  agreed_ = agrees ? agreed_ + 1 : 1;
+  agreed = agrees ? agreed + 1 : 1;
   if (agrees)
-    std::ranges::transform(found, proposed_, proposed_.begin(), hull);
+    std::ranges::transform(found, regions, regions.begin(), hull);
   else
-    proposed_ = std::move(found);
-  if (agreed_ >= kFramesAgreed) adopt(proposed_);
-  if (agreed_ >= kFramesAgreed || ++attempts_ >= kMaxAttempts) agreed_ = attempts_ = 0;
+    regions = std::move(found);
+  const bool is_sure = agreed >= LightReceiver::kFramesAgreed;
+  if (is_sure) adopt(regions);
+  if (is_sure || ++searched >= kMaxAttempts) proposal_ = {};
 }
 
 // Adds new lights. Received lights keep their region; lost ones get the detected region.
@@ -205,7 +209,7 @@ void Receiver::adopt(const std::vector<Region>& found) {
         lights_, [&](const auto& light) { return shared_of_smaller(light.region(), region) > kSamePlace; });
     if (same == lights_.end()) {
       if (lights_.size() < options_.max_sources) add(region, true);
-    } else if (same->unseen() >= kFramesAgreed) {
+    } else if (same->unseen() >= LightReceiver::kFramesAgreed) {
       same->place(region, true);
     }
   }
@@ -223,43 +227,51 @@ RowRange Receiver::free_rows(const Region& region, std::size_t rows) const {
   return free;
 }
 
-std::vector<LightFrame> Receiver::push(std::span<const AnyFramesView> colours, const FrameStamp& stamp) {
-  check(stamp);
-  const std::int64_t number = stamp.number.value_or(order_.next());
-  const auto lengths = lengths_of(colours);
-  const Region whole{0, 0, lengths[2], lengths[1]};
+// A frame that is skipped has another outcome than `received`.
+FrameOrder::Verdict Receiver::admit(std::span<const AnyFramesView> colours, std::int64_t number, const Region& whole) {
   const auto outside = std::ranges::find_if_not(
       options_.regions, [&](const Region& region) { return is_inside(region, whole.width, whole.height); });
   const bool fits = outside == options_.regions.end();
   if (!fits && !began_) require_inside("regions", *outside, whole.width, whole.height);
   began_ = true;
-  const auto verdict = order_.admit(number, lengths);
-  auto outcome = verdict.outcome;
-  if (outcome == FrameOutcome::received && !fits) outcome = FrameOutcome::other_shape;
-  if (outcome == FrameOutcome::received && !are_numbers(colours)) outcome = FrameOutcome::not_finite;
-  if (outcome != FrameOutcome::received) {
-    LightFrame left_out;
-    left_out.frame = number;
-    left_out.region = whole;
-    left_out.received = nothing_received(number);
-    left_out.received->outcome = outcome;
-    left_out.received->missing = verdict.missing;
-    return {std::move(left_out)};
-  }
-  if (verdict.restarts) restart(whole);
-  ++since_search_;
-  place_given(whole);
-  const bool searched = must_search();
-  if (searched) search(colours);
+  auto verdict = order_.admit(number, {colours.size(), whole.height, whole.width});
+  if (verdict.outcome != FrameOutcome::received) return verdict;
+  if (!fits)
+    verdict.outcome = FrameOutcome::other_shape;
+  else if (!are_numbers(colours))
+    verdict.outcome = FrameOutcome::not_finite;
+  else if (verdict.restarts)
+    restart(whole);
+  return verdict;
+}
 
+std::vector<LightFrame> Receiver::push(std::span<const AnyFramesView> colours, const FrameStamp& stamp) {
+  check(stamp);
+  const std::int64_t number = stamp.number.value_or(order_.next());
+  const auto lengths = lengths_of(colours);
+  const Region whole{0, 0, lengths[2], lengths[1]};
+  const auto admitted = admit(colours, number, whole);
+  if (admitted.outcome != FrameOutcome::received) return {skipped(number, admitted, whole)};
+  const bool searched = find(colours, whole);
   std::vector<LightFrame> results;
   for (LightReceiver& light : lights_) {
-    results.push_back(light.push(colours, number, free_rows(light.region(), whole.height), stamp));
+    LightColumns seen = light.combine(colours, free_rows(light.region(), whole.height));
+    std::optional<ReceivedFrame> received;
+    if (ChipReceiver* chips = light.chips()) {
+      ChipFrame frame = chips->explain(seen.best, number, seen.rows.begin, seen.region, stamp);
+      chips->read(frame);
+      chips->place(frame);
+      received = chips->decode(std::move(frame));
+      received->missing = admitted.missing;
+    }
+    results.push_back(light.finish(colours, seen, std::move(received), number));
     results.back().searched = searched;
-    if (results.back().received) results.back().received->missing = verdict.missing;
   }
   add_streams();
-  if (std::ranges::all_of(lights_, [](const auto& light) { return light.unseen() == 0; })) patience_ = kFirstPatience;
+  if (std::ranges::all_of(lights_, [](const auto& light) { return light.unseen() == 0; }))
+    when_lost_.restart();
+  else
+    when_lost_.pass_frame();
   std::ranges::stable_sort(results, std::ranges::greater{}, strength);
   return results;
 }

@@ -15,6 +15,8 @@ namespace ocisac {
 std::vector<double> chip_values(std::span<const double> signal, const ChipGrid& grid,
                                 std::optional<double> exposure_rows);
 
+inline constexpr double kLongestSliced = 1.05;  // chips; in a longer exposure no chip shows its own level
+
 struct SlicedChips {
   std::vector<std::uint8_t> bits;       // (chips) 1 = bright
   std::vector<double> dark;             // (chips) local level of dark chips

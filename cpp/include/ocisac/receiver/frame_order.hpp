@@ -4,10 +4,10 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string_view>
-#include <utility>
 
 #include "ocisac/camera/tone_curve.hpp"
 #include "ocisac/columns/column_combination.hpp"
@@ -50,11 +50,13 @@ class FrameOrder {
   // `lengths`: colours, rows, columns.
   Verdict admit(std::int64_t frame, const std::array<std::size_t, 3>& lengths);
 
-  [[nodiscard]] std::int64_t next() const { return seen_ ? *seen_ + 1 : 0; }
+  // One after the largest number; the largest of all is repeated.
+  [[nodiscard]] std::int64_t next() const { return seen_ ? *seen_ + (*seen_ < kLargest) : 0; }
 
   static constexpr std::size_t kBelieved = 8;
 
  private:
+  static constexpr std::int64_t kLargest = std::numeric_limits<std::int64_t>::max();
   std::optional<std::int64_t> last_, seen_;  // last admitted frame; largest number
   std::optional<std::int64_t> behind_;       // last frame that did not follow it
   std::array<std::size_t, 3> lengths_{}, others_{};
@@ -68,7 +70,13 @@ std::array<std::size_t, 3> lengths_of(std::span<const AnyFramesView> colours);
 // True if all pixels are finite.
 bool are_numbers(std::span<const AnyFramesView> colours);
 
-// The colour of best quality, its columns combined, and its index.
-std::pair<CombinedColumn, std::size_t> best_column(std::span<const AnyFramesView> colours, const ToneCurve& curve);
+// A colour with its columns combined.
+struct ColourColumn {
+  CombinedColumn column;
+  std::size_t colour = 0;
+};
+
+// The colour of best quality.
+ColourColumn best_column(std::span<const AnyFramesView> colours, const ToneCurve& curve);
 
 }  // namespace ocisac

@@ -17,7 +17,17 @@ namespace ocisac {
 // Signal-to-noise ratio below which a light is flagged as weak: that of a swing of ±3 standard deviations.
 inline constexpr double kWeakSnr = 9;
 
+// Trust in a frame's reading, ascending.
+enum class Verdict {
+  unsound,  // its chips may be those of noise or of another clock
+  misfit,   // more than noise is left: chips are wrong, or something in the rows is in no model
+  sure,     // more than noise is left, too little to put a chip in doubt
+  fits,     // no more than noise is left
+};
+
+// With the evidence for its verdict (receiver/reading_verdict.cpp).
 struct FrameReading {
+  Verdict verdict = Verdict::unsound;
   ChannelEstimate channel;   // fitted to the chips
   std::vector<double> llr;   // (chips) ln P(bright)/P(dark), nats, for all chips that affect the rows
   std::ptrdiff_t first = 0;  // index of the first one on the channel's clock
@@ -25,7 +35,6 @@ struct FrameReading {
   double relative_noise = 0;   // standard deviation of a row over the swing at the middle row
   double correlation = 0;      // of what the channel leaves, from one row to the next: about 0 where it is noise
   std::vector<double> excess;  // (chips) of the residual about a chip over white noise: its llr is too large by as much
-  bool even = false;           // the channel explains all parts of the frame equally well
   RowWarp warp{};              // of the picture's rows; the channel and the chips are those of the even rows
   std::vector<double> rest{};  // (rows) the rows that were read, less slow light and tones
   RowNuisance nuisance{};      // these, the tones where they leave least
@@ -69,7 +78,7 @@ std::vector<double> exposed_rows(const FrameReading& reading, std::size_t rows);
 
 // A reading again, of the rows less slow light and tones that are fitted beside its chips; tones that are nearly right
 // move to where they leave least. Absent as read_frame.
-std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance& nuisance,
+std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance nuisance,
                                             bool exposure_known, SearchEffort* effort = nullptr);
 
 // A reading again with the light's rise and fall, from those of its clock on: alternates detection and Gauss–Newton.
@@ -92,16 +101,5 @@ FrameReading with_shortest_exposure(FrameReading reading, SearchEffort* effort =
 
 // Bits of the chips that lie whole in `rows` rows.
 std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t rows);
-
-// More is left than noise: chips are wrong, or something in the rows is in no model. Log-likelihood ratios then count
-// correlated rows as independent ones.
-bool is_misfit(const FrameReading& reading);
-
-// The channel explains all parts of the frame equally well.
-bool is_even(const FrameReading& reading);
-
-// True if the expected error rate is small; the bound is tighter unless the channel explains all parts of the frame
-// equally well. Detection in pure noise gives an expected error rate of 1/5.
-bool is_sound(const FrameReading& reading);
 
 }  // namespace ocisac

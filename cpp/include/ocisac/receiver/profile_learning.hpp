@@ -4,14 +4,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
-#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "ocisac/chips/row_profile.hpp"
 #include "ocisac/columns/column_combination.hpp"
-#include "ocisac/receiver/row_model_search.hpp"
+#include "ocisac/receiver/row_reader.hpp"
 
 namespace ocisac {
 
@@ -28,89 +27,69 @@ struct LearnedProfile {
 struct KeptFrame {
   std::int64_t number;
   double time;  // on the tracker's clock, in frames
-  std::vector<double> signal, exposed;
-  std::vector<double> lamp;  // the signal less slow light and tones beside the chips
-  bool bright = false;       // its columns show a common light
-  bool seen = false;         // chips were detected
-  bool fits = false;         // no more than noise is left
-  bool sure = false;         // more is, too little to put a chip in doubt
-  bool counted = false;      // its place in the stream is stated
-  bool repeats = false;      // found to be the frame before it, given twice
-  double noise = 1;          // that is left, relative to the swing
+  std::vector<double> signal, exposed{};
+  std::vector<double> lamp{};        // the signal less slow light and tones beside the chips
+  bool bright = false;               // its columns show a common light
+  bool counted = false;              // its place in the stream is stated
+  bool repeats = false;              // the frame before it, given twice
+  std::optional<Verdict> verdict{};  // on its reading; absent: no chips
+  double noise = 1;                  // that is left, relative to the swing
 
   // `reading`: of the rows less the profile.
-  void expose(const FrameReading& reading, const LearnedProfile& learned, const RowNuisance& nuisance);
+  void expose(const FrameReading& reading, const LearnedProfile& learned);
 };
 
-class ProfileLearning {
- public:
-  // A kept frame that was read again, and its rows less the profile; true where it repeats the frame before it.
-  using UseReading = std::function<bool(const KeptFrame&, const FrameReading&, std::span<const double>)>;
+// The last frames of a light, the current one last, and what was learned from them.
+struct FrameHistory {
+  std::deque<KeptFrame> frames{};
+  std::size_t first_row = 0;                                   // of the picture, at index 0 of their signals
+  std::optional<LearnedProfile> profile{};                     // in use, where single frames fit no model
+  BackOff attempts{.shortest = 2, .longest = 32, .quick = 4};  // to learn one
+  std::size_t unexplained = 0;                                 // consecutive frames that the profile does not explain
 
-  // Adds the current frame. `counted`: its place in the stream is stated. `first_row`: of the picture, at index 0 of
-  // the signal.
-  void keep(const CombinedColumn& column, std::int64_t frame, double time, bool counted, std::size_t first_row);
-  // Removes the current frame: it repeats the last one.
-  void drop_last() { kept_.pop_back(); }
-  void forget();
+  // Adds the current frame; `now.signal` from row `first_row_of_now` of the picture on.
+  void keep(KeptFrame now, std::size_t first_row_of_now);
+  // Removes frames that are found to be given twice.
+  void drop_repeated();
+  // Marks and removes frames that were given again: these have their times, and later ones are as much earlier.
+  // Returns the number.
+  std::int64_t drop_given_again();
 
-  // In use.
-  [[nodiscard]] const std::optional<LearnedProfile>& profile() const { return profile_; }
-  // True while a profile is learned or used. `can_move`: the light need not stay where it is, which only a doubt about
-  // its chips is worth.
+  // True while a profile is learned or used: the next frame's columns should be weighted as the last one's.
+  // `can_move`: the light need not stay where it is, which only a doubt about its chips is worth.
   [[nodiscard]] bool compares_rows(bool can_move) const;
-  // Kept frames; those that fit no model and leave chips in doubt; whether these are all.
-  [[nodiscard]] std::size_t size() const { return kept_.size(); }
+  // Frames that fit no model and leave chips in doubt.
   [[nodiscard]] std::size_t doubtful() const;
-  [[nodiscard]] bool all_doubtful() const { return doubtful() == kept_.size(); }
-  // These rows of all kept frames.
-  [[nodiscard]] std::vector<std::span<const double>> rows_of_all(std::size_t first_row, std::size_t rows) const;
-
-  // Refits the profile to the current frame's reading from time to time. False where the profile explains the frames no
-  // longer: it is dropped, and the clock restarts.
-  bool follow(const std::optional<FrameReading>& reading, RowModelSearch& rows);
-
+  // These rows of all frames.
+  [[nodiscard]] std::vector<std::span<const double>> rows_of_all(std::size_t begin, std::size_t rows) const;
+  [[nodiscard]] bool is_long_enough() const { return frames.size() >= kMinFrames; }
   // True where most frames fit no model, with growing pauses; where their chips are sure, only without a profile and a
   // few times. Once per frame.
   bool comes_due();
-  // Drops frames that were given again: these have their times, and later ones are as much earlier. Returns the number.
-  std::int64_t drop_given_again();
-  // Learns a profile from enough frames; true where there is one now.
-  bool learn_first(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row);
 
-  // Reads the kept frames again, less the profile in use, from a new clock on.
-  void read_again(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row, const UseReading& use);
-  // The same without a profile, in the `lit` rows.
-  void read_again(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row, RowRange lit,
-                  const UseReading& use);
-
- private:
-  struct KeptFit {
-    std::size_t frames = 0, read = 0;  // that leave no more than noise; that were read
-    double noise = 0;                  // mean over the frames, relative to the swing
-  };
-  struct Start {
-    LearnedProfile learned;
-    std::vector<double> tones;  // cycles per row
-  };
-  [[nodiscard]] std::vector<ProfileFrame> frames() const;
-  KeptFit read_kept(RowModelSearch& rows, const LearnedProfile& learned, const CombinedColumn& column,
-                    std::size_t first_row, const UseReading& use);
-  void drop_repeated();
-  [[nodiscard]] std::vector<std::vector<double>> changes() const;
-  [[nodiscard]] std::optional<LearnedProfile> first_learned(std::size_t smooth, const RowNuisance& beside) const;
-  [[nodiscard]] std::vector<double> divided(const LearnedProfile& learned) const;
-  [[nodiscard]] std::vector<Start> starts(const RowModelSearch& rows) const;
-  bool finds_tone_left(LearnedProfile& learned, RowModelSearch& rows) const;
-  [[nodiscard]] bool is_worth(const LearnedProfile& learned) const;
-  std::optional<LearnedProfile> learn(RowModelSearch& rows, const CombinedColumn& column, std::size_t first_row,
-                                      const Start& start);
-
-  std::deque<KeptFrame> kept_;                    // the last frames, the current one included
-  std::size_t kept_first_row_ = 0;                // of the picture, at index 0 of their signals
-  std::optional<LearnedProfile> profile_;         // where single frames fit no model
-  std::size_t attempts_ = 0, until_attempt_ = 0;  // in vain; frames until the next
-  std::size_t profile_misfits_ = 0;               // consecutive frames that the profile does not explain
+  static constexpr std::size_t kMinFrames = 8;  // to learn from
 };
+
+// A kept frame read again with the state's model, less a profile. `rows`: its rows, when it was read, and the effort.
+std::optional<FrameReading> read_kept(const RowReader& reader, const LearnedProfile& learned, const LightState& state,
+                                      std::size_t first_row, KeptFrame& kept, FrameRows& rows);
+
+// A profile, the frames that it was learned from, and the state with their model.
+struct Learned {
+  LearnedProfile profile;
+  std::deque<KeptFrame> frames;
+  LightState state;
+};
+
+// Learns a profile from enough frames. Absent where none explains them, and none better than that in use.
+std::optional<Learned> learn_profile(const RowReader& reader, const FrameHistory& history, const LightState& state);
+
+// The state before the frames are read again, less a profile: levels of 0 and 1, and of the clock all but its phase.
+LightState with_new_phase(LightState state);
+
+// Refits the profile in use to the current frame's reading from time to time. False where it explains the frames no
+// longer.
+bool follow_profile(const RowReader& reader, const std::optional<FrameReading>& reading, FrameHistory& history,
+                    LightState& state);
 
 }  // namespace ocisac

@@ -38,7 +38,8 @@ class Receiver {
   }
 
  private:
-  void place_given(const Region& whole);
+  FrameOrder::Verdict admit(std::span<const AnyFramesView> colours, std::int64_t number, const Region& whole);
+  bool find(std::span<const AnyFramesView> colours, const Region& whole);
   [[nodiscard]] bool must_search() const;
   void restart(const Region& whole);
   void search(std::span<const AnyFramesView> colours);
@@ -49,17 +50,21 @@ class Receiver {
   void add_streams();
   [[nodiscard]] RowRange free_rows(const Region& region, std::size_t rows) const;
 
+  // Lights that searches propose.
+  struct Proposal {
+    std::vector<Region> regions{};
+    std::size_t agreed = 0;    // consecutive frames that agree on them; 0: no open proposal
+    std::size_t searched = 0;  // frames, since it was opened
+  };
+
   Camera camera_;
   ReceiverOptions options_;
   FrameOrder order_;
   std::vector<LightReceiver> lights_;
   std::size_t next_source_ = 0;
-  std::vector<Region> proposed_;  // by the last searches
-  std::size_t agreed_ = 0;        // consecutive frames that agree on them; 0: no open proposal
-  std::size_t attempts_ = 0;      // frames in which the open proposal was searched
-  std::size_t since_search_ = 0;  // frames
-  std::size_t patience_;          // frames without a light before the next search
-  std::size_t search_interval_;   // frames between searches for further lights; doubles while none is found
+  Proposal proposal_;
+  BackOff when_lost_{.shortest = LightReceiver::kLost, .longest = 256, .quick = 0};  // searches where no light is seen
+  BackOff further_{.shortest = 60, .longest = 240, .quick = 0};                      // searches for further lights
   bool began_ = false;
 };
 

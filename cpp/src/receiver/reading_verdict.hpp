@@ -1,4 +1,5 @@
-// Log-likelihood ratios that agree with what the channel leaves of the rows, and with the line code.
+// The verdict on a reading, and log-likelihood ratios that agree with what the channel leaves of the rows, and with the
+// line code.
 #pragma once
 
 #include <vector>
@@ -8,16 +9,20 @@
 
 namespace ocisac {
 
+// Evidence and verdict, from the reading's channel, chips and rows. Sound: few chips are expected to be wrong, fewer
+// still unless the channel explains all parts of the frame equally well. Sure: less than one
+// chip in twenty frames, beside those near the frame's ends that only a part of the exposure covers.
+void judge(FrameReading& reading);
+
+// True where the clock that a reading began with need not be searched: a misfit with few errors, or a fit.
+bool keeps_clock(const FrameReading& reading);
+
 // Those of a reading's chips. Where more is left than white noise, the noise is of unknown size, as Student's t has it:
 //
 //   ±2·ln(1 + |L|/(6·excess)) for a ratio L
 //
 // The factor of 6 is measured (docs/measured/field.md): chips are chosen so that little is left.
 std::vector<double> reliable_llr(const FrameReading& reading);
-
-// True where less than one chip in twenty frames is expected to be wrong, beside those near the frame's ends that only
-// a part of the exposure covers.
-bool is_sure(const FrameReading& reading);
 
 // Ratios by which the packet's code weighs a reading's chips. They keep sure and weak chips further apart than
 // reliable_llr: rows whose residual is correlated by r count as (1 − r)/(1 + r) of independent ones.

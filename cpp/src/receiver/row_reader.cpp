@@ -1,0 +1,378 @@
+#include "ocisac/receiver/row_reader.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "ocisac/core/require.hpp"
+#include "ocisac/rows/chip_clock.hpp"
+#include "receiver/reading_verdict.hpp"
+#include "receiver/rows_of_noise.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kFrameTimeError = 1e-4;   // relative standard error of a nominal frame time
+constexpr double kSurePrediction = 0.15;   // chips; max standard error at which a predicted phase is used alone
+constexpr double kSameExposure = 0.1;      // chips; a change by which a predicted phase is not sure
+constexpr double kBrighter = 0.08;         // relative, of the mean from frame to frame: exposure or gain changed
+constexpr double kMinVariance = 0.25;      // of a frame's rows over that of the last one with the same light
+constexpr double kNarrowTolerance = 2e-3;  // relative, of a rate estimated from frames
+constexpr double kWideTolerance = 0.02;    // relative, of a nominal rate
+constexpr double kAsNoisy = 1.2, kMaxNoiseRatio = 2;  // ratio to the last frame
+constexpr double kLittleNoise = 0.06;                 // relative to the swing: excludes a lost clock in any part
+constexpr double kNoNoise = 0.005;
+constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 7000;
+constexpr double kMaxSearchRows = 2048;      // rows that count for the bound of the search
+constexpr double kPreambleShare = 0.3;       // of the effort, for an exposure that a preamble shows
+constexpr std::size_t kPhases = 6;           // tried per chip without a prediction
+constexpr double kMinChips = 12;             // in a frame
+constexpr double kFollowedEffort = 0.1;      // of the others' effort, where a clock is tracked
+constexpr double kWarpEffort = 3;            // of the other models'
+constexpr double kBetter = 0.8;              // ratio of the residual noise required of another model
+constexpr std::array kSlownesses{1.0, 0.6};  // chips; initial rise and fall, right within half a chip
+constexpr double kMaxWrongExposure = 2;      // ratio; a stated one is believed so far
+constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
+
+constexpr double kMinCorrelatedRows = 2;  // of a chip or an exposure: shorter light may be as white as noise
+
+double mean_of(std::span<const double> signal) {
+  return std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(signal.size());
+}
+
+double variance_of(std::span<const double> signal) {
+  const double mean = mean_of(signal);
+  double squares = 0;
+  for (const double value : signal) squares += (value - mean) * (value - mean);
+  return squares / static_cast<double>(signal.size());
+}
+
+// Slow light and tones beside chips that are not known yet: their mean is that of a similar frame. Its trend along the
+// rows would be taken for a part of the tones.
+std::optional<NuisanceFit> remove_beside_mean(std::span<const double> signal, const RowNuisance& nuisance,
+                                              const ChannelEstimate& similar) {
+  std::vector<double> mean(signal.size()), others(signal.begin(), signal.end());
+  for (std::size_t n = 0; n < mean.size(); ++n) {
+    const auto row = static_cast<double>(n);
+    mean[n] = similar.dark_at(row, mean.size()) + 0.5 * similar.swing_at(row, mean.size());
+    others[n] -= mean[n];
+  }
+  auto fit = remove_nuisance(others, nuisance);
+  for (std::size_t n = 0; fit && n < mean.size(); ++n) fit->rest[n] += mean[n];
+  return fit;
+}
+
+// Without the highest degree of its levels, where Schwarz's criterion drops it: tones that were not fitted yet when the
+// degrees were chosen may have asked for it. A swing of degree 1 is dropped first, of higher degrees dark and swing
+// alike.
+void drop_idle_degree(ChannelEstimate& channel) {
+  const std::size_t degree = channel.swing.size() - 1;
+  if (degree == 0) return;
+  const double swing = channel.swing.back(), dark = channel.dark.back();
+  const double chips = channel.clock.exposure_rows / channel.clock.rows_per_chip;
+  const double variance = 0.25 / std::max(chips, 1.0);  // of the rows, for random chips
+  const bool both = degree > 1;
+  const double squares = variance * swing * swing + (both ? std::pow(dark + 0.5 * swing, 2) : 0.0);
+  const auto rows = static_cast<double>(channel.rows.size());
+  const double gain = rows * squares / (2 * static_cast<double>(degree) + 1) / (channel.noise * channel.noise);
+  if (!(gain < (both ? 2 : 1) * std::log(rows))) return;
+  channel.swing.pop_back();
+  if (both)
+    channel.dark.pop_back();
+  else
+    channel.dark.back() += 0.5 * swing;
+}
+
+}  // namespace
+
+RowReader::RowReader(const Camera& camera, ChipOptions options) : camera_(camera), options_(std::move(options)) {
+  check(camera);
+  if (options_.chip_rate) {
+    require_positive("chip_rate", *options_.chip_rate);
+    require(*options_.chip_rate * camera.row_time <= 1, "chip_rate", *options_.chip_rate, "at most the row rate");
+  }
+  if (options_.search_passes) require(*options_.search_passes > 0, "search_passes", *options_.search_passes, "above 0");
+  const auto chips = preamble_chips(options_.format.preamble);
+  preamble_.assign(chips.begin(), chips.end());
+}
+
+std::optional<ClockTracker> RowReader::new_tracker(bool stamped) const {
+  if (!stamped && !camera_.frame_time) return std::nullopt;
+  const double rows = camera_.frame_time.value_or(1.0) / camera_.row_time;
+  return ClockTracker(TrackerOptions{.frame_rows = rows, .frame_rows_std = kFrameTimeError * rows});
+}
+
+SignalModel RowReader::given_model(std::optional<double> exposure) const {
+  return {.exposure_rows = exposure ? std::optional(*exposure / camera_.row_time) : std::nullopt,
+          .exposure_known = exposure.has_value()};
+}
+
+LightState RowReader::first_state(std::optional<ClockTracker> tracker) const {
+  LightState state{.exposure = camera_.exposure, .tracker = std::move(tracker), .model = given_model(camera_.exposure)};
+  if (options_.chip_rate) state.rows_per_chip = 1 / (*options_.chip_rate * camera_.row_time);
+  if (state.tracker) state.tracker->reset();
+  return state;
+}
+
+LightState RowReader::restarted(LightState state) const {
+  LightState fresh = first_state(std::move(state.tracker));
+  fresh.exposure = state.exposure;
+  fresh.model = given_model(state.exposure);
+  fresh.rows_per_chip = state.rows_per_chip;
+  return fresh;
+}
+
+LightState RowReader::with_exposure(LightState state, std::optional<double> exposure) const {
+  if (exposure == state.exposure) return state;
+  SignalModel& model = state.model;
+  if (exposure && state.exposure && model.exposure_rows)
+    *model.exposure_rows *= *exposure / *state.exposure;
+  else
+    model.exposure_rows = given_model(exposure).exposure_rows;
+  if (!exposure || !state.exposure) model.exposure_known = exposure.has_value();
+  state.exposure = exposure;
+  return state;
+}
+
+SearchEffort RowReader::effort(const LightState& state, std::size_t rows) const {
+  const double passes = options_.search_passes.value_or(state.exposure ? kSearchPasses : kSearchPassesUnknownExposure);
+  return {.rows = passes * std::min(static_cast<double>(rows), kMaxSearchRows)};
+}
+
+void LightState::accept(const FrameReading& reading, std::span<const double> signal) {
+  channel = reading.channel;
+  mean = mean_of(signal);
+  variance = variance_of(signal);
+}
+
+double LightState::brightness_ratio(std::span<const double> signal) const {
+  const double now = mean_of(signal);
+  return now > 0 && mean > 0 ? now / mean : 1.0;
+}
+
+std::optional<TrackedClock> LightState::predict(double time) const {
+  return tracker ? tracker->predict(time) : std::nullopt;
+}
+
+bool LightState::track(const ChannelEstimate& of_frame, std::size_t first_row, double time) {
+  ChipClock clock = of_frame.clock;
+  clock.phase += static_cast<double>(first_row);
+  return tracker && tracker->update(time, clock, of_frame.errors);
+}
+
+void LightState::scale_nuisance(std::vector<double> scale) {
+  model.nuisance.scale = scale;
+  scale_beside = std::move(scale);
+}
+
+bool RowReader::shows_no_light(std::span<const double> signal, FrameRows& frame, const LightState& state) const {
+  if (!frame.is_noise) {
+    const double chip = state.rows_per_chip.value_or(0.0), exposure = state.model.exposure_rows.value_or(0.0);
+    frame.is_noise = std::max(chip, exposure) >= kMinCorrelatedRows && is_noise(signal);
+  }
+  return *frame.is_noise;
+}
+
+// Detection from the channel of earlier frames: levels, rate and exposure, with the predicted phase or else several
+// trials.
+std::optional<FrameReading> RowReader::follow(std::span<const double> signal, const SignalModel& model,
+                                              FrameRows& frame, const LightState& state,
+                                              const RowsBeside* beside) const {
+  if (!state.channel || !frame.may_follow) return std::nullopt;
+  ChannelEstimate start = *state.channel;
+  const auto predicted = state.predict(frame.time);
+  if (predicted) {
+    start.clock = predicted->clock;
+    start.clock.rise = state.channel->clock.rise;
+    start.clock.fall = state.channel->clock.fall;
+    start.clock.phase -= static_cast<double>(frame.first_row);
+    start.errors = predicted->errors;
+  }
+  if (!model.slow_light) start.clock.rise = start.clock.fall = 0;
+  if (model.exposure_rows) start.clock.exposure_rows = *model.exposure_rows;
+  const double chip = start.clock.rows_per_chip;
+  const double longer = (start.clock.exposure_rows - state.channel->clock.exposure_rows) / chip;
+  const bool sure =
+      predicted && predicted->errors.phase_std(0) < kSurePrediction * chip && std::abs(longer) < kSameExposure;
+  start.clock.phase += 0.5 * longer * chip;  // the phase is in the middle of the exposure
+  const double brighter = state.brightness_ratio(signal);
+  if (std::abs(brighter - 1) > kBrighter && variance_of(signal) > kMinVariance * brighter * brighter * state.variance)
+    for (auto* levels : {&start.dark, &start.swing})
+      for (double& level : *levels) level *= brighter;
+  std::optional<FrameReading> best;
+  for (std::size_t phase = 0; phase < (sure && !model.warped ? 1 : kPhases); ++phase) {
+    ChannelEstimate tried = start;
+    tried.clock.phase += std::remainder(static_cast<double>(phase) / kPhases, 1.0) * chip;
+    auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort, beside);
+    if (reading && model.warped) reading = refine_warp(signal, *reading, model.exposure_known, &frame.effort);
+    if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
+    if (best && best->relative_noise < std::max(kAsNoisy * state.relative_noise, kNoNoise) && keeps_clock(*best))
+      return best;
+  }
+  if (!best || beside) return std::nullopt;
+  const double as_before =
+      std::max(kAsNoisy * state.relative_noise, std::min(kMaxNoiseRatio * state.relative_noise, kLittleNoise));
+  if (best->relative_noise < as_before && keeps_clock(*best)) return best;
+  if (shows_no_light(signal, frame, state)) return std::nullopt;
+  auto extended = extend_reading(signal, best->channel, model.exposure_known, &frame.effort, {}, model.warped);
+  if (extended && model.warped) extended = refine_warp(signal, *extended, model.exposure_known, &frame.effort);
+  if (extended && extended->relative_noise < kMaxNoiseRatio * state.relative_noise &&
+      extended->verdict != Verdict::unsound)
+    return extended;
+  return std::nullopt;
+}
+
+// Where the last frame fitted: slow light and tones in each round of detection. Absent where more than noise is left.
+std::optional<FrameReading> RowReader::follow_beside(const SignalModel& model, FrameRows& frame,
+                                                     const LightState& state) const {
+  if (model.nuisance.empty() || !state.channel || !state.fits) return std::nullopt;
+  const auto fit = remove_beside_mean(frame.signal, model.nuisance, *state.channel);
+  const RowsBeside beside{frame.signal, model.nuisance};
+  auto reading = fit ? follow(fit->rest, model, frame, state, &beside) : std::nullopt;
+  if (!reading || reading->verdict != Verdict::fits) return std::nullopt;
+  drop_idle_degree(reading->channel);
+  return reading;
+}
+
+std::optional<FrameReading> RowReader::search(std::span<const double> signal, const SignalModel& model,
+                                              FrameRows& frame, const LightState& state) const {
+  if (!state.rows_per_chip || static_cast<double>(signal.size()) < kMinChips * *state.rows_per_chip)
+    return std::nullopt;
+  const bool is_tracked = state.channel && state.fits;
+  const FrameSearch what{.rows_per_chip = *state.rows_per_chip,
+                         .tolerance = is_tracked ? kNarrowTolerance : kWideTolerance,
+                         .exposure_rows = model.exposure_rows,
+                         .preamble = preamble_,
+                         .effort = &frame.effort,
+                         .warped = model.warped};
+  if (!model.exposure_rows && !is_tracked) return search_exposures(signal, what);
+  auto reading = search_frame(signal, what);
+  if (!reading || !model.exposure_rows || model.exposure_known || !reading->warp.empty()) return reading;
+  return read_frame(signal, reading->channel, false, &frame.effort);
+}
+
+// As search, for light that rises and falls slowly: finds the chips of sharpened rows, then the shape in the rows.
+std::optional<FrameReading> RowReader::search_slow(std::span<const double> signal, const SignalModel& model,
+                                                   FrameRows& frame, const LightState& state) const {
+  std::optional<FrameReading> best;
+  for (const double chips : kSlownesses) {
+    frame.effort = frame.effort_of_others;
+    auto start = search(sharpened(signal, chips * state.rows_per_chip.value_or(0.0)), model, frame, state);
+    if (!start) continue;
+    start->channel.clock.rise = start->channel.clock.fall = chips;
+    auto reading = refine_shape(signal, std::move(*start), model.exposure_known, &frame.effort);
+    if (!reading || (best && best->relative_noise <= reading->relative_noise)) continue;
+    best = std::move(reading);
+    if (best->verdict == Verdict::fits) break;
+  }
+  return best;
+}
+
+// Searches from several exposures: the chips of a line code, exposed for some, may be others exposed for fewer. The
+// least residual decides, unless the first chips found are of the line code.
+std::optional<FrameReading> RowReader::search_exposures(std::span<const double> signal,
+                                                        const FrameSearch& wanted) const {
+  SearchEffort& effort = *wanted.effort;
+  const double first = kPreambleShare * effort.rows;
+  const double others = (1 - kPreambleShare) * effort.rows / static_cast<double>(kExposures.size());
+  std::optional<FrameReading> best;
+  for (std::size_t k = 0; k <= kExposures.size(); ++k) {
+    const double share = k > 0 ? others : first;
+    SearchEffort own{share};
+    FrameSearch what = wanted;
+    what.effort = &own;
+    if (k > 0) what.exposure_rows = kExposures[k - 1] * wanted.rows_per_chip;
+    auto reading = search_frame(signal, what);
+    if (reading && what.exposure_rows) reading = read_frame(signal, reading->channel, false, &own);
+    if (std::isfinite(share)) effort.rows -= share - own.rows;
+    if (!reading || (best && reading->relative_noise >= best->relative_noise)) continue;
+    best = std::move(reading);
+    if (options_.format.line_code.bits_per_word() < options_.format.line_code.chips_per_word() &&
+        best->verdict == Verdict::fits && options_.format.line_code.evidence_anywhere(best->llr) > 0)
+      break;
+  }
+  return best;
+}
+
+// Alternates estimates of chips and nuisance until the chips converge.
+std::optional<FrameReading> RowReader::read_with(const SignalModel& model, FrameRows& frame,
+                                                 const LightState& state) const {
+  auto reading = follow_beside(model, frame, state);
+  if (!reading) {
+    const auto fit = model.nuisance.empty() ? std::nullopt : remove_nuisance(frame.signal, model.nuisance);
+    const std::span<const double> rest = fit ? fit->rest : frame.signal;
+    const bool has_shape =
+        frame.may_follow && state.channel && (state.channel->clock.rise > 0 || state.channel->clock.fall > 0);
+    if (!model.slow_light || has_shape) reading = follow(rest, model, frame, state);
+    frame.may_search = frame.may_search && (reading || !shows_no_light(rest, frame, state));
+    if (!reading && frame.may_search)
+      reading =
+          model.slow_light && !has_shape ? search_slow(rest, model, frame, state) : search(rest, model, frame, state);
+    if (!model.nuisance.empty() && reading)
+      reading = refine_nuisance(frame.signal, std::move(*reading), model.nuisance, model.exposure_known, &frame.effort);
+    if (model.slow_light && reading && reading->verdict < Verdict::sure) {
+      auto shaped = refine_shape(rest, *reading, model.exposure_known, &frame.effort);
+      if (shaped && shaped->relative_noise < reading->relative_noise) reading = std::move(shaped);
+    }
+  }
+  if (reading && !state.exposure) return with_shortest_exposure(std::move(*reading), &frame.effort);
+  return reading;
+}
+
+// Models other than the last frame's, from the tracked clock or by a search, until one fits.
+void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) const {
+  const LightState& state = best.state;
+  for (SignalModel& model : other_models(frame, state, searches)) {
+    FrameRows tried = frame;
+    tried.may_search = searches;
+    tried.may_follow = state.fits;
+    tried.effort = frame.effort_of_others;
+    tried.is_noise.reset();
+    if (!searches) tried.effort.rows *= kFollowedEffort;
+    if (model.warped) tried.effort.rows *= kWarpEffort;
+    auto other = read_with(model, tried, state);
+    if (!other || (best.reading && other->relative_noise > kBetter * best.reading->relative_noise)) continue;
+    const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
+    if (state.exposure && std::max(exposure / *state.exposure, *state.exposure / exposure) > kMaxWrongExposure)
+      continue;
+    if (!model.nuisance.empty()) model.nuisance = other->nuisance;
+    best.reading = std::move(other);
+    best.state.model = std::move(model);
+    best.is_new_model = true;
+    if (best.reading->verdict == Verdict::fits) return;
+  }
+}
+
+RowsRead RowReader::read(FrameRows& frame, LightState before) const {
+  RowsRead best{.reading = read_with(before.model, frame, before), .state = std::move(before)};
+  auto& reading = best.reading;
+  LightState& state = best.state;
+  if (reading && !state.model.nuisance.empty()) state.model.nuisance = reading->nuisance;
+  const auto fits = [&] { return reading && reading->verdict == Verdict::fits; };
+  state.other_models.pass_frame();
+  if (fits() || (!reading && !frame.may_search)) return best;
+  if (reading && !state.other_models.is_due()) return best;
+  const bool sure = reading && reading->verdict == Verdict::sure;
+  if (reading && !sure && state.model.nuisance.empty()) {
+    auto even = refine_warp(frame.signal, *reading, state.model.exposure_known, &frame.effort_of_others);
+    if (even.verdict == Verdict::fits) {
+      reading = std::move(even);
+      state.model.warped = best.is_new_model = true;
+    }
+  }
+  // All from the tracked clock, then all by a search for another clock, where chips are in doubt.
+  for (const bool searches : {false, true}) {
+    if (fits() || (searches ? !frame.may_search || sure : !(state.channel && state.fits))) continue;
+    try_models(frame, searches, best);
+  }
+  if (fits())
+    state.other_models.restart();
+  else
+    state.other_models.fail();
+  return best;
+}
+
+}  // namespace ocisac
