@@ -27,6 +27,7 @@ constexpr std::size_t harmonics = 3;   // as of detect_sources()
 constexpr double few_cycles = 2;
 constexpr double same_frequency = 0.02;  // relative
 constexpr double even_snr = 6;           // of a tone over the whole frame: outlines, text and lines leave 4 and less
+constexpr double lit_share = 0.02;       // of the columns: fewer may be a line of text
 constexpr double outline_cycles = 3;     // in the frame: the outline of a lamp resembles fewer
 constexpr double likely = 0.575;         // probability of a light
 
@@ -71,6 +72,14 @@ bool answered(const FoundFrequency& found) {
   return (found.flags & (flag::no_tone | flag::at_bound | flag::few_cycles)) == 0;
 }
 
+// True if the tone explains the whole frame.
+bool is_everywhere(const FoundFrequency& found, const Shape& shape) {
+  const auto used = static_cast<double>(std::ranges::count(found.columns.used, 1));
+  return answered(found) && found.snr >= even_snr &&
+         found.frequency * static_cast<double>(shape.rows) >= outline_cycles &&
+         used >= lit_share * static_cast<double>(shape.columns);
+}
+
 // Without a lower bound, frequencies of at least two cycles in the frame are searched first, lower ones only if no tone
 // is found.
 FoundFrequency find_in_frame(const AnyFramesView& frames, const FrequencySearch& search) {
@@ -88,8 +97,7 @@ FoundFrequency find_in_frame(const AnyFramesView& frames, const FrequencySearch&
 
 FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencySearch& search) {
   FoundFrequency whole = find_in_frame(frames, search);
-  const double cycles = whole.frequency * static_cast<double>(shape_of(frames).rows);
-  if (answered(whole) && whole.snr >= even_snr && cycles >= outline_cycles) return whole;
+  if (is_everywhere(whole, shape_of(frames))) return whole;
   const auto lamp = strongest_lamp(frames, search);
   if (!lamp) {
     if (answered(whole)) whole.flags |= flag::model_misfit;

@@ -265,16 +265,16 @@ std::optional<DataLight> find_data_light(const LitFrame& frame, const Suspect& s
   const double error =
       jackknife_std(waveform.values, frequency, static_cast<double>(box.height) * frequency, lower, upper);
   const double rest = std::max(waveform.energy * (1 - share) - waveform.noise, 0.0);
-  const RefinedLight light{box,
-                           frequency,
-                           error,
-                           phase_at_start(waveform.values, frequency, box.y),
-                           share / std::max(1 - share, 1e-12),
-                           swing_of_light(patch, length),
-                           share,
-                           0,
-                           rest / std::max(waveform.common, 1e-300),
-                           0};
+  RefinedLight light{.box = box,
+                     .frequency = frequency,
+                     .frequency_std = error,
+                     .phase = phase_at_start(waveform.values, frequency, box.y),
+                     .snr = share / std::max(1 - share, 1e-12),
+                     .amplitude = swing_of_light(patch, length),
+                     .common = share,
+                     .texture = rest / std::max(waveform.common, 1e-300)};
+  const ComplexValues swing = Demodulator(frequency, patch.rows).swing(patch, patch.logs);
+  measure_tilt(patch, swing, {0, patch.rows, 0, patch.groups}, frequency, light);
   return DataLight{light, edges.size(), clock_evidence(edges), periodic_share(waveform, frequency)};
 }
 

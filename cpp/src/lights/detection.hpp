@@ -23,11 +23,14 @@ struct Detection {
   bool expected = false;   // from the last frame
   std::optional<std::size_t> reflection_of = {};
   bool reflection_by_phase = false;
-  double odds = 1;         // of a light by the phase in other frames
-  double alone = 0;        // probability without regard to other lights
+  double odds = 1;         // of a light, by which those of its looks are multiplied
+  double appearance = 0;   // probability by the looks of this tone
+  double alone = 0;        // with its odds, without regard to other lights
   double probability = 0;  // with regard to them
   double reported = 0;     // probability for users
 };
+
+constexpr double kLooksLikeLight = 0.5;  // appearance of a tone that may belong to a texture of many
 
 LightPart part_of(const RefinedLight& light);
 

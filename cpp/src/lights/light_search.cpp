@@ -28,7 +28,7 @@ using Columns = IndexRange;
 
 Columns all_columns(const SearchedFrame& in) { return {0, shape_of(in.frame.frames).columns}; }
 
-Surroundings around(const Detections& found) { return {found.suspects, found.lights}; }
+Surroundings around(const Detections& found) { return {found.suspects, found.lights, found.doubtful}; }
 
 std::vector<Suspect> suspects_in(const SearchedFrame& in, const Region& region, Coarsening coarsening) {
   auto suspects = screen_sources(in.frame, region, in.options.false_alarms, coarsening);
@@ -85,33 +85,32 @@ Detections with_tone(const SearchedFrame& in, Detections found, const Detection&
   return found;
 }
 
-// The tone of a suspect: that of the inner box about its clearest tile where the whole one does not convince. The phase
-// in other frames tells the same of both.
+// The tone of a suspect: that of the inner box about its clearest tile where the whole one does not convince.
 std::optional<Detection> most_probable(const SearchedFrame& in, const Suspect& suspect, Detections& found) {
   const auto tone = [&](const Suspect& of, double edge) {
     const auto light = refine(in, of, all_columns(in), edge);
     return light ? judged(in, *light, around(found)) : std::nullopt;
   };
-  const auto by_this_frame = [&](const Detection& one) { return judged_again(one, around(found), false); };
   const auto whole = tone(suspect, whole_box);
-  if (whole && is_convincing(in, by_this_frame(*whole), found.suspects)) return whole;
+  if (whole && is_convincing(in, *whole, found.suspects)) return whole;
   const auto inner = tone({suspect.best, suspect.frequency, suspect.share, 0, suspect.best}, inner_box);
-  const bool better = inner && (!whole || by_this_frame(*inner).probability > by_this_frame(*whole).probability);
+  const bool better = inner && (!whole || inner->probability > whole->probability);
   if (const auto& other = better ? whole : inner) found.less_probable.push_back(*other);
   return better ? inner : whole;
 }
 
-// A light leaves what it does not explain, such as another lamp beside it.
+// A light leaves what it does not explain, such as another lamp beside it; so does a texture that looks like one.
 Detections with_tones_of(const SearchedFrame& in, Detections found, const Suspect& suspect) {
   for (auto rest = unexplained(suspect, found.lights); rest;) {
     const auto one = most_probable(in, *rest, found);
     if (!one) break;
-    if (!is_convincing(in, *one, found.suspects)) {
+    const bool convincing = is_convincing(in, *one, found.suspects);
+    if (convincing)
+      found = with_tone(in, std::move(found), *one);
+    else
       found.doubtful.push_back(*one);
-      break;
-    }
-    found = with_tone(in, std::move(found), *one);
-    auto left = unexplained(*rest, found.lights);
+    if (!convincing && one->appearance < kLooksLikeLight) break;
+    auto left = unexplained(*rest, convincing ? std::span<const Detection>(found.lights) : std::span(&*one, 1));
     if (left && left->tiles.size() == rest->tiles.size()) break;
     rest = std::move(left);
   }
@@ -144,11 +143,17 @@ Detections reconsidered(const SearchedFrame& in, Detections found, std::span<con
     const auto next = std::ranges::find_if(found.doubtful, [&](const Detection& one) {
       return is_convincing(in, one, found.suspects) && !is_double_of_any(one, found.lights);
     });
-    if (next == found.doubtful.end()) return found;
+    if (next == found.doubtful.end()) break;
     const Detection one = *next;
     found.doubtful.erase(next);
     found = with_tone(in, std::move(found), one);
   }
+  const auto first = found.lights.begin() + static_cast<std::ptrdiff_t>(earlier);
+  const auto rest = std::stable_partition(first, found.lights.end(),
+                                          [&](const Detection& one) { return is_convincing(in, one, found.suspects); });
+  found.doubtful.insert(found.doubtful.end(), rest, found.lights.end());
+  found.lights.erase(rest, found.lights.end());
+  return found;
 }
 
 // A lamp of another frequency in the columns `within` beside a light; `searched`: those near it.
@@ -201,11 +206,13 @@ Detections with_data(const SearchedFrame& in, Detections found, std::span<const 
   for (const Suspect& suspect : suspects) {
     check_interrupt();
     const auto explains = [&](const RefinedLight& light) { return is_explained(suspect, light); };
-    if (std::ranges::any_of(tones, explains) ||
-        std::ranges::any_of(found.lights, [&](const Detection& one) { return is_settled(one) && explains(one.light); }))
+    const auto settles = [&](const Detection& one) { return is_settled(one) && explains(one.light); };
+    const auto resembles = [&](const Detection& one) { return is_texture(one) && explains(one.light); };
+    if (std::ranges::any_of(tones, explains) || std::ranges::any_of(found.lights, settles) ||
+        std::ranges::any_of(found.doubtful, resembles))
       continue;
     const auto data = find_data_light(in.frame, suspect);
-    auto one = data ? judged(in, *data, suspects.size()) : std::nullopt;
+    auto one = data ? judged(in, *data, suspects.size(), around(found)) : std::nullopt;
     if (!one) continue;
     found.waveforms.push_back(candidate_of(in, *one, features_of(*data, suspects.size()), false, true));
     if (!is_convincing(in, *one)) continue;

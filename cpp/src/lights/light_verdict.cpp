@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <numbers>
+#include <vector>
 
 #include "lights/phase_odds.hpp"
 #include "lights/screening.hpp"
@@ -11,17 +14,32 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMinRows = 24;                        // of a box
-constexpr double kMinPeriodic = 0.4;                   // fraction of the swing common to the columns
-constexpr double kClear = 0.83, kClearPeriodic = 0.9;  // of a lamp: a few cycles suffice
-constexpr double kFalseAlarms = 0.02;                  // default
-constexpr double kToneOdds = 3, kDataOdds = 9;         // required at that rate; few photographs resemble data
-constexpr double kEdgeEvidence = 0.5;                  // nats
-constexpr double kDataTexture = 0.3;                   // relative to the bound for a tone
+constexpr double kMinRows = 24;                           // of a box
+constexpr double kMinPeriodic = 0.4;                      // fraction of the swing common to the columns
+constexpr double kClear = 0.83, kClearPeriodic = 0.9;     // of a lamp: a few cycles suffice
+constexpr double kFalseAlarms = 0.02;                     // default
+constexpr double kToneOdds = 3, kDataOdds = 9;            // required at that rate; few photographs resemble data
+constexpr double kEdgeEvidence = 0.5;                     // nats
+constexpr double kDataTexture = 0.3;                      // relative to the bound for a tone
+constexpr double kUnseenTexture = 0.03;                   // probability of a texture that resembles a light
+constexpr double kLevel = 0.003, kTilted = 0.02;          // rows per column: of a light's bars, of a texture's
+constexpr double kTurnedRows = 0.1;                       // rad: tilt of few cycles
+constexpr double kTurnedPictures = 0.001;                 // share of pictures whose rows are no rows
+constexpr double kCloth = 1e-3, kKnownCloth = 0.1;        // prior times probability of a number of its clocks
+constexpr double kBand = 0.2, kFrequencies = 4.5;         // of ln f: around a clock; of all lamps
+constexpr double kTexture = 0.1;                          // odds
+constexpr double kWholeRows = 1.0, kFaintPattern = 0.03;  // prior times density; max depth
 constexpr double kLargestSpread = 0.03, kLargestOwnSpread = 0.015;  // max relative standard error of a frequency
 
 double with_odds(double probability, double factor) {
   return probability * factor / (probability * factor + 1 - probability);
+}
+
+// Probability of a light with `factor` times the odds. Some textures resemble a light as none did to which the
+// probability of its looks was fitted: what speaks against a light speaks for them.
+double with_odds_against(double probability, double factor) {
+  const double texture = 1 / factor;
+  return 1 / (1 + (1 - probability) / probability * texture + kUnseenTexture * std::max(texture - 1, 0.0));
 }
 
 // Probability required of a light, so that pictures without lights have `false_alarms` on average.
@@ -71,6 +89,52 @@ double expected_others(const Detection& one, std::span<const Detection> lights) 
   return sum;
 }
 
+double normal(double x, double std) {
+  return std::exp(-0.5 * x * x / (std * std)) / (std * std::sqrt(2 * std::numbers::pi));
+}
+
+// A light's bars run along the rows, over its whole width; those of a texture have a Cauchy distribution of tilts, and
+// may run along the rows as well.
+double tilt_odds(const RefinedLight& light) {
+  if (!(light.tilt_std > 0)) return 1;
+  const double turned = kTurnedRows / (2 * std::numbers::pi * light.frequency * static_cast<double>(light.box.width));
+  const double level = normal(light.tilt, std::hypot(light.tilt_std, kLevel, turned));
+  const double tilted = kTilted / (std::numbers::pi * (light.tilt * light.tilt + kTilted * kTilted));
+  return std::min(((1 - kTurnedPictures) * level + kTurnedPictures * tilted) / (0.5 * level + 0.5 * tilted), 1.0);
+}
+
+// A faint pattern of 2, 4 or 8 whole rows is the camera's, or that of its compression.
+double pattern_odds(const RefinedLight& light) {
+  if (light.depth > kFaintPattern) return 1;
+  const double spread = std::max(light.frequency_std / light.frequency, 1e-4);
+  double camera = 0;
+  for (const int rows : {2, 4, 8}) camera += normal(std::log(light.frequency * rows), spread);
+  return 1 / (1 + kWholeRows * camera);
+}
+
+// Cloth and moiré have many tones in a narrow band, each a little different; the lamps of a scene send on few clocks,
+// anywhere. Odds from the number of other clocks that are near, which is Poisson's for lamps.
+double clock_odds(const Detection& one, const Surroundings& around) {
+  std::vector<const RefinedLight*> clocks{&one.light};
+  std::size_t near = 0;
+  double cloth = kCloth;
+  const auto add = [&](const Detection& other) {
+    // A light that sends data shows tones of its own.
+    if (other.data || other.appearance < kLooksLikeLight || (one.data && !is_texture(other))) return;
+    const bool beside = std::abs(std::log(other.light.frequency / one.light.frequency)) < kBand;
+    if (beside && is_texture(other)) cloth = kKnownCloth;
+    if (std::ranges::any_of(clocks, [&](const auto* clock) { return same_frequency(other.light, *clock); })) return;
+    clocks.push_back(&other.light);
+    near += beside ? 1 : 0;
+  };
+  std::ranges::for_each(around.lights, add);
+  std::ranges::for_each(around.doubtful, add);
+  const double expected = 2 * kBand / kFrequencies * static_cast<double>(clocks.size() - 1);
+  double lamps = std::exp(-expected);
+  for (std::size_t k = 1; k <= near; ++k) lamps *= expected / static_cast<double>(k);
+  return std::min(lamps / cloth, 1.0);
+}
+
 }  // namespace
 
 SearchedFrame searched_frame(const AnyFramesView& frames, std::size_t index, const Camera& camera,
@@ -97,19 +161,24 @@ bool is_measurable(const RefinedLight& light, const LightLimits& limits) {
 std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const Surroundings& around) {
   if (!is_measurable(light, in.limits)) return {};
   Detection one{.light = light, .box = light.box};
-  one.odds = phase_odds(in.frame.frames, in.frame.index, in.camera, light.box, light.frequency / in.camera.row_time);
+  const double row_time = in.camera.row_time;
+  one.odds = tilt_odds(light) * pattern_odds(light) *
+             phase_odds(in.frame, in.camera, light.box, light.frequency / row_time, light.frequency_std / row_time);
   return judged_again(one, around);
 }
 
-Detection judged_again(Detection one, const Surroundings& around, bool other_frames) {
+Detection judged_again(Detection one, const Surroundings& around) {
   const bool inside = one.light.inside;
-  const double odds = other_frames ? one.odds : 1;
   const ToneFeatures features = features_of(one, around);
-  one.alone = with_odds(probability_of(features_of(one.light, around.suspects, 0), inside), odds);
-  one.probability = with_odds(probability_of(features, inside), odds);
-  one.reported = with_odds(corrected_probability_of(features, inside), odds);
+  one.appearance = probability_of(features_of(one.light, around.suspects, 0), inside);
+  const double odds = one.odds * clock_odds(one, around);
+  one.alone = with_odds_against(one.appearance, odds);
+  one.probability = with_odds_against(probability_of(features, inside), odds);
+  one.reported = with_odds_against(corrected_probability_of(features, inside), odds);
   return one;
 }
+
+bool is_texture(const Detection& one) { return one.appearance >= kLooksLikeLight && one.odds < kTexture; }
 
 bool is_convincing(const SearchedFrame& in, const Detection& one, std::size_t suspects) {
   const double least = probability_for(kToneOdds, in.options.false_alarms);
@@ -118,11 +187,12 @@ bool is_convincing(const SearchedFrame& in, const Detection& one, std::size_t su
                    evidence(one.light) + std::log(one.odds) >= evidence_for(suspects, in.options.false_alarms));
 }
 
-std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, std::size_t suspects) {
+std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, std::size_t suspects,
+                                const Surroundings& around) {
   if (!is_measurable(data, in.limits, data_evidence_for(suspects, in.options.false_alarms))) return {};
   Detection one{.light = data.light, .box = data.light.box, .data = true};
-  one.odds = waveform_odds(in.frame, part_of(data.light));
-  one.probability = one.reported = with_odds(probability_of(features_of(data, suspects)), one.odds);
+  one.odds = tilt_odds(data.light) * waveform_odds(in.frame, part_of(data.light)) * clock_odds(one, around);
+  one.probability = one.reported = with_odds_against(probability_of(features_of(data, suspects)), one.odds);
   return one;
 }
 

@@ -26,10 +26,10 @@ struct SearchedFrame {
 SearchedFrame searched_frame(const AnyFramesView& frames, std::size_t index, const Camera& camera,
                              const DetectOptions& options);
 
-// Chances of a texture: the suspects that no light explains; and the lights found beside it.
+// Chances of a texture: the suspects that no light explains; and the lights and other tones found beside it.
 struct Surroundings {
   std::size_t suspects = 1;
-  std::span<const Detection> lights;
+  std::span<const Detection> lights, doubtful;
 };
 
 ToneFeatures features_of(const Detection& one, const Surroundings& around);
@@ -40,13 +40,17 @@ bool is_measurable(const RefinedLight& light, const LightLimits& limits);
 // A measurable tone with its probability.
 std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const Surroundings& around);
 
-// The tone with its probabilities among other suspects and lights. `other_frames`: false judges by one frame.
-Detection judged_again(Detection one, const Surroundings& around, bool other_frames = true);
+// The tone with its probabilities among other suspects and lights.
+Detection judged_again(Detection one, const Surroundings& around);
+
+// True for a tone that looks like a light but behaves as a texture.
+bool is_texture(const Detection& one);
 
 bool is_convincing(const SearchedFrame& in, const Detection& one, std::size_t suspects);
 
 // A waveform with enough evidence and its probability. `suspects`: those of the picture.
-std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, std::size_t suspects);
+std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, std::size_t suspects,
+                                const Surroundings& around);
 bool is_convincing(const SearchedFrame& in, const Detection& data);
 
 LightCandidate candidate_of(const SearchedFrame& in, const Detection& one, std::span<const double> features,

@@ -2,29 +2,22 @@
 // stays.
 #pragma once
 
-#include <cstddef>
-#include <span>
-
+#include "lights/light_patch.hpp"
 #include "lights/merging.hpp"
 #include "ocisac/camera/camera.hpp"
-#include "ocisac/core/views.hpp"
+#include "ocisac/core/region.hpp"
 
 namespace ocisac {
 
-// Change of phase from one frame to another, rad, and its standard error.
-struct PhaseChange {
-  double angle, std;
-};
-
-// Odds of a light over a texture, by which prior odds are multiplied. A light has any phase in another frame, except
-// the few in step with the frames; a texture has the same one, except where the camera moves:
-//   (0.9·U + 0.1·S) / (0.8·S + 0.2·U),   U = (1/2π)^K,   S = Π normal(angle; 0, std)
-// 1 without changes.
-double phase_odds(std::span<const PhaseChange> changes);
-
-// The same for the tone of a box in a frame (frequency in Hz), from up to three other frames, the nearest.
-double phase_odds(const AnyFramesView& frames, std::size_t frame, const Camera& camera, const Region& box,
-                  double frequency);
+// Odds of a light over a texture, by which prior odds are multiplied, for the tone of a box (Hz and its standard
+// error), from its changes of phase d to up to three other frames, the nearest:
+//   light:   p·A + (1 − p)·U,   A = Π normal(d; advance, std)   p: that light and frames keep the clocks stated
+//   texture: 0.8·S + 0.2·U,     S = Π normal(d; 0, std),  U = (1/2π)^K   one texture in five moves with the camera
+// The advance is frequency × frame time. Where that is whole within its error, half of the lights are in step: (A +
+// S)/2. Where it is unknown a light has any phase; one in 300 is in step. 1 without other frames, or if the tone is
+// gone from one.
+double phase_odds(const LitFrame& frame, const Camera& camera, const Region& box, double frequency,
+                  double frequency_std);
 
 // The same for a waveform, by its least correlation with those of the other frames.
 double waveform_odds(const LitFrame& frame, const LightPart& part);

@@ -24,6 +24,8 @@ constexpr double min_coherence = 0.5;                         // of a group of c
 constexpr double first_reach = 0.22, frequency_reach = 0.12;  // of the frequency, relative: of a suspect, per round
 constexpr double settled_frequency = 0.02;                    // relative change in a round
 constexpr int max_rounds = 8;
+constexpr std::size_t kTiltGroups = 3;
+constexpr int kTiltRounds = 3;
 
 constexpr std::size_t max_orders = 9;  // of a periodic light's harmonics
 
@@ -219,11 +221,6 @@ Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Reg
   return profile;
 }
 
-// Properties that distinguish a lamp from texture: its bars fill a bright contour, and all of them have one phase.
-struct Appearance {
-  double depth = 0, contour = 0, across = 0;
-};
-
 // Σ Im²(z·φ*) / Σ |z|² of the swing z in the box; φ: phase of Σ z.
 double across_phase(const Patch& patch, const ComplexValues& swing, const PatchRange& core) {
   Complex sum = 0, squares = 0;
@@ -237,9 +234,12 @@ double across_phase(const Patch& patch, const ComplexValues& swing, const PatchR
   return std::max(0.5 - 0.5 * product(squares, std::conj(product(phase, phase))).real() / energy, 0.0);
 }
 
-Appearance appearance_of(const Patch& patch, const ComplexValues& swing, const Region& box, double frequency) {
+// Properties that distinguish a lamp from texture: its bars fill a bright contour, have one phase, and run along the
+// rows. `seen`: frequency of the demodulation.
+void add_appearance(const Patch& patch, const ComplexValues& swing, double seen, RefinedLight& light) {
+  const double frequency = light.frequency;
   const auto mean = local_means(patch.light, patch.rows, patch.stride, hann_length(frequency));
-  const PatchRange core = patch.range(box);
+  const PatchRange core = patch.range(light.box);
   PatchRange wide = core;
   const std::size_t beside = std::max<std::size_t>((core.end_group - core.first_group) / 2, 1);
   wide.first_group -= std::min(wide.first_group, beside);
@@ -247,7 +247,6 @@ Appearance appearance_of(const Patch& patch, const ComplexValues& swing, const R
   const auto above = static_cast<std::size_t>(std::lround(1 / frequency));
   wide.first_row -= std::min(wide.first_row, above);
   wide.end_row = std::min(wide.end_row + above, patch.rows);
-  Appearance out;
   double swings = 0, means = 0, products = 0, swings2 = 0, means2 = 0;
   for_each(patch, wide, [&](std::size_t i, std::size_t) {
     const double s = 2 * size(swing[i]), m = mean[i];
@@ -256,16 +255,17 @@ Appearance appearance_of(const Patch& patch, const ComplexValues& swing, const R
   const auto count = static_cast<double>(wide.size());
   const double covariance = products - swings * means / count;
   const double spread = (swings2 - swings * swings / count) * (means2 - means * means / count);
-  out.contour = spread > 0 ? covariance / std::sqrt(spread) : 0;
-  if (wide.first_group == core.first_group && wide.end_group == core.end_group) out.contour = 1;  // it fills the frame
-  double weighted = 0, light = 0;
+  light.contour = spread > 0 ? covariance / std::sqrt(spread) : 0;
+  if (wide.first_group == core.first_group && wide.end_group == core.end_group)
+    light.contour = 1;  // it fills the frame
+  double weighted = 0, bright = 0;
   for_each(patch, core, [&](std::size_t i, std::size_t) {
     const double s = 2 * size(swing[i]);
-    weighted += s * s, light += s * std::max(mean[i], 0.0);
+    weighted += s * s, bright += s * std::max(mean[i], 0.0);
   });
-  out.depth = light > 0 ? weighted / light : 0;
-  out.across = across_phase(patch, swing, core);
-  return out;
+  light.depth = bright > 0 ? weighted / bright : 0;
+  light.across = across_phase(patch, swing, core);
+  measure_tilt(patch, swing, core, seen, light);
 }
 
 // Fraction of the profile's energy explained by a least-squares fit of weight·(harmonics).
@@ -289,29 +289,60 @@ double periodic_share(const Profile& profile, double frequency) {
   return total > 0 ? std::min(periodic / total, 1.0) : 0;
 }
 
-// Properties of the light in a box from its profile.
-RefinedLight refined(const Patch& patch, const Profile& profile, const Appearance& appearance, const Region& box,
-                     double frequency, double error, double amplitude) {
+// The light in a box by its profile.
+RefinedLight refined(const Patch& patch, const Profile& profile, const Region& box, double frequency, double error) {
   const double common = profile.energy > 0 ? std::min(profile.common / profile.energy, 1.0) : 0;
-  const double periodic = periodic_share(profile, frequency);
-  const double explained = common * periodic;
-  return {
-      box,
-      frequency,
-      error,
-      phase_at_start(profile.matched, frequency, patch.first_row),
-      explained / std::max(1 - explained, 1e-12),
-      amplitude,
-      common,
-      periodic,
-      std::max(profile.energy * (1 - explained) - profile.noise, 0.0) / std::max(profile.energy * explained, 1e-300),
-      profile.uneven,
-      appearance.depth,
-      appearance.contour,
-      appearance.across};
+  const double periodic = periodic_share(profile, frequency), explained = common * periodic;
+  const double rest = std::max(profile.energy * (1 - explained) - profile.noise, 0.0);
+  return {.box = box,
+          .frequency = frequency,
+          .frequency_std = error,
+          .phase = phase_at_start(profile.matched, frequency, patch.first_row),
+          .snr = explained / std::max(1 - explained, 1e-12),
+          .common = common,
+          .periodic = periodic,
+          .texture = rest / std::max(profile.energy * explained, 1e-300),
+          .uneven = profile.uneven};
 }
 
 }  // namespace
+
+void measure_tilt(const Patch& patch, const ComplexValues& swing, const PatchRange& core, double seen,
+                  RefinedLight& light) {
+  const std::size_t groups = core.end_group - core.first_group;
+  if (groups < kTiltGroups) return;
+  std::vector<Complex> sums(groups);
+  for (std::size_t n = core.first_row; n < core.end_row; ++n) {
+    const Complex turn = turned((light.frequency - seen) * static_cast<double>(n));
+    for (std::size_t g = 0; g < groups; ++g) sums[g] += product(swing[n * patch.stride + core.first_group + g], turn);
+  }
+  Complex step = 0;
+  for (std::size_t g = 1; g < groups; ++g) step += product(sums[g], std::conj(sums[g - 1]));
+  double slope = std::arg(step), spread = 0;
+  for (int round = 0; round < kTiltRounds; ++round) {
+    Complex sum = 0;
+    for (std::size_t g = 0; g < groups; ++g) sum += sums[g] * std::polar(1.0, -slope * static_cast<double>(g));
+    double weights = 0, middle = 0, moment = 0, force = 0, squares = 0;
+    const auto visit = [&](auto of_group) {
+      for (std::size_t g = 0; g < groups; ++g)
+        of_group(static_cast<double>(g),
+                 product(sums[g], std::polar(1.0, -slope * static_cast<double>(g) - std::arg(sum))));
+    };
+    visit([&](double g, Complex z) { weights += std::max(z.real(), 0.0), middle += g * std::max(z.real(), 0.0); });
+    if (!(weights > 0)) return;
+    middle /= weights;
+    visit([&](double g, Complex z) {
+      const double away = g - middle;
+      moment += away * away * std::max(z.real(), 0.0);
+      force += away * z.imag(), squares += away * away * z.imag() * z.imag();
+    });
+    if (!(moment > 0)) return;
+    slope += force / moment;
+    spread = std::sqrt(squares * static_cast<double>(groups) / static_cast<double>(groups - 2)) / moment;
+  }
+  const double per_column = 1 / (2 * std::numbers::pi * light.frequency * static_cast<double>(patch.group));
+  light.tilt = slope * per_column, light.tilt_std = spread * per_column;
+}
 
 std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, const LightLimits& limits,
                                           double edge, int rounds) {
@@ -342,22 +373,24 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
                          static_cast<double>(box.height) <= static_cast<double>(known) + 0.5 / frequency;
     if (round < rounds || (!settled && round < max_rounds)) continue;
     box.width = std::min(box.width, shape_of(frame.frames).columns - box.x);
-    const Appearance appearance = appearance_of(patch, swing, box, frequency);
+    RefinedLight light{};
     if (inside) {
       const auto fitted = fit_outline(own, frequency);
       if (!fitted) return {};
+      light = light_of(own, *fitted, noise_variance(patch, patch.range(box)));
+      light.box = box, light.inside = true;
+      add_appearance(patch, swing, last, light);
       const Region mine = own_box(own);
-      if (much_narrower(mine, box)) box.x = mine.x, box.width = mine.width;
-      box.y = mine.y, box.height = mine.height;
-      RefinedLight light = light_of(own, *fitted, noise_variance(patch, patch.range(box)));
-      light.box = box;
-      light.amplitude = 2 * lit->amplitude, light.depth = appearance.depth, light.contour = appearance.contour;
-      light.across = appearance.across, light.inside = true;
-      return light;
+      if (much_narrower(mine, box)) light.box.x = mine.x, light.box.width = mine.width;
+      light.box.y = mine.y, light.box.height = mine.height;
+    } else {
+      const double error =
+          jackknife_std(profile.matched, frequency, static_cast<double>(box.height) * frequency, lower, upper);
+      light = refined(patch, profile, box, frequency, error);
+      add_appearance(patch, swing, last, light);
     }
-    const double error =
-        jackknife_std(profile.matched, frequency, static_cast<double>(box.height) * frequency, lower, upper);
-    return refined(patch, profile, appearance, box, frequency, error, 2 * lit->amplitude);
+    light.amplitude = 2 * lit->amplitude;
+    return light;
   }
 }
 

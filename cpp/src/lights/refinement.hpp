@@ -16,19 +16,21 @@ struct LightLimits {
 };
 
 struct RefinedLight {
-  Region box;                       // of the fundamental above 15 % of its largest amplitude
-  double frequency, frequency_std;  // cycles per row
-  double phase;                     // rad, of the fundamental's sum at row 0 of the picture
-  double snr;                       // periodic part over the residual, in the box
-  double amplitude;                 // of the fundamental, DN
-  double common;                    // fraction of the box's swing that is common to all columns
-  double periodic;                  // periodic fraction of that common swing
-  double texture;                   // residual swing minus noise, over the periodic part
-  double uneven;                    // modulation depth of the texture at the frequency; 0 where light multiplies it
-  double depth = 0;                 // swing over mean light, where it is bright in the box
-  double contour = 0;               // correlation of local swing and local light, in the box and around it
-  double across = 0;                // energy of the box's swing in quadrature to its sum, over all of it
-  bool inside = false;              // box and measures are those of the light's own pixels
+  Region box = {};                          // of the fundamental above 15 % of its largest amplitude
+  double frequency = 0, frequency_std = 0;  // cycles per row
+  double phase = 0;                         // rad, of the fundamental's sum at row 0 of the picture
+  double snr = 0;                           // periodic part over the residual, in the box
+  double amplitude = 0;                     // of the fundamental, DN
+  double common = 0;                        // fraction of the box's swing that is common to all columns
+  double periodic = 0;                      // periodic fraction of that common swing
+  double texture = 0;                       // residual swing minus noise, over the periodic part
+  double uneven = 0;    // modulation depth of the texture at the frequency; 0 where light multiplies it
+  double depth = 0;     // swing over mean light, where it is bright in the box
+  double contour = 0;   // correlation of local swing and local light, in the box and around it
+  double across = 0;    // energy of the box's swing in quadrature to its sum, over all of it
+  double tilt = 0;      // rows by which its bars fall per column; 0 of a light
+  double tilt_std = 0;  // standard error; 0: unknown
+  bool inside = false;  // box and measures are those of the light's own pixels
 };
 
 // Amplitude at the box's edges, relative to the largest. Under a window of two cycles a sharp edge has one half.
@@ -38,6 +40,11 @@ constexpr double longest_inner = 12;  // cycles in an inner box
 // True for a box of the light's own pixels if the other one's columns hold something else too. The sides of a round
 // lamp, which it fills in part, may be missing in the former.
 inline bool much_narrower(const Region& own, const Region& other) { return 5 * own.width < 3 * other.width; }
+
+// Tilt of the bars in a part of the patch, from the phase of the swing z of each group of columns u: the slope s that
+// maximises |Σ z·e^(−jsu)|. `seen`: frequency of the demodulation.
+void measure_tilt(const Patch& patch, const ComplexValues& swing, const PatchRange& core, double seen,
+                  RefinedLight& light);
 
 // Demodulation at the suspect's frequency f with a Hann window of two cycles, which removes the mean, gives a map of
 // the light's swing. The box is the region where the swing has the phase of its sum. The frequency maximises the energy

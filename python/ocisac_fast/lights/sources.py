@@ -95,14 +95,15 @@ def detect_sources(
         false_alarms: upper bound of the expected number of false lights in a picture without lights, above 0 up to 1,
             on overlapping boxes of 720 x 960 pixels, the most critical texture; noise, clouds and text give fewer. It
             sets the ``probability`` required: 0.72 at 0.02, more below. Photographs of regular things, such as text or
-            rows of pins, may show more. In a single picture a grating of bars is detected as a light.
+            rows of pins, may show more. In a single picture a grating of bars along the rows is detected as a light.
         min_cycles: min. cycles of the light in its box, 2 or above; with fewer, edges and blinds resemble lights.
         max_sources: max. lights per frame, the strongest; 1 or above.
         frame: index of the only frame that is searched; its neighbours are compared with it. None: all are searched.
 
     Returns:
         The lights of all frames; within a frame the most probable first. Of two frames or more, the phase of a light
-        moves with the clock, that of a texture stays, which changes ``probability``.
+        moves with the clock, that of a texture stays: what stands still is no light, unless frequency times
+        ``camera.frame_time`` is whole within its error.
 
     Raises:
         ValueError: wrong shape or type, samples that are not finite, or an option out of range.
