@@ -53,7 +53,7 @@ help:
 	@echo 'make soak      eight threads for ten minutes, dirty streams in parts of a quarter of an hour, resumed until FRAMES=$(FRAMES) in all'
 	@echo 'make coverage  lines and branches of the core that the C++ tests reach'
 	@echo 'make mutants   MUTANTS=$(MUTANTS) changes of the packet code, each of which the tests must notice'
-	@echo 'make wheel     dist/: a wheel that stands alone, tried in a fresh environment'
+	@echo 'make wheel     dist/release: sdist and a wheel that stands alone, tried in fresh environments (scripts/release)'
 	@echo 'make deb       build/deb: Debian packages that stand alone, tried in a clean root'
 	@echo 'make arm64     cross-built for 64-bit Arm, tests under qemu-user'
 	@echo 'make lint      ruff, mypy, stubtest, clang-format, clang-tidy'
@@ -112,6 +112,9 @@ nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
 	@echo '==> C++ tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 	@scripts/system-packages fuzz
 	@cmake --preset sanitize >/dev/null && cmake --build --preset sanitize && ctest --preset sanitize
+	@echo '==> without OpenCV, Highway and Eigen'
+	@scripts/bundle-sources
+	@cmake --preset bare >/dev/null && cmake --build --preset bare && ctest --preset bare
 	@echo '==> injected faults, a minute for each call'
 	@$(build)/cpp/tests/ocisac_fault_tests 60 $(build)/cpp/apps/ocisac-rx $(build)/cpp/tests/libocisac_faults.so
 	@echo '==> dirty streams'
@@ -197,19 +200,9 @@ clean:
 standalone: packages
 	@PYTHON=$(PYTHON) scripts/standalone-libraries
 
-# dist/: a manylinux wheel that depends on NumPy alone, tested in its own environment.
-wheel: build standalone
-	@echo '==> wheel'
-	@$(bin)/python -m pip install -qq --require-hashes -r scripts/tools-wheel.txt
-	@rm -rf build/wheel dist/ocisac_fast-*.whl && SKBUILD_CMAKE_DEFINE=OCISAC_STANDALONE=$(CURDIR)/build/standalone $(bin)/python -m pip wheel -qq \
-	  --no-deps --no-build-isolation --wheel-dir build/wheel .
-	@PATH=$(abspath $(bin)):$$PATH $(bin)/auditwheel repair --strip --wheel-dir dist build/wheel/ocisac_fast-*.whl \
-	  >build/auditwheel.log 2>&1 || { cat build/auditwheel.log; exit 1; }
-	@$(bin)/python scripts/check-wheel dist/ocisac_fast-*.whl
-	@for wheel in dist/ocisac_fast-*.whl; do $(bin)/python scripts/sbom "$$wheel" >"$${wheel%.whl}.cdx.json"; done
-	@rm -rf build/wheel-venv && $(PYTHON) -m venv build/wheel-venv
-	@build/wheel-venv/bin/python -m pip install -qq dist/ocisac_fast-*.whl
-	@cd build && wheel-venv/bin/python -W error -m ocisac_fast.smoke
+# dist/release: the sdist, and from it a manylinux wheel that depends on NumPy alone, each tried in its own environment.
+wheel: packages
+	@scripts/release --dry-run --python $(PYTHON)
 
 # build/deb: self-contained packages of executable, library and headers, and of the plugin of GStreamer, tested in a clean
 # Debian root.

@@ -1,0 +1,32 @@
+# Highway and Eigen: those of the machine, else the sources that an sdist brings in third_party (scripts/bundle-sources).
+# Highway's library then becomes a part of ocisac: ocisac_bundled_sources.
+set(ocisac_third_party "${CMAKE_CURRENT_SOURCE_DIR}/third_party")
+set(ocisac_bundled_sources "")
+
+if(EXISTS "${ocisac_third_party}/highway")
+  find_package(Highway 1.0 QUIET)
+else()
+  find_package(Highway 1.0 REQUIRED)
+endif()
+if(NOT Highway_FOUND)
+  message(STATUS "Highway is not found: the one in ${ocisac_third_party}")
+  file(GLOB_RECURSE ocisac_bundled_sources "${ocisac_third_party}/highway/*.cc")
+  set_source_files_properties(${ocisac_bundled_sources} PROPERTIES COMPILE_OPTIONS "-w" SKIP_PRECOMPILE_HEADERS ON)
+  add_library(Highway::hwy INTERFACE IMPORTED)
+  target_include_directories(Highway::hwy SYSTEM INTERFACE "${ocisac_third_party}/highway")
+  target_compile_definitions(Highway::hwy INTERFACE HWY_STATIC_DEFINE)
+endif()
+
+# No version: Eigen's package files accept those of one major version only.
+if(EXISTS "${ocisac_third_party}/eigen")
+  find_package(Eigen3 QUIET NO_MODULE)
+else()
+  find_package(Eigen3 REQUIRED NO_MODULE)
+endif()
+if(NOT Eigen3_FOUND)
+  message(STATUS "Eigen is not found: the one in ${ocisac_third_party}")
+  add_library(Eigen3::Eigen INTERFACE IMPORTED)
+  target_include_directories(Eigen3::Eigen SYSTEM INTERFACE "${ocisac_third_party}/eigen")
+elseif(Eigen3_VERSION VERSION_LESS 3.4)
+  message(FATAL_ERROR "Eigen ${Eigen3_VERSION} in ${Eigen3_DIR}: 3.4 or later is needed")
+endif()
