@@ -358,17 +358,6 @@ class TestAgreesWithNumPy:
         exact = of.equalize(array, camera(share**3 * rows), **how)
         assert np.all(np.abs(out - exact).max(axis=0) <= 1e-5 * (np.abs(exact).max(axis=0) + np.abs(array).max(axis=0)))
 
-    @pytest.mark.parametrize("method", ["inverse", "wiener"])
-    @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-    def test_threads_change_nothing(self, method: Any, dtype: Any) -> None:
-        columns = np.random.default_rng(1).random((2, 97, 70))
-        one, four = (np.empty(columns.shape, dtype) for _ in range(2))
-        first = of.equalize(columns, camera(8.5), method=method, out=one, report=True)[1]
-        second = of.equalize(columns, camera(8.5), method=method, out=four, report=True, threads=4)[1]
-        assert np.array_equal(one, four)
-        assert np.array_equal(first.frequencies_lost, second.frequencies_lost)
-        assert np.array_equal(first.noise, second.noise)
-
     def test_a_faint_column_beside_a_bright_one(self) -> None:
         """Two columns share a transform, and no rounding errors."""
         faint = 1e-12 * np.random.default_rng(1).random(300)

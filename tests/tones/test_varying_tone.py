@@ -168,13 +168,6 @@ def test_what_cannot_be_told_is_nan_and_flagged():
     assert (ocisac.varying_tone_gain(columns_of(720, 1.5), camera, 1.5 / 720).flags & Flag.FEW_CYCLES).all()
 
 
-def test_threads_do_not_change_a_bit():
-    column = columns_of(300, 7.3, 500)
-    one, four = (ocisac.varying_tone_gain(column, Camera(1.0), 7.3 / 300, threads=n) for n in (1, 4))
-    for name in FIELDS:
-        np.testing.assert_array_equal(getattr(one, name), getattr(four, name))
-
-
 @pytest.mark.parametrize(
     ("slope", "flagged", "doubt"),
     [(0.0, False, "columns show the tone at different phases"), (0.8, True, "0 dB below")],

@@ -153,7 +153,7 @@ def _test_of(hint: Any) -> _Test:
     if rule is None:
         return lambda name, value: None
     fits, text = rule
-    alike = () if _is_by_value(hint) else _ALIKE
+    by_value = _is_by_value(hint)
     accepted: set[type] = set()  # types of which every value fits
 
     def test(name: str, value: Any) -> None:
@@ -163,7 +163,7 @@ def _test_of(hint: Any) -> _Test:
         if not fits(value):
             got = f"dtype {value.dtype}" if isinstance(value, np.ndarray) else shown(value)
             raise ValueError(f"{name}: got {got}, allowed: {text}")
-        if kind not in _EXAMINED and (kind in alike or kind.__module__.startswith("ocisac_fast")):
+        if not by_value and kind not in _EXAMINED and (kind in _ALIKE or kind.__module__.startswith("ocisac_fast")):
             accepted.add(kind)
 
     return test
