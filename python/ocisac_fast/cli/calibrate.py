@@ -14,7 +14,7 @@ from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cli.columns import frequency_waveform, one_colour, some_columns
 from ocisac_fast.cli.doubts import warn_of_texture
 from ocisac_fast.cli.lights import SHARES
-from ocisac_fast.cli.output import emit_facts, emit_json, flag_names, quantity, with_spread
+from ocisac_fast.cli.output import emit_facts, emit_json, facts_of, flag_names, quantity, with_spread
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, open_pictures, picture_options
 from ocisac_fast.cli.units import FREQUENCY, Quantity
@@ -58,12 +58,7 @@ def calibrate(
     if math.isfinite(found.cycles_per_row):
         warn_of_texture(columns[..., some_columns(found.columns.used)], per_row, found.cycles_per_row)
     if as_json:
-        facts: dict[str, Any] = {
-            "row_time_s": result.row_time,
-            "row_time_std_s": result.row_time_std,
-            "frames": len(columns),
-        }
-        facts["scan_axis"] = axis
+        facts = {**facts_of(result, "row_time_s row_time_std_s"), "frames": len(columns), "scan_axis": axis}
         emit_json({**facts, "rows": columns.shape[1], "columns": int(found.columns.used.sum()), "flags": flags})
         return
     emit_facts(
@@ -79,6 +74,9 @@ def calibrate(
     )
 
 
+_PULSE_KEYS = "row_time_s row_time_std_s period_rows period_rows_std exposure_s exposure_std_s offset_s offset_std_s"
+
+
 def _calibrate_pulses(
     files: tuple[str, ...], frequency: float, duties: tuple[float, ...], picture: PictureOptions, as_json: bool
 ) -> None:
@@ -90,14 +88,7 @@ def _calibrate_pulses(
     if as_json:
         emit_json(
             {
-                "row_time_s": result.row_time,
-                "row_time_std_s": result.row_time_std,
-                "period_rows": result.period_rows,
-                "period_rows_std": result.period_rows_std,
-                "exposure_s": result.exposure,
-                "exposure_std_s": result.exposure_std,
-                "offset_s": result.offset,
-                "offset_std_s": result.offset_std,
+                **facts_of(result, _PULSE_KEYS),
                 "ramp_misfit": result.misfit,
                 "pulses": [
                     {"file": file, "duty": duty, "lit_rows": rows, "pulse_width_s": width, "bands": bands.whole.size}

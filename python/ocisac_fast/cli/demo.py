@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from ocisac_fast.cli.output import emit_json, emit_table, quantity
+from ocisac_fast.cli.output import emit_json, emit_table, facts_of, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option
 
@@ -74,10 +74,7 @@ def _show_what_next(directory: Path) -> None:
 
 
 def _facts(measured: Any) -> dict[str, Any]:
-    setting = measured.setting
-    names = ("kind", "frequency_hz", "exposure_s", "theory", "gain", "gain_std")
-    values = (setting.kind, setting.frequency, setting.exposure, setting.theory, measured.gain, measured.gain_std)
-    return dict(zip(names, values, strict=True))
+    return facts_of(measured.setting, "kind frequency_hz exposure_s theory") | facts_of(measured, "gain gain_std")
 
 
 def _row(measured: Any) -> list[str]:

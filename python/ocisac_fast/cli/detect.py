@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ocisac_fast.cli.output import decibels, emit_json, emit_table, flag_names, number, progress, quantity, rate
+from ocisac_fast.cli.output import emit_json, emit_table, facts_of, number, progress, quantity, rate
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import (
     FILE_PATH,
@@ -24,6 +24,11 @@ if TYPE_CHECKING:
     from ocisac_fast.lights import LightSource
 
 _HEADER = ("light", "x", "y", "width", "height", "probability", "frequency", "gain", "SNR", "data", "remark")
+
+_KEYS = (
+    "probability frequency_hz frequency_std_hz gain gain_std phase_rad mean snr_db carries_data reflection_of reason "
+    "flags"
+)
 
 
 @click.command(short_help="Modulated lights in a recording.")
@@ -113,23 +118,8 @@ def detected_lights(
 
 
 def _facts(source: LightSource, seen: dict[str, Any], picture: PictureOptions) -> dict[str, Any]:
-    facts = {
-        **picture.in_picture(source.region)._asdict(),
-        "probability": source.probability,
-        "frequency_hz": source.frequency,
-        "frequency_std_hz": source.frequency_std,
-        "gain": source.gain,
-        "gain_std": source.gain_std,
-        "phase_rad": source.phase,
-        "mean": source.mean,
-        "snr_db": decibels(source.snr),
-        "carries_data": source.carries_data,
-        "reflection_of": source.reflection_of,
-        "reason": source.reason,
-        "flags": flag_names(source.flags),
-        **seen,
-    }
-    return picture.in_units(facts)
+    box = picture.in_picture(source.region)._asdict()
+    return picture.in_units({**box, **facts_of(source, _KEYS), **seen})
 
 
 def _row(source: dict[str, Any], every: list[dict[str, Any]], picture: PictureOptions) -> list[str]:

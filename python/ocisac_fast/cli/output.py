@@ -9,7 +9,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from typing import Any, TypeVar
 
@@ -194,6 +194,16 @@ def progress(items: Iterable[_Item], what: str, total: int | None) -> Iterator[_
     from rich.progress import track
 
     yield from track(items, what, total, console=Console(stderr=True), transient=True)
+
+
+_UNIT = re.compile("_(m_s|per_m|hz|s|rad|db)$")
+
+
+def facts_of(result: Any, keys: str) -> dict[str, Any]:
+    """The attributes of a result that JSON keys name with their units: ``frequency_hz gain snr_db flags``."""
+    facts = {key: getattr(result, _UNIT.sub("", key)) for key in keys.split()}
+    made: dict[str, Callable[[Any], Any]] = {"snr_db": decibels, "flags": flag_names}
+    return facts | {key: made[key](value) for key, value in facts.items() if key in made}
 
 
 def flag_names(flags: enum.IntFlag | int) -> list[str]:

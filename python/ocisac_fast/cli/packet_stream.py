@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import Any, Literal
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.output import decibels, flag_names, quantity
+from ocisac_fast.cli.output import decibels, facts_of, flag_names, quantity
 from ocisac_fast.cli.pictures import PictureOptions, rows_and_columns
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame
@@ -153,24 +153,12 @@ class PacketStream:
             "source": light.source,
             "rows": self._rows,
             "region": list(self._picture.in_picture(light.region)),
-            "bits": received.bits,
-            "rows_per_chip": received.rows_per_chip,
-            "chip_rate_hz": received.chip_rate,
-            "snr_db": decibels(received.snr),
-            "exposure_s": received.exposure,
-            "error_rate": received.error_rate,
-            "outcome": received.outcome,
+            **facts_of(received, "bits rows_per_chip chip_rate_hz snr_db exposure_s error_rate outcome"),
         }
         facts |= {**_packet_facts(received), "flags": flag_names(received.flags)}
         if light.gain is not None:
-            facts |= {
-                "frequency_hz": light.gain.frequency,
-                "frequency_std_hz": light.gain.frequency_std,
-                "gain": light.gain.gain,
-                "gain_std": light.gain.gain_std,
-                "gain_snr_db": decibels(light.gain.snr),
-                "gain_flags": flag_names(light.gain.flags),
-            }
+            facts |= facts_of(light.gain, "frequency_hz frequency_std_hz gain gain_std")
+            facts |= {f"gain_{key}": value for key, value in facts_of(light.gain, "snr_db flags").items()}
         if light.suggestion is not None:
             facts["suggested_exposure_s"] = light.suggestion.exposure
         return facts

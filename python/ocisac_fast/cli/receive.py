@@ -11,7 +11,7 @@ import click
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
-from ocisac_fast.cli.output import decibels, emit_json, emit_summary, emit_table, flag_names, number, progress, quantity
+from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, facts_of, number, progress, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import (
@@ -191,11 +191,7 @@ def _facts(result: Any, first_frame: int, shape: tuple[int, ...], camera: Camera
         "source": int(result.source),
         "colour": int(result.colour) if len(result.colour_weights) > 1 else None,
         "rows": rows_and_columns(shape, camera)[0],
-        "bits": result.bits,
-        "rows_per_chip": result.rows_per_chip,
-        "chip_rate_hz": result.chip_rate,
-        "snr_db": decibels(result.snr),
-        "flags": flag_names(result.flags),
+        **facts_of(result, "bits rows_per_chip chip_rate_hz snr_db flags"),
         "scan_axis": camera.scan_axis,
     }
 

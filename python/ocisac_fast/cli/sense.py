@@ -13,10 +13,9 @@ import click
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import (
-    decibels,
     emit_json,
     emit_table,
-    flag_names,
+    facts_of,
     is_collected,
     number,
     quantity,
@@ -44,6 +43,11 @@ if TYPE_CHECKING:
 
 _BOX = ("x", "y", "width", "height")
 _HEADER = ("region", "kind", *_BOX, "frequency", "f_x v", "gain", "theory", "speed", "SNR", "flags")
+_KEYS = (
+    "kind frequency_hz frequency_std_hz motion_frequency_hz motion_frequency_std_hz motion_candidates_hz direction "
+    "gain gain_std frames_gain frames_gain_std theory contrast contrast_range mean background_given speed_m_s "
+    "speed_std_m_s spatial_frequency_per_m spatial_frequency_std_per_m cycles_per_column cycles_per_frame snr_db flags"
+)
 _CLEAR_EVIDENCE = 5.0  # a coincidence has a probability below e^-5
 _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 
@@ -229,34 +233,7 @@ def _found(first: Frame, camera: Camera, picture: PictureOptions, options: dict[
 
 
 def _facts(region: SensedRegion, picture: PictureOptions) -> dict[str, Any]:
-    facts = {
-        **picture.in_picture(region.region)._asdict(),
-        "kind": region.kind,
-        "frequency_hz": region.frequency,
-        "frequency_std_hz": region.frequency_std,
-        "motion_frequency_hz": region.motion_frequency,
-        "motion_frequency_std_hz": region.motion_frequency_std,
-        "motion_candidates_hz": region.motion_candidates,
-        "direction": region.direction,
-        "gain": region.gain,
-        "gain_std": region.gain_std,
-        "frames_gain": region.frames_gain,
-        "frames_gain_std": region.frames_gain_std,
-        "theory": region.theory,
-        "contrast": region.contrast,
-        "contrast_range": region.contrast_range,
-        "mean": region.mean,
-        "background_given": region.background_given,
-        "speed_m_s": region.speed,
-        "speed_std_m_s": region.speed_std,
-        "spatial_frequency_per_m": region.spatial_frequency,
-        "spatial_frequency_std_per_m": region.spatial_frequency_std,
-        "cycles_per_column": region.cycles_per_column,
-        "cycles_per_frame": region.cycles_per_frame,
-        "snr_db": decibels(region.snr),
-        "flags": flag_names(region.flags),
-    }
-    return picture.in_units(facts)
+    return picture.in_units({**picture.in_picture(region.region)._asdict(), **facts_of(region, _KEYS)})
 
 
 def _row(index: int, region: dict[str, Any], picture: PictureOptions) -> list[str]:
