@@ -15,6 +15,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     # Read when NumPy is imported: its products are small here, and threads that wait for their share of one use time.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:  # closed, as daemons do: files would get its number, and be written to
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
     try:
         from ocisac_fast.cli.application import run
 

@@ -1,0 +1,86 @@
+"""Standard input, output and error that are closed or full, as under cron, daemons and on full disks."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip("click")
+pytest.importorskip("rich")
+pytest.importorskip("PIL.Image")
+
+from ocisac_fast.files import write_frames
+
+OCISAC = [sys.executable, "-m", "ocisac_fast.cli"]
+GAIN = ["--frequency", "500Hz", "--row-time", "22.2us", "--exposure", "1ms"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A picture whose gain is warned of, since the lamp does not fill the columns."""
+    folder = tmp_path_factory.mktemp("streams")
+    rows = np.arange(360)[:, np.newaxis]
+    light = 60 + 100 * (1 + np.cos(2 * np.pi * 500 * 22.2e-6 * rows)) / 2
+    write_frames(folder / "a.png", np.where((rows > 90) & (rows < 270), light, 5).astype(np.uint8).repeat(32, 1))
+    return folder
+
+
+def run(folder, words, streams):
+    """Exit code and standard error, where it is neither closed nor full."""
+    closed = [number for number, state in enumerate(streams) if state == "closed"]
+    full = open("/dev/full", "w")  # noqa: SIM115
+    with (
+        full,
+        subprocess.Popen(
+            [*OCISAC, *words],
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=full if streams[1] == "full" else subprocess.DEVNULL,
+            stderr=full if streams[2] == "full" else subprocess.PIPE,
+            preexec_fn=lambda: [os.close(number) for number in closed],
+        ) as started,
+    ):
+        _, err = started.communicate(timeout=60)
+    return started.returncode, (err or b"").decode()
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
+@pytest.mark.parametrize(
+    ("streams", "code"),
+    [
+        (("closed", "", ""), 0),
+        (("", "closed", ""), 0),
+        (("", "", "closed"), 0),
+        (("closed", "closed", "closed"), 0),
+        (("", "full", ""), 2),
+        (("", "", "full"), 0),
+        (("", "full", "full"), 2),
+    ],
+)
+def test_the_work_is_done_and_the_exit_code_is_right(streams, code, folder):
+    found, err = run(folder, ["gain", "a.png", *GAIN], streams)
+    assert (found, "Traceback" in err) == (code, False)
+    if code == 2 and not streams[2]:
+        assert err.splitlines()[-1] == "ocisac: No space left on device"
+    assert run(folder, ["detect", "missing.png"], streams)[0] == 2
+    (folder / "out.png").unlink(missing_ok=True)
+    run(folder, ["clean", "a.png", "out.png", "--row-time", "22.2us", "--json"], streams)
+    assert (folder / "out.png").stat().st_size > 100
+
+
+def test_a_closed_output_is_no_file_s_number(folder):
+    """The first file that is opened would get number 1, and what a library prints would go into it."""
+    program = (
+        "import os, sys; from ocisac_fast.cli import main; code = main(sys.argv[1:]); "
+        "print('more', flush=True); os.write(1, b'more'); sys.exit(code)"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program, "gain", "a.png", *GAIN, "--csv", "out.csv", "--force"],
+        cwd=folder,
+        stderr=subprocess.DEVNULL,
+        preexec_fn=lambda: os.close(1),
+    ) as started:
+        assert started.wait(timeout=60) == 0
+    assert "more" not in (folder / "out.csv").read_text()
