@@ -170,8 +170,10 @@ void LightState::scale_nuisance(std::vector<double> scale) {
 
 bool RowReader::shows_no_light(std::span<const double> signal, FrameRows& frame, const LightState& state) const {
   if (!frame.is_noise) {
-    const double chip = state.rows_per_chip.value_or(0.0), exposure = state.model.exposure_rows.value_or(0.0);
-    frame.is_noise = std::max(chip, exposure) >= kMinCorrelatedRows && is_noise(signal);
+    const auto &chip = state.rows_per_chip, &exposure = state.model.exposure_rows;
+    const bool is_known = chip || exposure;  // else edges of noise would say that chips are short
+    const bool is_correlated = std::max(chip.value_or(0.0), exposure.value_or(0.0)) >= kMinCorrelatedRows;
+    frame.is_noise = (is_correlated || !is_known) && is_noise(signal);
   }
   return *frame.is_noise;
 }
