@@ -50,7 +50,6 @@ class Candidates:
     told: np.ndarray  # probability by the code
     fitted: np.ndarray  # before its correction
     inside: np.ndarray  # features of its own pixels
-    listed: np.ndarray  # what the code considers at a place: the most probable one
 
     def part(self, used: np.ndarray) -> Candidates:
         return Candidates(*(getattr(self, field.name)[used] for field in fields(self)))
@@ -172,19 +171,18 @@ def is_light(
 
 def candidates(count: int, photos: list[np.ndarray], data: bool = False, first: int = 0) -> Candidates:
     rows: list[list[float]] = []
-    light, seeds, told, fitted, inside, listed = [], [], [], [], [], []
+    light, seeds, told, fitted, inside = [], [], [], [], []
     for seed in range(first, first + count):
         frame, truth = any_scene(seed, photos, data)
         found = _core.light_candidates(frame[None], light_scenes.CAMERA._handle, data)
-        for box, frequency, probability, before, features, own, best in found:
+        for box, frequency, probability, before, features, own in found:
             rows.append(features)
             light.append(is_light(box, frequency, truth, data))
             seeds.append(seed)
             told.append(probability)
             fitted.append(before)
             inside.append(own)
-            listed.append(best)
-    columns = (rows, np.array(light, float), seeds, told, fitted, inside, listed)
+    columns = (rows, np.array(light, float), seeds, told, fitted, inside)
     return Candidates(*(np.array(column) for column in columns))
 
 
@@ -247,7 +245,7 @@ def shrunk(found: Candidates, used: np.ndarray) -> np.ndarray:
     """A fit to the candidates `used`, corrected to what fits without a fold tell of that fold.
 
     It is moved, scaled, and its weight of company changed. A fit is too sure of photographs that it has not seen: their
-    textures are few. Of two fits of a suspect the more probable one is listed, which is right less often.
+    textures are few.
     """
     fold = found.seed % FOLDS
     fresh = np.full(len(found.light), np.nan)
@@ -326,10 +324,10 @@ def main() -> None:
     for kind, names in (("tones", NAMES), ("data", DATA_NAMES)):
         if options.only in (None, kind):
             found = candidates(options.scenes, pictures, kind == "data", options.first)
-            report[kind] = fit(found.part(found.listed & ~found.inside), names)
+            report[kind] = fit(found.part(~found.inside), names)
             if kind == "tones":
-                report["own pixels"] = fit(found.part(found.listed & found.inside), names)
-                both = found.part(found.listed)
+                report["own pixels"] = fit(found.part(found.inside), names)
+                both = found
                 report["both"] = {"correction": correction(both), **of_the_code(both)}
     if options.json:
         print(json.dumps(report))

@@ -56,34 +56,6 @@ std::vector<LightSource> sources_of(const SearchedFrame& in, Detections found) {
 
 Region whole(const Shape& shape) { return {0, 0, shape.columns, shape.rows}; }
 
-// Search region and frequencies; without frequencies: any.
-struct Search {
-  Region region;
-  std::vector<double> frequencies;
-};
-
-// Replaces searches with overlapping regions by one of the enclosing region.
-std::vector<Search> united(std::vector<Search> searches) {
-  for (std::size_t i = 0; i < searches.size(); ++i)
-    for (std::size_t k = i + 1; k < searches.size();) {
-      Region& a = searches[i].region;
-      const Region& b = searches[k].region;
-      if (shared_pixels(a, b) == 0) {
-        ++k;
-        continue;
-      }
-      a = hull(a, b);
-      auto &all = searches[i].frequencies, &more = searches[k].frequencies;
-      if (all.empty() || more.empty())
-        all.clear();
-      else
-        all.insert(all.end(), more.begin(), more.end());
-      searches.erase(searches.begin() + static_cast<std::ptrdiff_t>(k));
-      k = i + 1;
-    }
-  return searches;
-}
-
 void check(const Region& region, const Shape& shape, const char* name) {
   const auto fits = [](std::size_t first, std::size_t count, std::size_t all) {
     return count > 0 && first < all && count <= all - first;
@@ -135,14 +107,16 @@ std::vector<LightSource> follow_sources(const AnyFramesView& frame, const Camera
   for (const ExpectedLight& light : expected) check(light, shape, camera);
   const SearchedFrame in = searched_frame(frame, 0, camera, options);
   Detections found;
-  std::vector<Search> searches;
+  std::vector<const ExpectedLight*> missing;
   for (const ExpectedLight& light : expected) {
     const double cycles_per_row = light.frequency * camera.row_time;
     if (light.seen && !light.data && add_expected(in, light.box, cycles_per_row, found)) continue;
-    searches.push_back({light.region, light.data ? std::vector<double>{} : std::vector{cycles_per_row}});
+    missing.push_back(&light);
   }
-  for (const Search& search : united(std::move(searches)))
-    found = searched(in, std::move(found), search.region, search.frequencies);
+  for (const ExpectedLight* light : missing) {
+    const double cycles_per_row = light->frequency * camera.row_time;
+    found = searched(in, std::move(found), light->region, {&cycles_per_row, light->data ? 0U : 1U});
+  }
   return sources_of(in, std::move(found));
 }
 

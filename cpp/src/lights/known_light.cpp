@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include "core/linear_algebra.hpp"
 #include "lights/box_gain.hpp"
 #include "lights/light_look.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -26,7 +27,7 @@ constexpr double kEndsUnlike = 4;            // ratio of a waveform's energies i
 constexpr std::size_t kAcross = 32, kDown = 16;  // steps of the gradient in a box: a quarter of a cell, an eighth
 constexpr int kSteps = 6;                        // to the place of a light
 constexpr double kPlaces = 32;                   // in a box: a smaller distance is no movement
-constexpr double kFlat = 1e-3;  // determinant over squared trace: means change along one direction only
+constexpr double kFlat = 0.03;                   // ratio of pivots: means change along one direction only
 
 double sum_of(std::span<const double> values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
@@ -150,15 +151,16 @@ struct KnownLight::State {
     if (right.empty() || !(light > 0 && before > 0)) return {0, 0};
     std::vector<double> change(now.mean.size());
     for (std::size_t k = 0; k < change.size(); ++k) change[k] = look.mean[k] - now.mean[k] * (before / light);
-    const double across = product_of(right, right), mixed = product_of(right, down), along = product_of(down, down);
-    const double determinant = across * along - mixed * mixed;
-    if (!(determinant > kFlat * (across + along) * (across + along))) return {0, 0};
-    const double x = product_of(right, change) / determinant, y = product_of(down, change) / determinant;
-    const auto step = [](double way, std::size_t size) {
-      const bool still = std::abs(way) < std::max(static_cast<double>(size) / kPlaces, 1.0);
-      return still ? 0 : static_cast<std::ptrdiff_t>(std::nearbyint(way));
+    Eigen::MatrixXd slopes(static_cast<Eigen::Index>(change.size()), 2);
+    slopes << Eigen::Map<const Eigen::VectorXd>(right.data(), slopes.rows()),
+        Eigen::Map<const Eigen::VectorXd>(down.data(), slopes.rows());
+    const Eigen::MatrixXd way =
+        least_squares(slopes, Eigen::Map<const Eigen::VectorXd>(change.data(), slopes.rows()), kFlat);
+    const auto step = [](double distance, std::size_t size) {
+      const bool still = std::abs(distance) < std::max(static_cast<double>(size) / kPlaces, 1.0);
+      return still ? 0 : static_cast<std::ptrdiff_t>(std::nearbyint(distance));
     };
-    return {step(along * x - mixed * y, box.width), step(across * y - mixed * x, box.height)};
+    return {step(way(0), box.width), step(way(1), box.height)};
   }
 
   // A frame in which the light is in the box.

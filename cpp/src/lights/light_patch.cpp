@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <functional>
 #include <numbers>
 #include <type_traits>
@@ -168,23 +167,33 @@ std::vector<double> fast_logs(const Patch& patch, double frequency) {
 }
 
 double variance_by_median(std::vector<double>& magnitudes) {
-  constexpr double median_of_normal = 0.6745;
+  constexpr double kMedianOfNormal = 0.6745;
   const auto middle = magnitudes.begin() + static_cast<std::ptrdiff_t>(magnitudes.size() / 2);
   std::ranges::nth_element(magnitudes, middle);
-  return *middle * *middle / (median_of_normal * median_of_normal);
+  return *middle * *middle / (kMedianOfNormal * kMedianOfNormal);
 }
 
-double noise_variance(const Patch& patch, const PatchRange& core) {
+template <class T>
+double noise_variance(const T* values, std::size_t rows, std::size_t columns, std::size_t stride, std::size_t step) {
   std::vector<double> differences;
-  differences.reserve(core.size());
-  const std::size_t end_row = std::min(core.end_row, patch.rows - 1), end = std::min(core.end_group, patch.groups - 1);
-  for (std::size_t n = core.first_row; n < end_row; ++n)
-    for (std::size_t g = core.first_group; g < end; ++g) {
-      const double* at = &patch.logs[n * patch.stride + g];
-      differences.push_back(std::abs(at[0] - at[1] - at[patch.stride] + at[patch.stride + 1]));
+  differences.reserve(rows * columns / step);
+  for (std::size_t n = 0; n + 1 < rows; n += step)
+    for (std::size_t c = 0; c < std::max<std::size_t>(columns, 2) - 1; ++c) {
+      const T* at = values + n * stride + c;
+      const double down = static_cast<double>(at[0]) - static_cast<double>(at[stride]);
+      const double next = columns < 2 ? 0 : static_cast<double>(at[1]) - static_cast<double>(at[stride + 1]);
+      if (std::isfinite(down - next)) differences.push_back(std::abs(down - next));
     }
-  if (differences.empty()) return 0;
-  return variance_by_median(differences) / 4;  // of the sum of four pixels' noise
+  return differences.empty() ? 0 : variance_by_median(differences) / (columns < 2 ? 2 : 4);
+}
+
+template double noise_variance(const double*, std::size_t, std::size_t, std::size_t, std::size_t);
+template double noise_variance(const float*, std::size_t, std::size_t, std::size_t, std::size_t);
+
+double noise_variance(const Patch& patch, const PatchRange& core) {
+  return noise_variance(&patch.logs[core.first_row * patch.stride + core.first_group],
+                        std::min(core.end_row + 1, patch.rows) - core.first_row,
+                        std::min(core.end_group + 1, patch.groups) - core.first_group, patch.stride);
 }
 
 Complex turned(double cycles) {

@@ -86,7 +86,7 @@ Detections with_tone(const SearchedFrame& in, Detections found, const Detection&
 }
 
 // The tone of a suspect: that of the inner box about its clearest tile where the whole one does not convince.
-std::optional<Detection> most_probable(const SearchedFrame& in, const Suspect& suspect, Detections& found) {
+std::optional<Detection> most_probable(const SearchedFrame& in, const Suspect& suspect, const Detections& found) {
   const auto tone = [&](const Suspect& of, double edge) {
     const auto light = refine(in, of, all_columns(in), edge);
     return light ? judged(in, *light, around(found)) : std::nullopt;
@@ -95,7 +95,6 @@ std::optional<Detection> most_probable(const SearchedFrame& in, const Suspect& s
   if (whole && is_convincing(in, *whole, found.suspects)) return whole;
   const auto inner = tone({suspect.best, suspect.frequency, suspect.share, 0, suspect.best}, inner_box);
   const bool better = inner && (!whole || inner->probability > whole->probability);
-  if (const auto& other = better ? whole : inner) found.less_probable.push_back(*other);
   return better ? inner : whole;
 }
 
@@ -214,7 +213,7 @@ Detections with_data(const SearchedFrame& in, Detections found, std::span<const 
     const auto data = find_data_light(in.frame, suspect);
     auto one = data ? judged(in, *data, suspects.size(), around(found)) : std::nullopt;
     if (!one) continue;
-    found.waveforms.push_back(candidate_of(in, *one, features_of(*data, suspects.size()), false, true));
+    found.waveforms.push_back(candidate_of(in, *one, features_of(*data, suspects.size()), false));
     if (!is_convincing(in, *one)) continue;
     if (is_made_of_tones(one->light, found.lights)) {
       tones.push_back(one->light);
@@ -289,20 +288,18 @@ std::vector<Detection> listed_lights(const SearchedFrame& in, Detections found) 
 }
 
 std::vector<LightCandidate> tone_candidates(const SearchedFrame& in, const Detections& found) {
-  std::vector<LightCandidate> all;
-  const auto add = [&](const Detection& one, bool listed) {
-    if (one.data) return;
-    const Detection now = judged_again(one, around(found));
-    if (const auto sharp = sharpened(in, now))
-      all.push_back(candidate_of(in, *sharp, features_of(now, around(found)), now.light.inside, listed));
-  };
-  for (const Detection& one : found.less_probable) add(one, false);
   auto tones = without_doubles(found.lights);
   auto doubtful = found.doubtful;
   std::ranges::stable_sort(doubtful, std::greater{}, &Detection::probability);
   for (const Detection& one : doubtful)
     if (!is_double_of_any(one, tones)) tones.push_back(one);
-  for (const Detection& one : tones) add(one, true);
+  std::vector<LightCandidate> all;
+  for (const Detection& one : tones) {
+    if (one.data) continue;
+    const Detection now = judged_again(one, around(found));
+    if (const auto sharp = sharpened(in, now))
+      all.push_back(candidate_of(in, *sharp, features_of(now, around(found)), now.light.inside));
+  }
   return all;
 }
 

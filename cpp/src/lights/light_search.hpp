@@ -17,7 +17,6 @@ struct Detections {
   std::size_t suspects = 1;               // that no light explains, in the last search
   std::vector<Detection> lights;          // convincing ones
   std::vector<Detection> doubtful;        // tones of the last search that are not
-  std::vector<Detection> less_probable;   // second fits of suspects
   std::vector<LightCandidate> waveforms;  // that may be data
 };
 

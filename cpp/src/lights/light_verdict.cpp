@@ -201,14 +201,13 @@ bool is_convincing(const SearchedFrame& in, const Detection& data) {
 }
 
 LightCandidate candidate_of(const SearchedFrame& in, const Detection& one, std::span<const double> features,
-                            bool inside, bool listed) {
+                            bool inside) {
   return {.box = one.light.box,
           .frequency = one.light.frequency / in.camera.row_time,
           .probability = one.reported,
           .fitted = one.probability,
           .features = {features.begin(), features.end()},
-          .inside = inside,
-          .listed = listed};
+          .inside = inside};
 }
 
 }  // namespace ocisac

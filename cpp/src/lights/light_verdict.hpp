@@ -54,6 +54,6 @@ std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, 
 bool is_convincing(const SearchedFrame& in, const Detection& data);
 
 LightCandidate candidate_of(const SearchedFrame& in, const Detection& one, std::span<const double> features,
-                            bool inside, bool listed);
+                            bool inside);
 
 }  // namespace ocisac

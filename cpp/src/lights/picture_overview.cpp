@@ -6,6 +6,7 @@
 #include <type_traits>
 #include <variant>
 
+#include "lights/light_patch.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -17,10 +18,9 @@ constexpr std::size_t kTile = 32;              // rows
 constexpr std::size_t kWide = 8;               // groups
 constexpr std::size_t kSkipped = 4;            // rows: an estimate of the noise needs some
 constexpr double kClear = 8;                   // energy of a change over that of the noise
-constexpr double kSteps = 1.5;     // DN² of integers: a light of amplitude 1 appears, the least that a search detects;
-                                   // compression makes 1
-constexpr double kBeside = 0.25;   // of the size of a light, around it
-constexpr double kSigma = 0.6745;  // median absolute deviation over standard deviation
+constexpr double kSteps = 1.5;    // DN² of integers: a light of amplitude 1 appears, the least that a search detects;
+                                  // compression makes 1
+constexpr double kBeside = 0.25;  // of the size of a light, around it
 
 template <class T>
 void reduce(const FramesView<const T>& view, std::size_t summed, std::size_t groups, std::vector<float>& light) {
@@ -38,28 +38,6 @@ void reduce(const FramesView<const T>& view, std::size_t summed, std::size_t gro
       const T* first = view.at(0, row, group * summed * kStep);
       *to++ = view.column_stride == 1 ? of_group(first, kStep) : of_group(first, step);
     }
-}
-
-// Variance by the median of mixed differences, which is robust against edges and stripes.
-double noise_of(std::span<const float> change, std::size_t groups) {
-  const std::size_t rows = change.size() / groups;
-  const auto down = [&](std::size_t row, std::size_t group) {
-    return change[(row + 1) * groups + group] - change[row * groups + group];
-  };
-  std::vector<float> mixed;
-  const auto take = [&](float difference) {
-    if (std::isfinite(difference)) mixed.push_back(std::abs(difference));
-  };
-  for (std::size_t row = 0; row + 1 < rows; row += kSkipped) {
-    if (groups == 1) take(down(row, 0));
-    for (std::size_t group = 1; group < groups; ++group) take(down(row, group) - down(row, group - 1));
-  }
-  if (mixed.empty()) return 0;
-  const auto middle = mixed.begin() + static_cast<std::ptrdiff_t>(mixed.size() / 2);
-  std::ranges::nth_element(mixed, middle);
-  double median = *middle;
-  if (mixed.size() % 2 == 0) median = 0.5 * (median + *std::max_element(mixed.begin(), middle));
-  return std::pow(median / kSigma, 2) / (groups > 1 ? 4 : 2);
 }
 
 // Sets what belongs to a light to 0.
@@ -95,7 +73,7 @@ bool PictureOverview::has_changed(const PictureOverview& now, std::span<const Re
   require(now.rows_ == rows_ && now.groups_ == groups_, "frame", now.rows_, "the shape of the first");
   std::vector<float> change(light_.size());
   for (std::size_t i = 0; i < change.size(); ++i) change[i] = now.light_[i] - light_[i];
-  const double least = kClear * noise_of(change, groups_) + least_;
+  const double least = kClear * noise_variance(change.data(), rows_, groups_, groups_, kSkipped) + least_;
   for (const Region& light : lights) leave_out(light, groups_, change);
   std::vector<double> tiles(groups_), wide((groups_ + kWide - 1) / kWide);  // energies
   for (std::size_t row = 0; row < rows_ / kTile * kTile; ++row) {

@@ -5,121 +5,109 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
+#include <numeric>
+#include <vector>
 
 #include "lights/light_patch.hpp"
-#include "lights/refinement_kernels.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr std::size_t max_jackknife = 16;
+using Complex = std::complex<double>;
 
-// J(f) = Σ_h |Σ_n x(n)·e^{−j2πhfn}|², with its first two derivatives.
-struct Energy {
-  double fundamental = 0, value = 0, slope = 0, curvature = 0;
-};
+constexpr std::size_t kHarmonics = 3, kMaxGroups = 16;
+constexpr int kSteps = 40;
 
-// Values in whole blocks of the kernel; the turns are recomputed for every frequency.
-class Profile {
- public:
-  explicit Profile(std::span<const double> x)
-      : values_((x.size() + kernels::fine_turns - 1) / kernels::fine_turns * kernels::fine_turns),
-        coarse_real_(values_.size() / kernels::fine_turns),
-        coarse_imaginary_(coarse_real_.size()),
-        size_(x.size()) {
-    std::ranges::copy(x, values_.begin());
-  }
+// p_q = Σ_n x(n)·(n − middle)^q·e^(−j2πhf(n − middle)) for h = 1, 2, 3 and q = 0, 1, 2.
+using Moments = std::array<std::array<Complex, 3>, kHarmonics>;
 
-  [[nodiscard]] std::size_t size() const { return size_; }
-  [[nodiscard]] std::span<double> values() { return {values_.data(), size_}; }
-
-  Energy energy(double frequency) {
-    const double middle = 0.5 * static_cast<double>(size_);
-    for (std::size_t a = 0; a < coarse_real_.size(); ++a) {
-      const auto turn = turned(frequency * (static_cast<double>(a * kernels::fine_turns) - middle));
-      coarse_real_[a] = turn.real(), coarse_imaginary_[a] = turn.imag();
+Moments moments_of(std::span<const double> x, double frequency, const IndexRange& rows) {
+  Moments out{};
+  const double middle = 0.5 * static_cast<double>(x.size());
+  const Complex step = turned(frequency);
+  Complex turn = turned(frequency * (static_cast<double>(rows.begin) - middle));
+  for (std::size_t n = rows.begin; n < rows.end; ++n, turn = product(turn, step)) {
+    Complex term = x[n];
+    for (auto& powers : out) {
+      Complex power = term = product(term, turn);
+      for (Complex& sum : powers) sum += power, power *= static_cast<double>(n) - middle;
     }
-    std::array<double, kernels::fine_turns> fine_real, fine_imaginary;
-    for (std::size_t b = 0; b < fine_real.size(); ++b) {
-      const auto turn = turned(frequency * static_cast<double>(b));
-      fine_real[b] = turn.real(), fine_imaginary[b] = turn.imag();
-    }
-    const auto sums = kernels::harmonic_sums(
-        values_.data(), coarse_real_.size(),
-        {coarse_real_.data(), coarse_imaginary_.data(), fine_real.data(), fine_imaginary.data(), middle});
-    const auto most =
-        std::min<std::size_t>(kernels::max_harmonics, static_cast<std::size_t>(std::ceil(0.5 / frequency)) - 1);
-    Energy out;
-    for (std::size_t h = 0; h < most; ++h) {
-      const double rate = 2 * std::numbers::pi * static_cast<double>(h + 1);
-      const auto &a = sums.real[h], &b = sums.imaginary[h];
-      // p = a₀ + jb₀, p′ = −j·rate·(a₁ + jb₁), p″ = −rate²·(a₂ + jb₂)
-      out.value += a[0] * a[0] + b[0] * b[0];
-      out.slope += 2 * rate * (a[0] * b[1] - b[0] * a[1]);
-      out.curvature += 2 * rate * rate * (a[1] * a[1] + b[1] * b[1] - a[0] * a[2] - b[0] * b[2]);
-    }
-    out.fundamental = sums.real[0][0] * sums.real[0][0] + sums.imaginary[0][0] * sums.imaginary[0][0];
-    return out;
   }
+  return out;
+}
 
- private:
-  std::vector<double> values_, coarse_real_, coarse_imaginary_;
-  std::size_t size_;
-};
-
-// Maximum near `frequency` by Newton steps of at most a quarter of a cycle over the profile, uphill where the curvature
-// has the wrong sign.
-double climbed(Profile& profile, double frequency, double lower, double upper) {
-  const double longest = 0.25 / static_cast<double>(profile.size());
-  for (int step = 0; step < 40; ++step) {
-    const Energy energy = profile.energy(frequency);
-    const double newton =
-        energy.curvature < 0 ? -energy.slope / energy.curvature : std::copysign(longest, energy.slope);
-    const double next = std::clamp(frequency + std::clamp(newton, -longest, longest), lower, upper);
-    const bool settled = std::abs(next - frequency) < 1e-10;
-    frequency = next;
-    if (settled) break;
+// Newton's step to the maximum of J(f) = Σ_h |p₀|², of at most a quarter of a cycle over the rows; uphill where the
+// curvature has the wrong sign. With r = 2πh: J′ = 2r·Im(p₀*p₁), J″ = 2r²·(|p₁|² − Re(p₀*p₂)).
+double step_to_peak(const Moments& sums, double frequency, double rows) {
+  double slope = 0, curvature = 0;
+  for (std::size_t h = 0; h < kHarmonics && static_cast<double>(h + 1) * frequency < 0.5; ++h) {
+    const double rate = 2 * std::numbers::pi * static_cast<double>(h + 1);
+    const auto& [p0, p1, p2] = sums[h];
+    slope += 2 * rate * product(std::conj(p0), p1).imag();
+    curvature += 2 * rate * rate * (std::norm(p1) - product(std::conj(p0), p2).real());
   }
-  return frequency;
+  const double longest = 0.25 / rows;
+  return curvature < 0 ? std::clamp(-slope / curvature, -longest, longest) : std::copysign(longest, slope);
+}
+
+double fundamental(std::span<const double> x, double frequency) {
+  Complex sum = 0, turn = 1;
+  const Complex step = turned(frequency);
+  for (const double value : x) sum += value * turn, turn = product(turn, step);
+  return std::norm(sum);
 }
 
 }  // namespace
 
 double strongest_frequency(std::span<const double> profile, double lower, double upper) {
-  Profile x(profile);
-  const double step = 0.125 / static_cast<double>(x.size());
+  const auto rows = static_cast<double>(profile.size());
+  const double step = 0.125 / rows;
   const auto count = static_cast<std::size_t>((upper - lower) / step) + 1;
   double best = lower, most = -1;
   for (std::size_t i = 0; i <= count; ++i) {
     const double frequency = std::min(lower + static_cast<double>(i) * step, upper);
-    const double energy = x.energy(frequency).fundamental;
+    const double energy = fundamental(profile, frequency);
     if (energy > most) most = energy, best = frequency;
   }
-  return climbed(x, best, lower, upper);
+  for (int k = 0; k < kSteps; ++k) {
+    const double last = best;
+    best += step_to_peak(moments_of(profile, best, {0, profile.size()}), best, rows);
+    best = std::clamp(best, lower, upper);
+    if (std::abs(best - last) < 1e-10) break;
+  }
+  return best;
 }
 
 double jackknife_std(std::span<const double> profile, double frequency, double cycles, double lower, double upper) {
-  const auto groups = std::clamp<std::size_t>(static_cast<std::size_t>(cycles), 2, max_jackknife);
+  const auto groups = std::clamp<std::size_t>(static_cast<std::size_t>(cycles), 2, kMaxGroups);
   std::size_t first = 0, last = profile.size();
   while (first < last && profile[first] == 0) ++first;
   while (last > first && profile[last - 1] == 0) --last;
-  Profile rest(profile);
-  std::vector<double> found;
+  std::vector<Moments> parts;
+  Moments whole{};
   for (std::size_t k = 0; k < groups; ++k) {
-    const std::size_t begin = first + k * (last - first) / groups, end = first + (k + 1) * (last - first) / groups;
-    std::ranges::fill(rest.values().subspan(begin, end - begin), 0.0);
-    found.push_back(climbed(rest, frequency, lower, upper));
-    std::ranges::copy(profile.subspan(begin, end - begin), rest.values().subspan(begin).begin());
+    const auto edge = [&](std::size_t group) { return first + group * (last - first) / groups; };
+    parts.push_back(moments_of(profile, frequency, {edge(k), edge(k + 1)}));
+    for (std::size_t h = 0; h < kHarmonics; ++h)
+      for (std::size_t q = 0; q < 3; ++q) whole[h][q] += parts.back()[h][q];
   }
-  double mean = 0, square = 0;
-  for (const double f : found) mean += f / static_cast<double>(groups);
+  std::vector<double> found;
+  for (Moments& rest : parts) {
+    for (std::size_t h = 0; h < kHarmonics; ++h)
+      for (std::size_t q = 0; q < 3; ++q) rest[h][q] = whole[h][q] - rest[h][q];
+    const double step = step_to_peak(rest, frequency, static_cast<double>(profile.size()));
+    found.push_back(std::clamp(frequency + step, lower, upper));
+  }
+  const auto count = static_cast<double>(groups);
+  const double mean = std::accumulate(found.begin(), found.end(), 0.0) / count;
+  double square = 0;
   for (const double f : found) square += (f - mean) * (f - mean);
-  return std::sqrt(square * static_cast<double>(groups - 1) / static_cast<double>(groups));
+  return std::sqrt(square * (count - 1) / count);
 }
 
 double phase_at_start(std::span<const double> profile, double frequency, std::size_t first_row) {
-  std::complex<double> sum = 0;
+  Complex sum = 0;
   for (std::size_t n = 0; n < profile.size(); ++n)
     sum += profile[n] * turned(frequency * static_cast<double>(first_row + n));
   return std::arg(sum);

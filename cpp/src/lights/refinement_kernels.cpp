@@ -89,53 +89,6 @@ void Logarithms64(const double* light, std::size_t count, double floor, double* 
   }
 }
 
-struct Moments {
-  Doubles real[3], imaginary[3];
-
-  HWY_INLINE Moments() {
-    for (int q = 0; q < 3; ++q) real[q] = imaginary[q] = hn::Zero(DoubleTag());
-  }
-
-  HWY_INLINE void add(Doubles x, Doubles m, Doubles re, Doubles im) {
-    auto a = hn::Mul(x, re), b = hn::Mul(x, im);
-    for (int q = 0; q < 3; ++q) {
-      real[q] = hn::Add(real[q], a);
-      imaginary[q] = hn::Add(imaginary[q], b);
-      a = hn::Mul(a, m), b = hn::Mul(b, m);
-    }
-  }
-};
-
-HarmonicSums HarmonicSumsOf(const double* x, std::size_t blocks, const Turns& turns) {
-  const hn::CappedTag<double, fine_turns> d;
-  const std::size_t lanes = hn::Lanes(d);
-  Moments sums[max_harmonics];
-  for (std::size_t block = 0; block < blocks; ++block) {
-    const auto c = hn::Set(d, turns.coarse_real[block]), s = hn::Set(d, turns.coarse_imaginary[block]);
-    for (std::size_t k = 0; k < fine_turns; k += lanes) {
-      const auto fc = hn::LoadU(d, turns.fine_real + k), fs = hn::LoadU(d, turns.fine_imaginary + k);
-      const auto value = hn::LoadU(d, x + block * fine_turns + k);
-      const auto first = static_cast<double>(block * fine_turns + k) - turns.middle;
-      const auto m = hn::Add(hn::Iota(d, 0.0), hn::Set(d, first));
-      const auto re = hn::Sub(hn::Mul(c, fc), hn::Mul(s, fs)), im = hn::Add(hn::Mul(c, fs), hn::Mul(s, fc));
-      auto a = re, b = im;
-      for (std::size_t h = 0; h < max_harmonics; ++h) {
-        sums[h].add(value, m, a, b);
-        const auto next = hn::Sub(hn::Mul(a, re), hn::Mul(b, im));
-        b = hn::Add(hn::Mul(a, im), hn::Mul(b, re));
-        a = next;
-      }
-    }
-  }
-  HarmonicSums out;
-  for (std::size_t h = 0; h < max_harmonics; ++h)
-    for (int q = 0; q < 3; ++q) {
-      out.real[h][q] = hn::GetLane(hn::SumOfLanes(d, sums[h].real[q]));
-      out.imaginary[h][q] = hn::GetLane(hn::SumOfLanes(d, sums[h].imaginary[q]));
-    }
-  return out;
-}
-
 }  // namespace HWY_NAMESPACE
 }  // namespace ocisac::kernels
 HWY_AFTER_NAMESPACE();
@@ -145,7 +98,6 @@ namespace ocisac::kernels {
 
 HWY_EXPORT(HannDemodulate);
 HWY_EXPORT(Logarithms64);
-HWY_EXPORT(HarmonicSumsOf);
 
 void hann_demodulate(const PatchView& x, const double* mean, const HannWindow& window, double* real,
                      double* imaginary) {
@@ -154,10 +106,6 @@ void hann_demodulate(const PatchView& x, const double* mean, const HannWindow& w
 
 void logarithms(const double* light, std::size_t count, double floor, double* out) {
   HWY_DYNAMIC_DISPATCH(Logarithms64)(light, count, floor, out);
-}
-
-HarmonicSums harmonic_sums(const double* x, std::size_t blocks, const Turns& turns) {
-  return HWY_DYNAMIC_DISPATCH(HarmonicSumsOf)(x, blocks, turns);
 }
 
 }  // namespace ocisac::kernels

@@ -32,21 +32,4 @@ void hann_demodulate(const PatchView& x, const double* mean, const HannWindow& w
 // out[i] = ln(max(light[i], 0) + floor), to 1e-15. count: a multiple of patch_padding; floor > 0.
 void logarithms(const double* light, std::size_t count, double floor, double* out);
 
-constexpr std::size_t fine_turns = 16, max_harmonics = 3;
-
-// e^{−j2πf(n − middle)} for n = 16a + b as coarse(a)·fine(b).
-struct Turns {
-  const double *coarse_real, *coarse_imaginary;
-  const double *fine_real, *fine_imaginary;  // (16,)
-  double middle;
-};
-
-// Σ_n x(n)·(n − middle)^q·e^{−j2πhf(n − middle)} for h = 1, 2, 3 and q = 0, 1, 2.
-struct HarmonicSums {
-  double real[max_harmonics][3], imaginary[max_harmonics][3];
-};
-
-// `blocks`: number of blocks of 16 values of x.
-HarmonicSums harmonic_sums(const double* x, std::size_t blocks, const Turns& turns);
-
 }  // namespace ocisac::kernels

@@ -86,46 +86,6 @@ KernelCase logarithms_case(std::size_t count) {
                              count > 200);
 }
 
-constexpr std::size_t kMoments = 3;  // q = 0, 1, 2
-
-KernelCase harmonics_case(std::size_t blocks) {
-  const std::size_t count = blocks * fine_turns;
-  const double middle = 0.5 * static_cast<double>(count) - 3.25;
-  struct Input {
-    Misaligned<double> x;
-    Phasors coarse, fine;
-  };
-  const auto input = std::make_shared<Input>(Input{random_rows<double>(1, count, count, 5),
-                                                   {kFrequency * fine_turns, -middle / fine_turns, blocks},
-                                                   {kFrequency, 0, fine_turns}});
-  const auto run = [=](bool plain, double* out) {  // one section per power q
-    const auto store = [&](int q, std::size_t h, double real, double imaginary) {
-      out[static_cast<std::size_t>(q) * 2 * max_harmonics + 2 * h] = real;
-      out[static_cast<std::size_t>(q) * 2 * max_harmonics + 2 * h + 1] = imaginary;
-    };
-    if (!plain) {
-      const auto sums = harmonic_sums(input->x.data(), blocks,
-                                      {input->coarse.real.data(), input->coarse.imaginary.data(),
-                                       input->fine.real.data(), input->fine.imaginary.data(), middle});
-      for (int q = 0; q < 3; ++q)
-        for (std::size_t h = 0; h < max_harmonics; ++h) store(q, h, sums.real[h][q], sums.imaginary[h][q]);
-      return;
-    }
-    for (int q = 0; q < 3; ++q)
-      for (std::size_t h = 0; h < max_harmonics; ++h) {
-        std::complex<double> sum = 0;
-        for (std::size_t n = 0; n < count; ++n) {
-          const double m = static_cast<double>(n) - middle;
-          sum += input->x.data()[n] * std::pow(m, q) *
-                 std::polar(1.0, -2 * std::numbers::pi * static_cast<double>(h + 1) * kFrequency * m);
-        }
-        store(q, h, sum.real(), sum.imag());
-      }
-  };
-  return kernel_case<double>("harmonic_sums " + std::to_string(blocks) + " blocks", 1e-11,
-                             {kMoments, 2 * max_harmonics, 2 * max_harmonics}, run, blocks > 50);
-}
-
 }  // namespace
 
 std::vector<KernelCase> refinement_cases() {
@@ -135,7 +95,6 @@ std::vector<KernelCase> refinement_cases() {
       for (const std::size_t length : {3u, 9u, 31u}) cases.push_back(demodulate_case(rows, stride, length));
   cases.push_back(demodulate_case(240, 16, 31));
   for (const std::size_t count : {8u, 16u, 24u, 40u, 240u}) cases.push_back(logarithms_case(count));
-  for (const std::size_t blocks : {1u, 2u, 3u, 7u, 68u}) cases.push_back(harmonics_case(blocks));
   return cases;
 }
 

@@ -54,7 +54,6 @@ struct LightCandidate {
   double fitted;  // probability before its correction
   std::vector<double> features;
   bool inside;  // features of a light's own pixels
-  bool listed;  // else another fit of the same suspect is more probable, or a light was found there
 };
 
 // All tones of one frame that may be lights, or waveforms that may be data, of any probability: what the models of the
@@ -71,7 +70,7 @@ struct ExpectedLight {
 };
 
 // Detects expected lights in one frame at about their frequencies: tones of the last frame in their boxes, all others
-// in their regions. Overlapping regions are searched as one. The result is as of detect_sources, but a light found in
+// in their regions. The result is as of detect_sources, but a light found in
 // its box is never classified as a reflection. Throws as detect_sources, and for more than one frame, boxes and regions
 // that are empty or not within the frame, and frequencies not between 0 and half the row rate.
 std::vector<LightSource> follow_sources(const AnyFramesView& frame, const Camera& camera,
