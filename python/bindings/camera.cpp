@@ -11,7 +11,9 @@ ToneCurve::Kind tone_curve_kind(const std::string& name) {
   if (name == "linear") return ToneCurve::Kind::linear;
   if (name == "gamma") return ToneCurve::Kind::gamma;
   if (name == "srgb") return ToneCurve::Kind::srgb;
-  refuse("tone_curve", name, "linear, gamma or srgb");
+  if (name == "hlg") return ToneCurve::Kind::hlg;
+  if (name == "pq") return ToneCurve::Kind::pq;
+  refuse("tone_curve", name, "linear, gamma, srgb, hlg or pq");
 }
 
 Camera make_camera(double row_time, std::optional<double> exposure, std::optional<double> frame_time,

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.files import read_frames, write_frames
+from ocisac_fast.files import RecordingStream, read_frames, write_frames
 from ocisac_fast.light.response import exposure_response
 from ocisac_fast.light.waveforms import Chips, Constant, SquareWave, Tone, Waveform, integrate_exposure
 from ocisac_fast.packets.transmission import transmit
@@ -143,7 +143,7 @@ def run(directory: str | os.PathLike[str]) -> Demonstration:
     write_frames(folder / "chips.png", _simulated(light, CHIP_CAMERA, start=1.7e-3))
     write_frames(folder / "lamp.mkv", lamp_frames(), frame_rate=FRAMES_PER_SECOND)
     write_frames(folder / "video.mkv", video_frames(), frame_rate=FRAMES_PER_SECOND)
-    write_frames(folder / "banded.png", [banded_picture()])
+    write_frames(folder / "banded.png", [banded_picture()], like=RecordingStream.linear())
 
     frames = read_frames(folder / "testbed.mkv").frames
     measurements = [_measure(setting, frame) for setting, frame in zip(settings(), frames, strict=True)]

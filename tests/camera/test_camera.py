@@ -47,7 +47,7 @@ def test_lost_frequencies_agree_with_the_reference(exposure, max_boost):
     np.testing.assert_allclose(got, want, rtol=1e-9)
 
 
-@pytest.mark.parametrize("curve", [("linear", 2.2), ("gamma", 1.8), ("srgb", 2.2)])
+@pytest.mark.parametrize("curve", [("linear", 2.2), ("gamma", 1.8), ("srgb", 2.2), ("hlg", 2.2), ("pq", 2.2)])
 @pytest.mark.parametrize("levels", [(0.0, None), (16.0, 235.0)])
 @pytest.mark.parametrize("dtype", [np.uint8, np.float64])
 def test_tone_curves_agree_with_the_reference_and_invert(curve, levels, dtype):
@@ -62,7 +62,19 @@ def test_tone_curves_agree_with_the_reference_and_invert(curve, levels, dtype):
     middle = levels[0] + span * np.linspace(0.1, 1.0, 20)
     full = Camera(22.2e-6, tone_curve=curve[0], gamma=curve[1], dark_level=levels[0], white_level=levels[0] + span)
     slope = (linear_light(middle + step * span, full) - linear_light(middle - step * span, full)) / (2 * step * span)
-    np.testing.assert_allclose(light_per_step(middle, full), slope, rtol=1e-5)
+    np.testing.assert_allclose(light_per_step(middle, full), np.maximum(slope, 0.02), rtol=1e-5)
+
+
+def test_curves_of_high_dynamic_range_have_the_values_of_bt_2100():
+    values = np.array([0.25, 0.5, 0.75, 1.0, 5.0])  # of HLG: sqrt(3 E) below, and the reference white of BT.2408
+    hlg, pq = (Camera(None, tone_curve=curve, white_level=1.0) for curve in ("hlg", "pq"))
+    light = linear_light(values, hlg)
+    np.testing.assert_allclose(light[:4], [0.25**2 / 3, 1 / 12, 0.265, 1.0], rtol=1e-3)
+    np.testing.assert_allclose(
+        linear_light(np.array([0.508, 0.581, 0.752, 1.0]), pq) * 1e4, [100, 203, 1000, 1e4], rtol=0.01
+    )
+    for camera in (hlg, pq):  # 16-bit samples of limited range can be far above white
+        np.testing.assert_allclose(stored_values(linear_light(values, camera), camera, np.float64), values)
 
 
 @pytest.mark.parametrize(("dark", "white"), [(0.0, None), (16.0, 235.0)])

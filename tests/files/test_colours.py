@@ -13,8 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from ocisac_fast.files import open_recording, write_frames
-from ocisac_fast.files.colours import Conversion, rgb_format
-from ocisac_fast.files.profiles import response_of_colours
+from ocisac_fast.files.colours import Conversion, rgb_format, rgb_white
 
 av = pytest.importorskip("av")
 
@@ -144,7 +143,7 @@ def test_every_pixel_format_becomes_the_colours_of_the_equations(name: str) -> N
         y = random.integers(low, high + 1, (ROWS, COLUMNS))
         cb, cr = (blocks(random.integers(low, top + 1, (ROWS // 8, COLUMNS // 8))) for _ in "br")
         convert = Conversion(rgb_format(form.bits > 8), matrix, limited)
-        white = response_of_colours(2, limited, form.bits).white_level
+        white = rgb_white(limited, form.bits)
         got = convert(frame_of(name, [y, cb[::down, ::across], cr[::down, ::across]], form)).to_ndarray() / white
         error = 255 * (np.minimum(got, 1) - light_of([y, cb, cr], form.bits, limited, matrix))
         assert np.abs(error[middle()]).max() < (0.6 if form.bits == 8 else 0.1), (limited, matrix)

@@ -14,13 +14,78 @@ double srgb_to_linear(double v) { return v <= 0.04045 ? v / 12.92 : std::pow((v 
 double linear_to_srgb(double v) { return v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055; }
 double srgb_slope(double v) { return v <= 0.04045 ? 1 / 12.92 : 2.4 / 1.055 * std::pow((v + 0.055) / 1.055, 1.4); }
 
-double curve_of_magnitude(const ToneCurve& curve, double v) {
+// Hybrid log-gamma of a camera: ARIB STD-B67, ITU-R BT.2100.
+namespace hlg {
+constexpr double a = 0.17883277, b = 1 - 4 * a;
+const double c = 0.5 - a * std::log(4 * a);
+double to_linear(double v) { return v <= 0.5 ? v * v / 3 : (std::exp((v - c) / a) + b) / 12; }
+double from_linear(double light) { return light <= 1.0 / 12 ? std::sqrt(3 * light) : a * std::log(12 * light - b) + c; }
+double slope(double v) { return v <= 0.5 ? 2 * v / 3 : std::exp((v - c) / a) / (12 * a); }
+}  // namespace hlg
+
+// Perceptual quantizer: SMPTE ST 2084. Light 1 is 10,000 cd/m².
+namespace pq {
+constexpr double m1 = 2610.0 / 16384, m2 = 2523.0 / 32, c1 = 3424.0 / 4096, c2 = 2413.0 / 128, c3 = 2392.0 / 128;
+double to_linear(double v) {
+  const double p = std::pow(v, 1 / m2);
+  return std::pow(std::max(p - c1, 0.0) / (c2 - c3 * p), 1 / m1);
+}
+double from_linear(double light) {
+  if (light == 0) return 0;  // of all values below c1^m2 = 7e-7
+  const double y = std::pow(light, m1);
+  return std::pow((c1 + c2 * y) / (1 + c3 * y), m2);
+}
+double slope(double v) {
+  const double p = std::pow(v, 1 / m2);
+  return p <= c1 ? 0 : to_linear(v) / m1 * (1 / (p - c1) + c3 / (c2 - c3 * p)) * p / (m2 * v);
+}
+}  // namespace pq
+
+double curve_at(const ToneCurve& curve, double v) {
   switch (curve.kind) {
     case ToneCurve::Kind::gamma: return std::pow(v, curve.gamma);
     case ToneCurve::Kind::srgb: return srgb_to_linear(v);
+    case ToneCurve::Kind::hlg: return hlg::to_linear(v);
+    case ToneCurve::Kind::pq: return pq::to_linear(v);
     case ToneCurve::Kind::linear: break;
   }
   return v;
+}
+
+double inverse_at(const ToneCurve& curve, double light) {
+  switch (curve.kind) {
+    case ToneCurve::Kind::gamma: return std::pow(light, 1 / curve.gamma);
+    case ToneCurve::Kind::srgb: return linear_to_srgb(light);
+    case ToneCurve::Kind::hlg: return hlg::from_linear(light);
+    case ToneCurve::Kind::pq: return pq::from_linear(light);
+    case ToneCurve::Kind::linear: break;
+  }
+  return light;
+}
+
+double slope_at(const ToneCurve& curve, double v) {
+  switch (curve.kind) {
+    case ToneCurve::Kind::gamma: return curve.gamma * std::pow(std::max(v, 1e-6), curve.gamma - 1);
+    case ToneCurve::Kind::srgb: return srgb_slope(v);
+    case ToneCurve::Kind::hlg: return hlg::slope(v);
+    case ToneCurve::Kind::pq: return pq::slope(v);
+    case ToneCurve::Kind::linear: break;
+  }
+  return 1;
+}
+
+// HLG and PQ go straight on above this value, which no file holds: limited range ends at 1.09.
+constexpr double kEnd = 1.25;
+bool ends(const ToneCurve& curve) { return curve.kind == ToneCurve::Kind::hlg || curve.kind == ToneCurve::Kind::pq; }
+
+double to_linear(const ToneCurve& curve, double v) {
+  if (v <= kEnd || !ends(curve)) return curve_at(curve, v);
+  return curve_at(curve, kEnd) + slope_at(curve, kEnd) * (v - kEnd);
+}
+
+double from_linear(const ToneCurve& curve, double light) {
+  const double above = ends(curve) ? light - curve_at(curve, kEnd) : 0;
+  return above <= 0 ? inverse_at(curve, light) : kEnd + above / slope_at(curve, kEnd);
 }
 
 }  // namespace
@@ -41,24 +106,19 @@ double linear_light(const ToneCurve& curve, double value, double type_maximum) {
   const double above_dark = value - curve.dark_level;
   if (curve.kind == ToneCurve::Kind::linear) return above_dark;
   const double span = white_level(curve, type_maximum) - curve.dark_level;
-  return std::copysign(span * curve_of_magnitude(curve, std::abs(above_dark) / span), above_dark);
+  return std::copysign(span * to_linear(curve, std::abs(above_dark) / span), above_dark);
 }
 
 double stored_value(const ToneCurve& curve, double light, double type_maximum) {
   if (curve.kind == ToneCurve::Kind::linear) return light + curve.dark_level;
-  const double span = white_level(curve, type_maximum) - curve.dark_level, v = std::abs(light) / span;
-  const double stored = curve.kind == ToneCurve::Kind::srgb ? linear_to_srgb(v) : std::pow(v, 1 / curve.gamma);
-  return std::copysign(span * stored, light) + curve.dark_level;
+  const double span = white_level(curve, type_maximum) - curve.dark_level;
+  return std::copysign(span * from_linear(curve, std::abs(light) / span), light) + curve.dark_level;
 }
 
 double light_per_step(const ToneCurve& curve, double value, double type_maximum) {
-  if (curve.kind == ToneCurve::Kind::linear) return 1;
-  constexpr double min_slope = 0.02, min_value = 1e-6;
+  constexpr double min_slope = 0.02;
   const double v = std::abs(value - curve.dark_level) / (white_level(curve, type_maximum) - curve.dark_level);
-  const double slope = curve.kind == ToneCurve::Kind::srgb
-                           ? srgb_slope(v)
-                           : curve.gamma * std::pow(std::max(v, min_value), curve.gamma - 1);
-  return std::max(slope, min_slope);
+  return std::max(slope_at(curve, ends(curve) ? std::min(v, kEnd) : v), min_slope);
 }
 
 double saturation_level(const ToneCurve& curve, double type_maximum) {

@@ -175,5 +175,5 @@ def _scan_axis(path: str, picture: PictureOptions) -> str:
 
 def _camera_facts(path: str, picture: PictureOptions) -> dict[str, Any]:
     with open_recording(path, raw=picture.raw) as stream:
-        camera = picture.camera(stream.response, stream.frame_rate)
+        camera = picture.camera(stream)
     return {one.name: getattr(camera, one.name) for one in fields(Camera) if one.init}

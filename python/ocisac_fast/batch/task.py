@@ -14,7 +14,7 @@ from ocisac_fast.batch.fields import FIELDS
 from ocisac_fast.cli.output import plain
 from ocisac_fast.cli.pictures import PictureOptions
 from ocisac_fast.core.checks import shown
-from ocisac_fast.files import LightResponse
+from ocisac_fast.files import LightResponse, RecordingStream
 
 IN_STRETCHES = ("gain", "detect")  # each frame has an answer of its own
 # Output and input of a single call, and following from frame to frame, which stretches interrupt.
@@ -42,7 +42,7 @@ class Task:
             raise ValueError(f"command: got {shown(self.command)}, allowed: {', '.join(FIELDS)}")
         try:
             arguments, picture = self.arguments()
-            picture.camera(LightResponse())
+            picture.camera(RecordingStream(iter(()), "array", LightResponse()))
             for name in () if self.command == "calibrate" else ("frequency", "chip_rate"):
                 picture.check_frequency(f"--{name.replace('_', '-')}", arguments.get(name))
         except click.ClickException as error:

@@ -23,8 +23,8 @@ class Camera:
             times in rows, in arguments and results, and exposure and frame time stay unknown.
         exposure: exposure time of a row, T_e, in seconds; 0 (a point sample) or above; None: unknown.
         frame_time: time from one frame to the next in seconds; above 0; None: unknown.
-        tone_curve: relation of stored values to light: ``"linear"``, ``"gamma"`` (power ``gamma``) or ``"srgb"``
-            (IEC 61966-2-1).
+        tone_curve: relation of stored values to light: ``"linear"``, ``"gamma"`` (power ``gamma``), ``"srgb"``
+            (IEC 61966-2-1), ``"hlg"`` (ARIB STD-B67) or ``"pq"`` (SMPTE ST 2084).
         gamma: exponent from stored value to light for ``tone_curve="gamma"``; above 0.
         dark_level: stored value (DN) of no light; 16 for limited-range luma of 8 bits.
         white_level: stored value (DN) of full light; above ``dark_level``. None: the largest value of the array's

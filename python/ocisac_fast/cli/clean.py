@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -83,7 +82,7 @@ def clean(
         cleaner = _Cleaner(picture, marks is not None, stream if stream.kind == "video" and not each else None, options)
         shown = progress(stream, "cleaning", stream.frame_count)
         rate = stream.frame_rate
-        frames = cleaner.frames(shown, lambda first: _camera(picture, stream.response, rate, first))
+        frames = cleaner.frames(shown, lambda first: picture.camera_for(stream, first, usual={"PNG": "srgb"}))
         write_frames(target, frames, frame_rate=rate or 30.0, like=stream)
     if marks is not None:
         write_frames(marks, cleaner.marks)
@@ -94,13 +93,6 @@ def clean(
         emit_table("", _HEADER, [_row(facts, picture.in_hertz) for facts in cleaner.facts], left=("remark",))
     if not cleaner.facts:
         raise click.ClickException(f"{source}: no frame in it")
-
-
-def _camera(picture: PictureOptions, response: Any, rate: float | None, first: Frame) -> Camera:
-    """The camera. Float frames need a given white level; channel y consists of integers, whose type implies it."""
-    if picture.channel == "y" and response.white_level is None and first.dtype.kind == "u":
-        response = dataclasses.replace(response, white_level=float(np.iinfo(first.dtype).max))
-    return picture.with_axis_of(first, response).camera(response, rate)
 
 
 class _Cleaner:

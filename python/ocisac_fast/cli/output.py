@@ -117,6 +117,17 @@ def emit_summary(text: str, as_json: bool) -> None:
         click.echo(text, err=as_json)
 
 
+def emit_note(text: str) -> None:
+    """Print a line on standard error, once in a command."""
+    context = click.get_current_context(silent=True)
+    if context is None or is_collected():
+        return
+    notes: set[str] = context.meta.setdefault(__name__, set())
+    if text not in notes:
+        notes.add(text)
+        click.echo(f"ocisac: {text}", err=True)
+
+
 def emit_facts(title: str, facts: Mapping[str, str]) -> None:
     """Print a table of names and values."""
     emit_table(title, ["", ""], [[name, value] for name, value in facts.items()], header=False)

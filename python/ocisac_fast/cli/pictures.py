@@ -10,19 +10,19 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.output import csv_of_objects, is_collected
+from ocisac_fast.cli.output import csv_of_objects, emit_note, is_collected
 from ocisac_fast.cli.units import ROW_TIME, TIME, ParameterType, Quantity
 from ocisac_fast.core.arrays import as_frames
 from ocisac_fast.core.checks import shown
 from ocisac_fast.core.regions import Region
-from ocisac_fast.files import LightResponse, Part, RecordingStream, open_recording
+from ocisac_fast.files import Part, RecordingStream, open_recording
 from ocisac_fast.files.recording import Frame, gathered
 
 _RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
@@ -48,18 +48,18 @@ FILE_PATH = click.Path(readable=False)  # for shell completion; checked where it
 
 
 class _ToneCurve(ParameterType):
-    name = "linear|gamma[:2.2]|srgb"
+    name = "linear|gamma[:2.2]|srgb|hlg|pq"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
         curve, _, power = str(value).lower().partition(":")
-        if curve in ("linear", "srgb", "gamma") and (not power or curve == "gamma"):
+        if curve in ("linear", "srgb", "hlg", "pq", "gamma") and (not power or curve == "gamma"):
             try:
                 return curve, float(power or 2.2)
             except ValueError:
                 pass
-        self.fail(f"got {shown(value)}, allowed: linear, srgb, gamma or gamma:POWER")
+        self.fail(f"got {shown(value)}, allowed: linear, srgb, hlg, pq, gamma or gamma:POWER")
 
 
 class _Channel(ParameterType):
@@ -95,33 +95,54 @@ class PictureOptions:
         """Remove the common options from a command's arguments."""
         return cls(**{field.name: arguments.pop(field.name) for field in dataclasses.fields(cls)})
 
-    def camera(self, response: LightResponse, frame_rate: float | None = None) -> Camera:
-        """The camera from the options, else from the file; without a row time if none is given."""
+    def camera(self, stream: RecordingStream, usual: Mapping[str, str] | None = None) -> Camera:
+        """The camera from the options, else from the file; without a row time if none is given.
+
+        ``usual``: tone curves of kinds of files that state none, where they differ from the reader's.
+        """
         if self.row_time is None and self.exposure is not None:
             raise click.UsageError("--exposure: needs --row-time")
-        curve, gamma = self.tone_curve or (response.tone_curve, response.gamma)
-        return Camera(
-            row_time=None if self.row_time is None else float(self.row_time),
-            exposure=None if self.exposure is None else float(self.exposure),
-            frame_time=1.0 / frame_rate if frame_rate and self.row_time is not None else None,
-            tone_curve=curve,
-            gamma=gamma,
-            dark_level=response.dark_level if self.dark_level is None else self.dark_level,
-            white_level=response.white_level if self.white_level is None else self.white_level,
-            scan_axis="y" if self.scan_axis == "auto" else self.scan_axis,  # type: ignore[arg-type]
+        row_time, exposure = (None if one is None else float(one) for one in (self.row_time, self.exposure))
+        camera = stream.camera(row_time=row_time, exposure=exposure)
+        curve, gamma = self.tone_curve or (
+            (usual or {}).get(stream.response.assumed_for, camera.tone_curve),
+            camera.gamma,
         )
+        stated = {"dark_level": self.dark_level, "white_level": self.white_level, "scan_axis": self.scan_axis}
+        changes = {name: value for name, value in stated.items() if value not in (None, "auto")}
+        return dataclasses.replace(camera, tone_curve=curve, gamma=gamma, **changes)  # type: ignore[arg-type]
 
-    def with_axis_of(self, frame: Frame, response: LightResponse) -> PictureOptions:
-        """The options with the axis of the camera that a first frame shows; a warning where both show lights.
+    def camera_for(
+        self,
+        stream: RecordingStream,
+        first: Frame,
+        *,
+        axis_of_light: bool = True,
+        usual: Mapping[str, str] | None = None,
+    ) -> Camera:
+        """`camera` for frames like ``first``, whose lights tell the read-out axis, or confirm a stated one."""
+        camera, kind = self.camera(stream, usual), stream.response.assumed_for
+        if kind and self.tone_curve is None and camera.tone_curve != "linear":
+            power = f":{camera.gamma:g}" if camera.tone_curve == "gamma" else ""
+            emit_note(
+                f"no tone curve is stated: {camera.tone_curve}{power} is taken, as usual for {kind} (--tone-curve)"
+            )
+        if self.channel == "y" and camera.white_level is None and first.dtype.kind == "u":
+            largest = float(np.iinfo(first.dtype).max)  # the weighted sum is of floats, whose full scale is 1
+            camera = dataclasses.replace(camera, white_level=largest)
+        return self._with_axis_of(first, camera) if axis_of_light else camera
+
+    def _with_axis_of(self, frame: Frame, camera: Camera) -> Camera:
+        """The camera with the axis that a first frame shows; a warning where both axes show lights.
 
         A stated axis is kept, with a warning where the frame clearly shows the other one.
         """
         stated = self.scan_axis != "auto"
         if stated and is_collected():
-            return self
+            return camera
         from ocisac_fast.lights import find_scan_axis
 
-        found = find_scan_axis(grey_of(select(frame, self)), Camera(row_time=1.0, dark_level=response.dark_level))
+        found = find_scan_axis(grey_of(select(frame, self)), Camera(row_time=1.0, dark_level=camera.dark_level))
         other = "xy"[found.axis == "x"]
         if stated:
             probability = found.probability["yx".index(found.axis)]
@@ -131,13 +152,13 @@ class PictureOptions:
                     f"along {other}: probably --scan-axis {found.axis}",
                     stacklevel=2,
                 )
-            return self
+            return camera
         if not found.clear and max(found.energy) > 0.0:  # else there is nothing to read along either
             warnings.warn(
                 f"--scan-axis: not clear from the picture, {found.axis} is used (the other one: --scan-axis {other})",
                 stacklevel=2,
             )
-        return dataclasses.replace(self, scan_axis=found.axis)
+        return dataclasses.replace(camera, scan_axis=found.axis)
 
     def names(self, axis: str) -> bool:
         """True if tables are to name ``axis``: it was found, and rows do not run down as mostly."""
@@ -261,16 +282,10 @@ class _Reader:
                 self.path, colour=options.channel in _RED_GREEN_BLUE, raw=options.raw, part=self.part
             )
         try:
-            response = self._stream.response
             frames = iter(self._stream)
             with _silent_libraries():
                 first = next(frames)
-            if options.channel == "y" and response.white_level is None and first.dtype.kind == "u":
-                largest = float(np.iinfo(first.dtype).max)  # the weighted sum is of floats, whose full scale is 1
-                response = dataclasses.replace(response, white_level=largest)
-            if self.axis_of_light:
-                options = options.with_axis_of(first, response)
-            camera = options.camera(response, self._stream.frame_rate)
+            camera = options.camera_for(self._stream, first, axis_of_light=self.axis_of_light)
         except BaseException:
             self._stream.close()
             raise
@@ -361,7 +376,7 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--channel", type=_Channel(), default="auto", show_default=True),
         click.option("--waveform", type=click.Choice(["tone", "square"]), default="tone", show_default=True),
         click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave."),
-        click.option("--tone-curve", type=_ToneCurve(), help="Default: from the file, else linear."),
+        click.option("--tone-curve", type=_ToneCurve(), help="Default: from the file, else as usual for its kind."),
         click.option("--dark-level", type=float, help="Stored value of no light; default: from the file, else 0."),
         click.option(
             "--raw", metavar="WIDTHxHEIGHT[:gray8|gray16le]", help="Frames without headers, for example from a pipe."

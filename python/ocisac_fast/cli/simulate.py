@@ -15,7 +15,7 @@ from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, json_option
 from ocisac_fast.cli.units import FREQUENCY, ROW_TIME, TIME
-from ocisac_fast.files import write_frames
+from ocisac_fast.files import RecordingStream, write_frames
 from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, TriangleWave, Waveform
 from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
 
@@ -104,7 +104,8 @@ def simulate(
     shown = progress(frames, "simulating", options["frames"])
     # A .npy file of one frame is (rows, columns).
     one_array = output.lower().endswith(".npy") and options["frames"] == 1
-    write_frames(output, np.asarray(next(shown)) if one_array else shown, frame_rate=frame_rate)
+    like = RecordingStream.linear()
+    write_frames(output, np.asarray(next(shown)) if one_array else shown, frame_rate=frame_rate, like=like)
     facts = {name: options[name] for name in ("frames", "rows", "columns")}
     if as_json:
         emit_json({"file": output, **facts, "dtype": dtype, "row_time_s": row_time, "exposure_s": exposure})

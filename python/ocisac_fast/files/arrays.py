@@ -43,7 +43,7 @@ def open_array(path: Path | RemotePath, part: Part | None = None) -> RecordingSt
     return RecordingStream(
         frames if part is None else counted(part, frames),
         "array",
-        LightResponse(),
+        LightResponse(assumed_for=".npy"),
         frame_count=count,
         close=file.close,
         key_frames=lambda max_frames: every_frame(count, max_frames) if header.several else None,
@@ -53,7 +53,7 @@ def open_array(path: Path | RemotePath, part: Part | None = None) -> RecordingSt
 def stream_arrays(file: BinaryIO) -> RecordingStream:
     """Stream the frames of .npy files that arrive through a pipe, one after the other."""
     first = _read_header(file)
-    return RecordingStream(_streamed(file, first), "array", LightResponse(), close=file.close)
+    return RecordingStream(_streamed(file, first), "array", LightResponse(assumed_for=".npy"), close=file.close)
 
 
 @dataclass(frozen=True, slots=True)

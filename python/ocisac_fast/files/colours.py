@@ -22,6 +22,13 @@ def rgb_format(deep: bool) -> str:
     return "gbrp16le" if deep else "gbrp"
 
 
+def rgb_white(limited: bool, bits: int) -> float:
+    """The scaler's white in `rgb_format`, from a format of ``bits`` bits."""
+    if bits <= 8:
+        return 255.0
+    return 255.0 * 256 if limited else 65536.0 - 2.0 ** (16 - bits)
+
+
 class Conversion:
     """Converts frames of one size and pixel format after the other.
 

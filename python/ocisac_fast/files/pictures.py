@@ -17,7 +17,7 @@ import numpy as np
 
 from ocisac_fast.files.extras import pillow, pyav
 from ocisac_fast.files.profiles import response_of_picture
-from ocisac_fast.files.recording import FileError, Frame, LightResponse, RecordingStream
+from ocisac_fast.files.recording import FileError, Frame, LightResponse, PictureFormat, RecordingStream
 from ocisac_fast.files.remote import RemotePath
 
 if TYPE_CHECKING:
@@ -25,18 +25,40 @@ if TYPE_CHECKING:
 
 FORMATS = ("PNG", "JPEG", "TIFF", "PPM", "BMP", "WEBP")
 _PNM_HEADER = re.compile(rb"P([56])" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
+JPEG = b"\xff\xd8\xff"
+_NEXT_JPEG = re.compile(rb"\xff\xd9\0*\xff\xd8\xff")  # an end, which compressed data cannot contain, and a beginning
 _TIFF_BITS_PER_SAMPLE = 258
 _BAND_PIXELS = 1 << 20
+ORIENTATION = 0x0112  # EXIF
+_STORED = {2: "FLIP_LEFT_RIGHT", 3: "ROTATE_180", 4: "FLIP_TOP_BOTTOM", 5: "TRANSPOSE", 6: "ROTATE_90", 7: "TRANSVERSE"}
+_STORED[8] = "ROTATE_270"
+_KEPT_CHUNKS = (b"cHRM", b"cICP", b"gAMA", b"iCCP", b"sRGB", b"pHYs", b"eXIf")
 
 
 def is_picture(head: bytes) -> bool:
     """Return True if a file that begins with these bytes (12 or more) is a picture of a supported kind."""
-    starts = (b"\x89PNG\r\n", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"BM")
+    starts = (b"\x89PNG\r\n", JPEG, b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"BM")
     return (
         head.startswith(starts)
         or (head[:1] == b"P" and head[1:2] in b"123456" and head[2:3] in b" \t\r\n#")
         or (head[:4] == b"RIFF" and head[8:12] == b"WEBP")
     )
+
+
+def next_jpeg(data: bytes | bytearray, start: int = 0) -> int | None:
+    """Where a JPEG ends and a further frame of a camera begins; None: nowhere, or a preview of the first (MPF)."""
+    found = _NEXT_JPEG.search(data, start)
+    return None if found is None or b"MPF\0" in data[: found.start()] else found.end() - 3
+
+
+def are_jpegs(data: bytes) -> bool:
+    """Return True if JPEGs of one size follow each other."""
+    second = next_jpeg(data) if data.startswith(JPEG) else None
+    if second is None:
+        return False
+    with _refusals():
+        first, other = (pillow().open(io.BytesIO(data[begin:]), formats=("JPEG",)).size for begin in (0, second))
+    return bool(first == other)
 
 
 def grey_levels(path: Path, max_pixels: int) -> Frame:
@@ -62,9 +84,31 @@ def open_picture(source: Path | RemotePath | bytes) -> RecordingStream:
         raise FileError("truncated: PNG without its end")
     with _refusals():
         image = pillow().open(io.BytesIO(data), formats=FORMATS)
-        response = response_of_picture(image)
+        response, form = response_of_picture(image), _format(image, data)
         pages = getattr(image, "n_frames", 1) if image.format == "TIFF" else 1
-    return RecordingStream(_frames(image, data, pages), "picture", response, frame_count=pages, close=image.close)
+    decoded = _frames(image, data, pages, form.alphas)
+    return RecordingStream(decoded, "picture", response, frame_count=pages, close=image.close, picture=form)
+
+
+def _format(image: Image, data: bytes) -> PictureFormat:
+    exif, orientation = image.getexif(), image.getexif().get(ORIENTATION)
+    if image.format == "TIFF":  # its other tags tell where this file holds its pixels
+        exif = pillow().Exif()
+        exif.update({} if orientation is None else {ORIENTATION: orientation})
+    options = {"icc_profile": image.info.get("icc_profile"), "exif": exif.tobytes() if exif else None}
+    kept = {name: value for name, value in options.items() if value}
+    return PictureFormat(orientation, kept, _kept_chunks(data) if image.format == "PNG" else b"", [])
+
+
+def _kept_chunks(png: bytes) -> bytes:
+    """Chunks before the pixels that hold for other pixels as well."""
+    kept, at = b"", 8
+    while png[at + 4 : at + 8] not in (b"IDAT", b""):
+        size = 12 + int.from_bytes(png[at : at + 4], "big")
+        if png[at + 4 : at + 8] in _KEPT_CHUNKS:
+            kept += png[at : at + size]
+        at += size
+    return kept
 
 
 def _binary_pnm(data: bytes) -> tuple[Frame, LightResponse]:
@@ -83,7 +127,7 @@ def _binary_pnm(data: bytes) -> tuple[Frame, LightResponse]:
     pixels = np.frombuffer(data, dtype, count, header.end())
     shape = (1, height, width) if colours == 1 else (1, height, width, 3)
     native = pixels.astype(dtype.newbyteorder("="), copy=False).reshape(shape)
-    return native, LightResponse(white_level=float(largest), stated_by="PNM header")
+    return native, LightResponse(white_level=float(largest), stated_by="PNM header", assumed_for="PNM")
 
 
 @contextlib.contextmanager
@@ -104,24 +148,40 @@ def _refusals() -> Iterator[None]:
         raise FileError(f"truncated or damaged picture ({' '.join(str(error).split())})") from error
 
 
-def _frames(image: Image, data: bytes, pages: int) -> Iterator[Frame]:
+def _frames(image: Image, data: bytes, pages: int, alphas: list[Frame | None]) -> Iterator[Frame]:
     """Decode one page at a time; pages that the caller drops are freed."""
     for page in range(pages):
-        yield _page(image, data, page, pages)
+        yield _without_alpha(_page(image, data, page, pages), alphas)
+
+
+def _without_alpha(frame: Frame, alphas: list[Frame | None]) -> Frame:
+    """The frame without its opacity, which is appended to ``alphas``."""
+    colours = frame.shape[2] if frame.ndim == 3 else 1
+    alphas.append(frame[..., -1].copy() if colours in (2, 4) else None)
+    return frame if colours in (1, 3) else np.ascontiguousarray(frame[..., 0] if colours == 2 else frame[..., :3])
 
 
 def _page(image: Image, data: bytes, page: int, pages: int) -> Frame:
+    """A page with its opacity as last colour."""
     with _refusals():
         if page:
             image.seek(page)
+        orientation = image.getexif().get(ORIENTATION)
         image.load()  # decodes everything: FFmpeg below would fill in the missing part of a truncated file
         deep = _is_deep_colour(image, data)
         if deep and pages > 1:
             raise FileError("several pages of 16-bit colour, allowed: one")
-        frame = _deep_colour(data) if deep else _pixels(image)
+        frame = _deep_colour(data) if deep else _pixels(_as_stored(image, orientation))
         if page == pages - 1:
             image.close()
         return frame
+
+
+def _as_stored(image: Image, orientation: int | None) -> Image:
+    """Undo the turn that Pillow gives a loaded TIFF picture."""
+    if image.format != "TIFF" or orientation not in _STORED or ORIENTATION in image.tag_v2:  # type: ignore[attr-defined]
+        return image
+    return image.transpose(getattr(pillow().Transpose, _STORED[orientation]))
 
 
 def _pixels(image: Image) -> Frame:
@@ -139,15 +199,15 @@ def _pixels(image: Image) -> Frame:
 
 
 def _values(image: Image, kind: str | None) -> Frame:
-    """Pixel values without alpha; a palette is converted to RGB."""
+    """Pixel values, with opacity that is a colour's own; a palette is converted to RGB."""
     mode = image.mode
     if mode == "1":
         image = image.convert("L")
     elif mode in ("P", "PA"):
-        image = image.convert("RGB")
-    elif mode in ("LA", "La", "RGBA", "RGBa", "RGBX"):
+        image = image.convert("RGBA" if mode == "PA" or "transparency" in image.info else "RGB")
+    elif mode in ("La", "RGBa", "RGBX"):
         return np.asarray(image)[..., : len(mode) - 1].squeeze(-1 if len(mode) == 2 else ())
-    elif mode not in ("L", "RGB", "F", "I", "I;16", "I;16B", "I;16L", "I;16N"):
+    elif mode not in ("L", "LA", "RGB", "RGBA", "F", "I", "I;16", "I;16B", "I;16L", "I;16N"):
         raise FileError(f"picture of mode {mode}, allowed: grey or RGB")
     values = np.asarray(image)
     if mode == "I" and kind in ("PNG", "PPM"):  # older Pillows store 16 bits in 32
@@ -170,7 +230,8 @@ def _deep_colour(data: bytes) -> Frame:
     try:
         with av.open(io.BytesIO(data)) as container:
             frame = next(container.decode(video=0))
-            grey = frame.format.name.startswith(("ya", "gray"))
-            return np.ascontiguousarray(frame.to_ndarray(format="gray16le" if grey else "rgb48le"))
+            has_alpha = frame.format.name.startswith(("ya", "rgba"))
+            values = np.ascontiguousarray(frame.to_ndarray(format="rgba64le" if has_alpha else "rgb48le"))
+            return values[..., [0, 3]] if frame.format.name.startswith("ya") else values
     except (av.FFmpegError, StopIteration, IndexError) as error:
         raise FileError(f"16-bit colour that cannot be decoded ({error})") from error

@@ -1,14 +1,13 @@
 """Range and tone curve that a picture or video file states.
 
-A file without a statement is treated as linear: raw sensor values are stored so, and a wrong curve would bias every
-gain. PNG states the curve in its sRGB or gAMA chunk, JPEG and TIFF in EXIF's ColorSpace, all of them in an ICC profile,
-a video in its transfer characteristics.
+PNG states the curve in its sRGB or gAMA chunk, JPEG and TIFF in EXIF's ColorSpace, all of them in an ICC profile, a
+video in its transfer characteristics. Without a statement JPEG is sRGB, and a video of a lossy codec has the curve of
+BT.709, since cameras write them so; other files are linear, as sensor values are: a wrong curve biases every gain.
 """
 
 from __future__ import annotations
 
 import struct
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ocisac_fast.files.recording import LightResponse
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
 
 _EXIF_IFD, _EXIF_COLOR_SPACE, _EXIF_SRGB = 0x8769, 0xA001, 1
 
+_SRGB = LightResponse("srgb")
 # Transfer characteristics of ITU-T H.273. The camera curve of BT.709, BT.601 and BT.2020 is a power of 0.45 after a
 # linear segment. Its inverse is approximated by a power of 1.95 (error below 0.013 of full light).
 _BT709 = LightResponse("gamma", 1.95)
@@ -27,14 +27,17 @@ _TRANSFERS = {
     5: LightResponse("gamma", 2.8),
     6: _BT709,
     8: LightResponse("linear"),
-    13: LightResponse("srgb"),
+    13: _SRGB,
     14: _BT709,
     15: _BT709,
+    16: LightResponse("pq"),
+    18: LightResponse("hlg"),
 }
+_LOSSY = 2  # FFmpeg's AV_CODEC_PROP_LOSSY
 
 
 def response_of_picture(image: Image) -> LightResponse:
-    """The tone curve that an opened picture states; linear where it states none."""
+    """The tone curve that an opened picture states, else that of its kind."""
     profile = image.info.get("icc_profile")
     if profile:
         response = _response_of_icc(profile)
@@ -46,7 +49,7 @@ def response_of_picture(image: Image) -> LightResponse:
         return _power(1.0 / float(image.info["gamma"]), "PNG gAMA chunk")
     if image.getexif().get_ifd(_EXIF_IFD).get(_EXIF_COLOR_SPACE) == _EXIF_SRGB:
         return LightResponse("srgb", stated_by="EXIF ColorSpace")
-    return LightResponse()
+    return LightResponse("srgb" if image.format in ("JPEG", "MPO") else "linear", assumed_for=str(image.format))
 
 
 def _power(gamma: float, stated_by: str) -> LightResponse:
@@ -78,30 +81,18 @@ def _response_of_icc(profile: bytes) -> LightResponse | None:
     return None
 
 
-def response_of_video(transfer: int, limited: bool, bits: int, shift: int, stated: bool = True) -> LightResponse:
-    """Range and curve of luma of ``bits`` bits; ``shift`` above 0: stored in the upper bits of a word.
-
-    Limited range has black at 16 and white at 235, times 2**(bits - 8) (ITU-R BT.709, BT.2100).
-    """
-    curve = _TRANSFERS.get(int(transfer), LightResponse())
-    unit = 2.0 ** (bits - 8)
-    dark, white = (16 * unit, 235 * unit) if limited else (0.0, 256 * unit - 1)
-    details = [("limited" if limited else "full") + " range"] if stated else []
-    if int(transfer) in _TRANSFERS:
+def response_of_video(context: Any, dark: float, white: float, stated_range: str = "") -> LightResponse:
+    """The curve that a video's stream states, else that of its codec, between these levels."""
+    curve, assumed_for = _TRANSFERS.get(transfer_of(context)), ""
+    details = [stated_range] if stated_range else []
+    if curve is not None:
         details.append("transfer characteristics")
-    scale = 2.0**shift
-    return LightResponse(curve.tone_curve, curve.gamma, dark * scale, white * scale, ", ".join(details))
-
-
-def response_of_colours(transfer: int, limited: bool, bits: int) -> LightResponse:
-    """The response of red, green and blue, of 16 bits if ``bits`` is above 8, of a video in a format of ``bits`` bits.
-
-    The scaler's white of 16 bits is 255 * 256 from limited range, else the format's largest value times a power of 2.
-    """
-    if bits <= 8:
-        return response_of_video(transfer, False, 8, 0)
-    white = 255.0 * 256 if limited else 65536.0 - 2.0 ** (16 - bits)
-    return replace(response_of_video(transfer, False, 16, 0), white_level=white)
+    elif context.name == "mjpeg":
+        curve, assumed_for = _SRGB, "JPEG"
+    else:
+        curve = _BT709 if int(context.codec.properties) & _LOSSY else LightResponse()
+        assumed_for = context.name
+    return LightResponse(curve.tone_curve, curve.gamma, dark, white, ", ".join(details), assumed_for)
 
 
 def transfer_of(context: Any) -> int:

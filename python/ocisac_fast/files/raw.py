@@ -59,7 +59,8 @@ def open_raw(file: BinaryIO, form: RawFormat, part: Part | None = None) -> Recor
     if part is not None:
         file.seek(part.first * form.frame_bytes)
         frames = counted(part, itertools.islice(frames, part.stop - part.first))
-    return RecordingStream(frames, "video", LightResponse(), close=file.close, key_frames=key_frames)
+    response = LightResponse(assumed_for="raw frames")
+    return RecordingStream(frames, "video", response, close=file.close, key_frames=key_frames)
 
 
 def _frames(file: BinaryIO, form: RawFormat) -> Iterator[Frame]:

@@ -13,14 +13,15 @@ from typing import BinaryIO
 from ocisac_fast.core.checks import checked
 from ocisac_fast.files.arrays import MAGIC, open_array, stream_arrays
 from ocisac_fast.files.parts import parts_between
-from ocisac_fast.files.pictures import is_picture, open_picture
+from ocisac_fast.files.pictures import JPEG, are_jpegs, is_picture, next_jpeg, open_picture
 from ocisac_fast.files.raw import RawFormat, open_raw
 from ocisac_fast.files.recording import FileError, Frame, Part, Recording, RecordingStream
 from ocisac_fast.files.remote import RemotePath, is_remote
-from ocisac_fast.files.videos import Prefixed, open_video
+from ocisac_fast.files.videos import JPEGS, Prefixed, open_video
 
 STANDARD_INPUT = "-"
-_HEAD = 16
+_HEAD, _PIECE = 16, 1 << 16
+_MARKS = 64  # bytes that an end, padding and a beginning take together
 _MAX_BYTES = 4 << 30
 
 
@@ -109,7 +110,10 @@ def _of_file(path: Path | RemotePath, name: str, colour: bool, part: Part | None
         raise FileError("empty file")
     if head.startswith(MAGIC):
         return open_array(path, part)
-    return open_picture(path) if is_picture(head) else open_video(path, name, colour, part)
+    if not is_picture(head):
+        return open_video(path, name, colour, part)
+    data = path.read_bytes()
+    return open_video(path, name, colour, part, container=JPEGS) if are_jpegs(data) else open_picture(data)
 
 
 def _of_stream(file: BinaryIO, name: str, colour: bool) -> RecordingStream:
@@ -119,8 +123,19 @@ def _of_stream(file: BinaryIO, name: str, colour: bool) -> RecordingStream:
     if head.startswith(MAGIC):
         return stream_arrays(Prefixed(head, file))  # type: ignore[arg-type]
     if is_picture(head):
-        return open_picture(head + file.read())
+        return _of_pictures(head, file, name, colour)
     return open_video(Prefixed(head, file), name, colour)  # type: ignore[arg-type]
+
+
+def _of_pictures(head: bytes, file: BinaryIO, name: str, colour: bool) -> RecordingStream:
+    """A picture, or JPEGs one after the other, each as soon as it is complete."""
+    data, searched = bytearray(head), 0
+    while piece := file.read1(_PIECE):  # type: ignore[attr-defined]
+        data += piece
+        if data.startswith(JPEG) and next_jpeg(data, searched) is not None:
+            return open_video(Prefixed(bytes(data), file), name, colour, container=JPEGS)  # type: ignore[arg-type]
+        searched = max(len(data) - _MARKS, 0)
+    return open_picture(bytes(data))
 
 
 def _name(path: str | os.PathLike[str]) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import checked
 
 Frame = npt.NDArray[Any]
@@ -31,11 +32,12 @@ class LightResponse:
     """Relation of stored values to light; fields as in ``Camera``.
 
     Attributes:
-        tone_curve: ``"linear"``, ``"gamma"`` or ``"srgb"``.
+        tone_curve: name of the curve.
         gamma: exponent from stored value to light, for ``"gamma"``.
         dark_level: stored value of no light (DN).
         white_level: stored value of full light (DN); None: the largest value of the array's type.
-        stated_by: source of the statement (``"PNG sRGB chunk"``); empty where linear is assumed.
+        stated_by: source of the statement (``"PNG sRGB chunk"``); empty where all is assumed.
+        assumed_for: kind of file for which the curve is assumed (``"JPEG"``); empty where the file states it.
     """
 
     tone_curve: str = "linear"
@@ -43,10 +45,44 @@ class LightResponse:
     dark_level: float = 0.0
     white_level: float | None = None
     stated_by: str = ""
+    assumed_for: str = ""
+
+
+class _Recorded:
+    """Statements of a recording about its camera."""
+
+    __slots__ = ()
+    response: LightResponse
+    frame_rate: float | None
+
+    @checked
+    def camera(self, *, row_time: float | None = None, exposure: float | None = None) -> Camera:
+        """The camera: range, tone curve, levels and frame rate of the file, with what no file states.
+
+        ``dataclasses.replace(camera, tone_curve="srgb")`` changes a value. Where the file states no tone curve
+        (``response.assumed_for``), it is sRGB for JPEG, that of BT.709 for lossy videos (H.264, HEVC), else linear.
+
+        Args:
+            row_time: time from one row to the next, s, above 0; None: unknown, rates are per row.
+            exposure: exposure time of a row, s, 0 or above; None: unknown.
+
+        Raises:
+            ValueError: a value outside its range.
+        """
+        response = self.response
+        return Camera(
+            row_time,
+            exposure,
+            frame_time=1.0 / self.frame_rate if self.frame_rate and row_time is not None else None,
+            tone_curve=response.tone_curve,
+            gamma=response.gamma,
+            dark_level=response.dark_level,
+            white_level=response.white_level,
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class Recording(_Recorded):
     """All frames of a file.
 
     Attributes:
@@ -108,7 +144,24 @@ class VideoFormat:
     time_base: Fraction
 
 
-class RecordingStream:
+@dataclass(frozen=True, slots=True)
+class PictureFormat:
+    """Properties of a picture that a processed copy keeps.
+
+    Attributes:
+        orientation: EXIF's, 1 to 8; None: not stated.
+        options: EXIF data and ICC profile, as Pillow's ``save`` takes them.
+        chunks: of a PNG file: colours, resolution, EXIF data.
+        alphas: opacity of the pages read so far, (rows, columns); None for a page without.
+    """
+
+    orientation: int | None
+    options: dict[str, bytes]
+    chunks: bytes
+    alphas: list[Frame | None]
+
+
+class RecordingStream(_Recorded):
     """A file opened for reading one frame at a time; a context manager and an iterable of frames.
 
     Attributes:
@@ -117,6 +170,7 @@ class RecordingStream:
         luma: True if the frames are the luma plane of a video.
         key_frames: function of a number of frames: where a longer recording can be cut, else None; reads the stream.
         video: format of a video's stream, else None.
+        picture: format of a picture, else None.
         stamps: time stamps of the video's frames read so far, in its time base; None for a frame without one.
     """
 
@@ -132,6 +186,7 @@ class RecordingStream:
         key_frames: Callable[[int], KeyFrames | None] = lambda _: None,
         video: VideoFormat | None = None,
         stamps: list[int | None] | None = None,
+        picture: PictureFormat | None = None,
     ) -> None:
         self._frames = frames
         self.kind = kind
@@ -141,6 +196,7 @@ class RecordingStream:
         self.luma = luma
         self.key_frames = key_frames
         self.video = video
+        self.picture = picture
         self.stamps = [] if stamps is None else stamps
         self._cleanup = contextlib.ExitStack()
         if close is not None:
@@ -154,6 +210,11 @@ class RecordingStream:
         if frames.ndim < 3:
             raise ValueError(f"frames: got {frames.ndim} dimensions, allowed: (frames, rows, columns[, colours])")
         return cls(iter(frames), kind, response, frame_count=len(frames))
+
+    @classmethod
+    def linear(cls) -> RecordingStream:
+        """An empty recording that states linear values, for ``write_frames(like=)``."""
+        return cls(iter(()), "array", LightResponse(stated_by="its maker"))
 
     @checked
     def time_of(self, frame: int) -> Fraction | None:

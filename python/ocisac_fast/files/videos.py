@@ -16,10 +16,10 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ocisac_fast.files.colours import Conversion, rgb_format
+from ocisac_fast.files.colours import Conversion, rgb_format, rgb_white
 from ocisac_fast.files.extras import pyav
 from ocisac_fast.files.parts import decoded_part, ends_early, video_key_frames
-from ocisac_fast.files.profiles import response_of_colours, response_of_video, transfer_of
+from ocisac_fast.files.profiles import response_of_video, transfer_of
 from ocisac_fast.files.recording import (
     FileError,
     FileWarning,
@@ -40,6 +40,7 @@ _INTERLACED = (
     "interlaced: the rows of a frame are of two times, allowed: progressive frames (ffmpeg -vf separatefields: each "
     "field a frame of twice the row time; -vf setfield=prog: where the mark is wrong)"
 )
+JPEGS = "mjpeg"  # FFmpeg's container of JPEGs one after the other; it states no time
 _UNKNOWN = "not a picture, a video or a .npy array, or damaged beyond reading"
 _MAX_PIXELS = 1 << 28
 _decoder_threads: ContextVar[int] = ContextVar("decoder_threads", default=0)  # 0: one for each processor
@@ -56,7 +57,11 @@ def decoder_threads(count: int) -> Iterator[None]:
 
 
 def open_video(
-    source: Path | RemotePath | BinaryIO, name: str, colour: bool = False, part: Part | None = None
+    source: Path | RemotePath | BinaryIO,
+    name: str,
+    colour: bool = False,
+    part: Part | None = None,
+    container: str | None = None,
 ) -> RecordingStream:
     """Open a video; frames are decoded on demand.
 
@@ -65,6 +70,7 @@ def open_video(
         name: the file's name in warnings.
         colour: red, green and blue by a colour conversion instead of luma.
         part: a stretch of the frames; default: all.
+        container: FFmpeg's name of the container; default: found from the first bytes.
     """
     av = pyav()
     is_path = isinstance(source, (Path, RemotePath))
@@ -72,8 +78,8 @@ def open_video(
     try:
         if not is_path and not file.seekable():
             file = _seekable_where_needed(file)
-        container = av.open(file, options={"protocol_whitelist": ""})
-        return _stream(av, container, file, name, colour, part, source if is_path else None)
+        opened = av.open(file, format=container, options={"protocol_whitelist": ""})
+        return _stream(av, opened, file, name, colour, part, source if is_path else None)
     except FileError:
         file.close()
         raise
@@ -137,17 +143,18 @@ def _stream(
     stream.codec_context.thread_count = _decoder_threads.get()
     pixel_format = context.pix_fmt or ""
     values, response = _layout(av, pixel_format, context, colour)
-    rate = float(stream.average_rate) if stream.average_rate else None
+    timed = container.format.name != JPEGS
+    rate = float(stream.average_rate) if stream.average_rate and timed else None
     stamps: list[int | None] = []
     return RecordingStream(
-        _frames(av, container, stream, name, values, part, stamps),
+        _frames(av, container, stream, name, values, part, stamps if timed else []),
         "video",
         response,
         rate,
         stream.frames or None,
         luma=_has_luma(pixel_format) and not colour,
         close=close,
-        key_frames=lambda max_frames: video_key_frames(container, stream, max_frames),
+        key_frames=lambda max_frames: video_key_frames(container, stream, max_frames) if timed else None,
         video=_format(pixel_format, context, stream.time_base, path),
         stamps=stamps,
     )
@@ -175,16 +182,18 @@ def _has_luma(name: str) -> bool:
 
 def _layout(av: Any, name: str, context: Any, colour: bool) -> tuple[Callable[[Any], Frame], LightResponse]:
     """A function that extracts the values of a frame of this pixel format, and their response."""
-    transfer = transfer_of(context)
     # Where the stream states no range, YUV is limited by convention; grey is assumed full (sensor values).
     stated = int(context.color_range or 0)
     limited = _is_limited(name, stated)
     bits = av.VideoFormat(name).components[0].bits if name else 8
     if colour or not _has_luma(name):
         convert = Conversion(rgb_format(bits > 8), _number(context.colorspace), limited)
-        return lambda frame: convert(frame).to_ndarray(), response_of_colours(transfer, limited, bits)
+        return lambda frame: convert(frame).to_ndarray(), response_of_video(context, 0.0, rgb_white(limited, bits))
     shift = 16 - bits if _UPPER_BITS.match(name) else 0
-    response = response_of_video(transfer, limited, bits, shift, stated in (_LIMITED_RANGE, _FULL_RANGE))
+    unit = 2.0 ** (bits - 8 + shift)  # black at 16 and white at 235 of limited range: ITU-R BT.709, BT.2100
+    dark, white = (16 * unit, 235 * unit) if limited else (0.0, (2.0**bits - 1) * 2.0**shift)
+    stated_range = ("limited range" if limited else "full range") if stated in (_LIMITED_RANGE, _FULL_RANGE) else ""
+    response = response_of_video(context, dark, white, stated_range)
     dtype = np.dtype(np.uint8 if bits == 8 else ">u2" if name.endswith("be") else "<u2")
     first = _PACKED_LUMA.get(name)
     step = 1 if first is None and not name.startswith("y2") else 2

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import itertools
 import os
 import secrets
 import shutil
 import stat
 import tempfile
+import zlib
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -18,11 +20,13 @@ import numpy as np
 
 from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.files.extras import pillow, pyav
-from ocisac_fast.files.recording import FileError, Frame, RecordingStream
+from ocisac_fast.files.pictures import ORIENTATION
+from ocisac_fast.files.recording import FileError, Frame, LightResponse, PictureFormat, RecordingStream
 from ocisac_fast.files.video_writing import CODECS, check_frame, write_video
 
 _PICTURES = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".jpg": "JPEG", ".jpeg": "JPEG"}
 _JPEG: dict[str, Any] = {"quality": 95, "subsampling": 0}
+_PNG_HEADER = 33  # bytes of the signature and of IHDR
 _MAX_SUFFIX = 16  # bytes; no supported kind of file has a longer one
 
 
@@ -91,9 +95,9 @@ def write_frames(
             (frames, rows, columns); an array (rows, columns) is one frame, and .npy keeps this shape. uint8 or uint16;
             also float32 for TIFF and .npy, float64 for .npy.
         frame_rate: frames per second of a video, above 0.
-        like: the open video of which these are the processed frames, in order: its sound, its time stamps and what it
-            states of range and colours are kept. Colours can then be written as ``.mp4`` too, with the video's
-            subsampling (H.264, crf 10).
+        like: the open recording of which these are the processed frames, in order. Of a picture opacity, EXIF data and
+            colour profile are kept, of a video its sound, its time stamps and what it states of range and colours.
+            Colours can then be written as ``.mp4`` too, with the video's subsampling (H.264, crf 10).
 
     Raises:
         FileError: a ValueError: an unknown suffix, no frame, or a type or shape that the kind of file cannot hold.
@@ -110,7 +114,7 @@ def write_frames(
                 with temporary.open("wb") as file:
                     np.save(file, every[0] if single else np.stack(every), allow_pickle=False)
             elif suffix in _PICTURES:
-                _write_picture(temporary, _alike(frames), _PICTURES[suffix])
+                _write_picture(temporary, _alike(frames), _PICTURES[suffix], like)
             elif suffix in CODECS:
                 write_video(temporary, frames, frame_rate, like)
             else:
@@ -129,7 +133,8 @@ def _alike(frames: Iterable[Frame]) -> list[Frame]:
     return every
 
 
-def _write_picture(path: Path, frames: list[Frame], kind: str) -> None:
+def _write_picture(path: Path, frames: list[Frame], kind: str, original: RecordingStream | None) -> None:
+    like = None if original is None else original.picture
     first = frames[0]
     types = (
         {"TIFF": (np.uint8, np.uint16, np.float32), "JPEG": (np.uint8,)} if first.ndim == 2 or kind == "JPEG" else {}
@@ -137,26 +142,59 @@ def _write_picture(path: Path, frames: list[Frame], kind: str) -> None:
     check_frame(first, types.get(kind, (np.uint8, np.uint16)))
     if len(frames) > 1 and kind != "TIFF":
         raise FileError(f"{len(frames)} frames, a {kind} picture holds one (use .tif, .mkv or .npy)")
-    if first.ndim == 3 and first.dtype == np.uint16:  # Pillow has no 16-bit colour
+    if like is not None:
+        alphas = like.alphas[: len(frames)]
+        frames = [_with_alpha(frame, alpha, kind) for frame, alpha in itertools.zip_longest(frames, alphas)]
+    if first.dtype == np.uint16 and frames[0].ndim == 3:  # Pillow has no 16-bit colour
         if len(frames) > 1:
             raise FileError("several frames of 16-bit colour (use .mkv or .npy)")
-        codec, pixels = ("png", "rgb48be") if kind == "PNG" else ("tiff", "rgb48le")
-        path.write_bytes(b"".join(bytes(packet) for packet in _encode(frames, codec, pixels, Fraction(25), {})))
-        return
-    images = [pillow().fromarray(np.ascontiguousarray(frame)) for frame in frames]
-    options = {"save_all": True, "append_images": images[1:]} if len(images) > 1 else _JPEG if kind == "JPEG" else {}
-    images[0].save(path, kind, **options)
+        path.write_bytes(_deep_picture(frames[0], kind))
+    else:
+        images = [pillow().fromarray(np.ascontiguousarray(frame)) for frame in frames]
+        images[0].save(path, kind, **_options(images, kind, like))
+    if original is not None and kind == "PNG":
+        chunks = _curve_chunk(original.response) if like is None else like.chunks
+        whole = path.read_bytes()
+        path.write_bytes(whole[:_PNG_HEADER] + chunks + whole[_PNG_HEADER:])
 
 
-def _encode(frames: Iterable[Frame], codec: str, pixels: str, rate: Fraction, options: dict[str, str]) -> Iterator[Any]:
-    """Encode frames to packets, without a container."""
+def _curve_chunk(response: LightResponse) -> bytes:
+    """PNG's statement of the curve, where it is a power."""
+    power = {"linear": 1.0, "gamma": response.gamma}.get(response.tone_curve)
+    if power is None or response.assumed_for:
+        return b""
+    chunk = b"gAMA" + round(100_000 / power).to_bytes(4, "big")
+    return (4).to_bytes(4, "big") + chunk + zlib.crc32(chunk).to_bytes(4, "big")
+
+
+def _with_alpha(frame: Frame, alpha: Frame | None, kind: str) -> Frame:
+    """The frame with its opacity as last colour, where there is one and the kind of file can hold it."""
+    held = kind == "PNG" or (kind == "TIFF" and (frame.ndim == 3 or frame.dtype == np.uint8))
+    return np.dstack((frame, alpha)) if held and alpha is not None and alpha.shape == frame.shape[:2] else frame
+
+
+def _options(images: list[Any], kind: str, like: PictureFormat | None) -> dict[str, Any]:
+    """Options of Pillow's ``save``."""
+    options: dict[str, Any] = {"save_all": True, "append_images": images[1:]} if len(images) > 1 else {}
+    if kind == "JPEG":
+        options |= _JPEG
+    if like is not None and not (kind == "PNG" and like.chunks):
+        options |= like.options
+        if kind == "TIFF" and like.orientation is not None:
+            options |= {"exif": b"", "tiffinfo": {ORIENTATION: like.orientation}}
+    return options
+
+
+def _deep_picture(frame: Frame, kind: str) -> bytes:
+    """A file of several colours of 16 bits."""
     av = pyav()
-    context = None
-    for frame in frames:
-        if context is None:
-            context = av.CodecContext.create(codec, "w")
-            context.height, context.width = frame.shape[:2]
-            context.pix_fmt, context.time_base, context.options = pixels, 1 / rate, options
-        yield from context.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format=pixels))
-    if context is not None:
-        yield from context.encode(None)
+    pixels = {2: "ya16", 3: "rgb48", 4: "rgba64"}[frame.shape[2]] + ("be" if kind == "PNG" else "le")
+    context = av.CodecContext.create(kind.lower(), "w")
+    context.height, context.width = frame.shape[:2]
+    context.pix_fmt, context.time_base = pixels, Fraction(1, 25)
+    picture = av.VideoFrame(context.width, context.height, pixels)
+    samples = frame.astype(">u2" if kind == "PNG" else "<u2").reshape(len(frame), -1).view(np.uint8)
+    lines = np.zeros((len(frame), picture.planes[0].line_size), np.uint8)
+    lines[:, : samples.shape[1]] = samples
+    picture.planes[0].update(lines.tobytes())
+    return b"".join(bytes(packet) for packet in [*context.encode(picture), *context.encode(None)])

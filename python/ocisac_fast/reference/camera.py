@@ -23,6 +23,13 @@ def linear_light(stored: npt.NDArray[np.generic], camera: Camera) -> npt.NDArray
     v = np.abs(above_dark) / (white - camera.dark_level)
     if camera.tone_curve == "gamma":
         curve = v**camera.gamma
+    elif camera.tone_curve == "hlg":
+        a = 0.17883277
+        c = 0.5 - a * np.log(4 * a)
+        curve = np.where(v <= 0.5, v**2 / 3, (np.exp((v - c) / a) + 1 - 4 * a) / 12)
+    elif camera.tone_curve == "pq":
+        p = v ** (32 / 2523)
+        curve = (np.maximum(p - 0.8359375, 0) / (18.8515625 - 18.6875 * p)) ** (16384 / 2610)
     else:
         curve = np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
     return np.asarray(np.copysign(curve, above_dark) * (white - camera.dark_level))

@@ -10,7 +10,7 @@ namespace ocisac {
 // light = (white − dark)·curve((v − dark)/(white − dark)): light has the scale of DN and is 0 at the dark level.
 // Limited-range luma has dark = 16 and white = 235.
 struct ToneCurve {
-  enum class Kind { linear, gamma, srgb };
+  enum class Kind { linear, gamma, srgb, hlg, pq };
   Kind kind = Kind::linear;
   double gamma = 2.2;      // exponent of Kind::gamma, > 0
   double dark_level = 0;   // DN of no light
