@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -9,15 +12,17 @@ import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.output import emit_json, emit_table, number, progress, rate
+from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, number, progress, rate
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, picture_options, select, stack
+from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, cropped, json_option, picture_options, select, stack
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import Frame, RecordingStream
+from ocisac_fast.files.video_writing import USUAL_CRF
 
 if TYPE_CHECKING:
     from ocisac_fast.cleaning import VideoCleaner
 
+_LOSSY = ("h264", "hevc")
 _HEADER = (
     "frame", "light", "frequency or chip rate", "share", "toe", "saturated", "too dark", "light left", "texture",
     "remark",
@@ -51,6 +56,8 @@ _HEADER = (
 @click.option(
     "--toe", type=float, help="Toe of the tone curve, 0 to 1: dim light is stored darker. Default: estimated."
 )
+@click.option("--crf", type=click.FloatRange(0, 51), help=f"Quality of H.264 and HEVC; default: {USUAL_CRF:g}.")
+@click.option("--keep-partial", is_flag=True, help="After Ctrl-C keep OUT with the frames done, instead of nothing.")
 @click.option("--marks", type=click.Path(dir_okay=False), help="Picture of the marks: 0, saturated 128, too dark 255.")
 @picture_options
 @writes("target", "marks")
@@ -65,56 +72,97 @@ def clean(
     fill: bool,
     toe: float | None,
     each: bool,
+    crf: float | None,
+    keep_partial: bool,
     **options: Any,
 ) -> None:
     """Write IN (a picture, a video, a .npy array, or -) to OUT, restored to steady light.
 
-    OUT is .png, .jpg, .tif, .mkv (FFV1), .mp4 or .npy; with --region it contains the region alone. Saturated pixels are
+    OUT is .png, .jpg, .tif, .mkv, .mp4, .mov or .npy; with --region it contains the region alone. Saturated pixels are
     unchanged; rows too dark to restore are marked. Each colour has a light of its own where colours differ. The result
-    is measured; a frame that cleaning would make worse stays as it is. The last column gives the reason, and bands that
-    are left. In a video the light
-    is carried from frame to frame; a video written as a video keeps its sound and time stamps.
+    is measured; a frame that cleaning would make worse stays as it is, and where that is so for every frame, OUT is not
+    written. The last column gives the reason, and bands that are left. In a video the light is carried from frame to
+    frame; a video written as a video keeps its sound, time stamps and turn for display, and HEVC stays HEVC.
     """
     from ocisac_fast.cleaning import CleaningOptions
 
     options["options"] = CleaningOptions(max_gain=max_gain, fill=fill, toe=toe)
-    with open_recording(source, colour=picture.channel != "y", raw=picture.raw) as stream:
-        cleaner = _Cleaner(picture, marks is not None, stream if stream.kind == "video" and not each else None, options)
-        shown = progress(stream, "cleaning", stream.frame_count)
-        rate = stream.frame_rate
-        frames = cleaner.frames(shown, lambda first: picture.camera_for(stream, first, usual={"PNG": "srgb"}))
-        write_frames(target, frames, frame_rate=rate or 30.0, like=stream)
+    with (
+        open_recording(source, colour=picture.channel != "y", raw=picture.raw) as stream,
+        _stopping(keep_partial) as stop,
+    ):
+        cleaner = _Cleaner(picture, stream, each, marks is not None, options, stop, as_json)
+        frames = cleaner.frames(progress(stream, "cleaning", stream.frame_count))
+        if crf is None and picture.channel == "auto" and stream.video is not None and stream.video.codec in _LOSSY:
+            crf = USUAL_CRF
+        with contextlib.suppress(_Unchanged):
+            write_frames(target, frames, frame_rate=stream.frame_rate or 30.0, like=stream, crf=crf)
     if marks is not None:
         write_frames(marks, cleaner.marks)
-    if as_json:
-        for facts in cleaner.facts:
-            emit_json(facts)
-    else:
-        emit_table("", _HEADER, [_row(facts, picture.in_hertz) for facts in cleaner.facts], left=("remark",))
     if not cleaner.facts:
         raise click.ClickException(f"{source}: no frame in it")
+    if not as_json:
+        emit_table("", _HEADER, [_row(facts, picture.in_hertz) for facts in cleaner.facts], left=("remark",))
+    if cleaner.reasons or len(cleaner.facts) > 1:
+        emit_summary(cleaner.summary(target), as_json)
+    if stop:
+        raise KeyboardInterrupt
+
+
+class _Unchanged(Exception):
+    """No frame changed: there is nothing to write."""
+
+
+@contextlib.contextmanager
+def _stopping(keep_partial: bool) -> Iterator[list[int]]:
+    """With ``keep_partial`` Ctrl-C and SIGTERM wait until a frame is done: their numbers."""
+    asked: list[int] = []
+    before = {}
+    try:
+        for number in (signal.SIGINT, signal.SIGTERM) if keep_partial else ():
+            before[number] = signal.signal(number, lambda got, _: asked.append(got))
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class _Cleaner:
     """Cleans frames in stored order; collects the results."""
 
     def __init__(
-        self, picture: PictureOptions, mark: bool, carried: RecordingStream | None, options: dict[str, Any]
+        self,
+        picture: PictureOptions,
+        stream: RecordingStream,
+        each: bool,
+        mark: bool,
+        options: dict[str, Any],
+        stop: list[int],
+        as_json: bool,
     ) -> None:
-        """``carried``: the video through which the light is carried from frame to frame."""
+        """``each``: the light is not carried from frame to frame; ``stop``: not empty where the rest is left out."""
         self.facts: list[dict[str, Any]] = []
         self.marks: list[Frame] = []
+        self.reasons: Counter[str] = Counter()
         self._picture = picture
+        self._stream = stream
+        self._is_carried = stream.kind == "video" and not each and not options["still"]
         self._mark = mark
-        self._carried = carried
         self._options = options
+        self._stop = stop
+        self._as_json = as_json
         self._video: VideoCleaner | None = None
 
-    def frames(self, stored: Iterable[Frame], camera_of: Any) -> Iterator[Frame]:
+    def frames(self, stored: Iterable[Frame]) -> Iterator[Frame]:
         camera: Camera | None = None
         waiting: list[Frame] = []
         for raw in stored:
-            camera = camera or camera_of(raw)
+            if self._stop:
+                if not self.facts:
+                    raise KeyboardInterrupt
+                break
+            self._crop_opacity()
+            camera = camera or self._picture.camera_for(self._stream, raw, usual={"PNG": "srgb"})
             view = select(raw, self._picture)
             if view.dtype.kind == "f" and raw.dtype.kind == "u":  # channel y
                 view = np.rint(view).astype(raw.dtype)
@@ -126,41 +174,64 @@ class _Cleaner:
             if any(view.shape != waiting[0].shape for view in waiting):
                 raise ValueError("--still: frames of different sizes")
             yield from self._cleaned(waiting, camera)
+        if self._is_source:
+            raise _Unchanged
+
+    def _crop_opacity(self) -> None:
+        form, region = self._stream.picture, self._picture.region
+        if form is not None and region is not None and form.alphas[-1] is not None:
+            form.alphas[-1] = cropped(form.alphas[-1], region)
+
+    @property
+    def _is_source(self) -> bool:
+        """True if the result is the whole source as it was."""
+        whole = self._picture.region is None and self._picture.channel == "auto" and self._options["keep"] == "picture"
+        return whole and 0 < self.reasons.total() == len(self.facts)
+
+    def summary(self, target: str) -> str:
+        """The number of cleaned frames, and why others are unchanged."""
+        count, unchanged = len(self.facts), self.reasons.total()
+        text = f"cleaned {count - unchanged} of {count} frame{'s' * (count > 1)}"
+        text += "".join(f", {number} unchanged: {reason}" for reason, number in self.reasons.most_common())
+        return f"{text}; {target} is not written" if self._is_source else text
 
     def _cleaned(self, views: list[Frame], camera: Camera) -> Iterator[Frame]:
         from ocisac_fast.cleaning import Mark, VideoCleaner, remove_bands
 
-        if self._carried is not None and not self._options["still"]:
+        if self._is_carried:
             options = {name: value for name, value in self._options.items() if name != "still"}
             self._video = self._video or VideoCleaner(camera, **options)
-            number = len(self.facts)
-            time = self._carried.time_of(number)
+            time = self._stream.time_of(len(self.facts))
             done = self._video.push(stack(views), time=None if time is None else float(time))
         else:
             done = remove_bands(stack(views), camera, **self._options)
         for k, (frame, marks) in enumerate(zip(done.frames, done.marks, strict=True)):
-            self.facts.append(
-                self._picture.in_units(
-                    {
-                        "frame": len(self.facts),
-                        "scan_axis": camera.scan_axis,
-                        "model": done.model[k],
-                        "frequency_hz": float(done.frequency[k]),
-                        "share": float(done.share[k].mean()),
-                        "toe": float(done.toe[k]),
-                        "saturated": float((marks == Mark.SATURATED).mean()),
-                        "too_dark": float((marks == Mark.DARK).mean()),
-                        "light_left": float(done.light_left[k]),
-                        "texture_change_db": float(done.texture_change[k]),
-                        "slow_bands": float(done.slow_bands[k]),
-                        "unchanged": done.unchanged[k],
-                        "remark": done.remarks[k],
-                    }
-                )
+            facts = self._picture.in_units(
+                {
+                    "frame": len(self.facts),
+                    "scan_axis": camera.scan_axis,
+                    "model": done.model[k],
+                    "frequency_hz": float(done.frequency[k]),
+                    "share": float(done.share[k].mean()),
+                    "toe": float(done.toe[k]),
+                    "saturated": float((marks == Mark.SATURATED).mean()),
+                    "too_dark": float((marks == Mark.DARK).mean()),
+                    "light_left": float(done.light_left[k]),
+                    "texture_change_db": float(done.texture_change[k]),
+                    "slow_bands": float(done.slow_bands[k]),
+                    "unchanged": done.unchanged[k],
+                    "remark": done.remarks[k],
+                }
             )
+            self.facts.append(facts)
             if self._mark:
                 self.marks.append(np.array([0, 128, 255], np.uint8)[marks.max(axis=2)])
-            yield np.ascontiguousarray(frame.reshape(views[0].shape))
+            if done.unchanged[k]:
+                self.reasons[done.unchanged[k]] += 1
+            as_decoded = done.unchanged[k] and self._options["keep"] == "picture"
+            yield views[k] if as_decoded else np.ascontiguousarray(frame.reshape(views[0].shape))
+            if self._as_json:
+                emit_json(facts)
 
 
 def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:

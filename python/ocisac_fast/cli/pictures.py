@@ -313,10 +313,11 @@ def open_pictures(
 
 def select(frame: Frame, options: PictureOptions) -> Frame:
     """Region and channel as (height, width[, colours]), as stored: a view except for channel y."""
-    return _channel(_cropped(frame, options.region), options.channel)
+    return _channel(cropped(frame, options.region), options.channel)
 
 
-def _cropped(frame: Frame, region: Region | None) -> Frame:
+def cropped(frame: Frame, region: Region | None) -> Frame:
+    """The region of a frame as stored, a view."""
     if region is None:
         return frame
     rows, columns = frame.shape[:2]

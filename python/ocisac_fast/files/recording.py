@@ -123,25 +123,32 @@ class KeyFrames:
     frame_count: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class VideoFormat:
     """Properties of a video that a processed copy keeps; numbers are those of ITU-T H.273.
 
     Attributes:
         path: place of the file, from which its sound is read; None: a pipe.
-        pixel_format: name in FFmpeg.
+        codec, pixel_format: names in FFmpeg.
         limited: luma has black at 16 (of 8 bits).
         primaries, transfer, matrix: of the colours.
         time_base: unit of the time stamps, s.
+        pixel_aspect: width of a pixel over its height; None: not stated.
+        display_matrix: turn and reflection for display, 9 numbers, once a frame was read; None: not stated.
+        last: the frame read last, and its decoded picture.
     """
 
     path: Any
+    codec: str
     pixel_format: str
     limited: bool
     primaries: int
     transfer: int
     matrix: int
     time_base: Fraction
+    pixel_aspect: Fraction | None
+    display_matrix: tuple[int, ...] | None = None
+    last: tuple[Frame, Any] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ import contextlib
 import io
 import re
 import shutil
+import struct
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
@@ -146,8 +147,9 @@ def _stream(
     timed = container.format.name != JPEGS
     rate = float(stream.average_rate) if stream.average_rate and timed else None
     stamps: list[int | None] = []
+    form = _format(pixel_format, context, stream.time_base, path)
     return RecordingStream(
-        _frames(av, container, stream, name, values, part, stamps if timed else []),
+        _frames(av, container, stream, name, values, part, form, stamps if timed else []),
         "video",
         response,
         rate,
@@ -155,7 +157,7 @@ def _stream(
         luma=_has_luma(pixel_format) and not colour,
         close=close,
         key_frames=lambda max_frames: video_key_frames(container, stream, max_frames) if timed else None,
-        video=_format(pixel_format, context, stream.time_base, path),
+        video=form,
         stamps=stamps,
     )
 
@@ -163,12 +165,14 @@ def _stream(
 def _format(pixel_format: str, context: Any, time_base: Fraction | None, path: Any) -> VideoFormat:
     return VideoFormat(
         path,
+        context.codec.name,
         pixel_format,
         _is_limited(pixel_format, int(context.color_range or 0)),
         _number(context.color_primaries),
         transfer_of(context),
         _number(context.colorspace),
         time_base or Fraction(1, 90_000),
+        context.sample_aspect_ratio or None,
     )
 
 
@@ -226,6 +230,7 @@ def _frames(
     name: str,
     values: Callable[[Any], Frame],
     part: Part | None,
+    form: VideoFormat,
     stamps: list[int | None],
 ) -> Iterator[Frame]:
     if part is not None:
@@ -240,7 +245,10 @@ def _frames(
             _require_progressive(frame)
             count += 1
             stamps.append(frame.pts)
-            yield values(frame)
+            if count == 1 and (turn := frame.side_data.get("DISPLAYMATRIX")) is not None:
+                form.display_matrix = struct.unpack("=9i", bytes(turn))
+            form.last = values(frame), frame
+            yield form.last[0]
     except av.FFmpegError as error:
         if count == 0:
             raise FileError("no frame that can be decoded") from error

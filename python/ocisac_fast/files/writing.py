@@ -85,19 +85,23 @@ def write_frames(
     *,
     frame_rate: float = 30.0,
     like: RecordingStream | None = None,
+    crf: float | None = None,
 ) -> None:
     """Write frames atomically, and losslessly except for JPEG; the suffix selects the kind of file.
 
     Args:
         path: ``.png`` (one frame), ``.jpg``/``.jpeg`` (one of 8 bits, quality 95), ``.tif``/``.tiff`` (one page per
-            frame), ``.mkv`` (FFV1), ``.mp4`` (lossless H.264, 8 bits) or ``.npy`` (any type). The directory must exist.
+            frame), ``.mkv`` (FFV1), ``.mp4`` or ``.mov`` (lossless H.264, 8 bits) or ``.npy`` (any type). The directory
+            must exist.
         frames: any iterable of (rows, columns) or (rows, columns, 3), all of one shape and type, such as an array
             (frames, rows, columns); an array (rows, columns) is one frame, and .npy keeps this shape. uint8 or uint16;
             also float32 for TIFF and .npy, float64 for .npy.
         frame_rate: frames per second of a video, above 0.
         like: the open recording of which these are the processed frames, in order. Of a picture opacity, EXIF data and
-            colour profile are kept, of a video its sound, its time stamps and what it states of range and colours.
-            Colours can then be written as ``.mp4`` too, with the video's subsampling (H.264, crf 10).
+            colour profile are kept, of a video its sound, its time stamps, its turn for display and what it states of
+            range and colours. Colours can then be written as ``.mp4`` and ``.mov`` too, with the video's subsampling:
+            HEVC where the video is HEVC, else H.264.
+        crf: quality of H.264 and HEVC, 0 to 51, where ``like`` is a video; ``.mkv`` is then of this kind too. None: 10.
 
     Raises:
         FileError: a ValueError: an unknown suffix, no frame, or a type or shape that the kind of file cannot hold.
@@ -116,7 +120,7 @@ def write_frames(
             elif suffix in _PICTURES:
                 _write_picture(temporary, _alike(frames), _PICTURES[suffix], like)
             elif suffix in CODECS:
-                write_video(temporary, frames, frame_rate, like)
+                write_video(temporary, frames, frame_rate, like, crf)
             else:
                 allowed = ", ".join([*_PICTURES, *CODECS, ".npy"])
                 raise FileError(f"suffix: got {shown(suffix)}, allowed: {allowed}")
