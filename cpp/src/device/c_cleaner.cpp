@@ -52,8 +52,10 @@ ocisac::FramesView<const Sample> view_of(const ocisac_plane& plane) {
   ocisac::require(plane.stride % bytes == 0, "stride", plane.stride, "whole pixels");
   ocisac::require(plane.pixel_stride % bytes == 0 && plane.pixel_stride != 0, "pixel_stride", plane.pixel_stride,
                   "whole pixels, not 0");
-  const std::ptrdiff_t row = std::abs(plane.pixel_stride) * static_cast<std::ptrdiff_t>(plane.width - 1) + bytes;
-  ocisac::require(std::abs(plane.stride) >= row, "stride", plane.stride, "at least a row of pixels");
+  const std::size_t others = plane.width - 1, pixel = magnitude(plane.pixel_stride);
+  ocisac::require(others == 0 || pixel <= magnitude(plane.stride) / others, "pixel_stride", plane.pixel_stride,
+                  "a row of pixels within the stride");
+  require_rows(plane.stride, pixel * others + sizeof(Sample), plane.height);
   return {static_cast<const Sample*>(plane.pixels),
           1,
           plane.height,

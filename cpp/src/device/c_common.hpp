@@ -76,6 +76,18 @@ ocisac::ScanAxis scan_axis_of(const Options& options) {
   return chosen("scan_axis", options.scan_axis, axes);
 }
 
+// Without overflow, also of the most negative value.
+inline std::size_t magnitude(std::ptrdiff_t value) {
+  return value < 0 ? 0 - static_cast<std::size_t>(value) : static_cast<std::size_t>(value);
+}
+
+// Rows of `row` bytes must not overlap, nor reach beyond any memory. The stride is in bytes.
+inline void require_rows(std::ptrdiff_t stride, std::size_t row, std::size_t height) {
+  constexpr std::size_t memory = std::numeric_limits<std::ptrdiff_t>::max();
+  ocisac::require(magnitude(stride) >= row && magnitude(stride) <= memory / height, "stride", stride,
+                  "at least a row of pixels, and rows within memory");
+}
+
 // Fills in the fields that the calling program knows.
 template <class Struct>
 void answer(Struct* place, Struct full, const char* name) {

@@ -92,9 +92,8 @@ std::optional<ocisac::Region> given_region(const ocisac_options& options) {
 template <class T>
 ocisac::AnyFramesView view_of(const ocisac_frame& frame, std::ptrdiff_t pixel_stride = 1) {
   constexpr auto bytes = static_cast<std::ptrdiff_t>(sizeof(T));
-  const auto row = bytes * pixel_stride * static_cast<std::ptrdiff_t>(frame.width);
-  ocisac::require(frame.stride % bytes == 0 && (frame.stride >= row || frame.stride <= -row), "stride", frame.stride,
-                  "whole pixels, at least a row of them");
+  ocisac::require(frame.stride % bytes == 0, "stride", frame.stride, "whole pixels");
+  require_rows(frame.stride, sizeof(T) * static_cast<std::size_t>(pixel_stride) * frame.width, frame.height);
   return ocisac::FramesView<const T>{
       static_cast<const T*>(frame.pixels), 1, frame.height, frame.width, 0, frame.stride / bytes, pixel_stride};
 }

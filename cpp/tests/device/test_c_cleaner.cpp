@@ -201,6 +201,11 @@ TEST_CASE("C: planes of a cleaner are checked, and the pixels stay") {
       {"format", [](auto& plane) { plane.format = OCISAC_YUYV; }},
       {"stride", [](auto& plane) { plane.stride = kColumns - 1; }},
       {"pixel_stride", [](auto& plane) { plane.pixel_stride = 0; }},
+      {"pixel_stride",  // times its width: 2^64, which is 0
+       [](auto& plane) { plane.width = 9, plane.pixel_stride = std::ptrdiff_t{1} << 61; }},
+      {"pixel_stride", [](auto& plane) { plane.pixel_stride = std::numeric_limits<std::ptrdiff_t>::min(); }},
+      {"stride", [](auto& plane) { plane.stride = std::numeric_limits<std::ptrdiff_t>::min(); }},
+      {"stride", [](auto& plane) { plane.stride = std::numeric_limits<std::ptrdiff_t>::max() / 4; }},
       {"frames", [](auto& plane) { plane.height = 7; }},
   };
   for (const auto& each : bad) {

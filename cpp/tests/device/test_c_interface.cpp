@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -138,6 +139,12 @@ TEST_CASE("C: what has no meaning is a code and a line") {
   ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, kColumns - 1, 0};
   CHECK(ocisac_push(receiver, &frame) == OCISAC_BAD_ARGUMENT);
   CHECK(std::string(ocisac_last_error()).find("stride: got 23") == 0);
+  for (const std::ptrdiff_t stride : {std::numeric_limits<std::ptrdiff_t>::min(),
+                                      std::numeric_limits<std::ptrdiff_t>::max() / 4, std::ptrdiff_t{0}}) {
+    frame.stride = stride;
+    CHECK(ocisac_push(receiver, &frame) == OCISAC_BAD_ARGUMENT);
+    CHECK(std::string(ocisac_last_error()).find("stride: got " + std::to_string(stride)) == 0);
+  }
   frame.stride = kColumns;
   frame.format = 7;
   CHECK(ocisac_push(receiver, &frame) == OCISAC_BAD_ARGUMENT);
