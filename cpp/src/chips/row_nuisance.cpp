@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
-#include "core/check_interrupt.hpp"
 #include "ocisac/core/require.hpp"
 #include "rows/fit.hpp"
 
@@ -18,9 +18,6 @@ constexpr double kMaxSlowTerms = 160;  // a frame of 0.3 s at 260 Hz; the time g
 constexpr std::size_t kSwingDegree = 2;
 constexpr double kMinSlope = 1e-9;      // of its squares, not explained by the other columns
 constexpr double kShortestPart = 1e-6;  // cycles; a shorter exposure is none
-constexpr int kSquareSteps = 12;
-constexpr double kSquareReach = 0.6;  // spectral lines of a frame
-constexpr int kSquareHalvings = 4;    // of the steps of frequency and phase
 
 std::size_t slow_terms(std::size_t rows, const RowNuisance& nuisance) {
   return static_cast<std::size_t>(std::min(std::ceil(2 * static_cast<double>(rows) * nuisance.slow), kMaxSlowTerms));
@@ -51,10 +48,6 @@ void find_tone_steps(const RowSampling& rows, const ConstMatrix& model, const No
   }
   fit.moved_by_steps = std::sqrt(squares / static_cast<double>(model.rows()));
 }
-
-struct SquareWave {
-  double frequency, phase, height, gain;  // gain: by which the squares fall
-};
 
 // A square wave of ±½ and duty ½, exposed for a part of its cycle about `cycles`: a trapezoid.
 double exposed_square(double cycles, double exposure) {
@@ -98,40 +91,18 @@ std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const
 }
 
 std::vector<double> without_square_wave(std::span<const double> signal, double frequency, double exposure_rows) {
-  const auto rows = static_cast<double>(signal.size());
-  double mean = 0;
-  for (double value : signal) mean += value / rows;
-  SquareWave best{frequency, 0, 0, 0};
-  const auto try_wave = [&](double tried, double phase) {
-    double sum = 0, wave_sum = 0, squares = 0;
-    for (std::size_t n = 0; n < signal.size(); ++n) {
-      const double wave = exposed_square(tried * static_cast<double>(n) + phase, tried * exposure_rows);
-      sum += wave * (signal[n] - mean);
-      wave_sum += wave;
-      squares += wave * wave;
-    }
-    squares -= wave_sum * wave_sum / rows;
-    if (sum > 0 && sum * sum > best.gain * squares) best = {tried, phase, sum / squares, sum * sum / squares};
-  };
-  for (int f = -kSquareSteps; f <= kSquareSteps; ++f) {
-    check_interrupt();
-    const double tried = frequency + kSquareReach * f / (kSquareSteps * rows);
-    for (double phase = 0; phase < 1; phase += 0.5 * tried) try_wave(tried, phase);  // half a row
-  }
-  double frequency_step = kSquareReach / (kSquareSteps * rows), phase_step = 0.5 * frequency;
-  for (int halving = 0; halving < kSquareHalvings; ++halving) {
-    frequency_step *= 0.5;
-    phase_step *= 0.5;
-    const SquareWave about = best;
-    for (const double f : {-1.0, 0.0, 1.0})  // the wave turns about the middle row
-      for (const double p : {-1.0, 0.0, 1.0})
-        try_wave(about.frequency + f * frequency_step, about.phase + p * phase_step - 0.5 * rows * f * frequency_step);
-  }
-  std::vector<double> rest(signal.begin(), signal.end());
-  for (std::size_t n = 0; n < rest.size(); ++n)
-    rest[n] -= best.height *
-               exposed_square(best.frequency * static_cast<double>(n) + best.phase, best.frequency * exposure_rows);
-  return rest;
+  const RowSampling rows = centred_rows(signal.size());
+  const Eigen::Map<const VectorXd> given(signal.data(), static_cast<Index>(signal.size()));
+  const VectorXd values = given.array() - given.mean();
+  const Eigen::MatrixXd constant = Eigen::MatrixXd::Constant(values.size(), 1, 1 / std::sqrt(values.size()));
+  const FrequencyFit tone = refine_frequencies(rows, {frequency}, constant, values);
+  const double found = tone.frequencies[0];
+  const double phase = std::atan2(tone.amplitudes(0), tone.amplitudes(1)) / (2 * std::numbers::pi);  // cycles
+  VectorXd wave(values.size());
+  for (Index n = 0; n < wave.size(); ++n)
+    wave(n) = exposed_square(found * rows.times[static_cast<std::size_t>(n)] + phase, found * exposure_rows);
+  const VectorXd rest = given - wave * coefficients_of(beside(constant, wave), values);
+  return {rest.begin(), rest.end()};
 }
 
 }  // namespace ocisac

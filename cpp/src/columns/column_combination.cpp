@@ -17,6 +17,7 @@
 #include "columns/pooling_kernels.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/constants.hpp"
 
 namespace ocisac {
 
@@ -332,7 +333,7 @@ CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
       result.saturated |= weight > 0 && frame.clipped[column] > kClippedShare;
     }
   }
-  result.noise = count > 1 ? std::sqrt(noise) : std::numeric_limits<double>::quiet_NaN();
+  result.noise = count > 1 ? std::sqrt(noise) : kNaN;
   result.quality = quality;
   return result;
 }

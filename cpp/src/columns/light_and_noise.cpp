@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
+#include "ocisac/core/constants.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "ocisac/rows/tone_search.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -39,13 +40,6 @@ double density(std::size_t shape, double frequency) {
     case 1: return 1 / ((1 + square) * (1 + square));
     default: return std::exp(-std::min(square, 600.0));
   }
-}
-
-// The power gain of y[n−1] − 2·y[n] + y[n+1] is 6 for white noise and small for light that changes slowly.
-double noise_of_second_differences(const Eigen::VectorXd& column) {
-  const Index inner = column.size() - 2;
-  return (column.head(inner) - 2 * column.segment(1, inner) + column.tail(inner)).squaredNorm() /
-         (6 * static_cast<double>(inner));
 }
 
 }  // namespace
@@ -113,7 +107,7 @@ LightAndNoise ColumnAnalysis::fit(const Vector& periodogram, std::optional<doubl
   if (mean == 0) return {0, noise.value_or(mean), 0};
   const double alone = noise ? count * (std::log(*noise) + mean / *noise) : count * (std::log(mean) + 1);
   const Vector sums = weights_ * values;
-  double least = std::numeric_limits<double>::infinity();
+  double least = kInfinity;
   LightAndNoise best;
   for (Index model = 0; model < sums.size(); ++model) {
     const double ratio = std::exp2(2 * (static_cast<int>(model % kRatios) + kMinRatio));
@@ -140,7 +134,7 @@ LightAndNoise ColumnAnalysis::fit(const Vector& periodogram, std::optional<doubl
 ColumnAnalysis::Smooth ColumnAnalysis::smooth_light(const Vector& column, std::optional<double> noise) const {
   Smooth found{smooth_.estimate(column, noise), false};
   const bool evident = found.light.evident;
-  const double allowed = kSmoothNoise * noise.value_or(noise_of_second_differences(column));
+  const double allowed = kSmoothNoise * noise.value_or(noise_of_differences({column.data(), rows_}));
   const LightAndNoise left = fit(power_of(evident ? Vector(column - found.light.seen) : column), noise);
   found.is_all = (!evident || found.light.noise <= allowed) && left.light <= left.noise;
   found.light.evident = evident && found.is_all;

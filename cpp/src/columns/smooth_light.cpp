@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "ocisac/core/constants.hpp"
 #include "rows/fit.hpp"
 
 namespace ocisac {
@@ -78,7 +78,7 @@ SmoothLight::Estimate SmoothLight::estimate(const Vector& column, std::optional<
       .score = misfit(whole), .evident = false, .noise = noise.value_or(whole / count), .seen = {}, .light = {}};
   if (whole == 0) return best;
   const Width* width = nullptr;
-  double score = std::numeric_limits<double>::infinity(), ratio = 0;
+  double score = kInfinity, ratio = 0;
   for (const Width& tried : widths_) {
     const Eigen::ArrayXd squares = (tried.vectors.transpose() * parts).array().square();
     for (int k = 0; k < kRatios; ++k) {

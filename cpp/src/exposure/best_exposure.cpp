@@ -17,7 +17,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double pi = std::numbers::pi;
+using std::numbers::pi;
 constexpr double max_candidates = 1e7;
 
 void check_frequency(double frequency) {

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <numbers>
 
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -14,8 +15,6 @@ namespace {
 
 namespace reason = exposure_reason;
 
-constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double step_back = 0.7;      // factor on exposure·gain after saturation
 constexpr double recovery = 1.002;     // growth per frame of a limit set by saturation
 constexpr double bound_slack = 0.02;   // relative tolerance at the bounds, which are noisy
@@ -102,7 +101,7 @@ bool gains_disagree(std::span<const MeasuredTone> tones, double exposure) {
   return std::ranges::any_of(tones, [&](const MeasuredTone& tone) {
     const double turn = std::numbers::pi * tone.frequency * exposure;
     const double allowed = gain_deviations * tone.gain_std + gain_tolerance;
-    return std::abs(tone.gain - std::abs(std::sin(turn) / turn)) > allowed;  // false where a value is unknown
+    return std::abs(tone.gain - std::abs(std::sin(turn) / turn)) > allowed;  // false where a value is kNaN
   });
 }
 
@@ -111,13 +110,13 @@ bool gains_disagree(std::span<const MeasuredTone> tones, double exposure) {
 ExposureController::ExposureController(const ExposureControllerOptions& options) : options_(options) {
   check(options);
   if (options.range.step > 0)  // throws for a range without a multiple
-    best_noisy_exposure(std::array{WeightedTone{0.5 / options.range.high, 1}}, infinity, options.range);
+    best_noisy_exposure(std::array{WeightedTone{0.5 / options.range.high, 1}}, kInfinity, options.range);
   reset();
 }
 
 void ExposureController::reset() {
-  exposure_ = gain_ = limit_radiance_ = unknown;
-  limit_ = infinity;
+  exposure_ = gain_ = limit_radiance_ = kNaN;
+  limit_ = kInfinity;
 }
 
 ExposureController::Present ExposureController::present_of(const ExposureMeasurement& measurement) const {
@@ -131,15 +130,15 @@ ExposureController::Present ExposureController::present_of(const ExposureMeasure
 double ExposureController::largest_product(const ExposureMeasurement& measurement, const Present& present,
                                            std::uint32_t& reasons) {
   const double product = present.exposure * present.gain;
-  if (std::isnan(product)) return infinity;
+  if (std::isnan(product)) return kInfinity;
   const bool saturated = measurement.saturated > options_.max_saturated;
   const double dimmer = limit_radiance_ / present.radiance;
   if (dimmer > 0 && std::isfinite(dimmer)) limit_ *= dimmer;
-  limit_radiance_ = present.radiance > 0 ? present.radiance : unknown;
+  limit_radiance_ = present.radiance > 0 ? present.radiance : kNaN;
   limit_ = saturated ? std::min(limit_, step_back * product) : limit_ * recovery;
   const double by_peak =
-      !saturated && measurement.peak > 0 ? options_.level_ceiling / measurement.peak * product : infinity;
-  reasons |= limit_ < by_peak ? reason::saturation : by_peak < infinity ? reason::ceiling : 0;
+      !saturated && measurement.peak > 0 ? options_.level_ceiling / measurement.peak * product : kInfinity;
+  reasons |= limit_ < by_peak ? reason::saturation : by_peak < kInfinity ? reason::ceiling : 0;
   return std::min(limit_, by_peak);
 }
 
@@ -178,7 +177,7 @@ double ExposureController::without_tones(const ExposureWindow& window, bool allo
   const double next = std::isnan(from) ? window.high : std::clamp(from, window.low, window.high);
   if (window.step == 0) return next;
   const std::array only{WeightedTone{0.5 / next, 1}};  // maximum at `next`: selects the nearby multiple
-  return best_noisy_exposure(only, infinity, window).exposure;
+  return best_noisy_exposure(only, kInfinity, window).exposure;
 }
 
 void ExposureController::choose(std::span<const WeightedTone> tones, double present, ExposureSuggestion& chosen) const {
@@ -204,7 +203,7 @@ void ExposureController::choose(std::span<const WeightedTone> tones, double pres
 
 ExposureSuggestion ExposureController::update(const ExposureMeasurement& measurement) {
   check(measurement);
-  ExposureSuggestion chosen{unknown, unknown, unknown, unknown, unknown, 0, 0, infinity, unknown, 0};
+  ExposureSuggestion chosen{kNaN, kNaN, kNaN, kNaN, kNaN, 0, 0, kInfinity, kNaN, 0};
   const Present present = present_of(measurement);
   if (gains_disagree(measurement.tones, present.exposure)) chosen.reasons |= reason::gain_mismatch;
   const double largest = largest_product(measurement, present, chosen.reasons);

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/check_interrupt.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 
@@ -18,7 +19,6 @@ namespace {
 
 using Intervals = std::vector<Interval>;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kMostValues = 1e7;
 constexpr double kMostNulls = 1e6;
 constexpr int kHalvings = 60;  // of a bracket: to float64 precision

@@ -8,14 +8,14 @@
 #include <string>
 
 #include "core/check_interrupt.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr double pi = std::numbers::pi;
-constexpr double infinity = std::numeric_limits<double>::infinity();
+using std::numbers::pi;
 constexpr double max_lobes = 1e6;
 constexpr double kMaxMultiple = 0x1p53;
 constexpr double precision = 1e-12;  // relative, of the objective
@@ -178,7 +178,7 @@ class Branching {
   double first_ = 0, last_ = 0;                     // multiples of the step in the window
   std::array<double, max_weighted_tones> zeros_{};  // for each tone, index of its zero at or before the lobe
   std::array<Part, 128> parts_;
-  BestExposure best_{infinity, -1};
+  BestExposure best_{kInfinity, -1};
 };
 
 }  // namespace

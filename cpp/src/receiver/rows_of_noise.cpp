@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "ocisac/chips/row_nuisance.hpp"
-#include "tones/surroundings.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 

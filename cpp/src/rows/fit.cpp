@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <utility>
 
+#include "ocisac/core/constants.hpp"
 #include "rows/normal_factors.hpp"
 
 namespace ocisac {
@@ -57,7 +57,7 @@ LinearFit linear_fit(const ConstMatrix& design, Index wanted) {
   LinearFit fit{std::move(factors.basis), {}, transposed_product(solved, solved)};
   fit.weights = product(fit.basis, solved);
   if (rank < design.cols())
-    fit.condition = std::numeric_limits<double>::infinity();
+    fit.condition = kInfinity;
   else if (rank > 0)
     fit.condition = std::abs(triangle(0, 0) / triangle(rank - 1, rank - 1));
   return fit;

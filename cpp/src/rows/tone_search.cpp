@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/spectrum.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -16,20 +17,20 @@ constexpr std::size_t kPadding = 4;                                       // bin
 constexpr std::size_t kNearBins = 2 * kPadding, kFarBins = 8 * kPadding;  // from a tone to its neighbourhood
 constexpr double kRounding = 1e-12;  // relative to the mean: a signal that deviates by no more is constant
 
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::ranges::nth_element(values, middle);
-  return *middle;
-}
-
 }  // namespace
 
 std::size_t padded_length(std::size_t rows) { return optimal_dft_length(kPadding * rows); }
 
-std::vector<double> periodogram(std::span<const double> signals, std::size_t rows, std::size_t length) {
-  std::vector<double> window(rows), power(length / 2 + 1), windowed(length);
+std::vector<double> hann_window(std::size_t rows) {
+  std::vector<double> window(rows);
   for (std::size_t n = 0; n < rows; ++n)
     window[n] = std::pow(std::sin(std::numbers::pi * (static_cast<double>(n) + 0.5) / static_cast<double>(rows)), 2);
+  return window;
+}
+
+std::vector<double> periodogram(std::span<const double> signals, std::size_t rows, std::size_t length) {
+  const std::vector<double> window = hann_window(rows);
+  std::vector<double> power(length / 2 + 1), windowed(length);
   const double energy = std::inner_product(window.begin(), window.end(), window.begin(), 0.0);
   const double scale = 1 / (energy * static_cast<double>(signals.size() / rows));
   for (std::size_t begin = 0; begin + rows <= signals.size(); begin += rows) {
@@ -42,11 +43,6 @@ std::vector<double> periodogram(std::span<const double> signals, std::size_t row
     for (std::size_t k = 0; k < power.size(); ++k) power[k] += scale * std::norm(spectrum[k]);
   }
   return power;
-}
-
-double noise_floor(std::span<const double> power) {
-  const auto upper = power.subspan(power.size() / 2);
-  return median({upper.begin(), upper.end()}) / std::numbers::ln2;
 }
 
 StrongestTone strongest_tone(std::span<const double> signals, std::size_t rows, double lowest, double highest) {

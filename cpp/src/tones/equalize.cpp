@@ -23,6 +23,7 @@
 #include "core/recently_used.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 
@@ -30,7 +31,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr std::size_t kMinAnalysedRows = 16;  // fewer rows do not determine a spectrum: wiener is the inverse
 
 void check_max_boost(double max_boost) {
@@ -346,12 +346,12 @@ std::vector<FrequencyBand> bands_lost(std::span<const double> restored, const Re
     if (lost == inside) continue;
     const double crossing = k == 0 ? 0 : static_cast<double>(k) - excess(k) / (excess(k) - excess(k - 1));
     if (lost)
-      bands.push_back({response.frequency(crossing), infinity});
+      bands.push_back({response.frequency(crossing), kInfinity});
     else
       bands.back().high = response.frequency(crossing);
     inside = lost;
   }
-  if (!inside) bands.push_back({0.5, infinity});
+  if (!inside) bands.push_back({0.5, kInfinity});
   return bands;
 }
 
@@ -373,7 +373,7 @@ EqualizerReport without_dft(const AnyFramesView& frames, const Camera& camera, c
       }
     }
   EqualizerReport report;
-  report.frequencies_lost = {{identity ? 0.5 / camera.row_time : 0, infinity}};
+  report.frequencies_lost = {{identity ? 0.5 / camera.row_time : 0, kInfinity}};
   report.noise_gain.assign(columns, identity ? 1 : 1 / std::sqrt(static_cast<double>(out.rows)));
   report.noise.assign(columns, 0);
   return report;
@@ -415,7 +415,7 @@ std::vector<FrequencyBand> lost_frequencies(const Camera& camera, double max_boo
   const double highest = 0.5 / camera.row_time;
   const double level = 1 / (std::numbers::sqrt2 * max_boost);
   std::vector<FrequencyBand> bands;
-  double low = exposure > 0 ? crossing(0, 1, level) / exposure : infinity;
+  double low = exposure > 0 ? crossing(0, 1, level) / exposure : kInfinity;
   for (double k = 1; low < highest; ++k) {
     const double peak = lobe_peak(k);
     if (std::abs(sinc(peak)) < level) break;  // also true in all later lobes
@@ -424,7 +424,7 @@ std::vector<FrequencyBand> lost_frequencies(const Camera& camera, double max_boo
     bands.push_back({low, high});
     low = crossing(peak, k + 1, level) / exposure;
   }
-  bands.push_back({std::min(low, highest), infinity});
+  bands.push_back({std::min(low, highest), kInfinity});
   return bands;
 }
 

@@ -4,16 +4,18 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_blocks.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
+#include "rows/verdict.hpp"
 #include "tones/spectral_votes.hpp"
 #include "tones/tone_combination.hpp"
 
@@ -21,7 +23,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t fewest_rows = 8;
 constexpr std::size_t max_harmonics = 31;
 constexpr std::size_t compared_harmonics = 3;  // sufficient to distinguish a fundamental from its harmonics
@@ -35,7 +36,6 @@ struct Signals {
   std::vector<double> samples;
   std::size_t rows;
   [[nodiscard]] std::size_t count() const { return samples.size() / rows; }
-  [[nodiscard]] std::span<const double> signal(std::size_t s) const { return {&samples[s * rows], rows}; }
 };
 
 // Signals scaled to unit energy, so that bright overlays do not dominate; constant ones are left out.
@@ -111,12 +111,10 @@ std::vector<double> spectral_peaks(const Signals& signals, const Range& range, s
   return frequencies;
 }
 
-// Similar to the Bayesian information criterion, for signals of unknown noise levels; smaller is better.
+// Of signals of unit energy, each with its own noise level; smaller is better.
 double misfit(std::span<const double> residuals, const PeriodicModel& model, std::size_t rows) {
-  const auto n = static_cast<double>(rows);
   double sum = 0;
-  for (const double residual : residuals)  // of signals of unit energy
-    sum += n * std::log(residual + 1e-12) + static_cast<double>(model.parameters()) * std::log(n);
+  for (const double residual : residuals) sum += schwarz_criterion(residual + 1e-12, rows, model.parameters());
   return sum;
 }
 
@@ -141,15 +139,11 @@ std::vector<double> grid_minima(const PeriodicSignals& signals, const Range& ran
   return minima;
 }
 
-double sum(const std::vector<double>& values) {
-  double total = 0;
-  for (const double v : values) total += v;
-  return total;
-}
+double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
 struct Candidate {
-  double frequency = nan;
-  double misfit = std::numeric_limits<double>::infinity();
+  double frequency = kNaN;
+  double misfit = kInfinity;
 };
 
 constexpr double min_share = 0.2;  // of the fundamental; an aliased third harmonic of a square wave has 0.1
@@ -171,15 +165,16 @@ double least_misfit(const PeriodicFit& tone, double energy, const PeriodicModel&
   return misfit(residuals, model, rows);
 }
 
-// The fit of a fundamental alone.
-struct ToneFit {
+// A model that was fitted, and what it leaves.
+struct FittedModel {
   PeriodicModel model;
   PeriodicFit fit;
+  double noise_power = 0;  // of a sample
 };
 
 // True if a fundamental up to `reach` cycles in the frame beside this one may, with harmonics, have less than the
 // misfit `best`.
-bool may_win(const ToneFit& tone, double reach, double best, std::size_t rows) {
+bool may_win(const FittedModel& tone, double reach, double best, std::size_t rows) {
   const double frequency = tone.fit.frequency, farthest = reach / static_cast<double>(rows);
   const auto lowest = periodic_model(frequency - farthest, rows, compared_harmonics),
              highest = periodic_model(frequency + farthest, rows, compared_harmonics);  // has fewest harmonics
@@ -197,7 +192,7 @@ Candidate judged(const PeriodicSignals& signals, double frequency, const Range& 
   const std::size_t rows = signals.rows();
   constexpr int steps = 2;       // from a quarter of a bin to a thousandth
   constexpr double reach = 0.5;  // cycles in the frame, of two steps
-  ToneFit tone{periodic_model(frequency, rows, 1), {}};
+  FittedModel tone{periodic_model(frequency, rows, 1), {}};
   tone.fit = fit_periodic(signals, tone.model, std::clamp(frequency, range.lower, range.upper));
   if (!may_win(tone, reach, best, rows)) return {};
   tone.fit = refine_periodic(signals, tone.model, std::move(tone.fit), range.lower, range.upper, steps);
@@ -210,7 +205,7 @@ Candidate judged(const PeriodicSignals& signals, double frequency, const Range& 
 
 // NaN for constant signals.
 double coarse_frequency(const UnitSignals& signals, const Range& range) {
-  if (signals.signals().count() == 0) return nan;
+  if (signals.signals().count() == 0) return kNaN;
   std::vector<double> frequencies = spectral_peaks(signals.signals(), range, 5);
   for (const double f : grid_minima(signals.prepared(), range))
     if (std::ranges::find(frequencies, f) == frequencies.end()) frequencies.push_back(f);
@@ -222,14 +217,8 @@ double coarse_frequency(const UnitSignals& signals, const Range& range) {
   return best.frequency;
 }
 
-struct FinalFit {
-  PeriodicModel model;
-  PeriodicFit fit;
-  double noise_power = 0;  // of a sample
-};
-
-FinalFit refined(const PeriodicSignals& signals, PeriodicModel model, double frequency, const Range& range) {
-  FinalFit final;
+FittedModel refined(const PeriodicSignals& signals, PeriodicModel model, double frequency, const Range& range) {
+  FittedModel final;
   final.fit = refine_periodic(signals, model, frequency, range.lower, range.upper);
   final.model = std::move(model);
   const auto spare = static_cast<double>((signals.rows() - final.model.parameters()) * signals.count());
@@ -238,12 +227,12 @@ FinalFit refined(const PeriodicSignals& signals, PeriodicModel model, double fre
   return final;
 }
 
-bool stands_out(const FinalFit& final, std::size_t harmonic, std::size_t signals) {
+bool stands_out(const FittedModel& final, std::size_t harmonic, std::size_t signals) {
   return final.fit.harmonic_energy[harmonic] > chance_energy(2 * signals) * final.noise_power;
 }
 
 // The fundamental and the significant harmonics.
-PeriodicModel pruned(const FinalFit& final, std::size_t signals) {
+PeriodicModel pruned(const FittedModel& final, std::size_t signals) {
   PeriodicModel model{final.model.trend_degree, {1}};
   for (std::size_t i = 1; i < final.model.harmonics.size(); ++i)
     if (stands_out(final, i, signals)) model.harmonics.push_back(final.model.harmonics[i]);
@@ -251,8 +240,8 @@ PeriodicModel pruned(const FinalFit& final, std::size_t signals) {
 }
 
 // Adds harmonics step by step: each step refines the frequency enough for the next, whose minimum is narrower.
-FinalFit final_fit(const PeriodicSignals& signals, double frequency, const Range& range, Harmonics wanted) {
-  FinalFit final = refined(signals, periodic_model(frequency, signals.rows(), 1), frequency, range);
+FittedModel final_fit(const PeriodicSignals& signals, double frequency, const Range& range, Harmonics wanted) {
+  FittedModel final = refined(signals, periodic_model(frequency, signals.rows(), 1), frequency, range);
   if (wanted == Harmonics::fundamental) return final;
   for (std::size_t count = 3; count <= max_harmonics; count = 2 * count + 1) {
     const std::size_t before = final.model.harmonics.back();
@@ -269,15 +258,12 @@ FinalFit final_fit(const PeriodicSignals& signals, double frequency, const Range
   return final;
 }
 
-// Signals of the selected blocks with their amplitudes and residuals, grouped by frame.
-struct ChosenSignals {
-  Signals signals;
-  PeriodicFit fit;
-};
-
-ChosenSignals chosen(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used, const PeriodicFit& all) {
-  ChosenSignals out{{{}, blocks.rows}, {}};
-  out.signals.samples.reserve(blocks.signals.size());
+// Signals of the selected blocks, combined by their amplitudes.
+CombinedTone combined_signals(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used,
+                              const PeriodicModel& model, const PeriodicFit& all) {
+  std::vector<double> samples;
+  samples.reserve(blocks.signals.size());
+  PeriodicFit of_used;
   const std::size_t count = blocks.frames * blocks.blocks;
   const auto for_each_used = [&](auto visit) {
     for (std::size_t signal = 0; signal < count; ++signal)
@@ -285,12 +271,12 @@ ChosenSignals chosen(const ColumnBlocks& blocks, const std::vector<std::uint8_t>
   };
   for_each_used([&](std::size_t signal) {
     const double* first = &blocks.signals[signal * blocks.rows];
-    out.signals.samples.insert(out.signals.samples.end(), first, first + blocks.rows);
-    out.fit.residual_energy.push_back(all.residual_energy[signal]);
+    samples.insert(samples.end(), first, first + blocks.rows);
+    of_used.residual_energy.push_back(all.residual_energy[signal]);
   });
   for (const std::size_t part : {0U, 1U})
-    for_each_used([&](std::size_t signal) { out.fit.amplitudes.push_back(all.amplitudes[part * count + signal]); });
-  return out;
+    for_each_used([&](std::size_t signal) { of_used.amplitudes.push_back(all.amplitudes[part * count + signal]); });
+  return combine_by_tone(samples, blocks.rows, of_used.residual_energy.size() / blocks.frames, model, of_used);
 }
 
 // Excludes 0 and half the row rate, where cosine or sine vanish or equal the mean.
@@ -301,8 +287,8 @@ Range resolvable(const FrequencySearch& search, double rows) {
 }
 
 FoundFrequency nothing_found(const ColumnBlocks& blocks) {
-  return {nan, nan,           0,
-          0,   flag::no_tone, {std::vector<std::uint8_t>(blocks.columns, 1), std::vector<double>(blocks.columns)}};
+  return {kNaN, kNaN,          0,
+          0,    flag::no_tone, {std::vector<std::uint8_t>(blocks.columns, 1), std::vector<double>(blocks.columns)}};
 }
 
 // Sum of each frame's signals.
@@ -378,12 +364,9 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const PeriodicFit all = parts.fit(model, coarse);
   const auto used = search.select_columns && sighting.in_parts ? tone_blocks(blocks, all)
                                                                : std::vector<std::uint8_t>(blocks.blocks, 1);
-  CombinedTone combined = [&] {
-    const auto [of_light, fit] = chosen(blocks, used, all);
-    return combine_by_tone(of_light.samples, of_light.rows, of_light.count() / blocks.frames, model, fit);
-  }();
+  CombinedTone combined = combined_signals(blocks, used, model, all);
   const Signals signals{std::move(combined.signals), blocks.rows};
-  const FinalFit final = final_fit(PeriodicSignals(signals.samples, signals.rows), coarse, range, search.harmonics);
+  const FittedModel final = final_fit(PeriodicSignals(signals.samples, signals.rows), coarse, range, search.harmonics);
   const double std = frequency_std(signals.samples, signals.rows, combined.per_frame, final.model, final.fit.frequency);
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);

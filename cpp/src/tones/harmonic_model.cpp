@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "rows/fit.hpp"
@@ -16,8 +17,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // True if the tone's sines or cosines vanish on every row: at multiples of half the row rate, up to the rounding of
 // f·T_r.
@@ -71,50 +70,29 @@ Oscillations usable_oscillations(std::span<const ModelTone> tones, std::size_t r
   return usable;
 }
 
-// Rows u and −u enter a symmetric block only by (y(u) + y(−u))/√2, an antisymmetric one by the difference: half the
-// rows, orthonormally. The function returns the scale of folded row i, whose u is the (i+1)-th non-negative one.
-struct Folding {
-  explicit Folding(std::size_t rows) : count(static_cast<Index>((rows + 1) / 2)), odd(rows % 2 == 1) {}
-  Index count;
-  bool odd;
-  [[nodiscard]] double scale(Index i) const { return odd && i == 0 ? 1.0 : std::numbers::sqrt2; }
-};
-
-// The design's rows with u ≥ 0, folded: its symmetric columns (trend and cosines) and its antisymmetric ones (sines).
-struct FoldedDesign {
-  MatrixXd cosines, sines;
-};
-
-FoldedDesign folded_design(const std::vector<Oscillation>& oscillations, std::size_t rows, const Folding& folding) {
+// Rows u and −u enter a symmetric block only by (y(u) + y(−u))/√2, an antisymmetric one by the difference: the rows
+// with u ≥ 0, orthonormally.
+RowSampling folded_rows(std::size_t rows) {
   RowSampling half = centred_rows(rows);
   half.times.erase(half.times.begin(), half.times.begin() + static_cast<std::ptrdiff_t>(rows / 2));
-  for (Index i = 0; i < folding.count; ++i) half.weights.push_back(folding.scale(i));
-  std::vector<double> frequencies;
-  for (const auto& oscillation : oscillations) frequencies.push_back(oscillation.cycles_per_row);
-  const auto count = static_cast<Index>(oscillations.size());
-  const MatrixXd folded = tone_design(half, frequencies);
-  FoldedDesign halves{MatrixXd(folding.count, count + 1), MatrixXd(folding.count, count)};
-  halves.cosines.col(0) = folded.col(0);
-  for (Index k = 0; k < count; ++k) {
-    halves.cosines.col(k + 1) = folded.col(2 * k + 1);
-    halves.sines.col(k) = folded.col(2 * k + 2);
-  }
-  return halves;
+  half.weights.assign(half.times.size(), std::numbers::sqrt2);
+  if (rows % 2 == 1) half.weights[0] = 1;
+  return half;
 }
 
 // Expands a folded column to the full one: symmetric (sign = 1) or antisymmetric (sign = −1).
-void unfold(const Eigen::Ref<const VectorXd>& folded, const Folding& folding, double sign, std::span<double> full) {
+void unfold(const Eigen::Ref<const VectorXd>& folded, const RowSampling& half, double sign, std::span<double> full) {
   const std::size_t rows = full.size();
-  for (Index i = 0; i < folding.count; ++i) {
-    const double value = folded(i) / folding.scale(i);
-    const auto above = rows / 2 + static_cast<std::size_t>(i);
+  for (std::size_t i = 0; i < half.times.size(); ++i) {
+    const double value = folded(static_cast<Index>(i)) / half.weights[i];
+    const std::size_t above = rows / 2 + i;
     full[rows - 1 - above] = sign * value;
     full[above] = value;
   }
 }
 
 // Adds the solution of a block to the model; `places`: indices of its estimates in the model.
-void add_block(const LinearFit& block, const Folding& folding, double sign, const std::vector<std::size_t>& places,
+void add_block(const LinearFit& block, const RowSampling& half, double sign, const std::vector<std::size_t>& places,
                HarmonicModel& model) {
   const auto row_of = [&](std::vector<double>& table, std::size_t index) {
     return std::span(table).subspan(index * model.rows, model.rows);
@@ -123,9 +101,9 @@ void add_block(const LinearFit& block, const Folding& folding, double sign, cons
   model.parameters += static_cast<std::size_t>(block.basis.cols());
   model.basis.resize(model.parameters * model.rows);
   for (Index j = 0; j < block.basis.cols(); ++j)
-    unfold(block.basis.col(j), folding, sign, row_of(model.basis, first + static_cast<std::size_t>(j)));
+    unfold(block.basis.col(j), half, sign, row_of(model.basis, first + static_cast<std::size_t>(j)));
   for (std::size_t j = 0; j < places.size(); ++j) {
-    unfold(block.weights.col(static_cast<Index>(j)), folding, sign, row_of(model.weights, places[j]));
+    unfold(block.weights.col(static_cast<Index>(j)), half, sign, row_of(model.weights, places[j]));
     for (std::size_t k = 0; k < places.size(); ++k)
       model.covariance[places[j] * model.estimates + places[k]] =
           block.covariance(static_cast<Index>(j), static_cast<Index>(k));
@@ -159,7 +137,7 @@ HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones)
   }
 
   const Oscillations oscillations = usable_oscillations(tones, rows, model.tone_flags);
-  const Folding folding(rows);
+  const RowSampling half = folded_rows(rows);
   const auto wanted = static_cast<Index>(oscillations.fundamentals);
   std::vector<std::size_t> even_places{0};
   std::vector<std::size_t> odd_places;
@@ -167,11 +145,19 @@ HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones)
     even_places.push_back(2 * oscillations.all[k].tone + 1);
     odd_places.push_back(2 * oscillations.all[k].tone + 2);
   }
-  const FoldedDesign design = folded_design(oscillations.all, rows, folding);
-  const LinearFit even = linear_fit(design.cosines, wanted + 1);
-  add_block(even, folding, 1, even_places, model);
-  const LinearFit odd = linear_fit(design.sines, wanted);
-  add_block(odd, folding, -1, odd_places, model);
+  std::vector<double> frequencies;
+  for (const Oscillation& oscillation : oscillations.all) frequencies.push_back(oscillation.cycles_per_row);
+  const MatrixXd design = tone_design(half, frequencies);
+  const auto count = static_cast<Index>(frequencies.size());
+  MatrixXd cosines(design.rows(), count + 1), sines(design.rows(), count);  // symmetric ones, antisymmetric ones
+  cosines.col(0) = design.col(0);
+  for (Index k = 0; k < count; ++k) {
+    cosines.col(k + 1) = design.col(2 * k + 1);
+    sines.col(k) = design.col(2 * k + 2);
+  }
+  const LinearFit even = linear_fit(cosines, wanted + 1), odd = linear_fit(sines, wanted);
+  add_block(even, half, 1, even_places, model);
+  add_block(odd, half, -1, odd_places, model);
 
   const double condition = std::max(even.condition, odd.condition);
   for (Flags& flags : model.tone_flags) {

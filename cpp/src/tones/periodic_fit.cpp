@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <numeric>
 #include <optional>
 #include <utility>
 
 #include "columns/equalizer_kernels.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "rows/fit.hpp"
 #include "tones/harmonic_kernels.hpp"
@@ -78,21 +78,20 @@ struct Parity {
   Index trend = 0;  // functions of the trend, the first ones
 };
 
-struct Parities {
-  Parity even, odd;
-};
+using Parities = std::array<Parity, 2>;  // even, odd
 
 Parities parities_of(const PeriodicModel& model, std::size_t rows) {
   require(model.trend_degree <= kMaxTrend, "trend_degree", model.trend_degree, "0 to 2");
   Parities both;
-  for (Parity* parity : {&both.even, &both.odd}) {
-    parity->functions.reserve(kMaxTrend + model.harmonics.size());
-    parity->slopes.reserve(model.harmonics.size());
-    parity->at.reserve(kMaxTrend + model.harmonics.size());
-    parity->slopes_at.reserve(model.harmonics.size());
+  auto& [even, odd] = both;
+  for (Parity& parity : both) {
+    parity.functions.reserve(kMaxTrend + model.harmonics.size());
+    parity.slopes.reserve(model.harmonics.size());
+    parity.at.reserve(kMaxTrend + model.harmonics.size());
+    parity.slopes_at.reserve(model.harmonics.size());
   }
   for (std::size_t d = 0; d <= model.trend_degree; ++d) {
-    Parity& own = d % 2 == 0 ? both.even : both.odd;
+    Parity& own = both[d % 2];
     own.functions.push_back(kLegendre[d]);
     own.at.push_back(static_cast<Index>(d));
     ++own.trend;
@@ -101,14 +100,14 @@ Parities parities_of(const PeriodicModel& model, std::size_t rows) {
   for (const std::size_t order : model.harmonics) {
     const auto h = static_cast<int>(order);
     const double times = std::numbers::pi * static_cast<double>(rows) * static_cast<double>(order);
-    both.even.functions.push_back({{1, 0, 0}, 0, 0, h, false});
-    both.even.at.push_back(place++);
-    both.odd.functions.push_back({{1, 0, 0}, 0, 0, h, true});
-    both.odd.at.push_back(place++);
-    both.odd.slopes.push_back({{0, times, 0}, 1, 1, h, false});
-    both.odd.slopes_at.push_back(slope++);
-    both.even.slopes.push_back({{0, times, 0}, 1, 1, h, true});
-    both.even.slopes_at.push_back(slope++);
+    even.functions.push_back({{1, 0, 0}, 0, 0, h, false});
+    even.at.push_back(place++);
+    odd.functions.push_back({{1, 0, 0}, 0, 0, h, true});
+    odd.at.push_back(place++);
+    odd.slopes.push_back({{0, times, 0}, 1, 1, h, false});
+    odd.slopes_at.push_back(slope++);
+    even.slopes.push_back({{0, times, 0}, 1, 1, h, true});
+    even.slopes_at.push_back(slope++);
   }
   return both;
 }
@@ -301,34 +300,29 @@ HarmonicProducts products_in_lanes(const PeriodicSignals& signals, const Periodi
   return {of_signals(of_even, 0), of_signals(of_odd, 0), of_signals(of_even, count), of_signals(of_odd, count)};
 }
 
-// cos and sin of each harmonic at a distance u, padded with those of none.
-struct Phasors {
-  std::vector<double> cosine, sine;
-
-  Phasors(const PeriodicModel& model, double frequency, double u, std::size_t padded)
-      : cosine(padded, 1.0), sine(padded, 0.0) {
-    for (std::size_t h = 0; h < model.harmonics.size(); ++h) {
-      const Phasor at = phasor(static_cast<double>(model.harmonics[h]) * frequency, u);
-      cosine[h] = at.cosine;
-      sine[h] = at.sine;
-    }
-  }
-};
-
 HarmonicProducts products_of_each(const PeriodicSignals& signals, const PeriodicModel& model, double frequency) {
   constexpr std::size_t kAligned = kernels::kHarmonicAlignment;
   const std::size_t harmonics = model.harmonics.size(), padded = (harmonics + kAligned - 1) / kAligned * kAligned;
   const double first = first_distance(signals.rows());
-  const Phasors at(model, frequency, first, padded), turn(model, frequency, 1, padded),
-      leap(model, frequency, static_cast<double>(kernels::kRowsPerLeap), padded);
+  const auto phasors_at = [&](double u) {  // cosines, then sines, padded with those of none
+    std::vector<double> values(2 * padded, 0.0);
+    std::fill_n(values.begin(), padded, 1.0);
+    for (std::size_t h = 0; h < harmonics; ++h) {
+      const Phasor at = phasor(static_cast<double>(model.harmonics[h]) * frequency, u);
+      values[h] = at.cosine;
+      values[padded + h] = at.sine;
+    }
+    return values;
+  };
+  const auto at = phasors_at(first), turn = phasors_at(1),
+             leap = phasors_at(static_cast<double>(kernels::kRowsPerLeap));
   const auto rows = static_cast<Index>(harmonics), count = static_cast<Index>(signals.count());
   HarmonicProducts products{RowMajor(rows, count), RowMajor(rows, count), RowMajor(rows, count), RowMajor(rows, count)};
   std::vector<double> sums(4 * padded);
   for (Index s = 0; s < count; ++s) {
     const std::size_t begin = static_cast<std::size_t>(s) * signals.half();
     kernels::harmonic_sums({&signals.even()[begin], &signals.odd()[begin], signals.half(), first},
-                           {at.cosine.data(), at.sine.data(), turn.cosine.data(), turn.sine.data(), leap.cosine.data(),
-                            leap.sine.data(), padded},
+                           {at.data(), &at[padded], turn.data(), &turn[padded], leap.data(), &leap[padded], padded},
                            {sums.data(), &sums[padded], &sums[2 * padded], &sums[3 * padded]});
     std::size_t next = 0;
     for (RowMajor* of : {&products.cosine, &products.sine, &products.u_sine, &products.u_cosine})
@@ -357,23 +351,19 @@ struct Equations {
 
 constexpr double kMinPivot = 0.03;  // less loses more than three digits by normal equations: orthogonal factors then
 
-// Products of the signals with the functions of one parity, and of their slopes; no slopes without `u`.
-struct ParityProducts {
-  Eigen::Map<const RowMajor> trend;
-  const RowMajor &harmonics, &u;
-};
-
+// From products of the signals with the functions of one parity, and of their slopes; no slopes without `u`.
 std::optional<Equations> normal_equations(const Parity& parity, const RowMoments& moments, const PeriodicModel& model,
-                                          const ParityProducts& products) {
+                                          const Eigen::Map<const RowMajor>& trend, const RowMajor& harmonics,
+                                          const RowMajor& u) {
   auto triangle = cholesky_factor(inner_products(parity.functions, moments), kMinPivot);
   if (!triangle) return std::nullopt;
-  MatrixXd own(parity.trend + products.harmonics.rows(), products.harmonics.cols());
-  own << products.trend.topRows(parity.trend), products.harmonics;
+  MatrixXd own(parity.trend + harmonics.rows(), harmonics.cols());
+  own << trend.topRows(parity.trend), harmonics;
   MatrixXd coordinates = solve_forward(*triangle, std::move(own));
   Equations equations{
       parity.at, parity.slopes_at, parity.trend, std::move(*triangle), std::move(coordinates), {}, false, {}, {}};
-  if (products.u.size() == 0) return equations;
-  equations.slopes_signals = 2 * std::numbers::pi * products.u;
+  if (u.size() == 0) return equations;
+  equations.slopes_signals = 2 * std::numbers::pi * u;
   for (Index j = 0; j < equations.slopes_signals.rows(); ++j)
     equations.slopes_signals.row(j) *= static_cast<double>(model.harmonics[static_cast<std::size_t>(j)]);
   equations.with_slopes = inner_products(parity.functions, parity.slopes, moments);
@@ -384,7 +374,7 @@ std::optional<Equations> normal_equations(const Parity& parity, const RowMoments
 // One set of equations for each parity; empty where they lose digits.
 std::vector<Equations> normal_equations(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
                                         bool with_slopes) {
-  const Parities both = parities_of(model, signals.rows());
+  const auto [even, odd] = parities_of(model, signals.rows());
   const RowMoments moments = moments_of(model, signals.rows(), frequency);
   const HarmonicProducts products = signals.in_lanes() ? products_in_lanes(signals, model, frequency, with_slopes)
                                                        : products_of_each(signals, model, frequency);
@@ -394,9 +384,9 @@ std::vector<Equations> normal_equations(const PeriodicSignals& signals, const Pe
   };
   const RowMajor none;
   auto of_even =
-      normal_equations(both.even, moments, model, {trend(0, 2), products.cosine, with_slopes ? products.u_sine : none});
+      normal_equations(even, moments, model, trend(0, 2), products.cosine, with_slopes ? products.u_sine : none);
   auto of_odd =
-      normal_equations(both.odd, moments, model, {trend(2, 1), products.sine, with_slopes ? products.u_cosine : none});
+      normal_equations(odd, moments, model, trend(2, 1), products.sine, with_slopes ? products.u_cosine : none);
   std::vector<Equations> equations;
   if (of_even && of_odd) {
     equations.push_back(std::move(*of_even));
@@ -521,7 +511,7 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel&
 
 double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
                      double frequency) {
-  if (rows <= model.parameters() + 1) return std::numeric_limits<double>::quiet_NaN();
+  if (rows <= model.parameters() + 1) return kNaN;
   const Signals y = as_matrix(signals, rows);
   const auto members = static_cast<Index>(group);
   require(group > 0 && y.cols() % members == 0, "group", group, "a divisor of the number of signals");
@@ -534,7 +524,7 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   MatrixXd derivative = product(slopes, slope_coefficients(model, solve_upper(factors.triangle, coordinates)));
   derivative = beside(q, derivative);
   const double information = derivative.squaredNorm();
-  if (!(information > 0)) return std::numeric_limits<double>::quiet_NaN();
+  if (!(information > 0)) return kNaN;
 
   // Corrects for the share of each row's noise absorbed by the fit (its leverage).
   const VectorXd leverage = q.rowwise().squaredNorm() + derivative.rowwise().squaredNorm() / information;

@@ -12,20 +12,13 @@
 
 #include "columns/column_dft.hpp"
 #include "core/recently_used.hpp"
+#include "ocisac/rows/tone_search.hpp"
 
 namespace ocisac {
 
 namespace {
 
 constexpr std::size_t kPairs = kernels::kColumnPairs<double>, kSignals = 2 * kPairs;  // of a block
-
-// sin² over the rows.
-std::vector<double> hann_window(std::size_t rows) {
-  std::vector<double> window(rows);
-  for (std::size_t n = 0; n < rows; ++n)
-    window[n] = std::pow(std::sin(std::numbers::pi * (static_cast<double>(n) + 0.5) / static_cast<double>(rows)), 2);
-  return window;
-}
 
 // A window, a DFT, and the rows of its spectra with the frequencies k and −k, for k up to half the length.
 struct Plan {

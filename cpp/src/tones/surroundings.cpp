@@ -6,9 +6,9 @@
 #include <cmath>
 #include <cstddef>
 #include <memory>
-#include <mutex>
 #include <numbers>
 #include <optional>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -16,6 +16,7 @@
 #include "ocisac/light/exposure_response.hpp"
 #include "ocisac/rows/tone_search.hpp"
 #include "rows/fit.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -28,8 +29,6 @@ using Eigen::VectorXd;
 constexpr std::size_t kMaxTones = 3;
 constexpr double kPeak = 20;         // of the residual's periodogram over its floor, for a significant tone
 constexpr double kExplained = 0.05;  // max fraction of the residual's energy above the noise that tones may leave
-constexpr double kCorrelated = 6;    // standard errors of a correlation from row to row
-constexpr double kNearNull = 0.05;
 
 // All harmonics below half the row rate, at least a quarter of a bin apart; at most one for eight rows.
 std::vector<double> all_harmonics(const std::vector<double>& lights, std::size_t row_count) {
@@ -43,35 +42,16 @@ std::vector<double> all_harmonics(const std::vector<double>& lights, std::size_t
   return kept;
 }
 
-MatrixXd make_basis(std::vector<double> harmonics, std::size_t rows, std::size_t degree) {
+// Orthonormal basis of polynomials up to `degree` times mean and harmonics. The last used ones are kept: their
+// decomposition takes longer than all else.
+std::shared_ptr<const MatrixXd> basis_of(std::vector<double> harmonics, std::size_t rows, std::size_t degree) {
+  static RecentlyUsed<std::tuple<std::size_t, std::size_t, std::vector<double>>, MatrixXd, 8> kept;
   const std::size_t room = rows / 2 / (degree + 1);  // terms that leave half of the degrees of freedom
   harmonics.resize(std::min(harmonics.size(), (std::max<std::size_t>(room, 1) - 1) / 2));
-  return orthogonal_factors(tone_design(centred_rows(rows), harmonics, degree, degree)).basis;
-}
-
-// Orthonormal bases of polynomials times mean and harmonics.
-struct Space {
-  Space(std::vector<double> of_harmonics, std::size_t rows)
-      : harmonics(std::move(of_harmonics)), steady(make_basis(harmonics, rows, 0)), rows_(rows) {}
-  std::vector<double> harmonics;  // cycles per row, ascending
-  MatrixXd steady;                // degree 0
-  // Degree 2; decomposed when first asked for.
-  [[nodiscard]] const MatrixXd& varying() const {
-    std::call_once(once_, [&] { varying_ = make_basis(harmonics, rows_, 2); });
-    return varying_;
-  }
-
- private:
-  std::size_t rows_;
-  mutable std::once_flag once_;
-  mutable MatrixXd varying_;
-};
-
-// The last used spaces: their decomposition takes longer than all else.
-std::shared_ptr<const Space> space_of(std::size_t rows, const std::vector<double>& cycles_per_row) {
-  static RecentlyUsed<std::pair<std::size_t, std::vector<double>>, Space, 4> kept;
-  return kept.get({rows, cycles_per_row},
-                  [&] { return std::make_shared<const Space>(all_harmonics(cycles_per_row, rows), rows); });
+  return kept.get({rows, degree, harmonics}, [&] {
+    return std::make_shared<const MatrixXd>(
+        orthogonal_factors(tone_design(centred_rows(rows), harmonics, degree, degree)).basis);
+  });
 }
 
 // Tones that leave white noise; nothing without tones, or if they do not explain the residual.
@@ -121,13 +101,13 @@ double harmonic_ratio(int order, double exposure_cycles, double duty) {
          sinc(order * exposure_cycles) / std::abs(sinc(exposure_cycles));
 }
 
-double distortion_of(const VectorXd& column, const FittedLight& light, const Space& space) {
+double distortion_of(const VectorXd& column, const FittedLight& light, const std::vector<double>& harmonics,
+                     const MatrixXd& steady) {
   std::vector<double> cycles;
   std::vector<HarmonicLine> lines;
   const auto rows = static_cast<double>(column.size());
   for (int h = 1; h * light.cycles_per_row < 0.5 * (1 - 1 / rows); ++h)
-    if (std::ranges::any_of(space.harmonics,
-                            [&](double c) { return std::abs(c - h * light.cycles_per_row) < 1e-12; })) {
+    if (std::ranges::any_of(harmonics, [&](double c) { return std::abs(c - h * light.cycles_per_row) < 1e-12; })) {
       cycles.push_back(h * light.cycles_per_row);
       lines.push_back({h, {}});
     }
@@ -138,21 +118,12 @@ double distortion_of(const VectorXd& column, const FittedLight& light, const Spa
     const auto a = static_cast<Index>(1 + 2 * k);
     lines[k].level = {levels(a), -levels(a + 1)};
   }
-  const double freedom = std::max(rows - static_cast<double>(space.steady.cols()), 1.0);
-  const VectorXd residual = beside(space.steady, column);
+  const double freedom = std::max(rows - static_cast<double>(steady.cols()), 1.0);
+  const VectorXd residual = beside(steady, column);
   return harmonic_distortion(light, lines, 2 / rows * residual.squaredNorm() / freedom);
 }
 
 }  // namespace
-
-bool is_white(std::span<const double> residual) {
-  const Eigen::Map<const VectorXd> r(residual.data(), static_cast<Index>(residual.size()));
-  const auto correlation = [&](Index lag) {
-    return r.size() > lag ? r.head(r.size() - lag).dot(r.tail(r.size() - lag)) : 0;
-  };
-  return std::max(std::abs(correlation(1)), std::abs(correlation(2))) <=
-         kCorrelated / std::sqrt(static_cast<double>(residual.size())) * r.squaredNorm();
-}
 
 double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLine> lines, double variance) {
   constexpr double kTolerance = 0.1;  // of the exposure
@@ -198,16 +169,17 @@ double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLin
 Surroundings surroundings(std::span<const double> column, std::span<const FittedLight> lights) {
   std::vector<double> cycles_per_row;
   for (const FittedLight& light : lights) cycles_per_row.push_back(light.cycles_per_row);
-  const auto space = space_of(column.size(), cycles_per_row);
+  const std::vector<double> harmonics = all_harmonics(cycles_per_row, column.size());
   Surroundings result;
-  if (space->harmonics.empty()) return result;
+  if (harmonics.empty()) return result;
   const Eigen::Map<const VectorXd> given(column.data(), static_cast<Index>(column.size()));
   const VectorXd centred = given.array() - given.mean();
+  const auto steady = basis_of(harmonics, column.size(), 0);
   for (const FittedLight& light : lights)
-    result.distortion = std::max(result.distortion, distortion_of(centred, light, *space));
+    result.distortion = std::max(result.distortion, distortion_of(centred, light, harmonics, *steady));
   const auto rows = static_cast<double>(column.size());
-  for (const int degree : {0, 2}) {  // of the light's course along the rows
-    const auto tones = find_tones(centred, degree == 0 ? space->steady : space->varying());
+  for (const std::size_t degree : {0U, 2U}) {  // of the light's course along the rows
+    const auto tones = find_tones(centred, *basis_of(harmonics, column.size(), degree));
     if (!tones || std::ranges::any_of(cycles_per_row, [&](double c) { return modulates(*tones, c, rows); })) continue;
     result.tones = *tones;
     for (const double tone : *tones)

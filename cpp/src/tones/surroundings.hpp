@@ -20,9 +20,6 @@ struct Surroundings {
   double distortion = 0;      // amplitude of harmonics that fit neither waveform nor exposure, over the light's
 };
 
-// True if the correlations at lags 1 and 2 are those of noise.
-bool is_white(std::span<const double> residual);
-
 // One harmonic: a·cos + b·sin over the rows counted from the middle, as a − jb.
 struct HarmonicLine {
   int order;

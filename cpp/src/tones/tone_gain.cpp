@@ -14,9 +14,11 @@
 #include "columns/pruned_dft.hpp"
 #include "core/parallel.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "rows/fit.hpp"
+#include "rows/verdict.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
 #include "tones/streaming_fit.hpp"
@@ -26,8 +28,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kNearNull = 0.05;               // |sinc| below which a gain is called near a null
 constexpr double kOffBin = 0.01;                 // bins
 constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: reading along rows is fastest
 constexpr std::size_t kColumnsPerPart = 256;     // minimum for parts shared by threads

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <numbers>
 #include <numeric>
 #include <type_traits>
@@ -11,14 +10,13 @@
 
 #include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 
 namespace ocisac {
 
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // (rows) the mean of all columns in linear light.
 std::vector<double> mean_column(const AnyFramesView& frame, const ToneCurve& curve) {

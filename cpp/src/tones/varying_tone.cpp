@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
+#include <numbers>
 #include <optional>
 #include <tuple>
 
@@ -14,6 +14,7 @@
 #include "core/parallel.hpp"
 #include "core/recently_used.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/projection.hpp"
 #include "rows/fit.hpp"
@@ -29,7 +30,6 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 // Of one column, at most 3·5 + 3: on the stack.
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 18, 1>;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kSure = 4;         // standard errors above which a bias is significant
 constexpr double kWeak = 3;         // standard errors
 constexpr double kRounding = 1e-9;  // gains below it are rounding
@@ -38,24 +38,39 @@ constexpr std::size_t kColumnsInCache = 32;  // their light and what is left of 
 // Share of a column's energy that the model leaves: below it, energies of model and column differ by too few digits.
 constexpr double kResolvedRest = 1e-6;
 
-// Gauss–Legendre nodes along the rows, −1 to 1, and weights for the mean of the tone's amplitude.
+// Nodes of Gauss and Legendre along the rows, −1 to 1, and their weights for the mean of the tone's amplitude.
 struct Place {
   double x, share;
 };
-constexpr std::array<Place, 8> kPlaces{{{-0.9602898564975363, 0.0506142681451881},
-                                        {-0.7966664774136267, 0.1111905172266872},
-                                        {-0.5255324099163290, 0.1568533229389436},
-                                        {-0.1834346424956498, 0.1813418916891810},
-                                        {0.1834346424956498, 0.1813418916891810},
-                                        {0.5255324099163290, 0.1568533229389436},
-                                        {0.7966664774136267, 0.1111905172266872},
-                                        {0.9602898564975363, 0.0506142681451881}}};
+constexpr std::size_t kPlaces = 8;
+
+// Newton's iteration on the polynomial of degree kPlaces.
+std::array<Place, kPlaces> make_places() {
+  constexpr auto kDegree = static_cast<double>(kPlaces);
+  std::array<Place, kPlaces> places{};
+  for (std::size_t i = 0; i < kPlaces; ++i) {
+    double x = -std::cos(std::numbers::pi * (static_cast<double>(i) + 0.75) / (kDegree + 0.5)), slope = 1;
+    for (int step = 0; step < 6; ++step) {
+      std::array<double, kPlaces + 1> values{};
+      legendre(x, values);
+      slope = kDegree * (x * values[kPlaces] - values[kPlaces - 1]) / (x * x - 1);
+      x -= values[kPlaces] / slope;
+    }
+    places[i] = {x, 1 / ((1 - x * x) * slope * slope)};
+  }
+  return places;
+}
+
+const std::array<Place, kPlaces>& places() {
+  static const auto made = make_places();
+  return made;
+}
 
 // Legendre polynomials of degrees 0 to `degree` at the places: (places × terms).
 MatrixXd legendre_at_places(int degree) {
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> values(kPlaces.size(), degree + 1);
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> values(kPlaces, degree + 1);
   for (Index i = 0; i < values.rows(); ++i)
-    legendre(kPlaces[static_cast<std::size_t>(i)].x, {values.row(i).data(), static_cast<std::size_t>(values.cols())});
+    legendre(places()[static_cast<std::size_t>(i)].x, {values.row(i).data(), static_cast<std::size_t>(values.cols())});
   return values;
 }
 
@@ -85,7 +100,7 @@ struct Plan {
   RowMajor of_sums;
   // (places × terms), and with these polynomials p variances and covariance of the cosine pᵀa and the sine pᵀb.
   MatrixXd polynomials;
-  std::array<std::array<double, 3>, kPlaces.size()> variances{};
+  std::array<std::array<double, 3>, kPlaces> variances{};
   Flags flags = 0;
 
   [[nodiscard]] bool resolvable() const { return !(flags & flag::unresolvable); }
@@ -140,7 +155,7 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
   plan.projections << plan.weights, plan.basis.transpose();
   plan.basis_by_rows = plan.basis;
   plan.polynomials = legendre_at_places(options.degree);
-  for (std::size_t i = 0; i < kPlaces.size(); ++i) {
+  for (std::size_t i = 0; i < kPlaces; ++i) {
     const Eigen::VectorXd p = plan.polynomials.row(static_cast<Index>(i)).transpose();
     const auto covariance = [&](Index a, Index b) {
       return p.dot(Eigen::VectorXd(plan.covariance.block(a * plan.terms, b * plan.terms, plan.terms, plan.terms) * p));
@@ -166,7 +181,7 @@ struct Amplitude {
 Amplitude mean_amplitude(const Plan& plan, const Vector& parameters, double noise) {
   const Index terms = plan.terms;
   Amplitude amplitude{0, Vector::Zero(parameters.size())};
-  for (std::size_t i = 0; i < kPlaces.size(); ++i) {
+  for (std::size_t i = 0; i < kPlaces; ++i) {
     const auto place = static_cast<Index>(i);
     double cosine = 0, sine = 0;
     for (Index t = 0; t < terms; ++t) {
@@ -179,8 +194,8 @@ Amplitude mean_amplitude(const Plan& plan, const Vector& parameters, double nois
     const auto& [of_cosine, of_both, of_sine] = plan.variances[i];
     const double across =
         noise * (sine * (sine * of_cosine - 2 * cosine * of_both) + cosine * cosine * of_sine) / square;
-    amplitude.value += kPlaces[i].share * std::sqrt(std::max(square - across, 0.0));
-    const double scale = kPlaces[i].share / std::sqrt(square);
+    amplitude.value += places()[i].share * std::sqrt(std::max(square - across, 0.0));
+    const double scale = places()[i].share / std::sqrt(square);
     for (Index t = 0; t < terms; ++t) {
       amplitude.slope(terms + t) += scale * cosine * plan.polynomials(place, t);
       amplitude.slope(2 * terms + t) += scale * sine * plan.polynomials(place, t);

@@ -2,9 +2,9 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <span>
 
+#include "ocisac/core/constants.hpp"
 #include "ocisac/exposure/noisy_exposure.hpp"
 
 namespace ocisac {
@@ -13,37 +13,35 @@ enum class ToneKind { communication, sensing };
 
 // NaN: unknown.
 struct MeasuredTone {
-  static constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
-  double frequency;  // Hz, f_c or f_x·v; unknown: ignored
+  double frequency;  // Hz, f_c or f_x·v; NaN: ignored
   ToneKind kind = ToneKind::communication;
-  double share = 1;                           // share of the weight of its kind, relative to the other shares; >= 0
-  double snr = unknown;                       // power ratio
-  double gain = unknown, gain_std = unknown;  // measured at the frame's exposure
+  double share = 1;                     // share of the weight of its kind, relative to the other shares; >= 0
+  double snr = kNaN;                    // power ratio
+  double gain = kNaN, gain_std = kNaN;  // measured at the frame's exposure
 };
 
 // Measurements of one frame. Levels are fractions of the full scale above dark.
 struct ExposureMeasurement {
-  static constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
   std::span<const MeasuredTone> tones{};
-  double exposure = unknown, gain = unknown;  // used for the frame; unknown: the last suggestion
-  double level = unknown;                     // mean
-  double peak = unknown;                      // level of the brightest parts that must not saturate
-  double saturated = 0;                       // fraction of the pixels
+  double exposure = kNaN, gain = kNaN;  // used for the frame; NaN: the last suggestion
+  double level = kNaN;                  // mean
+  double peak = kNaN;                   // level of the brightest parts that must not saturate
+  double saturated = 0;                 // fraction of the pixels
 };
 
 struct ExposureControllerOptions {
-  ExposureWindow range;         // the camera's exposures
-  double lowest_gain = 1;       // of the camera's amplifier, linear
-  double highest_gain = 1;      //
-  double comm_weight = 1;       // total weight of all lights
-  double sense_weight = 1;      // total weight of all motions
-  double hysteresis = 0.01;     // the exposure is held while the relative improvement of the best is at most this
-  double level_floor = 0.05;    // lower bound of the mean; 0: none
-  double level_aim = 0.4;       // target of the mean, reached by the amplifier where possible
-  double level_ceiling = 0.9;   // upper bound of the peak
-  double max_saturated = 0.01;  // fraction of the pixels
-  double min_snr = 1;           // weaker tones are ignored
-  double noise_level = std::numeric_limits<double>::infinity();  // mean at gain 1 where shot noise equals read noise
+  ExposureWindow range;            // the camera's exposures
+  double lowest_gain = 1;          // of the camera's amplifier, linear
+  double highest_gain = 1;         //
+  double comm_weight = 1;          // total weight of all lights
+  double sense_weight = 1;         // total weight of all motions
+  double hysteresis = 0.01;        // the exposure is held while the relative improvement of the best is at most this
+  double level_floor = 0.05;       // lower bound of the mean; 0: none
+  double level_aim = 0.4;          // target of the mean, reached by the amplifier where possible
+  double level_ceiling = 0.9;      // upper bound of the peak
+  double max_saturated = 0.01;     // fraction of the pixels
+  double min_snr = 1;              // weaker tones are ignored
+  double noise_level = kInfinity;  // mean at gain 1 where shot noise equals read noise
 };
 
 // Reasons for the chosen exposure; bits of one mask.

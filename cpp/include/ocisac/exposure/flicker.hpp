@@ -7,11 +7,11 @@
 #pragma once
 
 #include <cstddef>
-#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "ocisac/core/constants.hpp"
 #include "ocisac/exposure/best_exposure.hpp"
 
 namespace ocisac {
@@ -26,9 +26,7 @@ struct FlickeringLight {
 // Largest modulation over all phases and the light's frequencies, harmonics included. `exposure`: s, >= 0.
 double exposure_modulation(const FlickeringLight& light, double exposure);
 
-struct Interval {
-  double low, high;
-};
+using Interval = ExposureDomain::Bounds;
 
 // Cycles in an exposure up to `most`, ascending, in which the modulation at one frequency is at most `below`; the last
 // interval may be infinite. At most a million cycles.
@@ -50,8 +48,8 @@ struct FlickerFreeExposure {
   double modulation = 0;            // the largest of any light
   bool holds = false;               // no modulation is above the bound and the data light keeps its gain
   std::vector<double> modulations;  // (lights)
-  double objective = std::numeric_limits<double>::quiet_NaN();  // Y(exposure), s; NaN if it was not maximised
-  double gain = std::numeric_limits<double>::quiet_NaN();       // |sinc(f_comm·exposure)|; NaN without a data light
+  double objective = kNaN;          // Y(exposure), s; NaN if it was not maximised
+  double gain = kNaN;               // |sinc(f_comm·exposure)|; NaN without a data light
 };
 
 // The nearest, the shortest, or the exposure of largest Y (with f_sense, or f_comm without min_gain) at which no

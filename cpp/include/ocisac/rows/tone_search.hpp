@@ -10,13 +10,12 @@ namespace ocisac {
 
 inline constexpr std::array kMains{100.0, 120.0};  // Hz; hum of mains of 50 and 60 Hz
 
+std::vector<double> hann_window(std::size_t rows);  // sin²
+
 // Mean power density of signals, each of `rows` rows, less their means, under a Hann window: |DFT|² in bins of 1/length
 // cycles per row, up to half the row rate, scaled so that white noise has its variance in each. Constant signals are
 // left out. length: 2^a·3^b·5^c, at least rows.
 std::vector<double> periodogram(std::span<const double> signals, std::size_t rows, std::size_t length);
-
-// Variance of white noise: the median of the upper half of a periodogram over that of an exponential variate.
-double noise_floor(std::span<const double> power);
 
 // The length whose bins are a quarter of a spectral line of the rows, or less.
 std::size_t padded_length(std::size_t rows);

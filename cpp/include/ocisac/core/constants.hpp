@@ -1,0 +1,11 @@
+// Numbers that all rooms name alike.
+#pragma once
+
+#include <limits>
+
+namespace ocisac {
+
+inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();  // unknown
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+}  // namespace ocisac

@@ -1,0 +1,26 @@
+// What a fit leaves of a row signal: its noise, and whether it is noise.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace ocisac {
+
+inline constexpr double kNearNull = 0.05;  // |sinc| of an exposure below which it hides a tone
+
+// Variance of white noise of a row beside light that changes slowly, from second differences.
+double noise_of_differences(std::span<const double> signal);
+
+// The same beside tones: the median of the upper half of a periodogram over that of an exponential variate.
+double noise_floor(std::span<const double> power);
+
+// True if the correlations at lags 1 and 2 are those of noise.
+bool is_white(std::span<const double> residual);
+
+// Schwarz's criterion of a model with this residual energy, noise unknown; the smaller the better.
+double schwarz_criterion(double residual_energy, std::size_t rows, std::size_t parameters);
+
+double median(std::vector<double> values);  // the upper one of two; at least one value
+
+}  // namespace ocisac
