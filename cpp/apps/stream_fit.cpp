@@ -3,20 +3,26 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numeric>
 #include <string_view>
 
 namespace ocisac::apps {
 
 namespace {
 
-constexpr std::size_t kFrames = 4;      // compared
-constexpr std::size_t kColumnStep = 7;  // every seventh byte of a row: odd and even ones
-constexpr double kMuchLess = 0.5;       // a difference that is not by chance below another
-constexpr double kNeutral = 128;        // chroma without colour
-constexpr double kGrey = 12;            // largest mean distance from it of the chroma of white light
-constexpr int kMaxHighByte = 15;        // of numbers of 12 bits
-constexpr double kMinLowByte = 32;      // mean of their low bytes, where a picture is not black
-constexpr double kMuchMore = 3;         // distance of luma over that of chroma
+constexpr std::size_t kFrames = 4;            // compared
+constexpr std::size_t kColumnStep = 7;        // every seventh byte of a row: odd and even ones
+constexpr double kMuchLess = 0.5;             // a difference that is not by chance below another
+constexpr double kNeutral = 128;              // chroma without colour
+constexpr double kGrey = 12;                  // largest mean distance from it of the chroma of white light
+constexpr int kMaxHighByte = 15;              // of numbers of 12 bits
+constexpr double kMinLowByte = 32;            // mean of their low bytes, where a picture is not black
+constexpr double kMuchMore = 3;               // distance of luma over that of chroma
+constexpr std::size_t kFirstBytes = 1 << 16;  // in which the width is looked for
+constexpr std::size_t kMinRowBytes = 40, kMaxRowBytes = 8192, kLagStep = 4;
+constexpr std::size_t kAside = 2;  // steps to lags that a peak stands out from
+constexpr double kMuchAlike = 3;   // ratio of peaks
+constexpr double kByChance = 7;    // over one in root of the number of bytes: five standard deviations of a peak
 
 std::string size_text(const FrameLayout& layout) {
   return std::to_string(layout.width) + "x" + std::to_string(layout.height);
@@ -53,6 +59,8 @@ std::optional<std::string> length_doubt(std::size_t bytes, const FrameLayout& la
 
 std::optional<std::string> FormatCheck::push(std::span<const std::uint8_t> frame) {
   if (frames_ == kFrames || layout_.bytes % layout_.width != 0) return std::nullopt;
+  const auto more = frame.first(std::min(frame.size(), kFirstBytes - first_bytes_.size()));
+  first_bytes_.insert(first_bytes_.end(), more.begin(), more.end());
   columns_ = (layout_.width + kColumnStep - 1) / kColumnStep;
   for (std::size_t row = 0; row < layout_.bytes / layout_.width; ++row) {
     for (std::size_t column = 0; column < layout_.width; column += kColumnStep)
@@ -61,7 +69,13 @@ std::optional<std::string> FormatCheck::push(std::span<const std::uint8_t> frame
   if (++frames_ < kFrames) return std::nullopt;
   const std::vector<PixelFormat> other = likely_formats();
   samples_ = {};
-  if (other.empty()) return std::nullopt;
+  if (other.empty()) {
+    const auto row_bytes = other_row_bytes();
+    first_bytes_ = {};
+    if (!row_bytes) return std::nullopt;
+    return "rows are alike at a distance of " + std::to_string(*row_bytes) + " bytes, not of " +
+           std::to_string(layout_.stride) + ": --size or --stride may be wrong";
+  }
   return "successive frames of " + size_text(layout_) + " in " + std::string(pixel_format_name(layout_.format)) +
          " differ as parts of other frames do: --format " + names_of(other) + " may be meant";
 }
@@ -128,6 +142,40 @@ bool FormatCheck::has_grey_chroma(std::size_t frame_rows) const {
   }
   const double grey = chroma / static_cast<double>(chroma_count);
   return grey < kGrey && luma / static_cast<double>(luma_count) > kMuchMore * grey + 1;
+}
+
+// The distance at which steps from byte to byte are alike, whatever the light does from row to row, where it is not
+// that of the rows; absent where rows fit, or show no edges.
+std::optional<std::size_t> FormatCheck::other_row_bytes() const {
+  const std::size_t stated = layout_.stride, count = first_bytes_.size() - 1;
+  if (stated >= 2 * layout_.width || count < 2 * stated) return std::nullopt;  // bytes of a pixel differ
+  std::vector<std::int32_t> steps(count);
+  for (std::size_t k = 0; k < count; ++k) steps[k] = std::abs(first_bytes_[k + 1] - first_bytes_[k]);
+  const auto mean = static_cast<std::int32_t>(std::accumulate(steps.begin(), steps.end(), std::int64_t{0}) /
+                                              static_cast<std::int64_t>(count));
+  for (std::int32_t& step : steps) step -= mean;
+  const auto product = [&](std::size_t lag) {
+    std::int64_t sum = 0;
+    for (std::size_t k = 0; k + lag < count; ++k) sum += std::int64_t{steps[k] * steps[k + lag]};
+    return static_cast<double>(sum);
+  };
+  const auto stands_out = [](double one, double before, double after) { return one - 0.5 * (before + after); };
+  std::vector<double> products;
+  for (std::size_t lag = 0; lag <= std::min(kMaxRowBytes, count / 2); lag += kLagStep) products.push_back(product(lag));
+  const std::size_t near = std::max<std::size_t>(2, stated / 50);  // oblique edges
+  double most = 0;
+  std::size_t found = 0;
+  for (std::size_t k = kMinRowBytes / kLagStep; k + kAside < products.size(); ++k) {
+    const std::size_t beyond = k * kLagStep % stated;
+    if (std::min(beyond, stated - beyond) <= near) continue;
+    const double here = stands_out(products[k], products[k - kAside], products[k + kAside]);
+    if (here > most) most = here, found = k * kLagStep;
+  }
+  constexpr std::size_t aside = kAside * kLagStep;
+  const double as_stated =
+      stands_out(product(stated), product(std::max(stated, aside) - aside), product(stated + aside));
+  const double by_chance = kByChance * products[0] / std::sqrt(static_cast<double>(count));
+  return most > std::max(by_chance, kMuchAlike * as_stated) ? std::optional(found) : std::nullopt;
 }
 
 }  // namespace ocisac::apps

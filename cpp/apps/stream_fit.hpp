@@ -17,6 +17,7 @@ std::optional<std::string> length_doubt(std::size_t bytes, const FrameLayout& la
 
 // Compares the first frames of a stream: successive pictures of one scene are alike at the distance of one frame. Signs
 // of another format: rows are more alike at the size of its frames, its chroma is grey, or its high bytes are small.
+// Sign of another width: edges of the picture stand one below the other at the distance of its rows.
 class FormatCheck {
  public:
   explicit FormatCheck(const FrameLayout& layout) : layout_(layout) {}
@@ -30,12 +31,14 @@ class FormatCheck {
   [[nodiscard]] double difference(std::size_t lag) const;
   [[nodiscard]] bool has_small_high_bytes() const;
   [[nodiscard]] bool has_grey_chroma(std::size_t frame_rows) const;
+  [[nodiscard]] std::optional<std::size_t> other_row_bytes() const;
 
   FrameLayout layout_;
   std::size_t frames_ = 0;
   std::size_t columns_ = 0;  // sampled
   // (rows, columns_): the stream cut into rows of `width` bytes, whatever its format, every few columns of them.
   std::vector<std::uint8_t> samples_;
+  std::vector<std::uint8_t> first_bytes_;
 };
 
 }  // namespace ocisac::apps

@@ -133,6 +133,33 @@ def test_grey_chroma_is_noticed_where_the_light_fills_the_picture(receiver):
     )
 
 
+@pytest.mark.parametrize("texture", [3.0, 10.0, 40.0])
+@pytest.mark.parametrize(("columns", "stated"), [(160, 64), (160, 96), (320, 200), (320, 320), (160, 160)])
+def test_another_width_is_warned_of(receiver, columns, stated, texture):
+    """A whole number of frames of either size: the length of the stream tells nothing."""
+    luma, _ = scene(2 * stated // 8, np.random.default_rng(1), columns, texture)
+    done = run(receiver, luma.tobytes(), "--no-bits", width=stated)
+    found = [line for line in done.stderr.decode().splitlines() if "--size or --stride may be wrong" in line]
+    assert len(found) == (columns != stated)
+    if found:
+        assert int(found[0].partition("distance of ")[2].partition(" bytes")[0]) % columns == 0
+
+
+@pytest.mark.parametrize(
+    "name", ["mains_dark_room.png", "laser_stripes_cup.png", "fabric_wall.png", "lcd_no_bands.png"]
+)
+def test_the_width_of_real_recordings_is_not_doubted(receiver, recordings, name):
+    from ocisac_fast.files import read_frames
+
+    picture = read_frames(recordings / "world" / name).frames[0]
+    picture = picture if picture.ndim == 2 else picture[..., 1]
+    rows, columns = (size // 4 * 4 for size in picture.shape)
+    stream = np.repeat(picture[np.newaxis, :rows, :columns], 6, 0).astype(np.uint8)
+    words = ["--size", f"{columns}x{rows}", "--row-time", "22.2us", "--no-bits"]
+    done = subprocess.run([receiver, *words], input=stream.tobytes(), capture_output=True, timeout=60, check=False)
+    assert b"may be wrong" not in done.stderr
+
+
 def test_a_still_dark_scene_is_not_warned_of(receiver):
     frames = np.random.default_rng(0).normal(16, 1.5, (8, ROWS, 240)).clip(0, 255).astype(np.uint8)
     assert run(receiver, frames.tobytes(), "--no-bits", width=240).stderr == b""
