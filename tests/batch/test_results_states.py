@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -104,10 +106,11 @@ def test_a_manifest_names_nothing_outside_of_its_folder(sources, results, tmp_pa
 
 
 def test_another_program_s_manifest_stays(sources, tmp_path):
-    (tmp_path / "manifest.json").write_text('{"name": "app", "icons": []}')
+    (tmp_path / "app").mkdir()
+    (tmp_path / "app" / "manifest.json").write_text('{"name": "app", "icons": []}')
     with pytest.raises(ResultsError, match=r"manifest\.json is not of `ocisac batch`; allowed: another folder"):
-        measure_recordings(sources, GAIN, output=tmp_path)
-    assert (tmp_path / "manifest.json").read_text() == '{"name": "app", "icons": []}'
+        measure_recordings(sources, GAIN, output=tmp_path / "app")
+    assert (tmp_path / "app" / "manifest.json").read_text() == '{"name": "app", "icons": []}'
 
 
 def test_again_in_a_new_folder_and_after_cleaning(sources, tmp_path):
@@ -169,3 +172,47 @@ def test_foreign_tables_in_the_rows_are_no_results(sources, results):
         FileWarning, match=r"kept, since no run wrote it: rows/00/0+-1+-all\.parquet, rows/mine\.parquet"
     ):
         measure_recordings(sources, GAIN, output=results, again=True)
+
+
+# Two runs; folders that hold each other
+
+
+def test_two_runs_with_one_folder(sources, tmp_path, capsys):
+    """The second is refused while the first runs, and not after it was killed."""
+    words = ["batch", str(sources), "-o", str(tmp_path / "o"), "--workers", "0", *WORDS]
+
+    def second(_):
+        assert main(words) == 2
+        assert capsys.readouterr().err == (
+            f"ocisac: {tmp_path / 'o'}: another run writes here; allowed: another folder, or its end\n"
+        )
+
+    measure_recordings(sources, GAIN, output=tmp_path / "o", report=second)
+    program = (
+        "import os; from ocisac_fast.batch import Task, measure_recordings;"
+        f"measure_recordings({str(sources)!r}, Task('gain', {GAIN.options!r}), output={str(tmp_path / 'p')!r}, "
+        "report=lambda done: os.kill(os.getpid(), 9) if done.finished == 2 else None)"
+    )
+    assert subprocess.run([sys.executable, "-c", program], timeout=60).returncode == -9
+    done = measure_recordings(sources, GAIN, output=tmp_path / "p").progress
+    assert (done.finished, done.skipped) == (COUNT, 2)
+
+
+@pytest.mark.parametrize("output", [".", "", "..", "../r", "link"])
+def test_a_results_folder_that_holds_the_recordings_is_refused(output, sources, tmp_path, capsys, monkeypatch):
+    """Nothing was measured, with exit code 0."""
+    monkeypatch.chdir(sources)
+    (sources / "link").symlink_to(".")
+    for given in (["."], ["*.npy"], ["0.npy", "1.npy"], [str(sources)]):
+        assert main(["batch", *given, "-o", output, "--workers", "0", *WORDS]) == 2
+        err = capsys.readouterr().err.splitlines()
+        assert len(err) == 1
+        assert "which holds the recordings" in err[0]
+    assert not list(sources.rglob("*.json"))
+
+
+def test_results_below_a_linked_folder_are_no_recordings(sources, tmp_path):
+    (tmp_path / "link").symlink_to(sources)
+    for _ in range(2):
+        done = measure_recordings(tmp_path / "link", GAIN, output=sources / "results").progress
+        assert (done.recordings, done.failed) == (COUNT, 0)

@@ -14,7 +14,7 @@ from ocisac_fast.batch.fields import FAILURE, columns, schema, table
 from ocisac_fast.batch.jobs import Job, Jobs, Report, Work
 from ocisac_fast.batch.measuring import build
 from ocisac_fast.batch.recordings import Entry, find_recordings
-from ocisac_fast.batch.results import Results, are_whole, failure_row, is_of, key_of, rows_name
+from ocisac_fast.batch.results import Results, ResultsError, are_whole, failure_row, is_of, key_of, rows_name
 from ocisac_fast.batch.task import Task
 from ocisac_fast.batch.workers import Workers
 from ocisac_fast.files.extras import pyarrow
@@ -88,10 +88,15 @@ def measure_recordings(
     """
     if max_frames < 0:
         raise ValueError(f"max_frames: got {max_frames}, allowed: 0 or above")
-    entries = find_recordings(paths)
+    every = [os.fspath(path) for path in ((paths,) if isinstance(paths, (str, os.PathLike)) else paths)]
+    entries = find_recordings(every)
     if output is None:
         return _Campaign(entries, task, None, max_frames, report).run(client)
     results = Results(output)
+    if inside := [path for path in every if results.contains(path)]:
+        raise ResultsError(
+            f"output: got {results.folder}, which holds the recordings {inside[0]}; allowed: another folder"
+        )
     entries = [entry for entry in entries if not results.contains(entry.path)]
     with results.prepared(task, again):
         return _Campaign(entries, task, results, max_frames, report).run(client)

@@ -15,6 +15,7 @@ file has to be opened to know. A file counts if its length is the manifest's, an
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import io
 import json
 import os
@@ -35,7 +36,7 @@ from ocisac_fast.cli.output import plain
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files import FileWarning, Part, atomic_path
 from ocisac_fast.files.extras import pyarrow
-from ocisac_fast.files.remote import file_system
+from ocisac_fast.files.remote import file_system, is_remote
 
 _METADATA = b"ocisac"
 _TASK, _MANIFEST, _FOLDERS = "task.json", "manifest.json", ("rows", "failures", "cleaned")
@@ -78,24 +79,46 @@ class Results:
                 written.
         """
         facts = {**task.facts(), "version": build()["version"]}
+        with self._alone():
+            with self._errors():
+                there = None if again else self._task()
+                if there is not None and there != facts:
+                    raise ResultsError(
+                        f"{self.folder}: made with {_difference(there, facts)}; allowed: the same, another "
+                        "folder, or --again to measure all anew"
+                    )
+                self._lengths = self._manifest()
+                if again:
+                    self._discard()
+                elif there is None and _TASK not in self._lengths and self._system.exists(self._path(_MANIFEST)):
+                    raise ResultsError(f"{self.folder}: {_MANIFEST} is not of `ocisac batch`; allowed: another folder")
+                self.note({_TASK: self._write(_TASK, json.dumps(facts, indent=1).encode())})
+            try:
+                yield
+            finally:
+                with self._errors():
+                    self._save_manifest()
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Refuse a second run in a local folder; the lock of a process ends with it, however it ends."""
+        if not self.is_local:
+            yield
+            return
         with self._errors():
-            there = None if again else self._task()
-            if there is not None and there != facts:
-                raise ResultsError(
-                    f"{self.folder}: made with {_difference(there, facts)}; allowed: the same, another "
-                    "folder, or --again to measure all anew"
-                )
-            self._lengths = self._manifest()
-            if again:
-                self._discard()
-            elif there is None and _TASK not in self._lengths and self._system.exists(self._path(_MANIFEST)):
-                raise ResultsError(f"{self.folder}: {_MANIFEST} is not of `ocisac batch`; allowed: another folder")
-            self.note({_TASK: self._write(_TASK, json.dumps(facts, indent=1).encode())})
+            os.makedirs(self._root, exist_ok=True)
+            folder = os.open(self._root, os.O_RDONLY)
+        try:
+            fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(folder)
+            raise ResultsError(f"{self.folder}: another run writes here; allowed: another folder, or its end") from None
+        except OSError:
+            pass  # a file system without locks
         try:
             yield
         finally:
-            with self._errors():
-                self._save_manifest()
+            os.close(folder)
 
     def note(self, written: Mapping[str, int]) -> None:
         """Keep lengths of files that were written, by name below the folder."""
@@ -147,9 +170,10 @@ class Results:
         return {name[start:]: entry.get("size") for name, entry in sorted(found.items())}
 
     def contains(self, path: str) -> bool:
-        """True for a path in this folder, which may be in the campaign's."""
-        root = self._root if self.is_local else self.folder
-        return path.startswith(root.rstrip("/") + "/")
+        """True for this folder, which may be in the campaign's, and for a path in it, through any links."""
+        if self.is_local:
+            return not is_remote(path) and Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self._root))
+        return f"{path.rstrip('/')}/".startswith(f"{self.folder.rstrip('/')}/")
 
     def task_facts(self) -> dict[str, Any]:
         """The task's facts.
