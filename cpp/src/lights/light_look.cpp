@@ -4,27 +4,24 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
 #include <span>
 #include <type_traits>
 #include <variant>
 
-#include "core/legendre.hpp"
 #include "core/linear_algebra.hpp"
-#include "core/spectrum.hpp"
+#include "ocisac/rows/basis.hpp"
+#include "ocisac/rows/tone_search.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 
 namespace {
 
 constexpr std::size_t kCells = 8, kHalves = 2;
-constexpr std::size_t kSampled = 64;          // columns of a box
-constexpr double kRowsACycle = 16;            // of a tone
-constexpr std::size_t kWaves = 3;             // 1, cosine, sine
-constexpr double kSingular = 1e-10;           // of the largest eigenvalue: a cycle above the box may have two rows only
-constexpr std::size_t kTrend = 3;             // degree of the slow light beside a waveform
-constexpr std::size_t kPadded = 8;            // times the rows: spectrum of a waveform
-constexpr std::size_t kLowest = 2 * kPadded;  // of the spectrum: two cycles in the box
+constexpr std::size_t kSampled = 64;  // columns of a box
+constexpr double kRowsACycle = 16;    // of a tone
+constexpr std::size_t kWaves = 3;     // 1, cosine, sine
+constexpr std::size_t kTrend = 3;     // degree of the slow light beside a waveform
 
 std::size_t ceil_of(std::size_t value, std::size_t step) { return (value + step - 1) / step; }
 
@@ -41,7 +38,7 @@ std::size_t in_frame(std::ptrdiff_t at, std::size_t length) {
 }
 
 // Standard deviation of a row from the differences of following rows, which texture larger than a row hardly enters.
-// `rest`: (rows × cells).
+// `rest`: (rows × cells). Harmonics that the fit leaves count as noise, unlike in second differences.
 double row_noise(std::span<const double> rest, std::size_t cells) {
   double energy = 0;
   for (std::size_t k = cells; k < rest.size(); ++k) energy += (rest[k] - rest[k - cells]) * (rest[k] - rest[k - cells]);
@@ -49,45 +46,7 @@ double row_noise(std::span<const double> rest, std::size_t cells) {
   return std::sqrt(0.5 * energy / count);
 }
 
-// (3 × rows): 1, cosine, sine at the rows.
-Eigen::MatrixXd waves_at(std::span<const std::ptrdiff_t> rows, double frequency) {
-  Eigen::MatrixXd waves(kWaves, static_cast<Eigen::Index>(rows.size()));
-  for (Eigen::Index k = 0; k < waves.cols(); ++k) {
-    const double angle = 2 * std::numbers::pi * frequency * static_cast<double>(rows[static_cast<std::size_t>(k)]);
-    waves.col(k) << 1, std::cos(angle), std::sin(angle);
-  }
-  return waves;
-}
-
-// Pseudoinverse of the transposed waves: W = (A·Aᵀ)⁺·A.
-Eigen::MatrixXd weights_of(const Eigen::MatrixXd& waves) {
-  const EigenFactors factors = symmetric_factors(gram(waves));
-  const Eigen::ArrayXd values = factors.values.array();
-  const Eigen::VectorXd inverse = (values > kSingular * values.maxCoeff()).select(values.inverse(), 0.0);
-  return product(product(factors.vectors * inverse.asDiagonal(), factors.vectors.transpose()), waves);
-}
-
-// Legendre polynomials up to kTrend, orthonormal: (rows × terms).
-Eigen::MatrixXd slow_waves(std::size_t rows) {
-  Eigen::MatrixXd trend(static_cast<Eigen::Index>(rows), kTrend + 1);
-  for (Eigen::Index row = 0; row < trend.rows(); ++row) {
-    std::array<double, kTrend + 1> values{};
-    legendre(2.0 * static_cast<double>(row) / static_cast<double>(std::max<std::size_t>(rows - 1, 1)) - 1, values);
-    trend.row(row) = Eigen::Map<const Eigen::RowVectorXd>(values.data(), kTrend + 1);
-  }
-  return pivoted_orthogonal_factors(trend).basis;
-}
-
-// Cycles per row of the strongest tone with two cycles or more in the rows.
-double strongest_tone(const std::vector<double>& waveform) {
-  std::vector<double> padded(kPadded * waveform.size());
-  std::ranges::copy(waveform, padded.begin());
-  const auto spectrum = half_spectra(padded, padded.size());
-  std::size_t strongest = kLowest;
-  for (std::size_t k = kLowest; k + kPadded < spectrum.size(); ++k)
-    if (std::norm(spectrum[k]) > std::norm(spectrum[strongest])) strongest = k;
-  return static_cast<double>(strongest) / static_cast<double>(padded.size());
-}
+RowSampling sampling_at(std::span<const std::ptrdiff_t> rows) { return {.times = {rows.begin(), rows.end()}}; }
 
 }  // namespace
 
@@ -133,24 +92,25 @@ ToneLook::ToneLook(const FreeBox& box, double dark, double frequency)
   const auto half = static_cast<std::ptrdiff_t>(box.height / kHalves), end = static_cast<std::ptrdiff_t>(box.height);
   for (const std::ptrdiff_t bound : {std::ptrdiff_t{0}, half, end, rows.back() + 1}) {
     const std::size_t first =
-        parts_.empty() ? 0 : parts_.back().first + static_cast<std::size_t>(parts_.back().waves.cols());
+        parts_.empty() ? 0 : parts_.back().first + static_cast<std::size_t>(parts_.back().waves.rows());
     const auto last = static_cast<std::size_t>(std::lower_bound(rows.begin(), rows.end(), bound) - rows.begin());
-    const Eigen::MatrixXd waves = waves_at(std::span(rows).subspan(first, last - first), frequency);
-    parts_.push_back({first, waves, weights_of(waves)});
+    const Eigen::MatrixXd waves =
+        tone_design(sampling_at(std::span(rows).subspan(first, last - first)), {&frequency, 1});
+    parts_.push_back({first, waves, linear_fit(waves, kWaves).weights});
   }
-  for (std::size_t k = 1; k <= kHalves; ++k) spread_ = std::max(spread_, parts_[k].weights.row(0).norm());
+  for (std::size_t k = 1; k <= kHalves; ++k) spread_ = std::max(spread_, parts_[k].weights.col(0).norm());
 }
 
 std::vector<double> ToneLook::fit(const std::vector<double>& light) const {
   const std::size_t cells = cells_.cells();
   std::vector<double> fitted(parts_.size() * kWaves * cells);
   double* to = fitted.data();
-  for (const Part& part : parts_) {
+  for (const Rows& part : parts_) {
     const double* row = light.data() + part.first * cells;
-    for (Eigen::Index n = 0; n < part.weights.cols(); ++n, row += cells)
+    for (Eigen::Index n = 0; n < part.weights.rows(); ++n, row += cells)
       for (std::size_t k = 0; k < kWaves; ++k)
         for (std::size_t cell = 0; cell < cells; ++cell)
-          to[k * cells + cell] += part.weights(static_cast<Eigen::Index>(k), n) * row[cell];
+          to[k * cells + cell] += part.weights(n, static_cast<Eigen::Index>(k)) * row[cell];
     to += kWaves * cells;
   }
   return fitted;
@@ -162,12 +122,12 @@ double ToneLook::noise(const std::vector<double>& light, const std::vector<doubl
   std::vector<double> rest;
   rest.reserve(light.size());
   const double* of_part = fitted.data();
-  for (const Part& part : parts_) {
+  for (const Rows& part : parts_) {
     const double* row = light.data() + part.first * cells;
-    for (Eigen::Index n = 0; n < part.waves.cols(); ++n, row += cells)
+    for (Eigen::Index n = 0; n < part.waves.rows(); ++n, row += cells)
       for (std::size_t cell = 1; cell + 1 < cells; ++cell)
-        rest.push_back(row[cell] - (of_part[cell] + part.waves(1, n) * of_part[cells + cell] +
-                                    part.waves(2, n) * of_part[2 * cells + cell]));
+        rest.push_back(row[cell] - (of_part[cell] + part.waves(n, 1) * of_part[cells + cell] +
+                                    part.waves(n, 2) * of_part[2 * cells + cell]));
     of_part += kWaves * cells;
   }
   return spread_ * row_noise(rest, cells - 2);
@@ -201,7 +161,8 @@ LightLook ToneLook::look(const AnyFramesView& frame, const FreeBox& box) const {
   return result;
 }
 
-WaveformLook::WaveformLook(const FreeBox& box, double dark) : cells_(box, dark), slow_(slow_waves(box.height)) {}
+WaveformLook::WaveformLook(const FreeBox& box, double dark)
+    : cells_(box, dark), slow_(linear_fit(tone_design(centred_rows(box.height), {}, kTrend), 0).basis) {}
 
 LightLook WaveformLook::look(const AnyFramesView& frame, const FreeBox& box) const {
   using Light = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -229,7 +190,8 @@ LightLook WaveformLook::look(const AnyFramesView& frame, const FreeBox& box) con
   result.beside = {follow(0), follow(inner + 1)};
   result.common = static_cast<double>(inner) * energy / fast.middleCols(1, inner).squaredNorm();
   result.follow.assign(follow.begin() + 1, follow.end() - 1);
-  result.frequency = strongest_tone(result.waveform);
+  const std::size_t count = result.waveform.size();
+  result.frequency = strongest_tone(result.waveform, count, 2 / static_cast<double>(count), 0.5).frequency;
   return result;
 }
 

@@ -52,15 +52,15 @@ class ToneLook {
   [[nodiscard]] LightLook look(const AnyFramesView& frame, const FreeBox& box) const;
 
  private:
-  struct Part {                      // above the box, its halves, below it
+  struct Rows {                      // above the box, in its halves, below it
     std::size_t first;               // of the rows taken
-    Eigen::MatrixXd waves, weights;  // (3 × rows): 1, cosine, sine, and the pseudoinverse
+    Eigen::MatrixXd waves, weights;  // (rows × 3): 1, cosine, sine, and their weights
   };
   [[nodiscard]] std::vector<double> fit(const std::vector<double>& light) const;  // (parts × waves × cells)
   [[nodiscard]] double noise(const std::vector<double>& light, const std::vector<double>& fitted) const;
 
   LightCells cells_;
-  std::vector<Part> parts_;
+  std::vector<Rows> parts_;
   double spread_ = 0;  // standard error of a cell's mean over that of a row
 };
 

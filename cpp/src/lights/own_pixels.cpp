@@ -1,5 +1,6 @@
 #include "lights/own_pixels.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +10,8 @@
 #include <span>
 
 #include "lights/profile_frequency.hpp"
+#include "ocisac/rows/basis.hpp"
+#include "rows/normal_factors.hpp"
 
 namespace ocisac {
 
@@ -18,7 +21,6 @@ using Complex = std::complex<double>;
 
 constexpr std::size_t max_orders = 3;
 constexpr std::size_t max_groups = 16;  // of a jackknife
-constexpr double dependent = 1e-9;      // relative energy of a column that others explain
 constexpr int ascents = 3;              // Newton steps of a frequency
 constexpr int outline_rounds = 6;
 constexpr double outline_reach = 0.12;  // of the frequency in a round, relative
@@ -29,112 +31,79 @@ constexpr std::size_t min_beyond = 4;  // rows
 
 double squared(double x) { return x * x; }
 
+Eigen::Map<const Eigen::VectorXd> vector_of(std::span<const double> x) {
+  return {x.data(), static_cast<Eigen::Index>(x.size())};
+}
+
 // Weighted least squares of the profile on mean, slope, curvature (of a bright core) and harmonics, whose amplitude
-// may change along the rows as a slope beneath the lamp makes it. Terms enter one by one by rows of the Cholesky factor
-// of the normal equations; the amount of a term is its share of the profile beyond the terms before it.
-class ToneFit {
- public:
-  ToneFit(const OwnPixels& pixels, double frequency) : terms_(pixels.profile.size()) {
-    const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, max_orders);
-    const ComplexValues turns = turns_of(frequency, terms_.size());
-    for (std::size_t n = 0; n < terms_.size(); ++n) {
-      const double x = along(n);
-      terms_[n] = {1, x, x * x};
-      Complex harmonic = 1;
-      for (std::size_t h = 0; h < orders; ++h) {
-        harmonic = product(harmonic, Complex(turns.real[n], turns.imaginary[n]));
-        terms_[n][slow_terms + 2 * h] = harmonic.real(), terms_[n][slow_terms + 2 * h + 1] = harmonic.imag();
-      }
-    }
-    std::array<Terms, max_terms> products{};
-    Terms sums{};
-    for (std::size_t n = 0; n < terms_.size(); ++n) {
-      if (!(pixels.weight[n] > 0)) continue;
-      for (std::size_t k = 0; k + 1 < max_terms; ++k) add_products(products[k], pixels.weight[n] * terms_[n][k], n);
-      add_products(sums, pixels.weight[n] * pixels.profile[n], n);
-    }
-    for (std::size_t k = 0; k < slow_terms; ++k) add(k, products[k], sums[k]);
-    of_slow_ = coefficients();
-    for (std::size_t k = slow_terms; k + 1 < max_terms; ++k) add(k, products[k], sums[k]);
-    const Terms of_all = coefficients();
-    constexpr std::size_t changing = max_terms - 1;
-    double sum = 0;
-    for (std::size_t n = 0; n < terms_.size(); ++n) {
-      const double term = along(n) * (value(of_all, n) - value(of_slow_, n));
-      terms_[n][changing] = term;
-      if (!(pixels.weight[n] > 0)) continue;
-      add_products(products[changing], pixels.weight[n] * term, n);
-      sum += pixels.weight[n] * term * pixels.profile[n];
-    }
-    add(changing, products[changing], sum);
-    of_all_ = coefficients();
-  }
-
-  // Σ weight·x² of the tone.
-  [[nodiscard]] double tone() const {
-    return std::inner_product(amounts_.begin() + slow_terms, amounts_.end(), amounts_.begin() + slow_terms, 0.0);
-  }
-  // (rows): all but the tone; all fitted terms. Rows without weight have the continued fit.
-  [[nodiscard]] std::vector<double> slow() const { return values(of_slow_); }
-  [[nodiscard]] std::vector<double> fitted() const { return values(of_all_); }
-  [[nodiscard]] double terms() const { return static_cast<double>(std::ranges::count(used_, true)); }
-
- private:
-  static constexpr std::size_t slow_terms = 3, max_terms = slow_terms + 2 * max_orders + 1;
-  using Terms = std::array<double, max_terms>;
-
-  // Place of a row, −1 to 1.
-  [[nodiscard]] double along(std::size_t n) const {
-    return 2 * static_cast<double>(n) / static_cast<double>(terms_.size()) - 1;
-  }
-
-  void add_products(Terms& products, double factor, std::size_t n) const {
-    for (std::size_t k = 0; k < max_terms; ++k) products[k] += factor * terms_[n][k];
-  }
-
-  // The factor's row k: `products` with the terms before it and with itself, `sum` with the profile. A term that others
-  // explain is left out.
-  void add(std::size_t k, const Terms& products, double sum) {
-    Terms& row = factor_[k];
-    double energy = products[k];
-    for (std::size_t i = 0; i < k; ++i) {
-      if (!used_[i]) continue;
-      row[i] =
-          (products[i] - std::inner_product(row.begin(), row.begin() + i, factor_[i].begin(), 0.0)) / factor_[i][i];
-      energy -= squared(row[i]), sum -= row[i] * amounts_[i];
-    }
-    if (!(energy > dependent * products[k])) return row.fill(0);
-    row[k] = std::sqrt(energy), amounts_[k] = sum / row[k], used_[k] = true;
-  }
-
-  [[nodiscard]] Terms coefficients() const {
-    Terms out{};
-    for (std::size_t k = max_terms; k-- > 0;) {
-      if (!used_[k]) continue;
-      double rest = amounts_[k];
-      for (std::size_t i = k + 1; i < max_terms; ++i) rest -= factor_[i][k] * out[i];
-      out[k] = rest / factor_[k][k];
-    }
-    return out;
-  }
-
-  [[nodiscard]] double value(const Terms& coefficients, std::size_t n) const {
-    return std::inner_product(coefficients.begin(), coefficients.end(), terms_[n].begin(), 0.0);
-  }
-
-  [[nodiscard]] std::vector<double> values(const Terms& coefficients) const {
-    std::vector<double> out(terms_.size());
-    for (std::size_t n = 0; n < out.size(); ++n) out[n] = value(coefficients, n);
-    return out;
-  }
-
-  std::vector<Terms> terms_;                  // of each row
-  std::array<Terms, max_terms> factor_ = {};  // lower triangle
-  Terms amounts_ = {}, of_slow_ = {}, of_all_ = {};
-  std::array<bool, max_terms> used_ = {};
+// may change along the rows as a slope beneath the lamp makes it. Rows without weight have the continued fit.
+struct ToneFit {
+  std::vector<double> slow, fitted;  // (rows): all but the tone; all terms
+  double tone = 0;                   // Σ weight·x² of the tone, beyond the slow terms
+  double terms = 0;
 };
 
-double tone_energy(const OwnPixels& pixels, double frequency) { return ToneFit(pixels, frequency).tone(); }
+constexpr std::size_t kSlowTerms = 3;
+
+// Columns of the model, weighted, and the products of their pairs and with the profile, column by column.
+struct ToneTerms {
+  const OwnPixels& pixels;
+  std::vector<double> columns;
+  NormalProducts products;
+  std::size_t count = 0;
+
+  [[nodiscard]] std::span<const double> column(std::size_t k) const {
+    const std::size_t rows = pixels.profile.size();
+    return std::span(columns).subspan(k * rows, rows);
+  }
+
+  void take_products() {
+    const std::size_t all = columns.size() / pixels.profile.size();
+    for (std::size_t i = count; i < all; ++i) {
+      const Eigen::VectorXd weighted = vector_of(pixels.weight).cwiseProduct(vector_of(column(i)));
+      for (std::size_t j = 0; j <= i; ++j) products.normal(i, j) = weighted.dot(vector_of(column(j)));
+      products.right(i) = weighted.dot(vector_of(pixels.profile));
+    }
+    count = all;
+  }
+
+  // Σ of the first `used` columns with their coefficients.
+  [[nodiscard]] std::vector<double> fitted(const NormalFactors& factors, std::size_t used) const {
+    std::array<double, NormalProducts::kMost> coefficients;
+    factors.solve(std::span(coefficients).first(used));
+    std::vector<double> out(pixels.profile.size());
+    Eigen::Map<Eigen::VectorXd> sum(out.data(), static_cast<Eigen::Index>(out.size()));
+    for (std::size_t k = 0; k < used; ++k) sum += coefficients[k] * vector_of(column(k));
+    return out;
+  }
+};
+
+ToneFit fit_tone(const OwnPixels& pixels, double frequency) {
+  const std::size_t rows = pixels.profile.size();
+  const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, max_orders);
+  const RowSampling sampling = centred_rows(rows);
+  ToneTerms terms{pixels, {}, {}};
+  append_trend(terms.columns, sampling, kSlowTerms - 1);
+  for (std::size_t h = 1; h <= orders; ++h) {
+    const double harmonic = static_cast<double>(h) * frequency;
+    append_tones(terms.columns, sampling, {&harmonic, 1});
+  }
+  terms.take_products();
+  const NormalFactors steady(terms.products, terms.count);
+  ToneFit fit;
+  fit.slow = terms.fitted(steady, std::min(kSlowTerms, steady.solvable()));
+  const std::vector<double> even = terms.fitted(steady, steady.solvable());
+  if (steady.solvable() == terms.count)
+    for (std::size_t n = 0; n < rows; ++n) terms.columns.push_back(terms.column(1)[n] * (even[n] - fit.slow[n]));
+  terms.take_products();
+  const NormalFactors all(terms.products, terms.count);
+  fit.fitted = terms.fitted(all, all.solvable());
+  fit.terms = static_cast<double>(all.solvable());
+  for (std::size_t k = kSlowTerms; k < all.solvable(); ++k) fit.tone += squared(all.explained(k));
+  return fit;
+}
+
+double tone_energy(const OwnPixels& pixels, double frequency) { return fit_tone(pixels, frequency).tone; }
 
 // Rows with own pixels, from the first to the last.
 IndexRange own_rows(const OwnPixels& pixels) {
@@ -167,14 +136,13 @@ Peak peak_near(const OwnPixels& pixels, double frequency, double rows) {
 
 // Σ weight·x² of what no term explains, per row.
 double rest_of_row(const OwnPixels& pixels, double frequency) {
-  const ToneFit fit(pixels, frequency);
-  const std::vector<double> fitted = fit.fitted();
+  const ToneFit fit = fit_tone(pixels, frequency);
   double sum = 0, rows = 0;
   for (std::size_t n = 0; n < pixels.weight.size(); ++n) {
-    const double rest = pixels.profile[n] - fitted[n];
+    const double rest = pixels.profile[n] - fit.fitted[n];
     sum += pixels.weight[n] * rest * rest, rows += pixels.weight[n] > 0 ? 1 : 0;
   }
-  return sum / std::max(rows - fit.terms(), 1.0);
+  return sum / std::max(rows - fit.terms, 1.0);
 }
 
 // The larger one of a jackknife over groups of cycles, as texture over a light has no independent rows, and of least
@@ -259,8 +227,7 @@ std::optional<Normal> beyond(const OwnPixels& pixels, std::size_t group, std::si
 // with light N(slow + tone, s²), texture that swings as much N(slow, s² + tone²), surroundings as beyond(). Ratios of
 // groups without own pixels are 0.
 std::vector<double> likelihood_ratios(const OwnPixels& pixels, const ToneFit& fit) {
-  const std::vector<double> slow = fit.slow();
-  const std::vector<double> all = fit.fitted();
+  const auto &slow = fit.slow, &all = fit.fitted;
   const std::size_t rows = pixels.profile.size(), groups = pixels.light.size() / rows;
   std::vector<double> residuals;
   double swing = 0, low = std::numeric_limits<double>::infinity(), high = -low;
@@ -311,7 +278,7 @@ void select(OwnPixels& pixels, const ToneFit& fit, double frequency) {
   const auto [left, right] = largest_range(of_groups);
   for (std::size_t i = 0; i < pixels.own.size(); ++i)
     if (i % groups < left || i % groups >= right) pixels.own[i] = 0;
-  centre(pixels, fit.fitted());
+  centre(pixels, fit.fitted);
 }
 
 }  // namespace
@@ -367,8 +334,8 @@ std::optional<double> fit_outline(OwnPixels& pixels, double frequency) {
     const double lower = frequency * (1 - outline_reach), upper = std::min(frequency * (1 + outline_reach), 0.499);
     frequency = strongest_frequency(pixels, lower, upper);
     if (frequency <= lower || frequency >= upper) return {};
-    const ToneFit fit(pixels, frequency);
-    centre(pixels, fit.fitted());
+    const ToneFit fit = fit_tone(pixels, frequency);
+    centre(pixels, fit.fitted);
     const std::vector<std::uint8_t> before = pixels.own;
     select(pixels, fit, frequency);
     const auto [first, end] = own_rows(pixels);
@@ -388,9 +355,8 @@ Region own_box(const OwnPixels& pixels) {
 }
 
 RefinedLight light_of(const OwnPixels& pixels, double frequency, double noise) {
-  const ToneFit fit(pixels, frequency);
-  const std::vector<double> slow = fit.slow();
-  const std::vector<double> all = fit.fitted();
+  const ToneFit fit = fit_tone(pixels, frequency);
+  const auto &slow = fit.slow, &all = fit.fitted;
   const std::size_t rows = pixels.profile.size(), groups = rows > 0 ? pixels.light.size() / rows : 0;
   double total = 0, rest = 0, common = 0, spread = 0, count = 0;
   Complex uneven = 0;

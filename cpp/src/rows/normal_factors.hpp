@@ -37,6 +37,9 @@ class NormalFactors {
   // Number of unknowns before the first whose column depends on those before it, or is not finite.
   [[nodiscard]] std::size_t solvable() const { return solvable_; }
 
+  // Part of column 0's norm that unknown i explains beyond those before it.
+  [[nodiscard]] double explained(std::size_t i) const { return explained_[i]; }
+
   // Solution for the first values.size() unknowns alone, at most solvable().
   void solve(std::span<double> values) const;
 
