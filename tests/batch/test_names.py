@@ -51,7 +51,7 @@ def test_a_path_that_exists_is_no_pattern(tmp_path):
     assert measured(wild) == {str(wild)}
 
 
-def test_names_of_any_bytes(tmp_path):
+def test_names_of_any_bytes(tmp_path, capsys):
     """A name that is not UTF-8 is measured or listed as a failure like any other, in a first run and in a second."""
     names = [
         b"caf\xe9.npy",
@@ -72,6 +72,11 @@ def test_names_of_any_bytes(tmp_path):
     assert [one.path for one in summarize(results).recordings] == sorted(map(str, sources))
     assert read_failures(results)["path"].to_pylist() == [str(tmp_path / "r" / "bad\ufffd.npy")]
     assert main(["batch", "--summary", str(results), "--json"]) == 0
+    capsys.readouterr()
+    assert main(["batch", "--summary", str(results)]) == 0
+    shown = capsys.readouterr().out
+    assert "\\x1b]0;x\\x07.npy" in shown
+    assert all(character.isprintable() or character == "\n" for character in shown)
     cleaning = Task("clean", {"row_time": ROW_TIME})
     done = measure_recordings(tmp_path / "r", cleaning, output=tmp_path / "cleaned").progress
     assert (done.finished, done.failed) == (len(names), 1)

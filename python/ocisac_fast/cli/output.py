@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import click
 import numpy as np
 
-from ocisac_fast.cli.text import is_utf8
+from ocisac_fast.cli.text import is_utf8, printable
 
 _SURROGATES = re.compile("[\ud800-\udfff]")  # Python's representation of file name bytes that are not UTF-8
 _AS_THEY_ARE = (int, bool, type(None))
@@ -146,12 +146,12 @@ def emit_table(
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=title or None, box=box.SIMPLE_HEAD if header else None, show_header=header)
+    table = Table(title=printable(title) or None, box=box.SIMPLE_HEAD if header else None, show_header=header)
     for k, name in enumerate(header_row):
         side: Any = "right" if header and k > 0 and name not in left else "left"
         table.add_column(name, justify=side, style="" if header or k else "bold", overflow="fold")
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
+        table.add_row(*(Text(printable(cell)) for cell in row))
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=_UNBROKEN)

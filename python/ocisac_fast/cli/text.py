@@ -45,7 +45,11 @@ def _replaced(error: UnicodeError) -> tuple[str, int]:
 
 def one_line(message: str) -> str:
     """A message without line ends; control characters, possible in names and headers, are escaped."""
-    joined = " ".join(message.split())
+    return printable(" ".join(message.split()))
+
+
+def printable(text: str) -> str:
+    """A text whose control characters, which a terminal would obey, are escaped."""
     return "".join(
-        character if character.isprintable() else character.encode("unicode_escape").decode() for character in joined
+        character if character.isprintable() else character.encode("unicode_escape").decode() for character in text
     )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import fcntl
+import hashlib
 import itertools
 import os
 import secrets
@@ -49,9 +51,8 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     if not folder.is_dir():
         raise FileNotFoundError(errno.ENOENT, "no such directory to write to", str(Path(path).parent))
     suffix = Path(path).suffix
-    # A short name for any length of `path`; created like open() does, so that the umask applies to new files.
-    temporary = folder / f".{secrets.token_hex(8)}{suffix if len(os.fsencode(suffix)) <= _MAX_SUFFIX else ''}"
-    os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600 if there else 0o666))
+    suffix = suffix if len(os.fsencode(suffix)) <= _MAX_SUFFIX else ""
+    temporary, descriptor = _temporary(folder, target.name, suffix, 0o600 if there else 0o666)
     try:
         yield temporary
         if not is_file:
@@ -63,12 +64,38 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
             with contextlib.suppress(PermissionError):
                 os.chown(temporary, there.st_uid, there.st_gid)
             temporary.chmod(stat.S_IMODE(there.st_mode))
-        with temporary.open("rb") as whole:
-            os.fsync(whole.fileno())  # before its name: no crash leaves a name without its bytes
+        os.fsync(descriptor)  # before its name: no crash leaves a name without its bytes
         temporary.replace(target)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+    finally:
+        os.close(descriptor)
+
+
+def _temporary(folder: Path, name: str, suffix: str, mode: int) -> tuple[Path, int]:
+    """A new file, locked while it is open. What a killed process left on its way to the same name is removed.
+
+    Its name is short for any ``name``; it is created like open() does, so that the umask applies to new files.
+    """
+    mark = hashlib.blake2b(os.fsencode(name), digest_size=8).hexdigest()
+    with contextlib.suppress(OSError):  # none there, or its process lives
+        left = os.open(folder / f".{mark}{suffix}", os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+        try:
+            fcntl.flock(left, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            (folder / f".{mark}{suffix}").unlink()
+        finally:
+            os.close(left)
+    while True:
+        path = folder / f".{mark}{suffix}"
+        mark = secrets.token_hex(8)  # of the next, where another process writes the same
+        with contextlib.suppress(FileExistsError):
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+            with contextlib.suppress(OSError):  # a file system without locks
+                fcntl.flock(descriptor, fcntl.LOCK_EX)
+            if path.exists():  # else taken for what is left, before it was locked
+                return path, descriptor
+            os.close(descriptor)
 
 
 def _status(path: Path) -> os.stat_result | None:
