@@ -11,11 +11,11 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kTurns = 16;  // of a phasor, rounded by 10⁻¹⁶ each
+constexpr std::size_t kTurns = 64;  // of a phasor, rounded by 10⁻¹⁶ each
 
-std::span<double> appended_column(std::vector<double>& basis, const RowSampling& rows) {
-  basis.resize(basis.size() + rows.times.size());
-  return std::span(basis).last(rows.times.size());
+std::span<double> appended(std::vector<double>& basis, std::size_t values) {
+  basis.resize(basis.size() + values);
+  return std::span(basis).last(values);
 }
 
 // First edge and length of the frame that begins at row `first`.
@@ -33,6 +33,22 @@ void for_each_frame(const RowSampling& rows, Visit visit) {
   const std::size_t height = rows.times.size() / rows.frames;
   for (std::size_t frame = 0; frame < rows.frames; ++frame)
     visit(frame * height, std::span(rows.times).subspan(frame * height, height));
+}
+
+// Multiplies the column that (degree + 1) columns begin with by weights and polynomials.
+void spread(const RowSampling& rows, std::size_t degree, std::span<double> columns) {
+  if (degree == 0 && rows.weights.empty()) return;
+  const std::size_t count = rows.times.size();
+  std::vector<double> polynomials(degree + 1, 1.0);
+  for_each_frame(rows, [&](std::size_t first, std::span<const double> times) {
+    const Extent extent = extent_of(times);
+    for (std::size_t i = 0; i < times.size(); ++i) {
+      const std::size_t row = first + i;
+      if (degree > 0) legendre(2 * (times[i] - extent.begin) / extent.length - 1, polynomials);
+      const double value = columns[row] * (rows.weights.empty() ? 1 : rows.weights[row]);
+      for (std::size_t d = 0; d <= degree; ++d) columns[d * count + row] = value * polynomials[d];
+    }
+  });
 }
 
 void expose(const RowSampling& rows, double frequency, std::span<double> cosine, std::span<double> sine) {
@@ -55,18 +71,10 @@ RowSampling centred_rows(std::size_t rows) {
 
 void append_course(std::vector<double>& basis, const RowSampling& rows, std::span<const double> course,
                    std::size_t degree) {
-  const std::size_t begin = basis.size(), count = rows.times.size();
-  basis.resize(begin + (degree + 1) * count);
-  std::vector<double> polynomials(degree + 1, 1.0);
-  for_each_frame(rows, [&](std::size_t first, std::span<const double> times) {
-    const Extent extent = extent_of(times);
-    for (std::size_t i = 0; i < times.size(); ++i) {
-      const std::size_t row = first + i;
-      if (degree > 0) legendre(2 * (times[i] - extent.begin) / extent.length - 1, polynomials);
-      const double factor = (course.empty() ? 1 : course[row]) * (rows.weights.empty() ? 1 : rows.weights[row]);
-      for (std::size_t d = 0; d <= degree; ++d) basis[begin + d * count + row] = factor * polynomials[d];
-    }
-  });
+  const auto columns = appended(basis, (degree + 1) * rows.times.size());
+  std::fill_n(columns.begin(), rows.times.size(), 1.0);
+  std::ranges::copy(course, columns.begin());
+  spread(rows, degree, columns);
 }
 
 void append_trend(std::vector<double>& basis, const RowSampling& rows, std::size_t degree) {
@@ -76,7 +84,7 @@ void append_trend(std::vector<double>& basis, const RowSampling& rows, std::size
 void append_slow_light(std::vector<double>& basis, const RowSampling& rows, std::size_t terms) {
   std::vector<double> times(rows.times.size()), sine(times.size());
   for (std::size_t k = 1; k <= terms; ++k) {
-    const auto column = appended_column(basis, rows);
+    const auto column = appended(basis, rows.times.size());
     for_each_frame(rows, [&](std::size_t first, std::span<const double> own) {
       const Extent extent = extent_of(own);
       const auto from_edge = std::span(times).subspan(first, own.size());
@@ -84,18 +92,21 @@ void append_slow_light(std::vector<double>& basis, const RowSampling& rows, std:
       fill_wave(from_edge, 0.5 * static_cast<double>(k) / extent.length, column.subspan(first, own.size()),
                 std::span(sine).subspan(first, own.size()));
     });
-    for (std::size_t row = 0; row < rows.weights.size(); ++row) column[row] *= rows.weights[row];
+    spread(rows, 0, column);
   }
 }
 
 void append_tones(std::vector<double>& basis, const RowSampling& rows, std::span<const double> frequencies,
                   std::size_t degree) {
-  std::vector<double> cosine(rows.times.size()), sine(cosine.size());
+  const std::size_t count = rows.times.size(), room = (degree + 1) * count;
+  basis.reserve(basis.size() + 2 * room * frequencies.size());
   for (const double frequency : frequencies) {
+    const auto both = appended(basis, 2 * room);
+    const auto cosine = both.first(count), sine = both.subspan(room, count);
     fill_wave(rows.times, frequency, cosine, sine);
     expose(rows, frequency, cosine, sine);
-    append_course(basis, rows, cosine, degree);
-    append_course(basis, rows, sine, degree);
+    spread(rows, degree, both.first(room));
+    spread(rows, degree, both.last(room));
   }
 }
 

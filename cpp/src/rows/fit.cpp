@@ -19,7 +19,7 @@ using Eigen::VectorXd;
 constexpr double kCollinear = 1e-6;  // relative pivot of a column that others explain
 constexpr int kMaxSteps = 8;
 constexpr double kReach = 0.25;    // bins of the rows: the longest step of a frequency
-constexpr double kSettled = 1e-5;  // bins; a smaller step is the last
+constexpr double kSettled = 1e-3;  // bins; a smaller step is the last
 
 MatrixXd waves_of(const RowSampling& rows, std::span<const double> frequencies) {
   std::vector<double> basis;
@@ -105,16 +105,17 @@ FrequencyFit refine_frequencies(const RowSampling& rows, std::vector<double> fre
   const auto height = static_cast<double>(values.size());
   const auto count = static_cast<Index>(frequencies.size());
   const double bin = (height - 1) / (height * (rows.times.back() - rows.times.front()));
+  VectorXd amplitudes;
   for (int step = 0; step < kMaxSteps; ++step) {
     const MatrixXd waves = waves_of(rows, frequencies);
-    MatrixXd both(waves.rows(), 3 * count);
+    MatrixXd both(waves.rows(), 3 * count), slopes(waves.rows(), count);
     both.leftCols(2 * count) = beside(others, waves);
-    const VectorXd amplitudes = coefficients_of(both.leftCols(2 * count), values);
-    MatrixXd slopes(waves.rows(), count);
+    if (step == 0) amplitudes = coefficients_of(both.leftCols(2 * count), values);
     for (Index k = 0; k < count; ++k)
       slopes.col(k) = frequency_slope(rows, waves.middleCols(2 * k, 2), amplitudes.segment(2 * k, 2));
     both.rightCols(count) = beside(others, slopes);
-    const VectorXd moves = coefficients_of(both, values).tail(count);
+    const VectorXd solved = coefficients_of(both, values), moves = solved.tail(count);
+    amplitudes = solved.head(2 * count);
     for (Index k = 0; k < count; ++k) {
       double& frequency = frequencies[static_cast<std::size_t>(k)];
       frequency = std::clamp(frequency + std::clamp(moves(k), -kReach * bin, kReach * bin), bin, 0.5 - bin);

@@ -509,6 +509,22 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel&
   return best;
 }
 
+// By normal equations in closed form where these lose few digits.
+static OrthogonalFactors factors_of(const PeriodicModel& model, double frequency, const MatrixXd& matrix) {
+  const auto rows = static_cast<std::size_t>(matrix.rows());
+  const RowMoments moments = moments_of(model, rows, frequency);
+  MatrixXd gram = MatrixXd::Zero(matrix.cols(), matrix.cols());
+  for (const Parity& parity : parities_of(model, rows)) {
+    const MatrixXd own = inner_products(parity.functions, moments);
+    for (std::size_t a = 0; a < parity.at.size(); ++a)
+      for (std::size_t b = 0; b < parity.at.size(); ++b)
+        gram(parity.at[a], parity.at[b]) = own(static_cast<Index>(a), static_cast<Index>(b));
+  }
+  auto triangle = cholesky_factor(gram, kMinPivot);
+  if (!triangle) return orthogonal_factors(matrix);
+  return {solve_upper_transposed(*triangle, matrix.transpose()).transpose(), std::move(*triangle), {}};
+}
+
 double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
                      double frequency) {
   if (rows <= model.parameters() + 1) return kNaN;
@@ -516,7 +532,7 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   const auto members = static_cast<Index>(group);
   require(group > 0 && y.cols() % members == 0, "group", group, "a divisor of the number of signals");
   const MatrixXd matrix = model_matrix(model, rows, frequency);
-  const OrthogonalFactors factors = orthogonal_factors(matrix);
+  const OrthogonalFactors factors = factors_of(model, frequency, matrix);
   const MatrixXd& q = factors.basis;
   const MatrixXd coordinates = transposed_product(q, y);
   const MatrixXd residual = y - product(q, coordinates);

