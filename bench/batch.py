@@ -1,6 +1,6 @@
 """Many recordings: two workers beside two processes of plain decoding, cost of a task, memory, model of the whole.
 
-    python bench/batch.py [--recordings N] [--long N] [--json] [--check]
+    python bench/batch.py [--recordings N] [--long N] [--check]
 
 A scheduler and two workers, each a process of its own, measure gains of recordings of 1 s, 480 rows by 320 columns,
 H.264, and of long ones of 100 s, which are cut. Recordings are links to a few files, which are in the page cache: what
@@ -10,7 +10,6 @@ is measured is processors, not disks. --check: exit code 1 where an aim is misse
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import multiprocessing
 import subprocess
@@ -271,13 +270,12 @@ def task_count(recordings: int, threads: int) -> int:
     return math.ceil(recordings / group_size(recordings, threads))
 
 
-def model(run: dict[str, Any], scheduler: dict[str, float], workers: int, recordings: int) -> dict[str, float]:
+def model(run: dict[str, Any], scheduler: dict[str, float], workers: int) -> dict[str, float]:
     """Seconds of each resource if it were the only limit; a run takes the largest."""
-    scale = recordings / run["recordings"]
     return {
-        "workers": scale * run["worker_cpu"] / workers,
-        "scheduler": task_count(recordings, workers) * scheduler["task"],
-        "client": scale * run["client_cpu"],
+        "workers": run["worker_cpu"] / workers,
+        "scheduler": task_count(run["recordings"], workers) * scheduler["task"],
+        "client": run["client_cpu"],
     }
 
 
@@ -285,7 +283,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--recordings", type=int, default=2000)
     parser.add_argument("--long", type=int, default=4)
-    parser.add_argument("--json", action="store_true")
     parser.add_argument("--check", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -299,18 +296,9 @@ def main() -> int:
     frames = options.long * LONG_SECONDS * RATE
     predicted = {
         "worker_cpu": options.recordings * times["recording"] + frames * times["frame_of_long"],
-        **model(run, scheduler, 2, run["recordings"]),
+        **model(run, scheduler, 2),
     }
-    large = model(run, scheduler, 100 * 32, 1_000_000)
-    found = {
-        "gains": gains,
-        "costs": costs,
-        "times": times,
-        "scheduler": scheduler,
-        "run": run,
-        "model": predicted,
-        "million": large,
-    }
+    found = {"gains": gains, "costs": costs, "times": times, "scheduler": scheduler, "run": run, "model": predicted}
     growth, cost = max(run["growth"]), costs["processor"]
     quiet = f"{gains['rounds_with_two_cores']} of {gains['rounds']} rounds with two cores"
     aims = {
@@ -319,13 +307,10 @@ def main() -> int:
         f"overhead of a recording: {1e3 * cost:.2f} ms, aim {1e3 * OVERHEAD_AIM:.0f}": cost <= OVERHEAD_AIM,
         f"growth of memory in the second half: {100 * growth:.1f} %, aim {100 * GROWTH_AIM:.0f}": growth <= GROWTH_AIM,
     }
-    if options.json:
-        print(json.dumps(found, default=float))
-    else:
-        for part, values in found.items():
-            print(part, {key: np.round(value, 5).tolist() for key, value in values.items()})
-        for text, is_met in aims.items():
-            print("reached" if is_met else "missed ", text)
+    for part, values in found.items():
+        print(part, {key: np.round(value, 5).tolist() for key, value in values.items()})
+    for text, is_met in aims.items():
+        print("reached" if is_met else "missed ", text)
     return int(options.check and not all(aims.values()))
 
 

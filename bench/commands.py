@@ -6,13 +6,12 @@ a tone in a picture that moves by 4 px a frame. Start-up, in which lights are fo
 command reads a short and a long cut of a video, and the difference of the least times of several rounds counts.
 Decoding is PyAV alone, which makes no array, with as many threads as the commands use: those take processor time too.
 
-usage: bench/commands.py [--commands NAME...] [--rounds N] [--frames N] [--json] [--check]
+usage: bench/commands.py [--commands NAME...] [--rounds N] [--frames N] [--check]
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import resource
 import subprocess
@@ -112,18 +111,14 @@ def main() -> int:
     parser.add_argument("--commands", nargs="+", choices=OWN, default=list(OWN))
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--frames", type=int, default=90, help="by which the long cut is longer")
-    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("--check", action="store_true", help="exit code 1 if a limit is not reached")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         found = measure(Path(folder), arguments.commands, arguments.rounds, arguments.frames)
     shares = {name: found[name] / found[f"decoding, {OWN[name]}"] - 1 for name in arguments.commands}
-    if arguments.json:
-        print(json.dumps({"milliseconds": found, "shares": shares}))
-    else:
-        for name, value in found.items():
-            share = f"{100 * shares[name]:6.0f} % beside decoding" if name in shares else ""
-            print(f"{name:20} {value:7.2f} ms a frame {share}")
+    for name, value in found.items():
+        share = f"{100 * shares[name]:6.0f} % beside decoding" if name in shares else ""
+        print(f"{name:20} {value:7.2f} ms a frame {share}")
     limited = [share for name, share in shares.items() if name != MOVING]
     return 1 if arguments.check and any(share > LIMIT for share in limited) else 0
 

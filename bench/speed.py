@@ -314,15 +314,16 @@ def integration(seconds: float) -> Iterator[Figure]:
     }
     for name, (waveform, of_whole) in cases.items():
 
-        def careful(_: Any, waveform: Any = waveform) -> None:
-            reference.integrate_exposure(waveform, camera, ROWS, frames=COLUMNS, out=of_peer)
-
         def own(_: Any, waveform: Any = waveform) -> None:
             integrate_exposure(waveform, camera, ROWS, frames=COLUMNS, out=out)
 
         own(None)
         peers: dict[str, tuple[Callable[[Any], None], float, float]] = {
-            "reference": (careful, 1e-12, 10.0),
+            "reference": (
+                lambda _, w=waveform: reference.integrate_exposure(w, camera, ROWS, frames=COLUMNS, out=of_peer),
+                1e-12,
+                10.0,
+            ),
             "float64": (lambda _, peer=of_whole: peer(of_peer), 1e-9, 8.0),
         }
         for peer, (call, tolerance, limit) in peers.items():

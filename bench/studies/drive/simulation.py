@@ -46,8 +46,6 @@ class Drive:
 
     Attributes:
         time: s.
-        speed: of the car, m/s.
-        texture: f_x of the road, 1/m.
         sense_frequency: f_x v, Hz.
         seen: (2, frames) f_c and f_x v as measured, Hz; NaN if not detected.
         exposure: (policies, frames) for the next frame, s.
@@ -55,20 +53,16 @@ class Drive:
         known: (policies, frames) objective by the measurements at the time of the choice, over the largest
             allowed one.
         true: (policies, frames) the same by the frequencies of the frame in which the exposure was used.
-        level: mean of the frame, share of the full scale.
         saturated: share of its pixels.
     """
 
     time: Float64s
-    speed: Float64s
-    texture: Float64s
     sense_frequency: Float64s
     seen: Float64s
     exposure: Float64s
     gains: Float64s
     known: Float64s
     true: Float64s
-    level: Float64s
     saturated: Float64s
 
 
@@ -102,7 +96,7 @@ def drive_past_light(
         chosen = controller.update(measured)
         steps.append({"measured": measured, "chosen": chosen})
         exposure, gain = chosen.exposure, chosen.gain
-    return _judged(time, speed, texture, steps)
+    return _judged(time, speed * texture, steps)
 
 
 def _scene(share: Float64s) -> tuple[Float64s, Float64s, Float64s]:
@@ -151,10 +145,9 @@ def _measure(
     )
 
 
-def _judged(time: Float64s, speed: Float64s, texture: Float64s, steps: list[dict[str, Any]]) -> Drive:
+def _judged(time: Float64s, f_sense: Float64s, steps: list[dict[str, Any]]) -> Drive:
     """Compute the three policies."""
     frames = len(steps)
-    f_sense = speed * texture
     seen = np.array([[s["measured"].lights[0].frequency, s["measured"].motions[0].frequency] for s in steps]).T
     bounds = np.array([s["chosen"].bounds for s in steps])
     noise = np.array([s["chosen"].noise_exposure for s in steps])
@@ -178,10 +171,8 @@ def _judged(time: Float64s, speed: Float64s, texture: Float64s, steps: list[dict
             best = best_noisy_exposure(*pair, window, noise_exposure=noise[k], step=ROW_TIME)
             share[:, k] = _objective(exposure[:, k], *pair, noise[k]) / best.objective
     gains = np.abs(np.sinc(exposure[:, None] * after))
-    level = np.array([s["measured"].level for s in steps])
     saturated = np.array([s["measured"].saturated for s in steps])
-    ends = (time[:-1], speed[:-1], texture[:-1], f_sense[:-1])
-    return Drive(*ends, seen, exposure, gains, known, true, level, saturated)
+    return Drive(time[:-1], f_sense[:-1], seen, exposure, gains, known, true, saturated)
 
 
 def _objective(exposure: Float64s, frequencies: Float64s, weights: Float64s, noise: float) -> Float64s:

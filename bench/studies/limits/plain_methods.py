@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,50 +11,19 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.light.response import exposure_response
 from studies.chart.methods import GAIN_METHODS
-from studies.chart.scenes import Float64s, Scene, design_matrix
+from studies.chart.scenes import Float64s, Scene
 
 _CHARTED = {method.name: method for method in GAIN_METHODS}
 
 
-def charted_gain(name: str, scene: Scene, columns: npt.NDArray[Any]) -> Float64s:
+def _charted(name: str) -> Callable[[Scene, npt.NDArray[Any]], Float64s]:
     """(columns,) gains by a method of the chart."""
-    return np.asarray(_CHARTED[name].prepare(scene)(columns), dtype=np.float64)
+    return lambda scene, columns: np.asarray(_CHARTED[name].prepare(scene)(columns), dtype=np.float64)
 
 
-def rounded_bin_gain(scene: Scene, columns: npt.NDArray[Any]) -> Float64s:
-    """The paper's method: DFT, the bin nearest to the tone over bin 0 (eqs. 24-25)."""
-    return charted_gain("rounded bin, numpy.fft float64", scene, columns)
-
-
-def transform_gain(scene: Scene, columns: npt.NDArray[Any]) -> Float64s:
-    """Fourier sum at the exact frequency over the mean."""
-    return charted_gain("DTFT, matrix product float64", scene, columns)
-
-
-def fitted_gain(scene: Scene, columns: npt.NDArray[Any]) -> Float64s:
-    """Least squares of mean and one tone at the exact frequency."""
-    return charted_gain("fit, matrix product float64, D=1", scene, columns)
-
-
-def goertzel_float32_gain(scene: Scene, columns: npt.NDArray[Any]) -> Float64s:
-    """Goertzel's recurrence in float32."""
-    return charted_gain("Goertzel, numpy float32", scene, columns)
-
-
-def float32_sums_gain(scene: Scene, columns: npt.NDArray[Any]) -> Float64s:
-    """Fourier sum at the exact frequency without the mean, every sum along the rows in float32."""
-    waves = design_matrix(scene.rows, scene.cycles_per_row, [1]).astype(np.float32)
-    light = columns.astype(np.float32)
-    sums = [np.add.reduce(wave[:, None] * light, axis=0) for wave in waves.T]  # row after row
-    return np.asarray(2.0 * np.hypot(sums[1], sums[2]) / sums[0] / scene.ratio, dtype=np.float64)
-
-
-def padded_bin_gain(scene: Scene, columns: npt.NDArray[Any], length: int) -> Float64s:
-    """DFT zero-padded to a fast length, the bin nearest to the tone."""
-    light = columns.astype(np.float64)
-    mean = light.mean(axis=0)
-    line = np.fft.rfft(light - mean, length, axis=0)[max(1, round(scene.cycles_per_row * length))]
-    return np.asarray(2.0 / scene.rows * np.abs(line) / mean / scene.ratio)
+rounded_bin_gain = _charted("rounded bin, numpy.fft float64")  # the paper's: the bin nearest to the tone over bin 0
+transform_gain = _charted("DTFT, matrix product float64")  # Fourier sum at the exact frequency over the mean
+fitted_gain = _charted("fit, matrix product float64, D=1")  # least squares of mean and one tone
 
 
 def peak_frequency(columns: npt.NDArray[Any]) -> Float64s:

@@ -82,6 +82,15 @@ def _few_cycles_frequency() -> Iterator[Point]:
         yield Point(cycles, rms(scene.rows * plain - cycles), error, stated, flags)
 
 
+@limit("Very short columns", "rows", "RMS error of the gain", spot=3, fails_by=0.05, good=0.02, flags=Flag.UNRESOLVABLE)
+def _short() -> Iterator[Point]:
+    for rows in (3, 4, 5, 7, 11, 23, 101):
+        scene = Scene("limits", "", 0.23 * rows, rows=rows, columns=400, noise=8.0)
+        frame = next(scene.frames(1))
+        found = tone_gain(frame, scene.camera, scene.frequency)
+        yield compared(rows, scene.gain, fitted_gain(scene, frame), found)
+
+
 @limit(
     "Harmonics of a square wave",
     "cycles in the frame",
