@@ -375,6 +375,8 @@ def test_command(tmp_path: Path, name: str) -> None:
         "10us",
         "--marks",
         str(marks),
+        "--tone-curve",
+        "linear",
         "--json",
     ]
     result = CliRunner().invoke(ocisac, [*line, "--json"], catch_exceptions=False)

@@ -103,8 +103,8 @@ def clean(
         raise click.ClickException(f"{source}: no frame in it")
     if not as_json:
         emit_table("", _HEADER, [_row(facts, picture.in_hertz) for facts in cleaner.facts], left=("remark",))
-    if cleaner.reasons or len(cleaner.facts) > 1:
-        emit_summary(cleaner.summary(target), as_json)
+        if cleaner.reasons or len(cleaner.facts) > 1:
+            emit_summary(cleaner.summary(target), as_json=False)
     if stop:
         raise KeyboardInterrupt
 
