@@ -52,7 +52,7 @@ py::list follow(const py::array& frame, const Camera& camera, const std::vector<
 }
 
 // In the order of ocisac_fast.lights.recognition.
-py::tuple as_tuple(const RecognisedLight& s) {
+py::tuple as_tuple(const MeasuredLight& s) {
   return py::make_tuple(s.box, s.frequency, s.swing, s.gain, s.gain_std, s.phase, s.mean, s.flags);
 }
 

@@ -40,17 +40,13 @@ double explained_energy(const AnyFramesView& frames, double frequency) {
          static_cast<double>(blocks.width);
 }
 
-struct Lamp {
-  LightSource light;
-  double energy;  // as of explained_energy(), in its box
-};
-
 // The light of the first frame, within the bounds of the search, that explains most of the picture; an unlikely one
 // only without likely ones.
-std::optional<Lamp> strongest_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
+std::optional<LightSource> strongest_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   Camera per_row;
   per_row.row_time = 1;
-  std::optional<Lamp> best;
+  std::optional<LightSource> best;
+  double most = 0;
   for (const LightSource& light :
        detect_sources(frame_of(frames, 0), per_row, {false_alarms, min_cycles, max_lights})) {
     if (light.frequency < search.lower || light.frequency > search.upper) continue;
@@ -58,7 +54,7 @@ std::optional<Lamp> strongest_lamp(const AnyFramesView& frames, const FrequencyS
     const auto rank = [](const LightSource& one, double explains) {
       return std::pair{one.probability >= likely, explains};
     };
-    if (!best || rank(light, energy) > rank(best->light, best->energy)) best = Lamp{light, energy};
+    if (!best || rank(light, energy) > rank(*best, most)) best = light, most = energy;
   }
   return best;
 }
@@ -103,9 +99,10 @@ FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencyS
     if (answered(whole)) whole.flags |= flag::model_misfit;
     return whole;
   }
-  const LightSource& light = lamp->light;
+  const LightSource& light = *lamp;
   const bool contested = answered(whole) && !agree(whole.frequency, whole.frequency_std, light);
-  if (contested && explained_energy(frames, whole.frequency) > lamp->energy) {
+  if (contested &&
+      explained_energy(frames, whole.frequency) > explained_energy(part_of(frames, light.box), light.frequency)) {
     whole.flags |= flag::model_misfit;
     return whole;
   }

@@ -26,7 +26,7 @@ void check(const DetectOptions& options) {
 LightSource source_of(const SearchedFrame& in, const Detection& found) {
   const RefinedLight& light = found.light;
   const double row_time = in.camera.row_time, frequency = light.frequency / row_time;
-  const BoxGain gain = box_gain(frame_of(in.frame.frames, in.frame.index), in.camera, light.box, frequency);
+  const MeasuredLight gain = box_gain(frame_of(in.frame.frames, in.frame.index), in.camera, light.box, frequency);
   LightSource source;
   source.frame = in.frame.index;
   source.box = found.box;

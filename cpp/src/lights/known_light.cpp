@@ -10,7 +10,7 @@
 
 #include "core/linear_algebra.hpp"
 #include "lights/box_gain.hpp"
-#include "lights/light_look.hpp"
+#include "lights/light_pattern.hpp"
 #include "ocisac/camera/linear_light.hpp"
 
 namespace ocisac {
@@ -42,7 +42,7 @@ std::optional<double> ratio(double now, double then) {
 }
 
 // The cells' means keep their ratios. Data changes them by different numbers of bright chips, all alike.
-bool means_stay(const LightLook& now, const LightLook& then, double amplitude) {
+bool means_stay(const LightPattern& now, const LightPattern& then, double amplitude) {
   const auto brighter = ratio(sum_of(now.mean), sum_of(then.mean));
   if (!brighter) return false;
   std::vector<double> change(then.mean.size());
@@ -55,7 +55,7 @@ bool means_stay(const LightLook& now, const LightLook& then, double amplitude) {
   return std::ranges::all_of(change, [&](double c) { return std::abs(c) <= allowed; });
 }
 
-bool grew_beside(const LightLook& now, const LightLook& then, double amplitude) {
+bool grew_beside(const LightPattern& now, const LightPattern& then, double amplitude) {
   for (std::size_t k = 0; k < now.beside.size(); ++k)
     if (now.beside[k] - then.beside[k] > kGrown * amplitude) return true;
   return false;
@@ -72,10 +72,10 @@ bool ends_alike(std::span<const double> now, std::span<const double> then) {
 }
 
 // Amplitude relative to that of the reference; absent if it is not the same light.
-std::optional<double> swing_of_tone(const LightLook& now, const LightLook& then) {
-  const auto half = [](const LightLook& look, std::size_t which) {
-    const auto cells = static_cast<std::ptrdiff_t>(look.swing.size() / 2);
-    const auto begin = look.swing.begin() + static_cast<std::ptrdiff_t>(which) * cells;
+std::optional<double> swing_of_tone(const LightPattern& now, const LightPattern& then) {
+  const auto half = [](const LightPattern& pattern, std::size_t which) {
+    const auto cells = static_cast<std::ptrdiff_t>(pattern.swing.size() / 2);
+    const auto begin = pattern.swing.begin() + static_cast<std::ptrdiff_t>(which) * cells;
     return std::accumulate(begin, begin + cells, std::complex<double>());
   };
   const auto upper = half(now, 0), lower = half(now, 1), above = half(then, 0), below = half(then, 1);
@@ -88,7 +88,7 @@ std::optional<double> swing_of_tone(const LightLook& now, const LightLook& then)
   return means_stay(now, then, amplitude) ? swing : std::nullopt;
 }
 
-std::optional<double> swing_of_waveform(const LightLook& now, const LightLook& then) {
+std::optional<double> swing_of_waveform(const LightPattern& now, const LightPattern& then) {
   const double before = std::sqrt(product_of(then.waveform, then.waveform));
   const auto swing = ratio(std::sqrt(product_of(now.waveform, now.waveform)), before);
   if (!swing || now.common < kUnlike * then.common || grew_beside(now, then, 1)) return std::nullopt;
@@ -108,7 +108,7 @@ bool is_within(const FreeBox& box, const Shape& shape) {
 // Change of the cells' means by a step of the box to the right and by one down; none of data, which changes them too.
 using Gradient = std::array<std::vector<double>, 2>;
 
-Gradient gradient_of(const ToneLook& view, const AnyFramesView& frame, const FreeBox& box) {
+Gradient gradient_of(const TonePattern& view, const AnyFramesView& frame, const FreeBox& box) {
   const Shape shape = shape_of(frame);
   Gradient slopes;
   for (const std::size_t axis : {0U, 1U}) {
@@ -120,8 +120,8 @@ Gradient gradient_of(const ToneLook& view, const AnyFramesView& frame, const Fre
     };
     const FreeBox first = moved(-static_cast<std::ptrdiff_t>(step)), last = moved(static_cast<std::ptrdiff_t>(step));
     const auto way = static_cast<double>(std::max<std::ptrdiff_t>(last.x - first.x + last.y - first.y, 1));
-    const LightLook before = view.look(frame, first);
-    slopes[axis] = view.look(frame, last).mean;
+    const LightPattern before = view.pattern_in(frame, first);
+    slopes[axis] = view.pattern_in(frame, last).mean;
     for (std::size_t k = 0; k < before.mean.size(); ++k) slopes[axis][k] = (slopes[axis][k] - before.mean[k]) / way;
   }
   return slopes;
@@ -133,24 +133,24 @@ struct KnownLight::State {
   Camera camera;
   Shape shape;
   FreeBox box;
-  std::variant<ToneLook, WaveformLook> view;
-  LightLook look;
+  std::variant<TonePattern, WaveformPattern> view;
+  LightPattern pattern;
   Gradient gradient;
-  RecognisedLight first;
+  MeasuredLight first;
 
-  [[nodiscard]] LightLook look_at(const AnyFramesView& frame, const FreeBox& place) const {
-    return std::visit([&](const auto& known) { return known.look(frame, place); }, view);
+  [[nodiscard]] LightPattern pattern_at(const AnyFramesView& frame, const FreeBox& place) const {
+    return std::visit([&](const auto& known) { return known.pattern_in(frame, place); }, view);
   }
 
-  [[nodiscard]] bool is_tone() const { return std::holds_alternative<ToneLook>(view); }
+  [[nodiscard]] bool is_tone() const { return std::holds_alternative<TonePattern>(view); }
 
   // Columns and rows by which the light lies right of and below the box, by least squares of the cells' means.
-  [[nodiscard]] Place shift(const LightLook& now) const {
+  [[nodiscard]] Place shift(const LightPattern& now) const {
     const auto& [right, down] = gradient;
-    const double light = sum_of(now.mean), before = sum_of(look.mean);
+    const double light = sum_of(now.mean), before = sum_of(pattern.mean);
     if (right.empty() || !(light > 0 && before > 0)) return {0, 0};
     std::vector<double> change(now.mean.size());
-    for (std::size_t k = 0; k < change.size(); ++k) change[k] = look.mean[k] - now.mean[k] * (before / light);
+    for (std::size_t k = 0; k < change.size(); ++k) change[k] = pattern.mean[k] - now.mean[k] * (before / light);
     Eigen::MatrixXd slopes(static_cast<Eigen::Index>(change.size()), 2);
     slopes << Eigen::Map<const Eigen::VectorXd>(right.data(), slopes.rows()),
         Eigen::Map<const Eigen::VectorXd>(down.data(), slopes.rows());
@@ -164,19 +164,20 @@ struct KnownLight::State {
   }
 
   // A frame in which the light is in the box.
-  [[nodiscard]] RecognisedLight measured(const AnyFramesView& frame, const Region& region, double frequency,
-                                         double swing) const {
-    const auto [gain, gain_std, phase, mean, flags] = box_gain(frame, camera, region, frequency);
-    return {region, frequency, swing, gain, gain_std, phase, mean, flags};
+  [[nodiscard]] MeasuredLight measured(const AnyFramesView& frame, const Region& region, double frequency,
+                                       double swing) const {
+    MeasuredLight light = box_gain(frame, camera, region, frequency);
+    light.swing = swing;
+    return light;
   }
 
-  [[nodiscard]] std::optional<RecognisedLight> found_near(const AnyFramesView& frame, FreeBox place) const {
+  [[nodiscard]] std::optional<MeasuredLight> found_near(const AnyFramesView& frame, FreeBox place) const {
     for (int k = 0; k < kSteps; ++k) {
       if (!is_within(place, shape)) return std::nullopt;
-      const LightLook now = look_at(frame, place);
+      const LightPattern now = pattern_at(frame, place);
       const auto [right, down] = shift(now);
       if (right == 0 && down == 0) {
-        const auto swing = is_tone() ? swing_of_tone(now, look) : swing_of_waveform(now, look);
+        const auto swing = is_tone() ? swing_of_tone(now, pattern) : swing_of_waveform(now, pattern);
         if (!swing) return std::nullopt;
         const double frequency = now.frequency ? *now.frequency / camera.row_time : first.frequency;
         return measured(frame, region_of(place), frequency, *swing);
@@ -194,21 +195,24 @@ KnownLight::KnownLight(const AnyFramesView& frame, const Camera& camera, const R
   require_inside("box", box, shape.columns, shape.rows);
   const FreeBox place{static_cast<std::ptrdiff_t>(box.x), static_cast<std::ptrdiff_t>(box.y), box.width, box.height};
   const double dark = camera.tone_curve.dark_level;
-  using View = std::variant<ToneLook, WaveformLook>;
+  using View = std::variant<TonePattern, WaveformPattern>;
   State state{
-      camera, shape,
-      place,  carries_data ? View(WaveformLook(place, dark)) : View(ToneLook(place, dark, frequency * camera.row_time)),
-      {},     {},
+      camera,
+      shape,
+      place,
+      carries_data ? View(WaveformPattern(place, dark)) : View(TonePattern(place, dark, frequency * camera.row_time)),
+      {},
+      {},
       {}};
-  state.look = state.look_at(frame, place);
-  if (const auto* tone = std::get_if<ToneLook>(&state.view)) state.gradient = gradient_of(*tone, frame, place);
+  state.pattern = state.pattern_at(frame, place);
+  if (const auto* tone = std::get_if<TonePattern>(&state.view)) state.gradient = gradient_of(*tone, frame, place);
   state.first = state.measured(frame, box, frequency, 1);
   state_ = std::make_shared<const State>(std::move(state));
 }
 
-const RecognisedLight& KnownLight::first() const { return state_->first; }
+const MeasuredLight& KnownLight::first() const { return state_->first; }
 
-std::optional<RecognisedLight> KnownLight::find(const AnyFramesView& frame, std::span<const Place> places) const {
+std::optional<MeasuredLight> KnownLight::find(const AnyFramesView& frame, std::span<const Place> places) const {
   const Shape shape = shape_of(frame);
   if (shape.rows != state_->shape.rows || shape.columns != state_->shape.columns) return std::nullopt;
   for (auto place = places.begin(); place != places.end(); ++place) {

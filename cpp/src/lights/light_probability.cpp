@@ -12,7 +12,7 @@ namespace {
 constexpr double rounding = 0.01;       // of shares near 0
 constexpr double clear_texture = 0.25;  // below it noise, which log light shows in dark rows, makes texture uneven
 
-constexpr std::size_t company_feature = 9;
+constexpr std::size_t kOthers = 9;
 // From the fit to what users see, by bench/light_probability.py: weights of −ln(1 − p) and ln p, a logit, and that of a
 // picture where more than `many` others are expected.
 constexpr double above = 1.21, below = 0.79, shift = -0.49, many_lights = 0.8, many = 10;
@@ -44,7 +44,7 @@ double tone_logit(const ToneFeatures& features, bool inside) {
 
 }  // namespace
 
-ToneFeatures features_of(const RefinedLight& light, std::size_t suspects, double company) {
+ToneFeatures features_of(const RefinedLight& light, std::size_t suspects, double others) {
   const double cycles = light.frequency * static_cast<double>(light.box.height);
   return {std::log(static_cast<double>(std::max<std::size_t>(suspects, 1))),
           std::log(cycles),
@@ -55,7 +55,7 @@ ToneFeatures features_of(const RefinedLight& light, std::size_t suspects, double
           log_share(1 - light.common),
           std::min(light.depth, 1.0),
           light.contour,
-          std::log1p(company),
+          std::log1p(others),
           log_share(light.across)};
 }
 
@@ -74,7 +74,7 @@ double probability_of(const ToneFeatures& features, bool inside) { return logist
 
 // ln p = −softplus(−z) and ln(1 − p) = −softplus(z) for p = logistic(z).
 double corrected_probability_of(const ToneFeatures& features, bool inside) {
-  const double z = tone_logit(features, inside), others = std::expm1(features[company_feature]);
+  const double z = tone_logit(features, inside), others = std::expm1(features[kOthers]);
   return logistic(above * softplus(z) - below * softplus(-z) + shift + many_lights * logistic(others - many));
 }
 

@@ -12,9 +12,9 @@ namespace ocisac {
 using ToneFeatures = std::array<double, 11>;
 using DataFeatures = std::array<double, 7>;
 
-// Features of the logistic models; `suspects`: number of suspects in the picture that no light explains; `company`:
+// Features of the logistic models; `suspects`: number of suspects in the picture that no light explains; `others`:
 // expected number of other lights among those found.
-ToneFeatures features_of(const RefinedLight& light, std::size_t suspects, double company);
+ToneFeatures features_of(const RefinedLight& light, std::size_t suspects, double others);
 DataFeatures features_of(const DataLight& data, std::size_t suspects);
 
 // 1/(1 + e^{−(c + Σ a·x + Σ b·x²)}) of the features x; coefficients by bench/light_probability.py.

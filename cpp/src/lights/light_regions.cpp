@@ -10,6 +10,7 @@
 
 #include "columns/moving_mean.hpp"
 #include "columns/row_kernels.hpp"
+#include "lights/light_patch.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
 
@@ -25,10 +26,6 @@ constexpr double kActive = 0.06;         // relative to the strongest swing
 constexpr double kAboveNoise = 4;        // standard deviations of a mean over a window
 constexpr std::size_t kMinDarkRows = 8;  // between two lights
 
-struct Run {
-  std::size_t begin, end;
-};
-
 // Root mean square of the rows' swings about their moving mean, over windows, with the noise subtracted.
 std::vector<double> activity(const CombinedColumn& column) {
   const auto slow = moving_mean(column.signal, kReach);
@@ -42,10 +39,10 @@ std::vector<double> activity(const CombinedColumn& column) {
 }
 
 // Runs of rows with swings, separated by at least kMinDarkRows rows without.
-std::vector<Run> active_runs(const CombinedColumn& column) {
+std::vector<IndexRange> active_runs(const CombinedColumn& column) {
   const auto active = activity(column);
   const double lowest = kActive * *std::ranges::max_element(active);
-  std::vector<Run> runs;
+  std::vector<IndexRange> runs;
   if (!(lowest > 0)) return runs;
   for (std::size_t n = 0; n < active.size(); ++n) {
     if (active[n] <= lowest) continue;
@@ -54,26 +51,26 @@ std::vector<Run> active_runs(const CombinedColumn& column) {
     else
       runs.push_back({n, n + 1});
   }
-  std::erase_if(runs, [](const Run& run) { return run.end - run.begin < kMinRows; });
+  std::erase_if(runs, [](const IndexRange& run) { return run.end - run.begin < kMinRows; });
   return runs;
 }
 
 // From the first to the last column of a light.
-Run extent(const std::vector<std::uint8_t>& columns) {
+IndexRange extent(const std::vector<std::uint8_t>& columns) {
   const auto first = std::ranges::find_if(columns, [](auto has) { return has != 0; });
   const auto last = std::find_if(columns.rbegin(), columns.rend(), [](auto has) { return has != 0; });
   return {static_cast<std::size_t>(first - columns.begin()), static_cast<std::size_t>(columns.rend() - last)};
 }
 
 // From the first to the last run.
-Region hull_of(const std::vector<Run>& runs, const Region& region) {
+Region hull_of(const std::vector<IndexRange>& runs, const Region& region) {
   if (runs.empty()) return region;
   const std::size_t begin = runs.front().begin, end = runs.back().end;
   return {region.x, region.y + begin, region.width, end - begin};
 }
 
 // The same, or the whole region if that is most of it.
-Region swinging_part(const std::vector<Run>& runs, const Region& region) {
+Region swinging_part(const std::vector<IndexRange>& runs, const Region& region) {
   const Region swinging = hull_of(runs, region);
   const bool most = static_cast<double>(swinging.height) > kMaxRows * static_cast<double>(region.height);
   return most ? region : swinging;
@@ -114,16 +111,16 @@ class DenseFrame {
 };
 
 // A region that is to be cut; `whole_height`: not yet cut to its rows with swings.
-struct Part {
+struct UncutRegion {
   Region region;
   bool whole_height = false;
 };
 
 // The columns of each light that has some of its own.
-std::vector<Part> parts_by_columns(const Region& region, const ColumnSums& sums) {
-  std::vector<Part> parts;
+std::vector<UncutRegion> parts_by_columns(const Region& region, const ColumnSums& sums) {
+  std::vector<UncutRegion> parts;
   for (const auto& light : sums.light_groups()) {
-    const Run columns = extent(light.columns);
+    const IndexRange columns = extent(light.columns);
     parts.push_back({{region.x + columns.begin, region.y, columns.end - columns.begin, region.height}, true});
   }
   return parts;
@@ -131,19 +128,21 @@ std::vector<Part> parts_by_columns(const Region& region, const ColumnSums& sums)
 
 // The parts of one by columns, else by rows; if it is not cut, its part with swings. Dark chips of the strongest light
 // are no end of the others.
-std::vector<Part> cut(const AnyFramesView& frame, const Part& part, bool may_cut, const ToneCurve& curve) {
+std::vector<UncutRegion> cut(const AnyFramesView& frame, const UncutRegion& part, bool may_cut,
+                             const ToneCurve& curve) {
   Region region = part.region;
   ColumnSums sums = sums_of(frame, region, curve);
   if (part.whole_height) {
     region = hull_of(active_runs(sums.combine()), region);
     if (region.height < part.region.height) sums = sums_of(frame, region, curve);
   }
-  auto parts = may_cut ? parts_by_columns(region, sums) : std::vector<Part>{};
+  auto parts = may_cut ? parts_by_columns(region, sums) : std::vector<UncutRegion>{};
   if (parts.size() > 1) return parts;
   const auto runs = active_runs(sums.combine());
   if (!may_cut || runs.size() < 2) return {{swinging_part(runs, region)}};
   parts.clear();
-  for (const Run& run : runs) parts.push_back({{region.x, region.y + run.begin, region.width, run.end - run.begin}});
+  for (const IndexRange& run : runs)
+    parts.push_back({{region.x, region.y + run.begin, region.width, run.end - run.begin}});
   return parts;
 }
 
@@ -159,9 +158,9 @@ std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& c
   if (shape.rows < 2 * kMinRows) return {whole};
   const DenseFrame dense(frame);
   std::vector<Region> regions;
-  std::vector<Part> to_cut{{whole}};
+  std::vector<UncutRegion> to_cut{{whole}};
   for (int cuts = 0; !to_cut.empty(); ++cuts) {
-    std::vector<Part> next;
+    std::vector<UncutRegion> next;
     for (std::size_t k = 0; k < to_cut.size(); ++k) {
       const auto parts = cut(dense.view(), to_cut[k], cuts < kMaxCuts, curve);
       if (parts.size() == 1)

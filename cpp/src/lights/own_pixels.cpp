@@ -354,7 +354,7 @@ Region own_box(const OwnPixels& pixels) {
   return {pixels.box.x + left * pixels.group, pixels.box.y + first, (right - left) * pixels.group, end - first};
 }
 
-RefinedLight light_of(const OwnPixels& pixels, double frequency, double noise) {
+RefinedLight refined_light(const OwnPixels& pixels, double frequency, double noise) {
   const ToneFit fit = fit_tone(pixels, frequency);
   const auto &slow = fit.slow, &all = fit.fitted;
   const std::size_t rows = pixels.profile.size(), groups = rows > 0 ? pixels.light.size() / rows : 0;

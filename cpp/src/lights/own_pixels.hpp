@@ -38,6 +38,6 @@ std::optional<double> fit_outline(OwnPixels& pixels, double frequency);
 Region own_box(const OwnPixels& pixels);
 
 // Measures of the fit, without box, amplitude, depth and contour. `noise`: variance of a pixel.
-RefinedLight light_of(const OwnPixels& pixels, double frequency, double noise);
+RefinedLight refined_light(const OwnPixels& pixels, double frequency, double noise);
 
 }  // namespace ocisac

@@ -39,21 +39,16 @@ void for_each(const Patch& patch, const PatchRange& range, Visit visit) {
     for (std::size_t g = range.first_group; g < range.end_group; ++g) visit(n * patch.stride + g, n);
 }
 
-struct Lit {
-  Region box;
-  double amplitude;  // of |z|, near its maximum
-};
-
 // A connected part of the patch, rows and groups inclusive.
-struct Part {
+struct Component {
   std::size_t top, bottom, left, right;
   double weight;
 };
 
 // Removes the connected part that contains `start` from `open_to`.
-Part connected_part(const Patch& patch, std::span<const double> aligned, std::vector<std::uint8_t>& open_to,
-                    std::size_t start, std::vector<std::size_t>& stack) {
-  Part part{patch.rows, 0, patch.groups, 0, 0};
+Component connected_part(const Patch& patch, std::span<const double> aligned, std::vector<std::uint8_t>& open_to,
+                         std::size_t start, std::vector<std::size_t>& stack) {
+  Component part{patch.rows, 0, patch.groups, 0, 0};
   stack.assign(1, start);
   open_to[start] = 0;
   while (!stack.empty()) {
@@ -110,10 +105,10 @@ std::vector<std::uint8_t> coherent_groups(const Patch& patch, const ComplexValue
   }
 }
 
-// The light's box: the connected part of largest total swing that begins in the suspect's, in columns that swing
-// together. `clear`: where the suspect's tone is clearest.
-std::optional<Lit> lit_box(const Patch& patch, const ComplexValues& swing, const Region& suspect, const Region& clear,
-                           double edge) {
+// The light's box and the amplitude of |z| near its maximum. The box is the connected part of largest total swing that
+// begins in the suspect's, in columns that swing together. `clear`: where the suspect's tone is clearest.
+std::optional<RefinedLight> lit_box(const Patch& patch, const ComplexValues& swing, const Region& suspect,
+                                    const Region& clear, double edge) {
   const PatchRange clearest = patch.range(clear);
   if (clearest.size() == 0) return {};
   const auto coherent = coherent_groups(patch, swing, clearest);
@@ -146,17 +141,17 @@ std::optional<Lit> lit_box(const Patch& patch, const ComplexValues& swing, const
       open_to[i] =
           static_cast<std::uint8_t>((along > least) & (along * along > alignment * (a * a + b * b)) & coherent[g]);
     }
-  Part best{};
+  Component best{};
   std::vector<std::size_t> stack;
   for_each(patch, where, [&](std::size_t i, std::size_t) {
     if (!open_to[i]) return;
-    const Part part = connected_part(patch, aligned, open_to, i, stack);
+    const Component part = connected_part(patch, aligned, open_to, i, stack);
     if (part.weight > best.weight) best = part;
   });
   if (best.weight == 0) return {};
-  return Lit{{patch.first_column + best.left * patch.group, patch.first_row + best.top,
-              (best.right - best.left + 1) * patch.group, best.bottom - best.top + 1},
-             largest};
+  return RefinedLight{.box = {patch.first_column + best.left * patch.group, patch.first_row + best.top,
+                              (best.right - best.left + 1) * patch.group, best.bottom - best.top + 1},
+                      .amplitude = largest};
 }
 
 struct Profile {
@@ -377,7 +372,7 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
     if (inside) {
       const auto fitted = fit_outline(own, frequency);
       if (!fitted) return {};
-      light = light_of(own, *fitted, noise_variance(patch, patch.range(box)));
+      light = refined_light(own, *fitted, noise_variance(patch, patch.range(box)));
       light.box = box, light.inside = true;
       add_appearance(patch, swing, last, light);
       const Region mine = own_box(own);

@@ -58,36 +58,31 @@ const Waves& waves() {
   return one;
 }
 
-struct Share {
-  float share = 0;  // 0: none
-  std::uint8_t wave = 0;
-};
-
-struct Tone {
-  double energy = 0;
+struct BestWave {
+  float amount = 0;  // its energy, or its share of a tile's; 0: none
   std::uint8_t wave = 0;
 };
 
 // The strongest wave in the common signal of a tile's groups; `tile`: its first group.
-Tone strongest_tone(const kernels::Chunk& earlier, const kernels::Chunk& later, std::size_t tile, std::size_t stride,
-                    std::size_t groups) {
+BestWave strongest_wave(const kernels::Chunk& earlier, const kernels::Chunk& later, std::size_t tile,
+                        std::size_t stride, std::size_t groups) {
   const Waves& all = waves();
   float step = 0;
   for (std::size_t g = tile; g < tile + groups; ++g) step += later.first[g] - earlier.first[g];
   std::array<float, Waves::padded> a, b;
   kernels::wave_sums(earlier.common + tile, later.common + tile, step, stride, all.cosine[0].data(), all.sine[0].data(),
                      Waves::padded, a.data(), b.data());
-  Tone best;
+  BestWave best;
   for (std::size_t k = 0; k < cycles.size(); ++k) {
-    const double energy = 2.0 / window * static_cast<double>(a[k] * a[k] + b[k] * b[k]);
-    if (energy > best.energy) best = {energy, static_cast<std::uint8_t>(k)};
+    const float energy = 2.0F / window * (a[k] * a[k] + b[k] * b[k]);
+    if (energy > best.amount) best = {energy, static_cast<std::uint8_t>(k)};
   }
   return best;
 }
 
 struct TileMap {
   std::size_t windows = 0, across = 0;
-  std::vector<Share> tiles;
+  std::vector<BestWave> tiles;
 };
 
 std::size_t windows_in(std::size_t rows) { return rows < window ? 0 : (rows - window) / hop + 1; }
@@ -100,7 +95,7 @@ void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, 
   std::vector<std::uint8_t> seen(map.tiles.size());
   std::vector<std::size_t> open;
   for (std::size_t start = 0; start < map.tiles.size(); ++start) {
-    if (seen[start] || map.tiles[start].share == 0) continue;
+    if (seen[start] || map.tiles[start].amount == 0) continue;
     std::vector<Tile> tiles;
     open.assign(1, start);
     seen[start] = 1;
@@ -114,7 +109,7 @@ void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, 
       for (std::size_t v = w - (w > 0); v <= std::min(w + 1, map.windows - 1); ++v)
         for (std::size_t h = g - (g > 0); h <= std::min(g + 1, map.across - 1); ++h) {
           const std::size_t next = v * map.across + h;
-          if (seen[next] || map.tiles[next].share == 0 || !alike(map.tiles[next].wave, wave)) continue;
+          if (seen[next] || map.tiles[next].amount == 0 || !alike(map.tiles[next].wave, wave)) continue;
           seen[next] = 1;
           open.push_back(next);
         }
@@ -241,10 +236,9 @@ class Scale {
       for (std::size_t k = 0; k < tile_width(); ++k) mean += (a.first[g + k] + scratch.sum[g + k] / window) / count;
       const float swing = min_swing_ * std::exp(-mean);
       if (energy < 0.5F * swing * swing * window * count) continue;
-      const Tone tone = strongest_tone(a, b, g, stride_, tile_width());
-      const double share = tone.energy / static_cast<double>(count * energy);
-      if (share >= threshold_)
-        map_.tiles[(map_.windows - 1) * across + g] = {static_cast<float>(std::min(share, 0.9999)), tone.wave};
+      const BestWave tone = strongest_wave(a, b, g, stride_, tile_width());
+      const float share = tone.amount / (count * energy);
+      if (share >= threshold) map_.tiles[(map_.windows - 1) * across + g] = {std::min(share, 0.9999F), tone.wave};
     }
   }
 

@@ -174,7 +174,7 @@ TEST_CASE("a short tone on a slope is measured without bias from its own pixels"
         for (std::size_t g = 0; g < groups; ++g) pixels.light[n * groups + g] = pixels.profile[n];
       }
       CHECK(strongest_frequency(pixels, 0.8 * frequency, 1.2 * frequency) == doctest::Approx(frequency).epsilon(1e-4));
-      const RefinedLight light = light_of(pixels, frequency, 0);
+      const RefinedLight light = refined_light(pixels, frequency, 0);
       CHECK(light.periodic == doctest::Approx(1).epsilon(1e-6));
       CHECK(light.texture < 1e-6);
       CHECK(light.frequency_std < 3e-4 * frequency);

@@ -12,8 +12,8 @@
 
 namespace ocisac {
 
-// A light found again. Gain, phase and mean are those of the whole box, as of tone_gain.
-struct RecognisedLight {
+// A light measured in its box. Gain, phase and mean are those of the whole box, as of tone_gain.
+struct MeasuredLight {
   Region box;
   double frequency = 0;  // Hz; of data that of the strongest tone
   double swing = 1;      // relative to that in the frame in which the light was found
@@ -45,10 +45,10 @@ class KnownLight {
 
   // The light in a later frame, near the first of the places that shows it; absent if none does, or if the frame has
   // another shape or no light.
-  [[nodiscard]] std::optional<RecognisedLight> find(const AnyFramesView& frame, std::span<const Place> places) const;
+  [[nodiscard]] std::optional<MeasuredLight> find(const AnyFramesView& frame, std::span<const Place> places) const;
 
   // In the frame in which it was found.
-  [[nodiscard]] const RecognisedLight& first() const;
+  [[nodiscard]] const MeasuredLight& first() const;
 
  private:
   struct State;

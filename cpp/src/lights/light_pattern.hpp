@@ -17,7 +17,7 @@ struct FreeBox {
   std::size_t width = 0, height = 0;
 };
 
-struct LightLook {
+struct LightPattern {
   std::vector<double> mean;                 // light of the cells, DN
   double noise = 0;                         // standard error of a cell's mean, DN
   std::vector<std::complex<double>> swing;  // of the cells' tone, the upper half of the box first
@@ -45,11 +45,11 @@ class LightCells {
 };
 
 // Mean and tone of each cell in both halves of the box and in a cycle above and below it, by least squares.
-class ToneLook {
+class TonePattern {
  public:
-  ToneLook(const FreeBox& box, double dark, double frequency);  // cycles per row
+  TonePattern(const FreeBox& box, double dark, double frequency);  // cycles per row
 
-  [[nodiscard]] LightLook look(const AnyFramesView& frame, const FreeBox& box) const;
+  [[nodiscard]] LightPattern pattern_in(const AnyFramesView& frame, const FreeBox& box) const;
 
  private:
   struct Rows {                      // above the box, in its halves, below it
@@ -65,11 +65,11 @@ class ToneLook {
 };
 
 // The waveform that all cells have in common, beside slow light.
-class WaveformLook {
+class WaveformPattern {
  public:
-  WaveformLook(const FreeBox& box, double dark);
+  WaveformPattern(const FreeBox& box, double dark);
 
-  [[nodiscard]] LightLook look(const AnyFramesView& frame, const FreeBox& box) const;
+  [[nodiscard]] LightPattern pattern_in(const AnyFramesView& frame, const FreeBox& box) const;
 
  private:
   LightCells cells_;

@@ -1,4 +1,4 @@
-#include "lights/light_look.hpp"
+#include "lights/light_pattern.hpp"
 
 #include <algorithm>
 #include <array>
@@ -85,7 +85,7 @@ std::vector<double> LightCells::light(const AnyFramesView& frame, const FreeBox&
   return light;
 }
 
-ToneLook::ToneLook(const FreeBox& box, double dark, double frequency)
+TonePattern::TonePattern(const FreeBox& box, double dark, double frequency)
     : cells_(box, dark, std::max<std::size_t>(static_cast<std::size_t>(1 / (kRowsACycle * frequency)), 1),
              std::max<std::size_t>(static_cast<std::size_t>(std::nearbyint(1 / frequency)), 1)) {
   const auto& rows = cells_.rows();
@@ -101,7 +101,7 @@ ToneLook::ToneLook(const FreeBox& box, double dark, double frequency)
   for (std::size_t k = 1; k <= kHalves; ++k) spread_ = std::max(spread_, parts_[k].weights.col(0).norm());
 }
 
-std::vector<double> ToneLook::fit(const std::vector<double>& light) const {
+std::vector<double> TonePattern::fit(const std::vector<double>& light) const {
   const std::size_t cells = cells_.cells();
   std::vector<double> fitted(parts_.size() * kWaves * cells);
   double* to = fitted.data();
@@ -117,7 +117,7 @@ std::vector<double> ToneLook::fit(const std::vector<double>& light) const {
 }
 
 // Standard error of a cell's mean, from what the fit leaves.
-double ToneLook::noise(const std::vector<double>& light, const std::vector<double>& fitted) const {
+double TonePattern::noise(const std::vector<double>& light, const std::vector<double>& fitted) const {
   const std::size_t cells = cells_.cells();
   std::vector<double> rest;
   rest.reserve(light.size());
@@ -133,7 +133,7 @@ double ToneLook::noise(const std::vector<double>& light, const std::vector<doubl
   return spread_ * row_noise(rest, cells - 2);
 }
 
-LightLook ToneLook::look(const AnyFramesView& frame, const FreeBox& box) const {
+LightPattern TonePattern::pattern_in(const AnyFramesView& frame, const FreeBox& box) const {
   const std::size_t cells = cells_.cells(), inner = cells - 2;
   const std::vector<double> light = cells_.light(frame, box), fitted = fit(light);
   const auto wave = [&](std::size_t part, std::size_t k, std::size_t cell) {
@@ -142,7 +142,7 @@ LightLook ToneLook::look(const AnyFramesView& frame, const FreeBox& box) const {
   const auto swing = [&](std::size_t part, std::size_t cell) {
     return std::complex<double>(wave(part, 1, cell), -wave(part, 2, cell));
   };
-  LightLook result;
+  LightPattern result;
   std::array<std::complex<double>, 4> sides{};  // left, right, above, below
   for (std::size_t half = 1; half <= kHalves; ++half) {
     sides[0] += swing(half, 0) / static_cast<double>(kHalves);
@@ -161,10 +161,10 @@ LightLook ToneLook::look(const AnyFramesView& frame, const FreeBox& box) const {
   return result;
 }
 
-WaveformLook::WaveformLook(const FreeBox& box, double dark)
+WaveformPattern::WaveformPattern(const FreeBox& box, double dark)
     : cells_(box, dark), slow_(linear_fit(tone_design(centred_rows(box.height), {}, kTrend), 0).basis) {}
 
-LightLook WaveformLook::look(const AnyFramesView& frame, const FreeBox& box) const {
+LightPattern WaveformPattern::pattern_in(const AnyFramesView& frame, const FreeBox& box) const {
   using Light = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   const std::vector<double> pixels = cells_.light(frame, box);
   const auto rows = static_cast<Eigen::Index>(cells_.rows().size());
@@ -174,7 +174,7 @@ LightLook WaveformLook::look(const AnyFramesView& frame, const FreeBox& box) con
   const Eigen::VectorXd waveform = fast.middleCols(1, inner).rowwise().mean();
   const Eigen::RowVectorXd mean = light.middleCols(1, inner).colwise().mean();
   const double energy = waveform.squaredNorm();
-  LightLook result;
+  LightPattern result;
   result.mean.assign(mean.begin(), mean.end());
   result.waveform.assign(waveform.begin(), waveform.end());
   if (!(energy > 0)) {
