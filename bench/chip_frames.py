@@ -13,6 +13,7 @@ from ocisac_fast.chips import ChipClock, chip_llr, expose_chips
 Float64s = npt.NDArray[np.float64]
 ROWS = 1080
 
+
 @dataclass(frozen=True)
 class ChipFrame:
     """One frame of random chips with random rate and phase, and all parameters that a detector needs."""
@@ -38,6 +39,7 @@ class ChipFrame:
         """Number of wrong chips, and number of chips."""
         whole = self.whole
         return int(np.sum((llr > 0)[whole] != self.chips[whole])), int(np.sum(whole))
+
 
 def make_frame(exposure_chips: float, rows_per_chip: float, noise: float, random: np.random.Generator) -> ChipFrame:
     """Random chips, a rate within 1 % of the nominal one and a random phase; noise of a row over the swing."""

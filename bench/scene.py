@@ -56,11 +56,6 @@ def frame_of(plan: Plan) -> np.ndarray:
     return next(render(plan, frames=1))
 
 
-def floating(scene: Scene) -> Scene:
-    """The same scene before rounding, for errors."""
-    return dataclasses.replace(scene, sensor=Sensor(scene.sensor.gain))
-
-
 def main() -> None:
     arguments = argparse.ArgumentParser(description="Costs of scenes.")
     arguments.add_argument("--tolerances", action="store_true", help="time and error over tolerances")
@@ -83,7 +78,7 @@ def main() -> None:
     print(f"a frame written to memory:                {written * 1e3:9.3f}")
     print(f"one source, tolerance 0.5 DN:             {made * 1e3:9.3f}  {made / written:.1f} times that")
     if options.tolerances:
-        tolerances(floating(testbed), expected)
+        tolerances(dataclasses.replace(testbed, sensor=Sensor(testbed.sensor.gain)), expected)  # before rounding
 
 
 def tolerances(scene: Scene, expected: np.ndarray) -> None:

@@ -69,6 +69,10 @@ def _turned(frame: Array) -> Array:
     return np.ascontiguousarray(frame.T)
 
 
+def _floats(frame: Array) -> Array:
+    return (frame / 255).astype(np.float32)
+
+
 def _same(frame: Array) -> Array:
     return frame
 
@@ -83,14 +87,8 @@ CASES = [
     Stored("uint16, tone, efficiency 0.99", _twelve_bits, RAW, 2.5, {"efficiency": 0.99}, bounded=True),
     Stored("uint16, square wave", _twelve_bits, RAW, 20.0, {"waveform": "square"}, bounded=True),
     Stored("uint16 with a tone curve, tone", _twelve_bits, RAW_SRGB, 10.0),
-    Stored("float32, tone, efficiency 1", lambda frame: (frame / 255).astype(np.float32), LINEAR, 2.5),
-    Stored(
-        "float32, tone, efficiency 0.99",
-        lambda frame: (frame / 255).astype(np.float32),
-        LINEAR,
-        2.5,
-        {"efficiency": 0.99},
-    ),
+    Stored("float32, tone, efficiency 1", _floats, LINEAR, 2.5),
+    Stored("float32, tone, efficiency 0.99", _floats, LINEAR, 2.5, {"efficiency": 0.99}),
     Stored("bytes, rows across", _turned, Camera(ROW_TIME, scan_axis="x"), 4.0),
     Stored("one colour of RGB bytes", _colours, LINEAR, 2.5, columns=lambda frame: frame[..., 1]),
     Stored("luma of YUYV bytes", _yuyv, LINEAR, 3.0, columns=lambda frame: frame[..., 0]),
