@@ -48,6 +48,9 @@ class LightResponse:
     assumed_for: str = ""
 
 
+_LINEAR_PNG = b"\0\0\0\4gAMA\0\1\x86\xa0" + b"1\xe8\x96_"  # the chunk of a power of 1, with its check sum
+
+
 class _Recorded:
     """Statements of a recording about its camera."""
 
@@ -174,7 +177,6 @@ class RecordingStream(_Recorded):
     Attributes:
         kind, response, frame_rate: as in ``Recording``.
         frame_count: number of frames that the file announces, or None; a damaged file may hold fewer.
-        luma: True if the frames are the luma plane of a video.
         key_frames: function of a number of frames: where a longer recording can be cut, else None; reads the stream.
         video: format of a video's stream, else None.
         picture: format of a picture, else None.
@@ -188,7 +190,6 @@ class RecordingStream(_Recorded):
         response: LightResponse,
         frame_rate: float | None = None,
         frame_count: int | None = None,
-        luma: bool = False,
         close: Callable[[], object] | None = None,
         key_frames: Callable[[int], KeyFrames | None] = lambda _: None,
         video: VideoFormat | None = None,
@@ -200,7 +201,6 @@ class RecordingStream(_Recorded):
         self.response = response
         self.frame_rate = frame_rate
         self.frame_count = frame_count
-        self.luma = luma
         self.key_frames = key_frames
         self.video = video
         self.picture = picture
@@ -221,7 +221,7 @@ class RecordingStream(_Recorded):
     @classmethod
     def linear(cls) -> RecordingStream:
         """An empty recording that states linear values, for ``write_frames(like=)``."""
-        return cls(iter(()), "array", LightResponse(stated_by="its maker"))
+        return cls(iter(()), "array", LightResponse(), picture=PictureFormat(None, {}, _LINEAR_PNG, []))
 
     @checked
     def time_of(self, frame: int) -> Fraction | None:

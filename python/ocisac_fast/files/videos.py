@@ -154,7 +154,6 @@ def _stream(
         response,
         rate,
         stream.frames or None,
-        luma=_has_luma(pixel_format) and not colour,
         close=close,
         key_frames=lambda max_frames: video_key_frames(container, stream, max_frames) if timed else None,
         video=form,

@@ -12,7 +12,6 @@ import secrets
 import shutil
 import stat
 import tempfile
-import zlib
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -23,7 +22,7 @@ import numpy as np
 from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.files.extras import pillow, pyav
 from ocisac_fast.files.pictures import ORIENTATION
-from ocisac_fast.files.recording import FileError, Frame, LightResponse, PictureFormat, RecordingStream
+from ocisac_fast.files.recording import FileError, Frame, PictureFormat, RecordingStream
 from ocisac_fast.files.video_writing import CODECS, check_frame, write_video
 
 _PICTURES = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".jpg": "JPEG", ".jpeg": "JPEG"}
@@ -145,7 +144,7 @@ def write_frames(
                 with temporary.open("wb") as file:
                     np.save(file, every[0] if single else np.stack(every), allow_pickle=False)
             elif suffix in _PICTURES:
-                _write_picture(temporary, _alike(frames), _PICTURES[suffix], like)
+                _write_picture(temporary, _alike(frames), _PICTURES[suffix], None if like is None else like.picture)
             elif suffix in CODECS:
                 write_video(temporary, frames, frame_rate, like, crf)
             else:
@@ -164,8 +163,7 @@ def _alike(frames: Iterable[Frame]) -> list[Frame]:
     return every
 
 
-def _write_picture(path: Path, frames: list[Frame], kind: str, original: RecordingStream | None) -> None:
-    like = None if original is None else original.picture
+def _write_picture(path: Path, frames: list[Frame], kind: str, like: PictureFormat | None) -> None:
     first = frames[0]
     types = (
         {"TIFF": (np.uint8, np.uint16, np.float32), "JPEG": (np.uint8,)} if first.ndim == 2 or kind == "JPEG" else {}
@@ -183,19 +181,9 @@ def _write_picture(path: Path, frames: list[Frame], kind: str, original: Recordi
     else:
         images = [pillow().fromarray(np.ascontiguousarray(frame)) for frame in frames]
         images[0].save(path, kind, **_options(images, kind, like))
-    if original is not None and kind == "PNG":
-        chunks = _curve_chunk(original.response) if like is None else like.chunks
+    if like is not None and kind == "PNG":
         whole = path.read_bytes()
-        path.write_bytes(whole[:_PNG_HEADER] + chunks + whole[_PNG_HEADER:])
-
-
-def _curve_chunk(response: LightResponse) -> bytes:
-    """PNG's statement of the curve, where it is a power."""
-    power = {"linear": 1.0, "gamma": response.gamma}.get(response.tone_curve)
-    if power is None or response.assumed_for:
-        return b""
-    chunk = b"gAMA" + round(100_000 / power).to_bytes(4, "big")
-    return (4).to_bytes(4, "big") + chunk + zlib.crc32(chunk).to_bytes(4, "big")
+        path.write_bytes(whole[:_PNG_HEADER] + like.chunks + whole[_PNG_HEADER:])
 
 
 def _with_alpha(frame: Frame, alpha: Frame | None, kind: str) -> Frame:
