@@ -44,6 +44,13 @@ def test_other_values_are_kept(kind):
     np.testing.assert_array_equal(read, values.astype(np.float64))
 
 
+def test_a_masked_array_is_called_so():
+    masked = np.ma.masked_greater(np.full((96, 8), 5.0), 4)
+    for call in (lambda: tone_gain(masked, CAMERA, frequency=700.0), lambda: remove_bands(masked, CAMERA)):
+        with pytest.raises(ValueError, match=r"^(columns|frames): got a masked array, allowed: real numbers"):
+            call()
+
+
 def test_all_frames_decide_the_type():
     frames = np.zeros((2, 4, 3, 3), np.int64)
     frames[1] = 70000

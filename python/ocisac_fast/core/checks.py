@@ -162,6 +162,8 @@ def _test_of(hint: Any) -> _Test:
             return
         if not fits(value):
             got = f"dtype {value.dtype}" if isinstance(value, np.ndarray) else shown(value)
+            if np.ma.is_masked(value):
+                got = "a masked array"
             raise ValueError(f"{name}: got {got}, allowed: {text}")
         if not by_value and kind not in _EXAMINED and (kind in _ALIKE or kind.__module__.startswith("ocisac_fast")):
             accepted.add(kind)
