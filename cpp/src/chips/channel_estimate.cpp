@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "chips/channel_equations.hpp"
+#include "ocisac/chips/reduced_search.hpp"
 #include "ocisac/core/require.hpp"
 #include "rows/exposed_chips.hpp"
 
@@ -14,12 +15,11 @@ namespace ocisac {
 namespace {
 
 constexpr int kRounds = 20;
+constexpr double kRateErrors = 3, kMaxRateError = 0.01;  // standard errors; relative
 constexpr int kPasses = 3;
-constexpr double kMinShare = 1e-3;       // min fraction of a step; the model has kinks
-constexpr double kSmallFall = 1e-5;      // min reduction of the squares by a step, in variances of a row
-constexpr double kSmallStep = 1e-3;      // standard errors; a smaller step is the last
-constexpr double kSettled = 1e-9;        // chips; a smaller step is the last
-constexpr double kLongestExposure = 24;  // chips
+constexpr double kMinShare = 1e-3;   // min fraction of a step; the model has kinks
+constexpr double kSmallFall = 1e-5;  // min reduction of the squares by a step, in variances of a row
+constexpr double kSmallStep = 1e-3;  // standard errors; a smaller step is the last
 
 // The clock after a fraction of the step, limited to the range where the model is nearly linear.
 ChipClock stepped(const ChipClock& clock, const ClockStep& step, double share, double half_chips) {
@@ -32,7 +32,7 @@ ChipClock stepped(const ChipClock& clock, const ClockStep& step, double share, d
   if (step.size() == 3) {
     const double limit = 0.3 * clock.exposure_rows + 0.3 * clock.rows_per_chip;
     next.exposure_rows = std::clamp(clock.exposure_rows + std::clamp(part * step[2], -limit, limit), kShortestExposure,
-                                    kLongestExposure * next.rows_per_chip);
+                                    kLongestReducedExposure * next.rows_per_chip);
   }
   return next;
 }
@@ -73,13 +73,10 @@ std::optional<Descent> descend(ChannelEquations& equations, ChipClock clock, Row
       const double variance = there->squares / rows;
       const bool last =
           is_small(here->step, *here, variance, kSmallStep) || here->squares - there->squares < kSmallFall * variance;
-      const double moved =
-          std::max({std::abs(next.phase - clock.phase), half_chips * std::abs(next.rows_per_chip - clock.rows_per_chip),
-                    std::abs(next.exposure_rows - clock.exposure_rows)});
       clock = next;
       here = std::move(there);
       better = true;
-      if (last || moved < kSettled * clock.rows_per_chip) return Descent{clock, range, std::move(*here), true};
+      if (last) return Descent{clock, range, std::move(*here), true};
       break;
     }
     if (!better) return Descent{clock, range, std::move(*here), true};  // minimum to full precision
@@ -111,6 +108,12 @@ double ChannelEstimate::dark_at(double row, std::size_t frame_rows) const {
 
 double ChannelEstimate::swing_at(double row, std::size_t frame_rows) const {
   return polynomial(swing, along_frame(row, frame_rows));
+}
+
+bool ChannelEstimate::has_other_rate(double rows_per_chip, double tolerance) const {
+  const double off = std::abs(clock.rows_per_chip / rows_per_chip - 1);
+  const double error = errors.rows_per_chip_std() / rows_per_chip;
+  return !(off <= tolerance + std::min(kRateErrors * error, kMaxRateError));
 }
 
 std::vector<double> channel_residual(std::span<const double> signal, const KnownChips& chips,
@@ -175,8 +178,8 @@ std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const
                          found->converged};
 }
 
-std::optional<LevelSquares> level_squares(std::span<const double> signal, const KnownChips& chips,
-                                          const ChipClock& clock, const ChannelModel& model) {
+std::optional<double> mean_level_square(std::span<const double> signal, const KnownChips& chips, const ChipClock& clock,
+                                        const ChannelModel& model) {
   check_chips(chips);
   check_clock(clock);
   check_model(model);
@@ -187,7 +190,7 @@ std::optional<LevelSquares> level_squares(std::span<const double> signal, const 
   equations.expose(moved_to(used, equations.origin()), range);
   const auto levels = equations.fit_levels();
   if (!levels) return std::nullopt;
-  return LevelSquares{equations.squares_left(*levels, model.dark_degree + 1), range.size()};
+  return equations.squares_left(*levels, model.dark_degree + 1) / static_cast<double>(range.size());
 }
 
 std::optional<ClockErrors> clock_bounds(const KnownChips& chips, const ChipClock& clock, std::span<const double> swing,

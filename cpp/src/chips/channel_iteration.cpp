@@ -18,11 +18,10 @@ constexpr double kMinSwing = 0.1;          // relative to the middle of those ro
 constexpr double kCertainPhase = 0.04;     // chips; with a larger standard error other rates are tried
 constexpr double kCertainExposure = 0.06;  // chips; with a larger standard error other exposures are tried
 constexpr double kMaxExposureMove = 0.8;
-constexpr double kMovedErrors = 1.5, kMaxMove = 0.4;  // standard errors, chips
-constexpr double kMaxChips = 1e6;                     // in a frame
-constexpr double kStatesPerRow = 64;                  // states of the trellis whose cost equals that of a row of a fit
-constexpr double kMaxStateChips = 11;                 // for longer exposures not all states are evaluated
-constexpr double kLevelFits = 2;                      // cost of the choice of levels, in fits of levels and clock
+constexpr double kMaxChips = 1e6;      // in a frame
+constexpr double kStatesPerRow = 64;   // states of the trellis whose cost equals that of a row of a fit
+constexpr double kMaxStateChips = 11;  // for longer exposures not all states are evaluated
+constexpr double kLevelFits = 2;       // cost of the choice of levels, in fits of levels and clock
 
 // The channel's levels, constant beyond a short extrapolation. ChipRows uses them unlimited: its channel is that of the
 // whole frame, and a swing that falls to 0 there is an error of the caller.

@@ -44,6 +44,8 @@ std::optional<Iteration> iterate_best(const IterationContext& context, const Cha
 // All chips that affect the rows; known chips of the options replace detected ones.
 std::optional<FoundChips> detect_rows(const IterationContext& context, const ChannelEstimate& channel, RowRange range);
 
+inline constexpr double kMovedErrors = 1.5, kMaxMove = 0.4;  // of a clock at the rows' ends: standard errors, chips
+
 // Removes the chips at the ends, which affect only a few rows.
 FoundChips without_edges(const FoundChips& chips);
 

@@ -9,8 +9,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kPrior = 4;         // inverse prior variance of a chip
-constexpr double kRounding = 1e-12;  // relative, of an exposure of a whole number of chips
+constexpr double kPrior = 4;  // inverse prior variance of a chip
 
 double length_of(const ChipClock& clock) {
   return std::max(clock.exposure_rows, kShortestExposure) / clock.rows_per_chip;
@@ -22,7 +21,7 @@ void check(const ChipQuestion& question, double longest) {
   require_positive("rows_per_chip", question.clock.rows_per_chip);
   require_finite("phase", question.clock.phase);
   require(question.clock.exposure_rows >= 0 &&
-              question.clock.exposure_rows <= (1 + kRounding) * longest * question.clock.rows_per_chip,
+              question.clock.exposure_rows <= (1 + kWholeChips) * longest * question.clock.rows_per_chip,
           "exposure_rows", question.clock.exposure_rows, "0 to " + shortest_text(longest) + " chips, in rows");
   require_positive("noise", question.noise);
   for (const double row : question.rows) require_finite("rows", row);
@@ -39,7 +38,7 @@ std::optional<double> known_level(const ChipQuestion& question, std::size_t k) {
 
 ChipEquations::ChipEquations(const ChipQuestion& question, double longest)
     : count_((check(question, longest), question.count)),
-      band_(static_cast<std::size_t>(std::ceil((1 - kRounding) * length_of(question.clock)))),
+      band_(static_cast<std::size_t>(std::ceil((1 - kWholeChips) * length_of(question.clock)))),
       normal_(count_ * (band_ + 1), 0.0),
       target_(count_, 0.0) {
   for (std::size_t chip = 0; chip < count_; ++chip) {

@@ -13,6 +13,7 @@
 #include "columns/moving_mean.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/spectrum.hpp"
+#include "ocisac/chips/preamble.hpp"
 #include "rows/fit.hpp"
 
 namespace ocisac {
@@ -24,8 +25,8 @@ constexpr std::array kThresholds{0.5, 0.35, 0.2, 0.65};
 constexpr std::array<std::size_t, 3> kSmoothing{0, 2, 8};  // reach of the moving mean, rows
 constexpr std::size_t kMinEdges = 4;
 constexpr std::size_t kCandidates = 16;
+constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kMaxDuty = 0.2;       // chips, in the search; the bound after the fit is slightly larger
-constexpr double kMinCertainty = 5.5;  // nats
 constexpr double kLengthError = 0.03;  // of the exposure, the least
 constexpr double kMaxResidual = 0.17;  // chips; edges at random places have 1/√12 = 0.29
 
@@ -68,7 +69,6 @@ std::array<std::vector<std::complex<double>>, 2> edge_spectra(const Edges& edges
                                                               std::size_t count) {
   constexpr int kReach = 8;  // samples of the Gaussian on either side: errors of 1e-8 of the number of edges
   constexpr double kDecay = 0.75 * std::numbers::pi / kReach;
-  constexpr double kTurn = 2 * std::numbers::pi;
   const std::size_t length = optimal_dft_length(2 * count + 2 * kReach);
   const auto cycles = static_cast<double>(length);
   const std::size_t centre = count / 2;
@@ -107,10 +107,9 @@ std::vector<Coherence> coherence(const Edges& edges, double lowest, double step,
   const auto [up, down] = edge_spectra(edges, lowest, step, count);
   std::vector<Coherence> result(count);
   for (std::size_t k = 0; k < count; ++k) {
-    constexpr double turn = 2 * std::numbers::pi;
-    const double duty = std::clamp(std::arg(down[k] * std::conj(up[k])) / turn, -kMaxDuty, kMaxDuty);
-    const auto total = up[k] + down[k] * std::polar(1.0, -turn * duty);
-    result[k] = {std::abs(total) / static_cast<double>(edges.rows.size()), -duty, -std::arg(total) / turn};
+    const double duty = std::clamp(std::arg(down[k] * std::conj(up[k])) / kTurn, -kMaxDuty, kMaxDuty);
+    const auto total = up[k] + down[k] * std::polar(1.0, -kTurn * duty);
+    result[k] = {std::abs(total) / static_cast<double>(edges.rows.size()), -duty, -std::arg(total) / kTurn};
   }
   return result;
 }

@@ -17,13 +17,12 @@ namespace {
 constexpr double kUnsureFrame = 0.3;   // chips; max standard error at the frame's ends without a comparison of clocks
 constexpr double kExposureStep = 0.5;  // chips, step of the initial exposures
 constexpr int kExposureSteps = 2;      // on either side
-constexpr double kGrowth = 1.35;       // growth factor of the rows per round
-constexpr double kMovedErrors = 1.5, kMinMove = 0.25, kMaxMove = 0.4;  // standard errors, chips at the rows' ends
-constexpr std::size_t kMaxClocks = 8;                                  // max number kept
-constexpr double kReach = 20;                                          // max cost above the best clock, nats
-constexpr double kAlike = 0.12;  // chips, at the rows' ends and of exposure: closer clocks are equal
+constexpr double kGrowth = 1.3;        // factor of the rows per round
+constexpr double kMinMove = 0.25;      // chips at the rows' ends
+constexpr std::size_t kMaxClocks = 8;  // max number kept
+constexpr double kReach = 20;          // max cost above the best clock, nats
+constexpr double kAlike = 0.12;        // chips, at the rows' ends and of exposure: closer clocks are equal
 constexpr int kWholeRounds = 3;
-constexpr double kMinGrowth = 1.3;  // relative to the best
 
 // The rows extended on either side; at an end of the frame, on the other side instead.
 RowRange longer(RowRange rows, std::size_t frame_rows) {
@@ -112,7 +111,7 @@ double closeness(const ChannelEstimate& channel, std::size_t frame_rows) {
 std::optional<RefinedChannel> track_in_parallel(const IterationContext& context, std::vector<ChannelEstimate> clocks,
                                                 RowRange rows) {
   const auto clock = most_likely_clock(context, std::move(clocks), rows);
-  auto found = clock ? grow(context, *clock, kMinGrowth) : std::nullopt;
+  auto found = clock ? grow(context, *clock, kGrowth) : std::nullopt;
   if (!found) return found;
   const auto left = channel_residual(context.signal, {found->chips, found->first}, found->channel);
   found->even = is_even(residual_windows(left, found->channel), found->channel.clock);

@@ -18,7 +18,6 @@ namespace {
 constexpr double kSearchChips = 36;    // length of the searched part of the frame, beside the exposure
 constexpr double kSearchSlack = 0.15;  // max error of the grid of starts, chips
 constexpr int kSearchRounds = 4;
-constexpr double kRateErrors = 3, kMaxRateError = 0.01;           // standard errors; relative
 constexpr std::size_t kSearchParts = 3;                           // parts of the frame
 constexpr std::size_t kGuessesTried = 18, kGuessesOfUnknown = 6;  // for a known exposure; per exposure if unknown
 constexpr std::size_t kStartsRefined = 3;                         // best starts over all parts and exposures
@@ -69,46 +68,39 @@ std::optional<ChannelEstimate> first_channel(std::span<const double> signal, Row
   return ChannelEstimate{clock, {}, {dark}, {swing}, kFirstNoise * swing, part, false};
 }
 
-std::optional<Start> try_start(const IterationContext& context, RowRange part, const ChipClock& clock) {
-  auto channel = first_channel(context.signal, part, clock);
-  if (!channel) return std::nullopt;
-  Start best{part, {}};
+std::optional<Start> try_start(const IterationContext& context, const Start& guessed) {
+  ChannelEstimate channel = guessed.channel;
+  Start best{guessed.part, {}};
   for (int round = 0; round < kSearchRounds; ++round) {
-    auto iteration = iterate(context, *channel, part);
+    auto iteration = iterate(context, channel, best.part);
     if (!iteration) break;
     channel = std::move(iteration->channel);
-    const double score = channel->noise / channel->swing[0];
+    const double score = channel.noise / channel.swing[0];
     if (!(score < 0.999 * best.score)) break;
-    best = {part, *channel, score};
+    best = {best.part, channel, score};
   }
   if (!std::isfinite(best.score)) return std::nullopt;
   return best;
 }
 
-// A candidate start with its detected chips, scored by the residual of the best levels, without a fit of the clock.
-struct Guess {
-  ChipClock clock;
-  RowRange part;
-  double score;
-};
-
-std::optional<Guess> guess(const IterationContext& context, RowRange part, const ChipClock& clock) {
+// A start scored by the residual of the best levels for its detected chips, without a fit of the clock.
+std::optional<Start> guess(const IterationContext& context, RowRange part, const ChipClock& clock) {
   check_interrupt();
   if (!context.may_try(part, clock, 1)) return std::nullopt;
   const auto channel = first_channel(context.signal, part, clock);
   const auto chips = channel ? detect_rows(context, *channel, part) : std::nullopt;
   if (!chips) return std::nullopt;
-  const auto left = level_squares(context.signal, without_edges(*chips).known(), clock, {1, 0, true});
+  const auto left = mean_level_square(context.signal, without_edges(*chips).known(), clock, {1, 0, true});
   if (!left) return std::nullopt;
-  return Guess{clock, part, std::sqrt(left->squares / static_cast<double>(left->rows)) / channel->swing[0]};
+  return Start{part, *channel, std::sqrt(*left) / channel->swing[0]};
 }
 
 // Guesses over parts of the frame, rates and phases, in order of score.
-std::vector<Guess> guesses(const IterationContext& context, const ChannelSearch& search, double exposure_rows) {
+std::vector<Start> guesses(const IterationContext& context, const ChannelSearch& search, double exposure_rows) {
   const double chips = kSearchChips + exposure_rows / search.rows_per_chip;
   const double rates = std::ceil(std::max(0.5 * chips * search.tolerance / kSearchSlack, 1.0));
   const double phases = std::ceil(0.5 / kSearchSlack);
-  std::vector<Guess> found;
+  std::vector<Start> found;
   for (const RowRange& part : search_parts(context.signal, chips * search.rows_per_chip))
     for (double i = 0; i < rates; ++i)
       for (double j = 0; j < phases; ++j) {
@@ -118,16 +110,8 @@ std::vector<Guess> guesses(const IterationContext& context, const ChannelSearch&
                               std::max(exposure_rows, kShortestExposure)};
         if (const auto made = guess(context, part, clock)) found.push_back(*made);
       }
-  std::ranges::stable_sort(found, {}, &Guess::score);
+  std::ranges::stable_sort(found, {}, &Start::score);
   return found;
-}
-
-// True if the rate deviates beyond the tolerance by more than its error, as for chips of a frame of a few rows
-// explained by another rate.
-bool is_other_rate(const ChannelEstimate& channel, const ChannelSearch& search) {
-  const double off = std::abs(channel.clock.rows_per_chip / search.rows_per_chip - 1);
-  const double error = channel.errors.rows_per_chip_std() / search.rows_per_chip;
-  return !(off <= search.tolerance + std::min(kRateErrors * error, kMaxRateError));
 }
 
 std::vector<double> exposures(const ChannelSearch& search, std::size_t rows) {
@@ -145,8 +129,8 @@ std::vector<Start> find_starts(const IterationContext& context, const ChannelSea
   const std::size_t most = search.exposure_rows ? kGuessesTried : kGuessesOfUnknown;
   for (const double exposure_rows : exposures(search, context.signal.size())) {
     const auto guessed = guesses(context, search, exposure_rows);
-    for (const Guess& made : std::span(guessed).first(std::min(guessed.size(), most)))
-      if (auto start = try_start(context, made.part, made.clock)) starts.push_back(std::move(*start));
+    for (const Start& made : std::span(guessed).first(std::min(guessed.size(), most)))
+      if (auto start = try_start(context, made)) starts.push_back(std::move(*start));
   }
   std::ranges::stable_sort(starts, {}, &Start::score);
   return starts;
@@ -161,7 +145,7 @@ std::optional<RefinedChannel> try_starts(const IterationContext& context, std::s
   std::optional<RefinedChannel> best;
   for (const Start& start : starts) {
     auto grown = grow_to_frame(context, start.channel);
-    if (!grown || is_other_rate(grown->channel, search)) continue;
+    if (!grown || grown->channel.has_other_rate(search.rows_per_chip, search.tolerance)) continue;
     const bool sure = grown->settled && score_of(*grown) < (grown->even ? kEvenGrowth : kUnevenGrowth) * start.score;
     if (!best || score_of(*grown) < score_of(*best)) best = std::move(grown);
     if (sure) break;
@@ -194,7 +178,7 @@ std::optional<RefinedChannel> compare_starts(const IterationContext& context, st
   for (auto& [part, clocks] : parts) {
     if (limited.is_used_up() || !may_be_wrong(*found, starts.front().score, context.signal.size())) break;
     auto other = track_in_parallel(limited, std::move(clocks), part);
-    if (!other || is_other_rate(other->channel, search)) continue;
+    if (!other || other->channel.has_other_rate(search.rows_per_chip, search.tolerance)) continue;
     if (score_of(*other) < score_of(*found)) found = std::move(other);
   }
   if (context.options.effort != nullptr) context.options.effort->rows = kept + share.rows;
@@ -221,7 +205,7 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
   if (found && !options.warped) found = compare_starts(context, starts, search, std::move(found));
   if (!found || options.exposure_known == fixed.exposure_known) return found;
   auto refined = grow_to_frame({signal, detect, options}, found->channel);
-  return refined && !is_other_rate(refined->channel, search) ? refined : found;
+  return refined && !refined->channel.has_other_rate(search.rows_per_chip, search.tolerance) ? refined : found;
 }
 
 }  // namespace ocisac

@@ -14,7 +14,6 @@ constexpr double kMinRowsPerChip = 0.01, kMaxRowsPerChip = 1e5;
 constexpr double kPhaseSlack = 0.2;      // max error of the grid of rates at the ends of the preamble, chips
 constexpr double kPlaceStep = 0.3;       // chips, step of the grid of positions; at most a row
 constexpr std::size_t kCandidates = 12;  // positions for fits of the channel
-constexpr double kMinCertainty = 5.5;    // nats
 constexpr double kToleranceError = 0.5;  // standard error of a rate uniformly within the tolerance
 constexpr double kMaxExplained = 1 - 1e-9;
 
@@ -169,9 +168,7 @@ std::optional<PreambleMatch> match_at(std::span<const double> signal, const Wind
     if (bound.rate_std > 0) channel = fit_channel(signal, {preamble, 0}, nominal, bound);
   }
   if (!channel || !(channel->swing[0] > 0) || !(channel->errors.covariance[4] >= 0)) return std::nullopt;
-  const double off = std::abs(channel->clock.rows_per_chip / search.rows_per_chip - 1);
-  const double error = channel->errors.rows_per_chip_std() / search.rows_per_chip;
-  if (off > search.tolerance + std::min(3 * error, 0.01)) return std::nullopt;
+  if (channel->has_other_rate(search.rows_per_chip, search.tolerance)) return std::nullopt;
   const double squares = sums.squares_left(channel->rows.begin, channel->rows.size());
   const double left = channel->noise * channel->noise * static_cast<double>(channel->rows.size());
   if (!(squares > left)) return std::nullopt;

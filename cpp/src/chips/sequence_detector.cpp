@@ -22,7 +22,6 @@ namespace {
 
 constexpr std::size_t kMaxSlowMemory = 10;  // chips
 constexpr std::size_t kMaxPatterns = 2 * 16;
-constexpr double kRounding = 1e-12;  // relative, of an exposure of a whole number of chips
 
 // A row's exposure in chips, counted from the newest one: `end` of the newest, `begin` of the oldest, which is `back`
 // chips older, and all chips between.
@@ -80,7 +79,7 @@ class Trellis {
   explicit Trellis(const ChipQuestion& question)
       : question_(question),
         length_(std::max(question.clock.exposure_rows, kShortestExposure) / question.clock.rows_per_chip),
-        reach_(static_cast<std::size_t>(std::ceil((1 - kRounding) * length_))),
+        reach_(static_cast<std::size_t>(std::ceil((1 - kWholeChips) * length_))),
         memory_(memory_of(question.clock, reach_)),
         states_(std::max(std::size_t{1} << memory_, kernels::kFewestStates)),
         costs_(2 * states_),

@@ -30,7 +30,7 @@ constexpr double kSureChip = 6;                          // nats; bounds what on
 constexpr double kMinPlaceVariance = 0.01;               // chips²
 constexpr double kPlaceErrors = 4, kMaxPlaces = 24;      // standard errors, chips: places compared, on either side
 constexpr double kSlipChance = 1e-4, kElsewhere = 1e-3;  // probabilities of each slip of a chip or two; of any place
-constexpr double kSurePlace = 0.99, kSureOdds = 4.595;   // probability, and its ln of odds
+constexpr double kSurePlace = 0.99;                      // probability
 constexpr double kExpected = 0.5;                        // probability of the expected header: a sure one outweighs it
 constexpr double kScatterKept = 0.8;                     // of the variance about the origin, from header to header
 
@@ -219,15 +219,15 @@ std::optional<BlockSighting> read_block(std::size_t chip, const BlockChance& cha
   // Upper bounds of the evidence that bits, and all words, can add.
   const double of_bits = std::log(0x10000U * (chance.any / kHeaders + chance.expected / kDigits));
   const double most = of_bits + static_cast<double>(header_chips(format) - 16) * std::numbers::ln2;
+  const double sure = std::log(kSurePlace / (1 - kSurePlace));
   double evidence = 0;
   for (std::size_t k = 0; k < preamble.size(); ++k) {
     evidence += chips.of_chip(static_cast<std::ptrdiff_t>(chip + k), preamble[k] != 0);
-    if (evidence + most + static_cast<double>(preamble.size() - k - 1) * std::numbers::ln2 < kSureOdds)
-      return std::nullopt;
+    if (evidence + most + static_cast<double>(preamble.size() - k - 1) * std::numbers::ln2 < sure) return std::nullopt;
   }
   const auto seen = chips.llr().subspan(chip, start), words = seen.subspan(preamble.size());
   evidence += format.line_code.evidence(words);
-  if (evidence + of_bits < kSureOdds) return std::nullopt;
+  if (evidence + of_bits < sure) return std::nullopt;
   const HeaderDecision decision = decide_header(format.line_code.decode(words).llr, chance);
   evidence += decision.evidence - std::max(format.line_code.evidence_anywhere(seen), 0.0);
   if (decision.probability < kSurePlace * (1 + std::exp(-evidence))) return std::nullopt;

@@ -35,12 +35,6 @@ constexpr double kNoiseKept = 0.9;      // decay per frame: noise varies where t
 constexpr double kOthersEffort = 0.5;   // of a frame's: the effort for each of the other models
 constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, after which another light may appear
 
-double mean_error_rate(std::span<const double> llr) {
-  double sum = 0;
-  for (double value : llr) sum += 1 / (1 + std::exp(std::abs(value)));
-  return llr.empty() ? std::numeric_limits<double>::quiet_NaN() : sum / static_cast<double>(llr.size());
-}
-
 // A reading's chips that lie whole in the rows, and its channel.
 void describe(const FrameReading& reading, const FrameRows& rows, const RowReader& reader, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
@@ -58,8 +52,8 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   result.rows_per_chip_std = channel.errors.rows_per_chip_std();
   result.exposure = channel.clock.exposure_rows * reader.camera().row_time;
   result.exposure_std = channel.errors.exposure_rows_std() * reader.camera().row_time;
-  result.snr = std::min(std::pow(0.5 / std::max(reading.relative_noise, 1e-300), 2), 1e12);
-  result.error_rate = mean_error_rate(result.llr);
+  result.snr = std::min(std::pow(0.5 / std::max(reading.relative_noise, 1e-300), 2), kMaxSnr);
+  result.error_rate = expected_errors(result.llr) / static_cast<double>(result.llr.size());
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
   if (reading.verdict != Verdict::fits) result.flags |= flag::model_misfit;
   if (chip_period(whole_bits(reading, rows.signal.size()))) result.flags |= flag::periodic;

@@ -24,7 +24,6 @@ constexpr double kExposureStays = 0.01;  // relative
 constexpr double kVainStep = 0.02;       // standard errors
 constexpr double kLevelsStay = 0.03;     // relative to the swing
 constexpr double kRestStays = 0.3;       // relative to the noise, of the rows less slow light and tones
-constexpr double kToneReach = 0.25;      // spectral lines of a frame, in a round
 constexpr double kEquallyGood = 1.2;     // ratio of residuals
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips

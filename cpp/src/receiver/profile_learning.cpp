@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "receiver/reading_verdict.hpp"
 #include "receiver/repeated_frames.hpp"
 
 namespace ocisac {
@@ -19,16 +20,15 @@ constexpr std::size_t kMaxProfileMisfits = 6;
 constexpr std::size_t kProfileRounds = 12;
 constexpr std::array kShapeWeights{1.0, 1.0, 0.1, 0.01, 0.001};  // by round: prior of the first shape
 constexpr double kProfileSearches = 6;                           // frames' efforts for the kept frames, in a round
-constexpr double kProfileGain = 0.95;         // max ratio of the noise of a round to that of the round before
-constexpr double kBetterProfile = 0.8;        // the same of a profile that replaces one in use
-constexpr double kMaxProfileNoise = 1.0 / 3;  // of a frame that cannot be read
-constexpr double kMaxProfileGrowth = 1.5;     // ratio of a frame's noise to that of those that the profile is of
-constexpr double kMinProfileSwing = 0.1;      // of the largest: darker rows are not read
-constexpr std::size_t kOwnSmoothing = 3;      // rows either side, of the swing at a lamp's ends
-constexpr double kMinOwnSwing = 0.5;          // of the smoothed swing, of a row at a lamp's end
-constexpr double kProfileFrameShare = 0.5;    // of the kept frames that a profile must explain
-constexpr double kModeratelySlow = 0.3;       // chips, of rise and fall
-constexpr double kProfileChips = 8;           // chips either side over which a profile's swing is smoothed, at least
+constexpr double kProfileGain = 0.95;       // max ratio of the noise of a round to that of the round before
+constexpr double kBetterProfile = 0.8;      // the same of a profile that replaces one in use
+constexpr double kMaxProfileGrowth = 1.5;   // ratio of a frame's noise to that of those that the profile is of
+constexpr double kMinProfileSwing = 0.1;    // of the largest: darker rows are not read
+constexpr std::size_t kOwnSmoothing = 3;    // rows either side, of the swing at a lamp's ends
+constexpr double kMinOwnSwing = 0.5;        // of the smoothed swing, of a row at a lamp's end
+constexpr double kProfileFrameShare = 0.5;  // of the kept frames that a profile must explain
+constexpr double kModeratelySlow = 0.3;     // chips, of rise and fall
+constexpr double kProfileChips = 8;         // chips either side over which a profile's swing is smoothed, at least
 
 bool is_bright(const RowProfile& profile, RowRange rows) {
   return std::ranges::all_of(std::span(profile.swing).subspan(rows.begin, rows.size()),
@@ -52,29 +52,6 @@ std::size_t smoothing(const LightState& state) {
   return static_cast<std::size_t>(std::max(chips, 2 * state.model.exposure_rows.value_or(0.0)));
 }
 
-// Tones in the frames of a round. Those of mains stay; others become their mean over the frames, in each of which a
-// wrong profile moves them.
-class ToneMeans {
- public:
-  ToneMeans(const std::vector<double>& tones, double row_time) : means_(tones), row_time_(row_time) {}
-
-  void add(const std::vector<double>& found) {
-    ++frames_;
-    for (std::size_t k = 0; k < means_.size(); ++k)
-      if (!is_mains(means_[k])) means_[k] += (found[k] - means_[k]) / static_cast<double>(frames_);
-  }
-  [[nodiscard]] const std::vector<double>& means() const { return means_; }
-
- private:
-  [[nodiscard]] bool is_mains(double tone) const {
-    return std::ranges::any_of(kMains, [&](double mains) { return tone == mains * row_time_; });
-  }
-
-  std::vector<double> means_;  // cycles per row
-  double row_time_;
-  std::size_t frames_ = 0;
-};
-
 // Light of other lamps, less the profile: it is divided by the lamp's swing.
 std::vector<double> scale_of_beside(const LearnedProfile& learned) {
   if (!learned.beside) return {};
@@ -94,21 +71,22 @@ KeptFit read_frames(const RowReader& reader, std::size_t first_row, Learned& now
   KeptFit fit;
   const SearchEffort effort = reader.effort(now.state, now.profile.rows.size());
   double searches = kProfileSearches;
-  ToneMeans tones(now.state.model.nuisance.tones, reader.camera().row_time);
+  std::vector<double> tones(now.state.model.nuisance.tones.size());  // their sums: a wrong profile moves them
   for (KeptFrame& kept : now.frames) {
     FrameRows rows{.may_search = searches > 0, .effort = effort, .effort_of_others = effort};
     const auto reading = read_kept(reader, now.profile, now.state, first_row, kept, rows);
     if (std::isfinite(effort.rows)) searches -= 1 - rows.effort.rows / effort.rows;
     fit.fitting += kept.verdict == Verdict::fits;
     fit.read += reading.has_value();
-    fit.noise += (reading ? reading->relative_noise : kMaxProfileNoise) / static_cast<double>(now.frames.size());
+    fit.noise += (reading ? reading->relative_noise : kMaxRelativeNoise) / static_cast<double>(now.frames.size());
     if (!reading) continue;
-    tones.add(reading->nuisance.tones);
+    for (std::size_t k = 0; k < tones.size(); ++k) tones[k] += reading->nuisance.tones[k];
     now.state.track(reading->channel, rows.first_row, kept.time);
     now.state.accept(*reading, rows.signal);
     now.state.relative_noise = reading->relative_noise;
   }
-  now.state.model.nuisance.tones = tones.means();
+  for (std::size_t k = 0; k < tones.size() && fit.read > 0; ++k)
+    now.state.model.nuisance.tones[k] = tones[k] / static_cast<double>(fit.read);
   return fit;
 }
 
@@ -236,7 +214,7 @@ std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row
     now.profile.noise = fit.noise;
     now.profile.fits = fit.fitting >= enough && round > 0;
     const bool slower = best && now.state.model.slow_light && !best->state.model.slow_light;
-    const double highest = best ? (slower ? kBetterProfile : 1.0) * best->profile.noise : kMaxProfileNoise;
+    const double highest = best ? (slower ? kBetterProfile : 1.0) * best->profile.noise : kMaxRelativeNoise;
     if (round > 0 && readable && (fit.noise < highest || (now.profile.fits && !slower))) best = now;
     if (best && best->profile.fits) break;
     const bool finds_tone = readable && finds_tone_left(reader, now);
@@ -364,7 +342,7 @@ LightState with_new_phase(LightState state) {
 bool follow_profile(const RowReader& reader, const std::optional<FrameReading>& reading, FrameHistory& history,
                     LightState& state) {
   KeptFrame& now = history.frames.back();
-  now.noise = reading ? reading->relative_noise : kMaxProfileNoise;
+  now.noise = reading ? reading->relative_noise : kMaxRelativeNoise;
   if (reading) now.verdict = reading->verdict;
   auto& learned = history.profile;
   if (!learned) return true;

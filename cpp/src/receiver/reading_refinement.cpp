@@ -11,13 +11,11 @@ namespace {
 
 constexpr int kNuisanceRounds = 6;
 constexpr double kNuisanceSettled = 0.95;  // relative to the noise of the last round
-constexpr double kToneReach = 0.25;        // spectral lines of a frame
 constexpr int kToneSteps = 8;
 constexpr double kSlowest = 2;                                // chips, of rise and fall
 constexpr double kShapeStep = 0.02, kLargestShapeMove = 0.5;  // chips
 constexpr double kMinShapeGain = 1e-3;                        // relative fall of the noise, for another step
 constexpr int kShapeSteps = 6, kShapeHalvings = 3, kShapeRounds = 4;
-constexpr double kMinShapePivot = 1e-9;
 constexpr double kWarpMean = 0.25, kWarpSlope = 1.5;  // of a warp, rows and rows per frame, over its root mean square
 constexpr int kWarpRounds = 25, kWarpPatience = 4;    // rounds without a gain, while more than noise is left
 constexpr double kWarpSettled = 0.99;                 // ratio of the noise to the best so far
@@ -95,7 +93,7 @@ static ChannelEstimate fit_shape(std::span<const double> signal, const KnownChip
       f -= by_fall * left[n];
     }
     const double determinant = rr * ff - rf * rf;
-    if (!(determinant > kMinShapePivot * rr * ff)) break;
+    if (!(determinant > 0)) break;
     const double to_rise = (ff * r - rf * f) / determinant, to_fall = (rr * f - rf * r) / determinant;
     double share = std::min(1.0, kLargestShapeMove / std::max({std::abs(to_rise), std::abs(to_fall), 1e-12}));
     const double before = best.noise;

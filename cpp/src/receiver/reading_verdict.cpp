@@ -14,23 +14,15 @@ namespace {
 
 // A wrong chip violates its word, but 01 for 10 does so only across two words: half of all wrong chips show.
 constexpr double kWrongPerViolation = 2;
-constexpr double kMaxRelativeNoise = 1.0 / 3;
 constexpr double kMaxErrors = 2e-3, kMaxErrorsIfEven = 0.08;  // expected error rate; detection in noise expects 1/5
 constexpr double kMaxCorrelation = 0.3;                       // right frames have at most 0.07, wrong ones at least 0.7
-constexpr double kNoResidual = 0.005;  // relative to the swing: rounding to whole values may be correlated
-constexpr double kChangedRows = 1.5;   // chips, by one of them
-constexpr double kExcessChips = 8;     // either side, in which the residual is alike
-constexpr double kExcessErrors = 5;    // standard errors
-constexpr double kMinDeviations = 3;   // standard deviations of the count of violations
+constexpr double kChangedRows = 1.5;                          // chips, by one of them
+constexpr double kExcessChips = 8;                            // either side, in which the residual is alike
+constexpr double kExcessErrors = 5;                           // standard errors
+constexpr double kMinDeviations = 3;                          // standard deviations of the count of violations
 constexpr int kHalvings = 30;
 constexpr double kSureErrors = 0.05;           // chips in a frame
 constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
-
-double expected_wrong(std::span<const double> llr, double scale) {
-  double sum = 0;
-  for (const double value : llr) sum += 1 / (1 + std::exp(scale * std::abs(value)));
-  return sum;
-}
 
 // Words that violate the code, at the place of words with the fewest.
 double violations(std::span<const double> llr, const LineCode& code) {
@@ -99,13 +91,19 @@ bool is_correlated(const FrameReading& reading) {
 
 }  // namespace
 
+double expected_errors(std::span<const double> llr, double scale) {
+  double sum = 0;
+  for (const double value : llr) sum += 1 / (1 + std::exp(scale * std::abs(value)));
+  return sum;
+}
+
 void judge(FrameReading& reading) {
   const ChannelEstimate& channel = reading.channel;
   const auto left = channel_residual(reading.rest, {hard_chips(reading), reading.first}, channel);
   reading.correlation = residual_correlation(left, reading);
   reading.excess = residual_excess(left, reading);
   const auto inner = inner_chips(reading.llr, channel.clock);
-  reading.error_rate = inner.empty() ? 1.0 : expected_wrong(inner, 1) / static_cast<double>(inner.size());
+  reading.error_rate = inner.empty() ? 1.0 : expected_errors(inner, 1) / static_cast<double>(inner.size());
   const bool white = !is_correlated(reading);
   const bool even = is_even(residual_windows(left, channel), channel.clock);
   if (!(reading.relative_noise < kMaxRelativeNoise && reading.error_rate < (even ? kMaxErrorsIfEven : kMaxErrors)))
@@ -113,7 +111,7 @@ void judge(FrameReading& reading) {
   else if (white)
     reading.verdict = Verdict::fits;
   else
-    reading.verdict = expected_wrong(inner_chips(reliable_llr(reading), channel.clock), 1) < kSureErrors
+    reading.verdict = expected_errors(inner_chips(reliable_llr(reading), channel.clock), 1) < kSureErrors
                           ? Verdict::sure
                           : Verdict::misfit;
 }
@@ -146,12 +144,12 @@ void agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
   const auto per_preamble = static_cast<double>(words_of_preamble);
   const double preambles = std::ceil(static_cast<double>(llr.size()) / static_cast<double>(block_chips(format)));
   const double seen = violations(llr, code) - per_preamble * preambles;
-  const double expected = expected_wrong(llr, 1) / kWrongPerViolation;
+  const double expected = expected_errors(llr, 1) / kWrongPerViolation;
   if (seen <= expected + kMinDeviations * std::sqrt(expected + 1)) return;
   double low = 0, high = 1;
   for (int k = 0; k < kHalvings; ++k) {
     const double scale = 0.5 * (low + high);
-    (expected_wrong(llr, scale) > kWrongPerViolation * seen ? low : high) = scale;
+    (expected_errors(llr, scale) > kWrongPerViolation * seen ? low : high) = scale;
   }
   for (double& value : llr) value *= high;
 }

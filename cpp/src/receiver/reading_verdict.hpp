@@ -2,6 +2,7 @@
 // line code.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "ocisac/packets/packets.hpp"
@@ -16,6 +17,12 @@ void judge(FrameReading& reading);
 
 // True where the clock that a reading began with need not be searched: a misfit with few errors, or a fit.
 bool keeps_clock(const FrameReading& reading);
+
+// Number of wrong chips that ratios, times a scale, expect.
+double expected_errors(std::span<const double> llr, double scale = 1);
+
+inline constexpr double kMaxRelativeNoise = 1.0 / 3;  // of a frame that can be read, over the swing
+inline constexpr double kNoResidual = 0.005;          // the same: rounding to whole values may be correlated
 
 // Those of a reading's chips. Where more is left than white noise, the noise is of unknown size, as Student's t has it:
 //

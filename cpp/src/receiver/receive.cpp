@@ -28,11 +28,9 @@ namespace {
 
 constexpr double kLongestChip = 64, kShortestChip = 2;  // rows
 constexpr double kRateTolerance = 0.03;
-constexpr double kMaxChange = 0.02;                        // relative, of the period in the last fit
 constexpr std::size_t kSureBlind = 12, kSureWithRate = 4;  // edges required for a reliable rate, blind or given
 constexpr double kMinSnr = 2;                              // noise divided at its median has 1.8
-constexpr double kMaxSnr = 1e12;
-constexpr double kSameLight = 0.9;  // cosine between the swings of a signal and of a light
+constexpr double kSameLight = 0.9;                         // cosine between the swings of a signal and of a light
 constexpr int kMaxShears = 3;
 constexpr double kInterpolated = 0.1;  // of the second differences of the other rows
 constexpr double kLowestTone = 300, kHighestTone = 3000, kMinProminence = 5,
@@ -129,8 +127,7 @@ std::optional<Decoded> detect_and_refine(std::span<const double> signal, const C
   decoded.detection = std::move(*detected);
   const auto [edges, chips] = edges_of(signal, decoded.grid, decoded.detection);
   const auto lattice = fit_lattice(edges, chips);
-  if (!lattice || std::abs(lattice->clock.rows_per_chip / timing.lattice.clock.rows_per_chip - 1) >= kMaxChange)
-    return decoded;
+  if (!lattice) return decoded;
   const ChipGrid refined = whole_chips(lattice->clock, signal.size());
   detected = slice(signal, refined, exposure_rows, carried_over(decoded.detection.bits, decoded.grid, refined));
   if (detected) decoded = {refined, std::move(*detected), lattice->rows_per_chip_std};

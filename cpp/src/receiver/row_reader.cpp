@@ -24,7 +24,6 @@ constexpr double kNarrowTolerance = 2e-3;  // relative, of a rate estimated from
 constexpr double kWideTolerance = 0.02;    // relative, of a nominal rate
 constexpr double kAsNoisy = 1.2, kMaxNoiseRatio = 2;  // ratio to the last frame
 constexpr double kLittleNoise = 0.06;                 // relative to the swing: excludes a lost clock in any part
-constexpr double kNoNoise = 0.005;
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 7000;
 constexpr double kMaxSearchRows = 2048;      // rows that count for the bound of the search
 constexpr double kPreambleShare = 0.3;       // of the effort, for an exposure that a preamble shows
@@ -211,7 +210,7 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
     auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort, beside);
     if (reading && model.warped) reading = refine_warp(signal, *reading, model.exposure_known, &frame.effort);
     if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
-    if (best && best->relative_noise < std::max(kAsNoisy * state.relative_noise, kNoNoise) && keeps_clock(*best))
+    if (best && best->relative_noise < std::max(kAsNoisy * state.relative_noise, kNoResidual) && keeps_clock(*best))
       return best;
   }
   if (!best || beside) return std::nullopt;

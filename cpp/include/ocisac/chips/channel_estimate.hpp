@@ -47,6 +47,9 @@ struct ChannelEstimate {
 
   [[nodiscard]] double swing_at(double row, std::size_t frame_rows) const;
   [[nodiscard]] double dark_at(double row, std::size_t frame_rows) const;
+  // True if the rate deviates beyond the relative tolerance by more than its error: chips of a frame of a few rows may
+  // be explained by another rate.
+  [[nodiscard]] bool has_other_rate(double rows_per_chip, double tolerance) const;
 };
 
 // Residual of each row: the signal less the channel's response to the chips.
@@ -72,14 +75,10 @@ std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const
                                            const ChipClock& start, const ChannelModel& model = {},
                                            SearchEffort* effort = nullptr);
 
-// Residual squares of the best levels at a given clock; exposure_known of the model is ignored. Absent if the levels
-// are not determined.
-struct LevelSquares {
-  double squares;
-  std::size_t rows;
-};
-std::optional<LevelSquares> level_squares(std::span<const double> signal, const KnownChips& chips,
-                                          const ChipClock& clock, const ChannelModel& model);
+// Mean square of the residual of the best levels at a given clock; exposure_known of the model is ignored. Absent if
+// the levels are not determined.
+std::optional<double> mean_level_square(std::span<const double> signal, const KnownChips& chips, const ChipClock& clock,
+                                        const ChannelModel& model);
 
 // Cramér–Rao bounds on the clock's standard errors for noise of standard deviation `noise` on each row that depends on
 // known chips only, with unknown levels as in fit_channel. Swing and noise in the same unit. Absent if the channel is

@@ -18,6 +18,7 @@ void check(const ChipQuestion& question, double longest);
 std::optional<double> known_level(const ChipQuestion& question, std::size_t k);
 
 // Cost of a chip at distance x from its known level: ½·kKnownPrecision·x² nats.
+inline constexpr double kWholeChips = 1e-12;  // relative rounding of an exposure of a whole number of chips
 inline constexpr double kKnownPrecision = 1e8;
 
 // Let x = chip − ½ = ±½ and h_nk the share of chip k in the exposure of row n (Σ_k h_nk = 1). Then

@@ -32,5 +32,6 @@ std::vector<PreambleMatch> find_preamble(std::span<const double> signal, std::sp
                                          const PreambleSearch& search);
 
 inline constexpr double kMinChipsSeen = 6;
+inline constexpr double kMinCertainty = 5.5;  // nats; of a preamble, and of a lattice of edges
 
 }  // namespace ocisac

@@ -16,6 +16,8 @@ namespace ocisac {
 
 // Signal-to-noise ratio below which a light is flagged as weak: that of a swing of ±3 standard deviations.
 inline constexpr double kWeakSnr = 9;
+inline constexpr double kMaxSnr = 1e12;
+inline constexpr double kToneReach = 0.25;  // by which a tone moves in a round, spectral lines of a frame
 
 // Trust in a frame's reading, ascending.
 enum class Verdict {
