@@ -154,3 +154,15 @@ def test_chips_of_a_line_code_are_not_read_as_others_of_a_shorter_exposure():
         assert frames_until_payload(results) <= 13
         for result in results:
             assert result.exposure == pytest.approx(EXPOSURE, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_means_of_neighbours_between_frames_raise_nothing(seed):
+    """A film of 30 frames/s made one of 60: frames that seem to be given twice set the clock back."""
+    film = Film(seed)
+    frames = [film.frame(index * FRAME_TIME) for index in range(21)]
+    between = [(a + b) / 2 for a, b in itertools.pairwise(frames)]
+    receiver = film.receiver(frame_time=FRAME_TIME / 2)
+    for pixels in itertools.chain.from_iterable(zip(frames, between, strict=False)):
+        payload = receiver.push(pixels).payload
+        assert payload is None or payload.data == PAYLOAD

@@ -1,6 +1,7 @@
 #include "ocisac/chips/preamble.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -23,22 +24,18 @@ class WindowSums {
   explicit WindowSums(std::span<const double> signal) : sums_(signal.size() + 1) {
     for (std::size_t n = 0; n < signal.size(); ++n) {
       const auto row = static_cast<double>(n);
-      sums_[n + 1] = {sums_[n].value + signal[n], sums_[n].moment + row * signal[n],
-                      sums_[n].square + signal[n] * signal[n]};
+      sums_[n + 1] = {sums_[n][0] + signal[n], sums_[n][1] + row * signal[n], sums_[n][2] + signal[n] * signal[n]};
     }
   }
   [[nodiscard]] double squares_left(std::size_t begin, std::size_t count) const {
-    const Sums &low = sums_[begin], &high = sums_[begin + count];
+    const auto &low = sums_[begin], &high = sums_[begin + count];
     const auto n = static_cast<double>(count), middle = static_cast<double>(begin) + 0.5 * (n - 1);
-    const double value = high.value - low.value, slope = high.moment - low.moment - middle * value;
-    return high.square - low.square - value * value / n - 12 * slope * slope / (n * (n * n - 1));
+    const double value = high[0] - low[0], slope = high[1] - low[1] - middle * value;
+    return high[2] - low[2] - value * value / n - 12 * slope * slope / (n * (n * n - 1));
   }
 
  private:
-  struct Sums {
-    double value = 0, moment = 0, square = 0;
-  };
-  std::vector<Sums> sums_;
+  std::vector<std::array<double, 3>> sums_;  // of values, moments and squares
 };
 
 std::vector<double> without_mean(std::span<const double> signal) {

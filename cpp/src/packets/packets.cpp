@@ -62,15 +62,11 @@ constexpr auto kWhitening = [] {
 
 std::uint8_t whitening(std::size_t position) { return kWhitening[position % kWhitening.size()]; }
 
-struct Place {
-  std::size_t codeword, symbol;
-};
-
-// Interleaver: the place of byte `position` of a cycle. Neighbours belong to different codewords, and the bytes of each
-// codeword lie at varying places of the blocks.
-Place place_of(std::size_t position, const PacketLayout& layout) {
+// Interleaver: the place of byte `position` of a cycle in all codewords, one after the other. Neighbours belong to
+// different codewords, and the bytes of each codeword lie at varying places of the blocks.
+std::size_t place_of(std::size_t position, const PacketLayout& layout) {
   const std::size_t coded = position % layout.coded_bytes(), symbol = coded / layout.codewords;
-  return {(coded + symbol) % layout.codewords, symbol};
+  return (coded + symbol) % layout.codewords * ReedSolomon::kLength + symbol;
 }
 
 void check(const PacketFormat& format) {
@@ -263,22 +259,18 @@ double difference(double a, double b, std::ptrdiff_t period) {
   return std::remainder(a - b, static_cast<double>(period));
 }
 
-// Decodes one codeword from its most reliable symbols; absent where decoding fails.
-struct SoftWord {
-  ReedSolomon::Word symbols;
-  std::array<double, ReedSolomon::kLength> reliability;  // nats
-};
-
-std::optional<ReedSolomon::Word> decode_word(const ReedSolomon& code, const SoftWord& soft) {
+// Decodes one codeword from its most reliable symbols; absent where decoding fails. `reliability`: of each, nats.
+std::optional<ReedSolomon::Word> decode_word(const ReedSolomon& code, const ReedSolomon::Word& symbols,
+                                             std::span<const double> reliability) {
   std::array<int, ReedSolomon::kLength> order{};
   std::iota(order.begin(), order.end(), 0);
-  std::ranges::stable_sort(order, {}, [&](int place) { return soft.reliability[static_cast<std::size_t>(place)]; });
+  std::ranges::stable_sort(order, {}, [&](int place) { return reliability[static_cast<std::size_t>(place)]; });
   const auto unseen =
-      static_cast<std::size_t>(std::ranges::count_if(soft.reliability, [](double r) { return r < kSureBit; }));
+      static_cast<std::size_t>(std::ranges::count_if(reliability, [](double r) { return r < kSureBit; }));
   const std::size_t redundancy = ReedSolomon::kLength - code.data();
   if (unseen > redundancy) return std::nullopt;
   for (const std::size_t doubtful : {std::size_t{0}, (redundancy - unseen) / 2}) {
-    ReedSolomon::Word word = soft.symbols;
+    ReedSolomon::Word word = symbols;
     if (code.decode(word, std::span(order).first(unseen + doubtful))) return word;
   }
   return std::nullopt;
@@ -328,8 +320,8 @@ std::vector<std::uint8_t> packet_chips(std::span<const std::uint8_t> payload, co
     bits.clear();
     append_bits(bits, header_of(block, number, layout), 16);
     for (std::size_t position = block * format.block_bytes; position < (block + 1) * format.block_bytes; ++position) {
-      const Place place = place_of(position, layout);
-      append_bits(bits, words[place.codeword][place.symbol] ^ whitening(position), 8);
+      const std::size_t place = place_of(position, layout);
+      append_bits(bits, words[place / ReedSolomon::kLength][place % ReedSolomon::kLength] ^ whitening(position), 8);
     }
     const auto of_block = chips_of_block(bits, format);
     chips.insert(chips.end(), of_block.begin(), of_block.end());
@@ -564,8 +556,7 @@ void PacketAssembler::place_block(std::span<const double> chips, std::size_t blo
     report.violations += static_cast<std::size_t>(std::ranges::count(decoded.violations, 1));
     ++(least(decoded.llr) >= kSureBit ? report.bytes : unseen > 0 ? report.cut : report.doubtful);
     const std::size_t position = block * format_.block_bytes + byte;
-    const Place place = place_of(position, *layout_);
-    float* const soft = &soft_bits_[8 * (place.codeword * ReedSolomon::kLength + place.symbol)];
+    float* const soft = &soft_bits_[8 * place_of(position, *layout_)];
     for (std::size_t bit = 0; bit < 8; ++bit) {
       const bool inverted = (whitening(position) >> (7 - bit) & 1U) != 0;
       const double llr = std::clamp(decoded.llr[bit], -kMaxSoftBit, kMaxSoftBit);
@@ -623,17 +614,15 @@ std::optional<Payload> PacketAssembler::decode(std::span<const double> reliabili
   std::vector<std::uint8_t> data(layout_->codewords * layout_->codeword_data);
   Payload payload;
   for (std::size_t word = 0; word < layout_->codewords; ++word) {
-    SoftWord soft{};
-    for (std::size_t symbol = 0; symbol < ReedSolomon::kLength; ++symbol) {
-      const std::size_t at = word * ReedSolomon::kLength + symbol;
-      soft.reliability[symbol] = reliability[at];
-      for (std::size_t bit = 0; bit < 8; ++bit)
-        soft.symbols[symbol] = static_cast<std::uint8_t>(soft.symbols[symbol] << 1 | (soft_bits_[8 * at + bit] > 0));
-    }
-    const auto decoded = decode_word(code, soft);
+    const std::size_t first = word * ReedSolomon::kLength;
+    const auto of_word = reliability.subspan(first, ReedSolomon::kLength);
+    ReedSolomon::Word symbols{};
+    for (std::size_t bit = 0; bit < 8 * symbols.size(); ++bit)
+      symbols[bit / 8] = static_cast<std::uint8_t>(symbols[bit / 8] << 1 | (soft_bits_[8 * first + bit] > 0));
+    const auto decoded = decode_word(code, symbols, of_word);
     if (!decoded) return std::nullopt;
     for (std::size_t symbol = 0; symbol < ReedSolomon::kLength; ++symbol)
-      if (soft.reliability[symbol] >= kSureBit && (*decoded)[symbol] != soft.symbols[symbol]) ++payload.corrected;
+      if (of_word[symbol] >= kSureBit && (*decoded)[symbol] != symbols[symbol]) ++payload.corrected;
     for (std::size_t symbol = 0; symbol < layout_->codeword_data; ++symbol)
       data[symbol * layout_->codewords + word] = (*decoded)[symbol];
   }

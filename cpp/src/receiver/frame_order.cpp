@@ -27,27 +27,27 @@ void check(const FrameStamp& stamp) {
   if (stamp.gain) require_positive("gain", *stamp.gain);
 }
 
-FrameOrder::Verdict FrameOrder::admit(std::int64_t frame, const std::array<std::size_t, 3>& lengths) {
-  Verdict verdict;
+FrameOrder::Admission FrameOrder::admit(std::int64_t frame, const std::array<std::size_t, 3>& lengths) {
+  Admission admitted;
   if (last_ && frame <= *last_) {
     behind_count_ = behind_ && frame > *behind_ ? behind_count_ + 1 : 1;
     behind_ = frame;
     if (behind_count_ < kBelieved) return {FrameOutcome::repeated};
-    verdict.restarts = true;
+    admitted.restarts = true;
   }
   if (last_ && lengths != lengths_) {
     others_count_ = lengths == others_ ? others_count_ + 1 : 1;
     others_ = lengths;
     seen_ = std::max(seen_.value_or(frame), frame);
-    if (others_count_ < kBelieved && !verdict.restarts) return {FrameOutcome::other_shape};
-    verdict.restarts = true;
+    if (others_count_ < kBelieved && !admitted.restarts) return {FrameOutcome::other_shape};
+    admitted.restarts = true;
   }
-  if (last_ && !verdict.restarts) verdict.missing = frame - *last_ - 1;
+  if (last_ && !admitted.restarts) admitted.missing = frame - *last_ - 1;
   last_ = seen_ = frame;
   lengths_ = lengths;
   behind_.reset();
   behind_count_ = others_count_ = 0;
-  return verdict;
+  return admitted;
 }
 
 ColourColumn best_column(std::span<const AnyFramesView> colours, const ToneCurve& curve) {

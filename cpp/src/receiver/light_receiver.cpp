@@ -81,17 +81,20 @@ void LightReceiver::place(const Region& region, bool can_move) {
   if (chips_ && region_.height > 0 && !same_rows) chips_->forget();
   region_ = region;
   can_move_ = can_move;
-  for (auto& follower : followers_) follower.forget();
-  forget_streams();
-  tone_known_ = options_.gain && options_.gain->frequency;
+  forget_columns();
 }
 
 void LightReceiver::forget() {
   if (chips_) chips_->forget();
+  forget_columns();
+  unseen_ = 0;
+}
+
+// Resets what belongs to the region.
+void LightReceiver::forget_columns() {
   for (auto& follower : followers_) follower.forget();
   forget_streams();
   tone_known_ = options_.gain && options_.gain->frequency;
-  unseen_ = 0;
 }
 
 // Moves the region by half of the light's offset from its centre.

@@ -4,15 +4,16 @@
 #include <utility>
 
 #include "ocisac/receiver/row_reader.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr double kSlowLight = 260;                         // Hz; hum of mains of 50 and 60 Hz and its first harmonic
-constexpr double kLowestHum = 90, kSameTone = 0.2;         // Hz; spectral lines of a frame
-constexpr double kMinSlow = 2e-3;                          // min fraction of a signal's variance for slow light
-constexpr double kHighestTone = 0.45, kMinProminence = 6;  // cycles per chip; ratio to its neighbourhood; chips reach 4
+constexpr double kSlowLight = 260;                  // Hz; hum of mains of 50 and 60 Hz and its first harmonic
+constexpr double kLowestHum = 90, kSameTone = 0.2;  // Hz; spectral lines of a frame
+constexpr double kMinSlow = 2e-3;                   // min fraction of a signal's variance for slow light
+constexpr double kHighestTone = 0.45;               // cycles per chip
 constexpr std::array kExposureFactors{0.8, 1.2, 0.9, 1.1, 0.7, 1.35};  // of an exposure that is not right any more
 constexpr std::size_t kSearchedFactors = 2;                            // in a frame, the next ones in another
 
@@ -30,7 +31,7 @@ StrongestTone RowReader::prominent_tone(std::span<const double> signals, std::si
                                         const LightState& state) const {
   const double highest = kHighestTone / state.rows_per_chip.value_or(1 / kHighestTone);
   auto tone = strongest_tone(signals, rows, kLowestHum * camera_.row_time, highest);
-  if (tone.prominence < kMinProminence) return {};
+  if (tone.prominence < kProminent) return {};
   for (const double mains : kMains)
     if (std::abs(mains * camera_.row_time - tone.frequency) * static_cast<double>(rows) < kSameTone)
       tone.frequency = mains * camera_.row_time;
@@ -52,15 +53,15 @@ std::vector<RowNuisance> RowReader::other_nuisances(const FrameRows& frame, cons
   }
   if (fit && slow < highest) {
     const auto tone = strongest_tone(without_slow_light(frame.recent, slow), signal.size(), slow, highest);
-    if (tone.prominence > kMinProminence) nuisances.push_back({0, {tone.frequency}, scale});
+    if (tone.prominence > kProminent) nuisances.push_back({0, {tone.frequency}, scale});
   }
   // In order of Schwarz's criterion.
   std::vector<std::pair<double, std::size_t>> order;
   for (std::size_t k = 0; k < nuisances.size(); ++k) {
     const auto rows = static_cast<double>(signal.size());
-    const double unknowns = 2 * static_cast<double>(nuisances[k].tones.size()) + 2 * rows * nuisances[k].slow;
+    const auto unknowns = 2 * nuisances[k].tones.size() + static_cast<std::size_t>(2 * rows * nuisances[k].slow);
     const auto left = remove_nuisance(signal, nuisances[k]);
-    if (left) order.emplace_back(rows * std::log(std::max(left->squares, 1e-300)) + unknowns * std::log(rows), k);
+    if (left) order.emplace_back(schwarz_criterion(left->squares, signal.size(), unknowns), k);
   }
   std::ranges::sort(order);
   std::vector<RowNuisance> sorted;

@@ -60,15 +60,16 @@ std::vector<double> scale_of_beside(const LearnedProfile& learned) {
   return scale;
 }
 
-struct KeptFit {
-  std::size_t fitting = 0, read = 0;  // frames that leave no more than noise; that were read
-  double noise = 0;                   // mean over the frames, relative to the swing
-};
+std::size_t frames_at_least(Verdict verdict, const std::deque<KeptFrame>& frames) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(frames, [verdict](const KeptFrame& kept) { return kept.verdict >= verdict; }));
+}
 
-// All frames read again, less the profile; the searches are bounded.
-KeptFit read_frames(const RowReader& reader, std::size_t first_row, Learned& now) {
+// All frames read again, less the profile; the searches are bounded. Returns what is left of them, relative to the
+// swing.
+double read_frames(const RowReader& reader, std::size_t first_row, Learned& now) {
   now.state.scale_nuisance(scale_of_beside(now.profile));
-  KeptFit fit;
+  double noise = 0;
   const SearchEffort effort = reader.effort(now.state, now.profile.rows.size());
   double searches = kProfileSearches;
   std::vector<double> tones(now.state.model.nuisance.tones.size());  // their sums: a wrong profile moves them
@@ -76,18 +77,17 @@ KeptFit read_frames(const RowReader& reader, std::size_t first_row, Learned& now
     FrameRows rows{.may_search = searches > 0, .effort = effort, .effort_of_others = effort};
     const auto reading = read_kept(reader, now.profile, now.state, first_row, kept, rows);
     if (std::isfinite(effort.rows)) searches -= 1 - rows.effort.rows / effort.rows;
-    fit.fitting += kept.verdict == Verdict::fits;
-    fit.read += reading.has_value();
-    fit.noise += (reading ? reading->relative_noise : kMaxRelativeNoise) / static_cast<double>(now.frames.size());
+    noise += (reading ? reading->relative_noise : kMaxRelativeNoise) / static_cast<double>(now.frames.size());
     if (!reading) continue;
     for (std::size_t k = 0; k < tones.size(); ++k) tones[k] += reading->nuisance.tones[k];
     now.state.track(reading->channel, rows.first_row, kept.time);
     now.state.accept(*reading, rows.signal);
     now.state.relative_noise = reading->relative_noise;
   }
-  for (std::size_t k = 0; k < tones.size() && fit.read > 0; ++k)
-    now.state.model.nuisance.tones[k] = tones[k] / static_cast<double>(fit.read);
-  return fit;
+  const std::size_t read = frames_at_least(Verdict::unsound, now.frames);
+  for (std::size_t k = 0; k < tones.size() && read > 0; ++k)
+    now.state.model.nuisance.tones[k] = tones[k] / static_cast<double>(read);
+  return noise;
 }
 
 // Each frame less their mean: the still light is gone, and what changes is not divided by a profile.
@@ -205,23 +205,22 @@ std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row
   const auto shape = now.profile.profile.swing;
   const auto enough = static_cast<std::size_t>(kProfileFrameShare * static_cast<double>(now.frames.size()));
   std::optional<Learned> best;
-  double noise = std::numeric_limits<double>::infinity();
+  double before = std::numeric_limits<double>::infinity();
   for (std::size_t round = 0; round < kProfileRounds; ++round) {
-    const KeptFit fit = read_frames(reader, first_row, now);
-    const bool readable = fit.read >= enough;
+    const double noise = read_frames(reader, first_row, now);
+    const bool readable = frames_at_least(Verdict::unsound, now.frames) >= enough;
     now.state = with_new_phase(std::move(now.state));
     if (!readable) now.state.channel.reset();
-    now.profile.noise = fit.noise;
-    now.profile.fits = fit.fitting >= enough && round > 0;
+    now.profile.noise = noise;
+    now.profile.fits = frames_at_least(Verdict::fits, now.frames) >= enough && round > 0;
     const bool slower = best && now.state.model.slow_light && !best->state.model.slow_light;
     const double highest = best ? (slower ? kBetterProfile : 1.0) * best->profile.noise : kMaxRelativeNoise;
-    if (round > 0 && readable && (fit.noise < highest || (now.profile.fits && !slower))) best = now;
+    if (round > 0 && readable && (noise < highest || (now.profile.fits && !slower))) best = now;
     if (best && best->profile.fits) break;
     const bool finds_tone = readable && finds_tone_left(reader, now);
-    if (round >= kShapeWeights.size() && fit.noise > kProfileGain * noise && !finds_tone &&
-        !start_slow_light(now.state))
+    if (round >= kShapeWeights.size() && noise > kProfileGain * before && !finds_tone && !start_slow_light(now.state))
       break;
-    noise = fit.noise;
+    before = noise;
     const double weight = kShapeWeights[std::min(round, kShapeWeights.size() - 1)];
     auto profile = fitted_profile(now.frames, shape, now.state, weight);
     if (!profile || !is_bright(*profile, now.profile.rows)) break;

@@ -21,6 +21,7 @@
 #include "ocisac/receiver/frame_reading.hpp"
 #include "receiver/colour_streams.hpp"
 #include "receiver/rows_of_noise.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -33,7 +34,7 @@ constexpr double kMinSnr = 2;                              // noise divided at i
 constexpr double kSameLight = 0.9;                         // cosine between the swings of a signal and of a light
 constexpr int kMaxShears = 3;
 constexpr double kInterpolated = 0.1;  // of the second differences of the other rows
-constexpr double kLowestTone = 300, kHighestTone = 3000, kMinProminence = 5,
+constexpr double kLowestTone = 300, kHighestTone = 3000,
                  kEvident = 60;                          // Hz; over its neighbourhood
 constexpr double kMinHumCycles = 1, kMinToneCycles = 8;  // in the frame
 constexpr int kSquareRounds = 3;
@@ -248,10 +249,7 @@ double texture_of(const SlicedChips& seen) {
     if (seen.bits[k] && seen.bright[k] > 0)
       distances.push_back(0.5 * std::abs(seen.relative_levels[k] - 1) * (seen.bright[k] - seen.dark[k]) /
                           seen.bright[k]);
-  if (distances.empty()) return 0;
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::ranges::nth_element(distances, middle);
-  return *middle / kMedianDistance;
+  return distances.empty() ? 0.0 : median(std::move(distances)) / kMedianDistance;
 }
 
 // The lamp does not fade towards its ends: the outermost lit chips swing by half of the most at least.
@@ -324,29 +322,8 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   return true;
 }
 
-// A signal without other light; `square`: frequency of the square wave that was removed, cycles per row, else 0.
-struct Rest {
-  std::vector<double> signal;
-  double square = 0;
-};
-
 StrongestTone other_tone(std::span<const double> signal, double row_time) {
   return strongest_tone(signal, signal.size(), kLowestTone * row_time, std::min(kHighestTone * row_time, 0.25));
-}
-
-// The signal without mains hum of each frequency, and without its strongest tone as a square wave.
-std::vector<Rest> without_other_light(std::span<const double> signal, const StrongestTone& tone, double row_time,
-                                      double exposure_rows) {
-  std::vector<Rest> rests;
-  const auto add = [&](const RowNuisance& nuisance) {
-    if (auto fit = remove_nuisance(signal, nuisance)) rests.push_back({std::move(fit->rest)});
-  };
-  const auto rows = static_cast<double>(signal.size());
-  for (const double mains : kMains)
-    if (mains * row_time * rows >= kMinHumCycles) add({0, {mains * row_time}});
-  if (tone.prominence > kMinProminence && tone.frequency * rows >= kMinToneCycles)
-    rests.push_back({without_square_wave(signal, tone.frequency, exposure_rows), tone.frequency});
-  return rests;
 }
 
 std::vector<double> difference(std::span<const double> a, std::span<const double> b) {
@@ -473,17 +450,25 @@ bool decode_any(const CombinedColumn& column, const Search& what, double row_tim
   if (decoded && (received.flags & flag::weak) == 0 && tone.prominence < kEvident) return true;
   if (lit.rows.size() < column.signal.size()) return decoded;
   bool better = decoded;
-  for (auto& [rest, square] : without_other_light(column.signal, tone, row_time, what.exposure_rows.value_or(0.0))) {
+  // `square`: frequency of the square wave that was removed, cycles per row, else 0.
+  const auto try_without = [&](std::vector<double> rest, double square) {
     CombinedColumn other = column;
     other.signal = std::move(rest);
     Received tried{.frame = received.frame, .colour = received.colour};
-    if (!decode(other, what, tried)) continue;
+    if (!decode(other, what, tried)) return;
     if (square > 0) refine_square(column, what, square, other.signal, tried);
-    if (better && tried.snr < kBetter * received.snr) continue;
+    if (better && tried.snr < kBetter * received.snr) return;
     received = std::move(tried);
     add_to_levels(received, difference(column.signal, other.signal), what.exposure_rows);
     better = true;
+  };
+  const auto rows = static_cast<double>(column.signal.size());
+  for (const double mains : kMains) {
+    if (mains * row_time * rows < kMinHumCycles) continue;
+    if (auto fit = remove_nuisance(column.signal, {0, {mains * row_time}})) try_without(std::move(fit->rest), 0);
   }
+  if (tone.prominence > kProminent && tone.frequency * rows >= kMinToneCycles)
+    try_without(without_square_wave(column.signal, tone.frequency, what.exposure_rows.value_or(0.0)), tone.frequency);
   return better;
 }
 

@@ -57,7 +57,7 @@ double strength(const LightFrame& light) {
   return std::isfinite(snr) ? snr : -1.0;
 }
 
-LightFrame skipped(std::int64_t number, const FrameOrder::Verdict& admitted, const Region& whole) {
+LightFrame skipped(std::int64_t number, const FrameOrder::Admission& admitted, const Region& whole) {
   LightFrame result{.frame = number, .region = whole, .received = nothing_received(number)};
   result.received->outcome = admitted.outcome;
   result.received->missing = admitted.missing;
@@ -228,7 +228,8 @@ RowRange Receiver::free_rows(const Region& region, std::size_t rows) const {
 }
 
 // A frame that is skipped has another outcome than `received`.
-FrameOrder::Verdict Receiver::admit(std::span<const AnyFramesView> colours, std::int64_t number, const Region& whole) {
+FrameOrder::Admission Receiver::admit(std::span<const AnyFramesView> colours, std::int64_t number,
+                                      const Region& whole) {
   const auto outside = std::ranges::find_if_not(
       options_.regions, [&](const Region& region) { return is_inside(region, whole.width, whole.height); });
   const bool fits = outside == options_.regions.end();

@@ -4,8 +4,10 @@
 #include <cstddef>
 #include <functional>
 #include <numeric>
+#include <utility>
 
 #include "receiver/rows_of_noise.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -31,9 +33,7 @@ double usual_squares(std::span<const std::span<const double>> frames, std::size_
   std::vector<double> squares;
   for (std::size_t k = 0; k < frames.size(); ++k)
     if (k != frame && k + 1 != frame) squares.push_back(squares_about_mean(difference(frames[frame], frames[k])));
-  const auto middle = squares.begin() + std::ssize(squares) / 2;
-  std::ranges::nth_element(squares, middle);
-  return *middle;
+  return median(std::move(squares));
 }
 
 }  // namespace

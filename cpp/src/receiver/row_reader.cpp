@@ -153,13 +153,16 @@ double LightState::brightness_ratio(std::span<const double> signal) const {
 }
 
 std::optional<TrackedClock> LightState::predict(double time) const {
-  return tracker ? tracker->predict(time) : std::nullopt;
+  return tracker && !(tracker->last_frame() > time) ? tracker->predict(time) : std::nullopt;
 }
 
 bool LightState::track(const ChannelEstimate& of_frame, std::size_t first_row, double time) {
   ChipClock clock = of_frame.clock;
   clock.phase += static_cast<double>(first_row);
-  return tracker && tracker->update(time, clock, of_frame.errors);
+  if (!tracker) return false;
+  const bool is_later = !(tracker->last_frame() >= time);
+  if (!is_later) tracker->reset();  // begins again with this frame
+  return tracker->update(time, clock, of_frame.errors) && is_later;
 }
 
 void LightState::scale_nuisance(std::vector<double> scale) {

@@ -42,13 +42,13 @@ void check(const FrameStamp& stamp);
 // in a row agree on it: a restarted count, or another picture size.
 class FrameOrder {
  public:
-  struct Verdict {
+  struct Admission {
     FrameOutcome outcome = FrameOutcome::received;  // or repeated, other_shape
     std::int64_t missing = 0;
     bool restarts = false;  // the stream restarts with this frame: state of earlier frames is invalid
   };
   // `lengths`: colours, rows, columns.
-  Verdict admit(std::int64_t frame, const std::array<std::size_t, 3>& lengths);
+  Admission admit(std::int64_t frame, const std::array<std::size_t, 3>& lengths);
 
   // One after the largest number; the largest of all is repeated.
   [[nodiscard]] std::int64_t next() const { return seen_ ? *seen_ + (*seen_ < kLargest) : 0; }

@@ -109,6 +109,7 @@ class LightReceiver {
 
  private:
   void learn_streams(const std::vector<CombinedColumn>& columns, const ReceivedFrame& received, std::size_t first_row);
+  void forget_columns();
   void forget_streams();
   void follow(const CombinedColumn& column, std::size_t columns);
   void find_tone(const AnyFramesView& part);

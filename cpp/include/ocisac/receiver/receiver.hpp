@@ -38,7 +38,7 @@ class Receiver {
   }
 
  private:
-  FrameOrder::Verdict admit(std::span<const AnyFramesView> colours, std::int64_t number, const Region& whole);
+  FrameOrder::Admission admit(std::span<const AnyFramesView> colours, std::int64_t number, const Region& whole);
   bool find(std::span<const AnyFramesView> colours, const Region& whole);
   [[nodiscard]] bool must_search() const;
   void restart(const Region& whole);

@@ -25,6 +25,7 @@ std::size_t padded_length(std::size_t rows);
 struct StrongestTone {
   double frequency = 0, prominence = 0;
 };
+inline constexpr double kProminent = 6;  // least prominence of a tone beside chips, which reach 4
 StrongestTone strongest_tone(std::span<const double> signals, std::size_t rows, double lowest, double highest);
 
 }  // namespace ocisac
