@@ -297,7 +297,7 @@ def test_the_command_takes_text_and_tables_and_refuses_nonsense(tmp_path, capsys
         ),
         ([], "needs FILE or --text, and not both"),
         (["--text", ""], "payload: got 0 bytes, allowed: 1 to 2715 bytes"),
-        (["--text", "hi", "--chip-rate", "0"], "--chip-rate: got 0.0, allowed: above 0"),
+        (["--text", "hi", "--chip-rate", "0"], "'--chip-rate': got 0 Hz, allowed: a finite number above 0"),
     ):
         assert main(["transmit", *arguments]) == 2
         assert message in capsys.readouterr().err

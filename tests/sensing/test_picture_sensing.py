@@ -294,7 +294,7 @@ def test_command_measures_one_region(run, frames, tmp_path):
     [
         (("--speed", "1"), "--speed: needs --row-time"),
         (("--frame-rate", "30"), "--frame-rate: needs --row-time"),
-        ((*TIMES[:4], "--frame-rate", "0"), "--frame-rate: got 0.0"),
+        ((*TIMES[:4], "--frame-rate", "0"), "'--frame-rate': got 0 Hz, allowed: a finite number above 0"),
         ((*TIMES, "--frequency", "300"), "--frequency: needs --region"),
         ((*TIMES, "--background", "3"), "--background: needs --region"),
         ((*TIMES, "--region", "0,0,9,99", "--beside"), "--beside: not with --region"),

@@ -591,18 +591,9 @@ def _errors(values: tuple[int, list[float]]) -> ClockErrors:
 
 
 def _channel(values: tuple[Any, ...]) -> ChannelEstimate:
-    rows_per_chip, phase, exposure_rows, errors, dark, swing, noise, begin, end, converged = values
-    return ChannelEstimate(
-        rows_per_chip,
-        phase,
-        exposure_rows,
-        _errors(errors),
-        np.array(dark),
-        np.array(swing),
-        noise,
-        (begin, end),
-        converged,
-    )
+    period, phase, exposure, errors, dark, swing, noise, begin, end, converged = values
+    levels = np.array(dark), np.array(swing)
+    return ChannelEstimate(period, phase, exposure, _errors(errors), *levels, noise, (begin, end), converged)
 
 
 def as_tuple(channel: ChannelEstimate) -> tuple[Any, ...]:

@@ -21,7 +21,6 @@ from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 FloatArray = npt.NDArray[np.float64]
 
 _MUCH_LEFT, _MUCH_TEXTURE = 0.5, 1.0  # of the bands' swing; dB: a remark
-MODELS = ("auto", "tone", "chips", "rows")
 
 
 class Mark(IntEnum):

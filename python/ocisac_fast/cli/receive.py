@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -25,7 +24,7 @@ from ocisac_fast.cli.pictures import (
     rows_and_columns,
 )
 from ocisac_fast.cli.text import one_line
-from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
+from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, RATE, Quantity
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame
 from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
@@ -38,9 +37,7 @@ from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 @click.option("--packets", is_flag=True, help="Receive packets of `ocisac transmit`; implied by --line-code.")
 @click.option("--block-bytes", type=int, help="Coded bytes of a packet's block  [default: 16, with --fsk 4]")
 @click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
-@click.option(
-    "--frame-rate", type=FREQUENCY, help="Frame rate, which joins frames to packets; default: from the video."
-)
+@click.option("--frame-rate", type=RATE, help="Frame rate, which joins frames to packets; default: from the video.")
 @click.option(
     "--sources", type=click.IntRange(1, 64), default=8, show_default=True, help="Max. number of lights with packets."
 )
@@ -83,7 +80,7 @@ def receive(
     packets = packets or line_code not in (None, "none") or bool(tones)
     if frame_rate is not None and picture.row_time is None:
         raise click.UsageError("--frame-rate: needs --row-time")
-    seconds = None if frame_rate is None else 1.0 / _positive("--frame-rate", float(frame_rate))
+    seconds = None if frame_rate is None else 1.0 / float(frame_rate)
     size = block_bytes if block_bytes is not None else 4 if tones else 16
     options = PacketOptions(
         chip_rate=rate,
@@ -130,12 +127,6 @@ def receive(
 
 _RUN = 8  # frames
 _HEADER = ("source", "chips", "rows per chip", "chip rate", "SNR", "flags", "bits")
-
-
-def _positive(name: str, value: float) -> float:
-    if not 0.0 < value < math.inf:
-        raise ValueError(f"{name}: got {value}, allowed: above 0")
-    return value
 
 
 def _received(

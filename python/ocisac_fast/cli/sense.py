@@ -34,7 +34,7 @@ from ocisac_fast.cli.pictures import (
     rows_and_columns,
     with_colours,
 )
-from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
+from ocisac_fast.cli.units import FREQUENCY, LENGTH, RATE
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame, gathered
 
@@ -57,7 +57,7 @@ _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 @click.option(
     "--frames", type=click.IntRange(1), default=8, show_default=True, help="Number of successive frames used."
 )
-@click.option("--frame-rate", type=FREQUENCY, help="Frame rate of the recording; default: from the file.")
+@click.option("--frame-rate", type=RATE, help="Frame rate of the recording; default: from the file.")
 @click.option("--frequency", type=FREQUENCY, help="Frequency in the columns of --region; default: estimated.")
 @click.option(
     "--motion", type=click.Choice(["across", "along"]), help="Motion of the texture: across or along the rows."
@@ -91,7 +91,8 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
         greys = (grey_of(frame) for frame in itertools.islice(pictures.frames, frames))
         count = min(frames, pictures.frame_count or frames)
         first = gathered(itertools.islice(greys, SEARCHED), min(count, SEARCHED))
-        stored = _at_frame_rate(pictures.camera, options.pop("frame_rate"))
+        rate, stored = options.pop("frame_rate"), pictures.camera
+        stored = stored if rate is None else dataclasses.replace(stored, frame_time=1.0 / float(rate))
         if options["unlit"] is not None:
             options["unlit"] = _read_unlit(options["unlit"], picture, count)
         found = _along_best_axis(first, stored, picture, options)
@@ -117,14 +118,6 @@ def _read_unlit(file: str, picture: PictureOptions, max_frames: int) -> Frame:
     with open_pictures(file, picture, axis_of_light=False) as pictures:
         greys = (grey_of(frame) for frame in itertools.islice(pictures.frames, max_frames))
         return gathered(greys, min(max_frames, pictures.frame_count or max_frames))
-
-
-def _at_frame_rate(camera: Camera, rate: Quantity | None) -> Camera:
-    if rate is None:
-        return camera
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise ValueError(f"--frame-rate: got {rate}, allowed: a finite number above 0")
-    return dataclasses.replace(camera, frame_time=1.0 / float(rate))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,7 +14,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, json_option
-from ocisac_fast.cli.units import FREQUENCY, ROW_TIME, TIME
+from ocisac_fast.cli.units import FREQUENCY, RATE, ROW_TIME, TIME
 from ocisac_fast.files import RecordingStream, write_frames
 from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, TriangleWave, Waveform
 from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
@@ -52,7 +52,7 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 @click.option("--jitter", type=TIME, default="0", help="Frames start up to this early or late.")
 @click.option("--bit-depth", type=click.Choice(list(_DTYPES)), default="8", show_default=True)
 @click.option("--frames", type=int, default=1, show_default=True)
-@click.option("--frame-rate", type=FREQUENCY, default="30", show_default=True)
+@click.option("--frame-rate", type=RATE, default="30", show_default=True)
 @click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal files.")
 @click.option("--tolerance", type=float, default=0.5, show_default=True, help="Scene: largest error in DN.")
 @click.option("--noise-off", is_flag=True, help="Scene: without the sensor's noise.")
@@ -87,8 +87,6 @@ def simulate(
         if options[name] is None:
             raise click.UsageError(f"Missing option '--{name.replace('_', '-')}'.")
     row_time, exposure, frame_rate = (float(options[name]) for name in ("row_time", "exposure", "frame_rate"))
-    if not 0 < frame_rate < float("inf"):
-        raise ValueError(f"--frame-rate: got {frame_rate}, allowed: above 0")
     dtype = _DTYPES[options["bit_depth"]]
     frames = simulate_frames(
         _waveform(options),

@@ -15,7 +15,7 @@ from ocisac_fast.cli.output import emit_facts, emit_json, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, json_option
 from ocisac_fast.cli.sent_files import c_header_bytes, csv_bytes, npy_bytes
-from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
+from ocisac_fast.cli.units import FREQUENCIES, RATE, Quantity
 from ocisac_fast.packets.fsk import fsk_transmit
 from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat, Transmission, transmit as transmit_payload
 
@@ -61,9 +61,9 @@ _WRITERS: dict[str, _Writer] = {
 @click.option("--block-bytes", type=int, help="Coded bytes of a block, 1 to 255  [default: 16, with --fsk 4]")
 @click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
 @click.option("--number", type=int, default=0, show_default=True, help="Number of the packet, 0 to 255.")
-@click.option("--chip-rate", type=FREQUENCY, help="For the times in a .csv and a note in a .h.")
+@click.option("--chip-rate", type=RATE, help="For the times in a .csv and a note in a .h.")
 @click.option("--fsk", type=FREQUENCIES, help="Tones instead of chips, one per frame, such as 1kHz,1.2kHz (CM-FSK).")
-@click.option("--frame-rate", type=FREQUENCY, help="With --fsk: for the times in a .csv and a note in a .h.")
+@click.option("--frame-rate", type=RATE, help="With --fsk: for the times in a .csv and a note in a .h.")
 @click.option(
     "-o", "--output", type=FILE_PATH, help=".txt, .npy, .csv (chip or time, level) or .h (C, eight chips per byte)."
 )
@@ -106,7 +106,7 @@ def transmit(
         ),
         number=number,
     )
-    rate = _positive("--chip-rate", chip_rate)
+    rate = None if chip_rate is None else float(chip_rate)
     facts = {
         "payload_bytes": len(sent.payload),
         "number": sent.number,
@@ -143,7 +143,7 @@ def _transmit_tones(
 ) -> None:
     writer = _writer(output, SYMBOL_WRITERS)
     sent = fsk_transmit(payload, tones, block_bytes=block_bytes, preamble=preamble, number=number)
-    rate = _positive("--frame-rate", frame_rate)
+    rate = None if frame_rate is None else float(frame_rate)
     facts = {
         "payload_bytes": len(sent.payload),
         "number": sent.number,
@@ -161,12 +161,6 @@ def _transmit_tones(
         duration = {} if rate is None else {"one cycle": quantity(len(sent.symbols) / rate, "s")}
         size = f"{len(sent.symbols)} symbols of {len(sent.tones)} tones"
         emit_facts("", {"file": output, "payload": f"{len(sent.payload)} bytes", "cycle": size, **duration})
-
-
-def _positive(name: str, value: Quantity | None) -> float | None:
-    if value is not None and not 0.0 < value < float("inf"):
-        raise ValueError(f"{name}: got {float(value)}, allowed: above 0")
-    return None if value is None else float(value)
 
 
 def _writer(output: str | None, writers: dict[str, _Writer]) -> _Writer:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import TYPE_CHECKING, Any
 
@@ -52,14 +53,17 @@ def _scaled(value: float, factor: float) -> float:
 
 
 class QuantityType(ParameterType):
-    """A time, a length or a frequency of at most ``most``; with ``automatic``, also ``"auto"``."""
+    """A time, a length or a frequency of at most ``most``, or ``positive``; with ``automatic``, also ``"auto"``."""
 
-    def __init__(self, unit: str, example: str, automatic: bool = False, most: float | None = None) -> None:
+    def __init__(
+        self, unit: str, example: str, automatic: bool = False, most: float | None = None, positive: bool = False
+    ) -> None:
         self.name = unit
         self._unit = unit
         self._example = example
         self._automatic = automatic
         self._most = most
+        self._positive = positive
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, Quantity):
@@ -74,6 +78,8 @@ class QuantityType(ParameterType):
         if self._most is not None and quantity > self._most:
             hint = "" if quantity.has_unit else f"; {value} without a unit is in {self._unit}, {value}us may be meant"
             self.fail(f"got {float(quantity):g} {self._unit}, allowed: at most {self._most:g} {self._unit}{hint}")
+        if self._positive and not 0.0 < quantity < math.inf:
+            self.fail(f"got {float(quantity):g} {self._unit}, allowed: a finite number above 0")
         return quantity
 
 
@@ -81,6 +87,7 @@ TIME = QuantityType("s", "9.2us")
 ROW_TIME = QuantityType("s", "9.2us", most=1.0)  # longer: a forgotten unit
 LENGTH = QuantityType("m", "0.3mm")
 FREQUENCY = QuantityType("Hz", "4.95kHz")
+RATE = QuantityType("Hz", "30Hz", positive=True)
 FREQUENCY_OR_AUTO = QuantityType("Hz", "4.95kHz", automatic=True)
 
 

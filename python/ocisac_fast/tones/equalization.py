@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar, overload
+from typing import Any, Literal, TypedDict, TypeVar, Unpack, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -37,53 +37,33 @@ class EqualizerReport:
     rows_extrapolated: int
 
 
+class _Options(TypedDict, total=False):
+    method: Literal["inverse", "wiener"]
+    noise: npt.ArrayLike | None
+    max_boost: float
+    threads: int
+
+
 @overload
 def equalize(
     columns: npt.ArrayLike,
     camera: Camera,
     *,
-    method: Literal["inverse", "wiener"] = ...,
-    noise: npt.ArrayLike | None = ...,
-    max_boost: float = ...,
-    threads: int = ...,
     out: None = ...,
     report: Literal[False] = ...,
+    **options: Unpack[_Options],
 ) -> Float64s: ...
 @overload
 def equalize(
-    columns: npt.ArrayLike,
-    camera: Camera,
-    *,
-    method: Literal["inverse", "wiener"] = ...,
-    noise: npt.ArrayLike | None = ...,
-    max_boost: float = ...,
-    threads: int = ...,
-    out: Light,
-    report: Literal[False] = ...,
+    columns: npt.ArrayLike, camera: Camera, *, out: Light, report: Literal[False] = ..., **options: Unpack[_Options]
 ) -> Light: ...
 @overload
 def equalize(
-    columns: npt.ArrayLike,
-    camera: Camera,
-    *,
-    method: Literal["inverse", "wiener"] = ...,
-    noise: npt.ArrayLike | None = ...,
-    max_boost: float = ...,
-    threads: int = ...,
-    out: None = ...,
-    report: Literal[True],
+    columns: npt.ArrayLike, camera: Camera, *, out: None = ..., report: Literal[True], **options: Unpack[_Options]
 ) -> tuple[Float64s, EqualizerReport]: ...
 @overload
 def equalize(
-    columns: npt.ArrayLike,
-    camera: Camera,
-    *,
-    method: Literal["inverse", "wiener"] = ...,
-    noise: npt.ArrayLike | None = ...,
-    max_boost: float = ...,
-    threads: int = ...,
-    out: Light,
-    report: Literal[True],
+    columns: npt.ArrayLike, camera: Camera, *, out: Light, report: Literal[True], **options: Unpack[_Options]
 ) -> tuple[Light, EqualizerReport]: ...
 @checked
 def equalize(
