@@ -21,6 +21,9 @@ Planes = list[npt.NDArray[Any]]  # Y, Cb, Cr
 LUMA_WEIGHTS = {1: (0.2126, 0.0722), 6: (0.299, 0.114), 9: (0.2627, 0.0593)}  # Kr, Kb of BT.709, BT.601, BT.2020
 SUBSAMPLING = {"420": (2, 2), "422": (1, 2), "444": (1, 1), "440": (2, 1), "411": (1, 4), "410": (4, 4)}
 PACKED = {"yuyv422": "yuyv", "uyvy422": "uyvy", "yvyu422": "yvyu", "y210le": "yuyv", "y212le": "yuyv"}
+PACKED |= {"vuya": "vuya", "vuyx": "vuya", "ayuv": "ayuv", "uyva": "uyva", "vyu444": "vyu"}
+PACKED |= {"xv36le": "uyva", "xv48le": "uyva", "ayuv64le": "ayuv"}
+PACKED_BITS = {"y210le": 10, "y212le": 12, "xv36le": 12, "xv48le": 16, "ayuv64le": 16}
 SEMI_PLANAR = {"nv12": "420", "nv21": "420", "nv16": "422", "nv20": "422", "nv24": "444", "nv42": "444"}
 ROWS, COLUMNS = 64, 96
 
@@ -40,8 +43,8 @@ class Layout(NamedTuple):
 def layout(name: str) -> Layout | None:
     """The layout of Y'CbCr of 8 bits and more; None for rare packed formats and others."""
     if order := PACKED.get(name):
-        bits = int(name[2:4]) if name.startswith("y2") else 8
-        return Layout((1, 2), bits, "u1" if bits == 8 else "<u2", (16 - bits) % 8, packed=order)
+        bits, step = PACKED_BITS.get(name, 8), (1, order.count("y"))
+        return Layout(step, bits, "u1" if bits == 8 else "<u2", (16 - bits) % 8, packed=order)
     if match := re.fullmatch(r"yuv[aj]?(4\d\d)p(\d*)(le|be|)", name):
         bits = int(match[2] or 8)
         return Layout(SUBSAMPLING[match[1]], bits, "u1" if bits == 8 else ">u2" if match[3] == "be" else "<u2")
@@ -96,8 +99,9 @@ def frame_of(name: str, planes: Planes, form: Layout) -> Any:
     if form.semi_planar:
         every[1] = np.stack([cr, cb] if form.swapped else [cb, cr], axis=-1).reshape(len(cb), -1)
     if form.packed:
-        luma = iter((y[:, ::2], y[:, 1::2]))
-        every[0] = np.stack([next(luma) if x == "y" else {"u": cb, "v": cr}[x] for x in form.packed], axis=-1)
+        luma = iter([y[:, k :: form.step[1]] for k in range(form.step[1])])
+        others = {"u": cb, "v": cr, "a": np.full_like(cb, 2**form.bits - 1)}
+        every[0] = np.stack([next(luma) if x == "y" else others[x] for x in form.packed], axis=-1)
     for plane, values in zip(frame.planes, every, strict=True):
         lines = np.zeros((plane.height, plane.line_size), np.uint8)
         samples = np.ascontiguousarray(values.reshape(len(values), -1), form.dtype).view(np.uint8)
