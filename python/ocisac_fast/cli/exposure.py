@@ -72,23 +72,16 @@ def exposure(
             raise click.UsageError(f"{name}: needs --avoid")
     assert comm is not None
     assert sense is not None
-    best = best_exposure(
-        float(comm),
-        float(sense),
-        method=method,
-        weights=weights,
-        bounds=bounds,
-        step=None if step is None else float(step),
-    )
+    best = best_exposure(comm, sense, method=method, weights=weights, bounds=bounds, step=step)
     exposure_time, objective = float(best.exposure), float(best.objective)
     if plot is not None:
         from ocisac_fast.plots import plot_exposure
 
-        plot_exposure(float(comm), float(sense), path=plot, weights=weights, bounds=bounds)
+        plot_exposure(comm, sense, path=plot, weights=weights, bounds=bounds)
     if front is not None:
         from ocisac_fast.plots import plot_front
 
-        plot_front(float(comm), float(sense), path=front, weights=weights, bounds=bounds)
+        plot_front(comm, sense, path=front, weights=weights, bounds=bounds)
     if as_json:
         emit_json({"exposure_s": exposure_time, "objective": objective, "method": method})
         return
@@ -120,11 +113,11 @@ def _avoid(
     found = flicker_free_exposure(
         avoid,
         below,
-        near=None if near is None else float(near),
+        near=near,
         bounds=bounds,
-        step=None if step is None else float(step),
-        f_comm=None if comm is None else float(comm),
-        f_sense=None if sense is None else float(sense),
+        step=step,
+        f_comm=comm,
+        f_sense=sense,
         min_gain=keep,
         weights=weights,
     )
@@ -135,7 +128,7 @@ def _avoid(
     if front is not None and comm is not None:
         from ocisac_fast.plots import plot_flicker_front
 
-        plot_flicker_front(float(comm), avoid, below, path=front, found=found, bounds=bounds)
+        plot_flicker_front(comm, avoid, below, path=front, found=found, bounds=bounds)
     _report(found, avoid, as_json)
 
 

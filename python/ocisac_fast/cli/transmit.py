@@ -106,7 +106,6 @@ def transmit(
         ),
         number=number,
     )
-    rate = None if chip_rate is None else float(chip_rate)
     facts = {
         "payload_bytes": len(sent.payload),
         "number": sent.number,
@@ -119,7 +118,7 @@ def transmit(
         "codeword_data": sent.codeword_data,
     }
     if output is not None:
-        Path(output).write_bytes(writer(sent, rate))
+        Path(output).write_bytes(writer(sent, chip_rate))
     if as_json:
         levels = {} if output is not None else {"levels": _text(sent, None).decode().strip()}
         emit_json({"file": output, **facts, **levels})
@@ -127,7 +126,7 @@ def transmit(
         click.echo(_text(sent, None), nl=False)
     else:
         size = f"{sent.blocks} blocks of {sent.block_chips} chips"
-        duration = {} if rate is None else {"one cycle": quantity(len(sent.chips) / rate, "s")}
+        duration = {} if chip_rate is None else {"one cycle": quantity(len(sent.chips) / chip_rate, "s")}
         emit_facts("", {"file": output, "payload": f"{len(sent.payload)} bytes", "cycle": size, **duration})
 
 
@@ -143,7 +142,6 @@ def _transmit_tones(
 ) -> None:
     writer = _writer(output, SYMBOL_WRITERS)
     sent = fsk_transmit(payload, tones, block_bytes=block_bytes, preamble=preamble, number=number)
-    rate = None if frame_rate is None else float(frame_rate)
     facts = {
         "payload_bytes": len(sent.payload),
         "number": sent.number,
@@ -152,13 +150,13 @@ def _transmit_tones(
         "block_bytes": sent.block_bytes,
     }
     if output is not None:
-        Path(output).write_bytes(writer(sent, rate))
+        Path(output).write_bytes(writer(sent, frame_rate))
     if as_json:
         emit_json({"file": output, **facts, **({} if output is not None else {"sequence": sent.symbols.tolist()})})
     elif output is None:
         click.echo(symbols_text(sent), nl=False)
     else:
-        duration = {} if rate is None else {"one cycle": quantity(len(sent.symbols) / rate, "s")}
+        duration = {} if frame_rate is None else {"one cycle": quantity(len(sent.symbols) / frame_rate, "s")}
         size = f"{len(sent.symbols)} symbols of {len(sent.tones)} tones"
         emit_facts("", {"file": output, "payload": f"{len(sent.payload)} bytes", "cycle": size, **duration})
 
