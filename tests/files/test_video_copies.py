@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from fractions import Fraction
 from pathlib import Path
@@ -119,6 +120,16 @@ def test_sound_that_the_kind_of_file_cannot_hold_is_named(tmp_path: Path) -> Non
     with open_recording(source, colour=True) as stream, pytest.warns(FileWarning, match="sound of tta left out"):
         write_frames(tmp_path / "out.mp4", iter(stream), like=stream)
     assert sound_of(tmp_path / "out.mp4") == []
+
+
+def test_the_first_frames_come_with_their_sound(tmp_path: Path) -> None:
+    source, target = tmp_path / "in.mp4", tmp_path / "out.mp4"
+    make_video(source, "yuv420p", BT709, LIMITED, "aac")
+    with open_recording(source, colour=True) as stream:
+        write_frames(target, itertools.islice(iter(stream), 2), like=stream)
+    assert len(frames_of(target, colour=True)) == 2
+    seconds = len(sound_of(target)) * 1024 / 48_000
+    assert TIMES[1] / 90_000 < seconds < TIMES[1] / 90_000 + 3 * 1024 / 48_000 < len(sound_of(source)) * 1024 / 48_000
 
 
 def test_colours_without_a_video_to_follow_are_rejected(tmp_path: Path) -> None:
