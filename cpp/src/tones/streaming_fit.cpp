@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <tuple>
 
 #include "columns/row_kernels.hpp"
 #include "core/recently_used.hpp"
@@ -131,14 +132,6 @@ void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
 
 namespace {
 
-struct PlanKey {
-  std::size_t rows;
-  double efficiency;
-  int most_rows;
-  std::vector<double> cycles_per_row;
-  bool operator==(const PlanKey&) const = default;
-};
-
 // Rows that are added up at most. One tone in bytes comes from memory as fast with fewer: 1 with AVX-512, where two
 // threads are faster, and 2 with AVX2 where strips come late (bench/README.md).
 int most_rows_added(std::size_t tones, bool bytes) {
@@ -151,7 +144,7 @@ int most_rows_added(std::size_t tones, bool bytes) {
 
 std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const std::vector<double>& cycles_per_row,
                                                        double efficiency, bool bytes) {
-  static RecentlyUsed<PlanKey, StreamingFit, 32> kept;
+  static RecentlyUsed<std::tuple<std::size_t, double, int, std::vector<double>>, StreamingFit, 32> kept;
   const int most_rows = most_rows_added(cycles_per_row.size(), bytes);
   return kept.get({rows, efficiency, most_rows, cycles_per_row},
                   [&] { return std::make_shared<const StreamingFit>(rows, cycles_per_row, efficiency, most_rows); });

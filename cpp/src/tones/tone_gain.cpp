@@ -192,19 +192,6 @@ std::vector<Estimates> estimates_of_fit(const HarmonicModel& model, const std::v
   return estimates;
 }
 
-// The bin of eq. 25, folded into [0, rows/2].
-struct Bin {
-  std::size_t index;
-  bool conjugate;  // aliased
-};
-
-Bin nearest_bin(double cycles_per_row, std::size_t rows) {
-  const auto length = static_cast<double>(rows);
-  const double bin = std::fmod(std::nearbyint(cycles_per_row * length), length);
-  const bool conjugate = 2 * bin > length;
-  return {static_cast<std::size_t>(conjugate ? length - bin : bin), conjugate};
-}
-
 // Row 0 lies `middle` rows before the phase origin of a fit.
 void count_phase_from(Tone& tone, double middle, Flags flags) {
   const Phasor turn = phasor(tone.cycles_per_row, -middle);
@@ -232,28 +219,26 @@ Estimator fit_estimator(Context& context) {
   };
 }
 
-std::vector<Bin> bins_of(Context& context) {
-  const auto rows = static_cast<double>(context.shape.rows);
-  std::vector<Bin> bins;
+// Lines of the DFT nearest to the tones (eq. 25), those above half the row rate of negative frequencies.
+std::vector<std::size_t> lines_of(Context& context) {
+  const std::size_t rows = context.shape.rows;
+  std::vector<std::size_t> lines;
   for (Tone& tone : context.tones) {
-    const double position = tone.cycles_per_row * rows;
-    const Bin bin = nearest_bin(tone.cycles_per_row, context.shape.rows);
+    const double position = tone.cycles_per_row * static_cast<double>(rows), nearest = std::nearbyint(position);
+    const auto line = static_cast<std::size_t>(std::fmod(nearest, static_cast<double>(rows)));
     if (position < 1) tone.flags |= flag::few_cycles;
     if (tone.cycles_per_row > 0.5) tone.flags |= flag::aliased;
-    if (std::abs(position - std::nearbyint(position)) > kOffBin) tone.flags |= flag::off_bin;
-    if (bin.index == 0 || 2 * bin.index == context.shape.rows || context.shape.rows < 4)
-      tone.flags |= flag::unresolvable;
-    bins.push_back(bin);
+    if (std::abs(position - nearest) > kOffBin) tone.flags |= flag::off_bin;
+    if (line == 0 || 2 * line == rows || rows < 4) tone.flags |= flag::unresolvable;
+    lines.push_back(line);
   }
-  return bins;
+  return lines;
 }
 
 // Steps 1–4 of the paper; noise is all energy outside of the mean and the bin.
 Estimator dft_estimator(Context& context) {
   const std::size_t rows = context.shape.rows;
-  std::vector<std::size_t> lines;
-  for (const Bin bin : bins_of(context)) lines.push_back(bin.conjugate ? (rows - bin.index) % rows : bin.index);
-  return [dft = PrunedDft(rows, std::move(lines)), tones = context.tones.size(), rows](
+  return [dft = PrunedDft(rows, lines_of(context)), tones = context.tones.size(), rows](
              const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
              const ToneCurve& curve) {
     thread_local PrunedDft::Columns found;

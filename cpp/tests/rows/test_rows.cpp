@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "ocisac/rows/basis.hpp"
+#include "ocisac/rows/tone_search.hpp"
 #include "rows/fit.hpp"
+#include "rows/verdict.hpp"
 
 namespace {
 
@@ -104,4 +106,27 @@ TEST_CASE("two frequencies are refined together from half a bin off, at even and
     CHECK(fit.amplitudes.isApprox(levels, 1e-5));
     CHECK(fit.rest.norm() < 1e-5);
   }
+}
+
+TEST_CASE("noise is estimated beside slow light and beside tones, and is white") {
+  std::mt19937 random(7);
+  std::normal_distribution<double> noise(0, 3);
+  std::vector<double> white(4096), slow(4096), tone(4096);
+  for (std::size_t n = 0; n < white.size(); ++n) {
+    white[n] = noise(random);
+    slow[n] = white[n] + 400 * std::cos(0.002 * double(n));
+    tone[n] = white[n] + 50 * std::cos(0.9 * double(n));
+  }
+  CHECK(ocisac::noise_of_differences(slow) == doctest::Approx(9).epsilon(0.08));
+  const auto power = ocisac::periodogram(tone, tone.size(), ocisac::padded_length(tone.size()));
+  CHECK(ocisac::noise_floor(power) == doctest::Approx(9).epsilon(0.1));
+  CHECK(ocisac::is_white(white));
+  CHECK_FALSE(ocisac::is_white(tone));
+  for (std::size_t n = 1; n < white.size(); ++n) white[n] += 0.15 * white[n - 1];  // 9.6 standard errors
+  CHECK_FALSE(ocisac::is_white(white));
+}
+
+TEST_CASE("Schwarz's criterion prefers the model with fewer parameters unless energy falls") {
+  CHECK(ocisac::schwarz_criterion(1, 1000, 3) < ocisac::schwarz_criterion(0.9999, 1000, 5));
+  CHECK(ocisac::schwarz_criterion(1, 1000, 3) > ocisac::schwarz_criterion(0.98, 1000, 5));
 }
