@@ -60,20 +60,6 @@ ExposureDomain::Bounds bounds_of(const ExposureDomain& domain, std::span<const d
   return bounds;
 }
 
-// Multiples of the step within the bounds, as whole numbers. A bound equal to a multiple up to rounding is included.
-struct Multiples {
-  double step, first, last;
-};
-
-Multiples multiples_of(double step, ExposureDomain::Bounds bounds) {
-  constexpr double slack = 8 * std::numeric_limits<double>::epsilon();
-  const Multiples found{step, std::max(std::ceil(bounds.low / step * (1 - slack)), 1.0),
-                        std::floor(bounds.high / step * (1 + slack))};
-  if (!(found.first <= found.last))
-    refuse("step", step, range_text("a step with a multiple between ", bounds.low, " and ", bounds.high));
-  return found;
-}
-
 void require_few(double candidates, const char* argument, const char* what) {
   if (candidates > max_candidates) {
     std::ostringstream found;
@@ -280,6 +266,15 @@ void check_points(std::size_t points) {
 }
 
 }  // namespace
+
+Multiples multiples_of(double step, ExposureDomain::Bounds bounds) {
+  constexpr double slack = 8 * std::numeric_limits<double>::epsilon();
+  const Multiples found{step, std::max(std::ceil(bounds.low / step * (1 - slack)), 1.0),
+                        std::floor(bounds.high / step * (1 + slack))};
+  if (!(found.first <= found.last))
+    refuse("step", step, range_text("a step with a multiple between ", bounds.low, " and ", bounds.high));
+  return found;
+}
 
 double exposure_objective(std::span<const double> frequencies, std::span<const double> weights, double exposure) {
   check_tones(frequencies, weights);

@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
-#include <string>
 
 #include "core/check_interrupt.hpp"
 #include "ocisac/core/constants.hpp"
@@ -65,14 +63,12 @@ class Branching {
  public:
   Branching(std::span<const WeightedTone> tones, double noise_exposure, const ExposureWindow& window)
       : tones_(tones), noise_exposure_(noise_exposure), window_(window) {
-    constexpr double slack = 8 * std::numeric_limits<double>::epsilon();
     if (window.step > 0) {
       require(window.high / window.step <= kMaxMultiple, "step", window.step,
               "0 (any exposure), or at least the longest exposure over 2^53: multiples differ from each other");
-      first_ = std::max(std::ceil(window.low / window.step * (1 - slack)), 1.0);
-      last_ = std::floor(window.high / window.step * (1 + slack));
-      require(first_ <= last_, "step", window.step,
-              "a step with a multiple between " + shortest_text(window.low) + " and " + shortest_text(window.high));
+      const Multiples found = multiples_of(window.step, {window.low, window.high});
+      first_ = found.first;
+      last_ = found.last;
     }
     for (std::size_t i = 0; i < tones.size(); ++i) zeros_[i] = std::floor(window.low * tones[i].frequency);
   }

@@ -4,12 +4,6 @@
 
 namespace ocisac {
 
-namespace {
-
-constexpr double kMaxCycles = 0x1p50;
-
-}  // namespace
-
 CycleCounter::CycleCounter(DoubleDouble rate, const TimeLine& line, DoubleDouble offset)
     : step_(rate * DoubleDouble{line.step, 0}), factor_(step_.high) {
   const DoubleDouble base = rate * line.origin + offset;

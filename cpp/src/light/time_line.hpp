@@ -5,6 +5,8 @@
 
 namespace ocisac {
 
+inline constexpr double kMaxCycles = 0x1p50;  // that are counted: beyond it doubles have no fractions to speak of
+
 // An unevaluated sum high + low, |low| <= half a unit in the last place of high: about 32 decimal digits.
 struct DoubleDouble {
   double high = 0;

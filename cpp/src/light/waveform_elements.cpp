@@ -12,7 +12,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMaxCycles = 0x1p50;
 constexpr double kMinCycles = 1e-200;      // in a stretch; with less no edge has an instant
 constexpr double kMaxTimeConstant = 1000;  // chips
 constexpr double kDecayed = 40;            // time constants after which a decay is below the resolution of a double
