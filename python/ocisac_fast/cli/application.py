@@ -111,23 +111,24 @@ def run(arguments: list[str], command: click.Command = ocisac) -> int:
         return shell_complete(command, {}, str(command.name), _COMPLETION, instruction)
     warnings.showwarning = _warn
     write_any_text()
-    terminate = signal.getsignal(signal.SIGTERM)
+    before = {}
     with contextlib.suppress(ValueError):  # not the main thread: no signal handlers
-        if terminate == signal.SIG_DFL:
-            signal.signal(signal.SIGTERM, _stop)
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) == signal.SIG_DFL:  # not under nohup
+                before[number] = signal.signal(number, _stop)
     try:
         return _run(arguments, command)
     finally:
-        with contextlib.suppress(ValueError):
-            signal.signal(signal.SIGTERM, terminate)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class _Terminated(BaseException):
-    """SIGTERM as an exception: incomplete files are removed during unwinding."""
+    """SIGTERM or SIGHUP as an exception: incomplete files are removed during unwinding."""
 
 
-def _stop(*_: Any) -> None:
-    raise _Terminated
+def _stop(number: int, _: Any) -> None:
+    raise _Terminated(number)
 
 
 def _run(arguments: list[str], command: click.Command) -> int:
@@ -140,8 +141,8 @@ def _run(arguments: list[str], command: click.Command) -> int:
         return done.exit_code
     except (KeyboardInterrupt, click.Abort):
         return 130
-    except _Terminated:
-        return 143
+    except _Terminated as stopped:
+        return 128 + int(stopped.args[0])
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # a target for the last flush
         return 141
