@@ -261,9 +261,11 @@ std::optional<DataLight> find_data_light(const LitFrame& frame, const Suspect& s
   const double lower = suspect.frequency * (1 - frequency_reach);
   const double upper = std::min(suspect.frequency * (1 + frequency_reach), 0.499);
   const double frequency = strongest_frequency(waveform.values, lower, upper);
+  const bool at_bound = frequency <= lower || frequency >= upper;
   const double share = std::min(waveform.common / waveform.energy, 1.0);
   const double error =
-      jackknife_std(waveform.values, frequency, static_cast<double>(box.height) * frequency, lower, upper);
+      at_bound ? 0.5 * (upper - lower)
+               : jackknife_std(waveform.values, frequency, static_cast<double>(box.height) * frequency, lower, upper);
   const double rest = std::max(waveform.energy * (1 - share) - waveform.noise, 0.0);
   RefinedLight light{.box = box,
                      .frequency = frequency,

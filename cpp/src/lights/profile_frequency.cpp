@@ -17,7 +17,7 @@ namespace {
 using Complex = std::complex<double>;
 
 constexpr std::size_t kHarmonics = 3, kMaxGroups = 16;
-constexpr int kSteps = 40;
+constexpr int kSteps = 40, kDeletedSteps = 2;  // to a peak; from it without a group
 
 // p_q = Σ_n x(n)·(n − middle)^q·e^(−j2πhf(n − middle)) for h = 1, 2, 3 and q = 0, 1, 2.
 using Moments = std::array<std::array<Complex, 3>, kHarmonics>;
@@ -84,20 +84,18 @@ double jackknife_std(std::span<const double> profile, double frequency, double c
   std::size_t first = 0, last = profile.size();
   while (first < last && profile[first] == 0) ++first;
   while (last > first && profile[last - 1] == 0) --last;
-  std::vector<Moments> parts;
-  Moments whole{};
-  for (std::size_t k = 0; k < groups; ++k) {
-    const auto edge = [&](std::size_t group) { return first + group * (last - first) / groups; };
-    parts.push_back(moments_of(profile, frequency, {edge(k), edge(k + 1)}));
-    for (std::size_t h = 0; h < kHarmonics; ++h)
-      for (std::size_t q = 0; q < 3; ++q) whole[h][q] += parts.back()[h][q];
-  }
   std::vector<double> found;
-  for (Moments& rest : parts) {
-    for (std::size_t h = 0; h < kHarmonics; ++h)
-      for (std::size_t q = 0; q < 3; ++q) rest[h][q] = whole[h][q] - rest[h][q];
-    const double step = step_to_peak(rest, frequency, static_cast<double>(profile.size()));
-    found.push_back(std::clamp(frequency + step, lower, upper));
+  for (std::size_t k = 0; k < groups; ++k) {
+    const std::size_t begin = first + k * (last - first) / groups, end = first + (k + 1) * (last - first) / groups;
+    double rest = frequency;
+    for (int step = 0; step < kDeletedSteps; ++step) {
+      Moments sums = moments_of(profile, rest, {first, begin});
+      const Moments behind = moments_of(profile, rest, {end, last});
+      for (std::size_t h = 0; h < kHarmonics; ++h)
+        for (std::size_t q = 0; q < sums[h].size(); ++q) sums[h][q] += behind[h][q];
+      rest = std::clamp(rest + step_to_peak(sums, rest, static_cast<double>(profile.size())), lower, upper);
+    }
+    found.push_back(rest);
   }
   const auto count = static_cast<double>(groups);
   const double mean = std::accumulate(found.begin(), found.end(), 0.0) / count;
