@@ -115,11 +115,11 @@ class _Unchanged(Exception):
 
 @contextlib.contextmanager
 def _stopping(keep_partial: bool) -> Iterator[list[int]]:
-    """With ``keep_partial`` Ctrl-C and SIGTERM wait until a frame is done: their numbers."""
+    """With ``keep_partial`` Ctrl-C, SIGTERM and SIGHUP wait until a frame is done: their numbers."""
     asked: list[int] = []
     before = {}
     try:
-        for number in (signal.SIGINT, signal.SIGTERM) if keep_partial else ():
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if keep_partial else ():
             before[number] = signal.signal(number, lambda got, _: asked.append(got))
         yield asked
     finally:
