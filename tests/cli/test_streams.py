@@ -66,7 +66,7 @@ def test_the_work_is_done_and_the_exit_code_is_right(streams, code, folder):
         assert err.splitlines()[-1] == "ocisac: No space left on device"
     assert run(folder, ["detect", "missing.png"], streams)[0] == 2
     (folder / "out.png").unlink(missing_ok=True)
-    run(folder, ["clean", "a.png", "out.png", "--row-time", "22.2us", "--json"], streams)
+    run(folder, ["clean", "a.png", "out.png", "--row-time", "22.2us"], streams)
     assert (folder / "out.png").stat().st_size > 100
 
 
