@@ -475,6 +475,17 @@ def test_what_is_not_modulated_stays_out(name):
     assert detect_sources(stored(picture + noise), CAMERA) == []
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_faint_pattern_of_whole_rows_is_the_cameras(seed):
+    """A lamp of as faint a swing has another period."""
+    random = np.random.default_rng(seed)
+    scene_light = 230.0 + 15.0 * np.sin(np.linspace(0.0, 3.0, 640) + random.uniform(0.0, 6.0))
+    noise, phase = random.normal(0.0, 1.2, (480, 640)), random.uniform(0.0, 6.0)
+    for period, lights in ((4.0, 0), (8.0, 0), (4.13, 1)):
+        pattern = np.cos(2.0 * np.pi * np.arange(480)[:, None] / period + phase)
+        assert len(detect_sources(stored(scene_light * (1.0 + 0.012 * pattern) + noise), CAMERA)) == lights
+
+
 def test_false_alarms_of_noise_stay_within_what_was_set():
     random = np.random.default_rng(5)
     frames = stored(100.0 + 8.0 * random.standard_normal((40, 480, 320)))
