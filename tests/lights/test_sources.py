@@ -481,9 +481,10 @@ def test_a_faint_pattern_of_whole_rows_is_the_cameras(seed):
     random = np.random.default_rng(seed)
     scene_light = 230.0 + 15.0 * np.sin(np.linspace(0.0, 3.0, 640) + random.uniform(0.0, 6.0))
     noise, phase = random.normal(0.0, 1.2, (480, 640)), random.uniform(0.0, 6.0)
-    for period, lights in ((4.0, 0), (8.0, 0), (4.13, 1)):
+    for period, is_light in ((4.0, False), (8.0, False), (4.13, True)):
         pattern = np.cos(2.0 * np.pi * np.arange(480)[:, None] / period + phase)
-        assert len(detect_sources(stored(scene_light * (1.0 + 0.012 * pattern) + noise), CAMERA)) == lights
+        found = detect_sources(stored(scene_light * (1.0 + 0.012 * pattern) + noise), CAMERA)
+        assert bool(found) == is_light
 
 
 def test_false_alarms_of_noise_stay_within_what_was_set():
