@@ -7,8 +7,8 @@
 #include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/quantile.hpp"
-#include "cleaning/slow_changes.hpp"
 #include "cleaning/row_misfit.hpp"
+#include "cleaning/slow_changes.hpp"
 
 namespace ocisac {
 

@@ -145,7 +145,7 @@ Eigen::MatrixXd slow_modes(std::size_t places, std::size_t count) {
 
 std::size_t mode_count(std::size_t rows) {
   const double cycles = std::min(1.1 * static_cast<double>(rows) / slowest_period, most_cycles);
-  return std::max(std::min<std::size_t>(24, rows / 4), static_cast<std::size_t>(std::ceil(4 * cycles)));
+  return std::max(std::min<std::size_t>(24, rows / 4), static_cast<std::size_t>(std::ceil(3 * cycles)));
 }
 
 CommonCourse common_course(const BandedPicture& picture) {

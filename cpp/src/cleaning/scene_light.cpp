@@ -10,6 +10,7 @@
 #include "cleaning/colour_shares.hpp"
 #include "cleaning/means_of_rows.hpp"
 #include "cleaning/merged_blocks.hpp"
+#include "cleaning/slow_changes.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -30,7 +31,7 @@ constexpr std::array<double, 2> toes{1.0 / 32, 1.0 / 8};  // in order; values in
 constexpr double less_left =
     0.6;  // max. ratio of the unexplained shares with and without toe; noise alone may give 0.64
 constexpr std::size_t most_sampled = 1U << 16U;  // pixels of a frame that tell how far its light may be raised
-constexpr double least_share = 1e-9;
+constexpr double least_share = 1e-9, deepest = 0.98;
 constexpr double max_burnt = 0.001;  // share of the pixels that may burn where they did not
 
 bool all_tones(std::span<const ColourLights> lights) {
@@ -158,15 +159,15 @@ SceneLight with_shares(const StoredScene& scene, std::vector<ColourLights> light
   return result;
 }
 
-SceneLight without_bands(const StoredScene& scene) {
-  ModelledLight even;
-  even.light.assign(scene.rows(), 1);
-  const ColourLights lights{{even}, std::vector<std::size_t>(scene.colours())};
-  return {std::vector<ColourLights>(scene.frames(), lights),
-          std::vector<KeptShares>(scene.colours(), KeptShares{{0.0}, scene.rows(), scene.columns()}),
-          std::vector<CleaningVerdict>(scene.frames()),
-          objection_to(CleaningVerdict{}),
-          {}};
+// Full light of a colour above its mean. Where each colour has one share, that which lifts all pixels by one factor:
+// that of the colour whose light varies least, so that the picture keeps its colours.
+double highest_lift(const ColourLights& lights, std::span<const KeptShares> shares, std::size_t colour) {
+  const auto lift_of = [&](std::size_t k) { return lights.lights[lights.of_colour[k]].full - 1; };
+  const double own = shares[colour].share.front();
+  if (!(own > 0) || !std::ranges::all_of(shares, &KeptShares::is_one)) return lift_of(colour);
+  double least = HUGE_VAL;
+  for (std::size_t k = 0; k < shares.size(); ++k) least = std::min(least, shares[k].share.front() * lift_of(k));
+  return least / own;
 }
 
 // How far the light of a frame may be raised; below -1 where it burns even at its darkest.
@@ -176,6 +177,9 @@ double highest_rise(const StoredScene& scene, std::size_t frame, const ColourLig
   const auto every =
       std::max<std::size_t>(1, static_cast<std::size_t>(std::sqrt(pixels / static_cast<double>(most_sampled))));
   const double burnt = scene.burnt();
+  Values lifts;
+  for (std::size_t colour = 0; colour < scene.colours(); ++colour)
+    lifts.push_back(highest_lift(lights, shares, colour));
   Values rises;  // at which each pixel burns
   for (std::size_t row = 0; row < scene.rows(); row += every)
     for (std::size_t column = 0; column < scene.columns(); column += every) {
@@ -188,9 +192,9 @@ double highest_rise(const StoredScene& scene, std::size_t frame, const ColourLig
                                           column / blocks.block_columns];
         const double light = scene.light_at(frame, colour, row, column);
         const double left = std::max(1 + share * (std::min(own.light[row], own.full) - 1), least_share);
-        const double lift = std::max(share * (own.full - 1), least_share);
+        const double lift = std::max(share * lifts[colour], least_share);
         is_burnt = is_burnt || light >= burnt;
-        most = std::min(most, (burnt * left / std::max(light, least_share * burnt) - 1) / lift);
+        if (light * Restoration{}.max_gain > burnt) most = std::min(most, (burnt * left / light - 1) / lift);
       }
       rises.push_back(is_burnt ? HUGE_VAL : most);
     }
@@ -203,8 +207,7 @@ double highest_rise(const StoredScene& scene, std::size_t frame, const ColourLig
 
 double SceneLight::level(std::size_t frame, std::size_t colour, bool full) const {
   const double most = rise.empty() ? 1 : rise[frame];
-  const ModelledLight& own = lights[frame].lights[lights[frame].of_colour[colour]];
-  return 1 + std::min(full ? 1.0 : 0.0, most) * (own.full - 1);
+  return 1 + std::min(full ? 1.0 : 0.0, most) * highest_lift(lights[frame], shares, colour);
 }
 
 void keep_highlights(const StoredScene& scene, SceneLight& light, double most) {
@@ -212,6 +215,17 @@ void keep_highlights(const StoredScene& scene, SceneLight& light, double most) {
   for (std::size_t frame = 0; frame < light.lights.size(); ++frame)
     light.rise.push_back(std::min(highest_rise(scene, frame, light.lights[frame], light.shares), most));
   if (std::ranges::min(light.rise) < -1) light.unchanged = "highlights would burn";
+}
+
+SceneLight left_alone(const StoredScene& scene, std::string reason) {
+  ModelledLight even;
+  even.light.assign(scene.rows(), 1);
+  const ColourLights lights{{even}, std::vector<std::size_t>(scene.colours())};
+  return {std::vector<ColourLights>(scene.frames(), lights),
+          std::vector<KeptShares>(scene.colours(), KeptShares{{0.0}, scene.rows(), scene.columns()}),
+          std::vector<CleaningVerdict>(scene.frames()),
+          std::move(reason),
+          {}};
 }
 
 bool has_equal_rows(const StoredScene& scene) {
@@ -272,21 +286,22 @@ CleaningVerdict verdict_on(const StoredScene& scene, std::size_t frame, const Co
 
 SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) {
   const std::size_t rows = scene.rows(), colours = scene.colours();
-  Values depths(colours);
+  Values depths(colours, least_share);
   for (const SlowLight& frame : slow)
-    for (std::size_t k = 0; k < colours; ++k)
-      depths[k] = std::max(depths[k], 1 - std::ranges::min(frame.tones[k].cycle()));
+    for (std::size_t k = 0; k < colours; ++k) depths[k] = std::clamp(swing_of(frame.tones[k]), depths[k], deepest);
   SceneLight result;
   for (const double depth : depths) result.shares.push_back({{depth}, rows, scene.columns()});
   for (std::size_t frame = 0; frame < slow.size(); ++frame) {
     ColourLights lights;
     for (std::size_t k = 0; k < colours; ++k) {
-      const SlowTone& tone = slow[frame].tones[k];
-      ModelledLight own{
-          tone.light(rows), 1, RowModel::tone, slow[frame].tones.front().cycles / static_cast<double>(rows), {}};
-      const double depth = std::max(depths[k], 1e-9);
-      for (double& value : own.light) value = std::max(1 + (value - 1) / depth, 0.0);
-      own.full = 1 + (std::ranges::max(tone.cycle()) - 1) / depth;
+      const std::vector<SlowTone>& tones = slow[frame].tones[k];
+      ModelledLight own{ocisac::light_of(tones, rows),
+                        1,
+                        RowModel::tone,
+                        slow[frame].common.front().cycles / static_cast<double>(rows),
+                        {}};
+      for (double& value : own.light) value = std::max(1 + (value - 1) / depths[k], 0.0);
+      own.full = 1 + swing_of(tones) / depths[k];
       lights.of_colour.push_back(k);
       lights.lights.push_back(std::move(own));
     }
@@ -305,7 +320,15 @@ namespace {
 
 SceneLight estimated(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
                      std::span<const ColourLights> given, const EarlierFrames& earlier) {
-  if (given.empty() && has_equal_rows(scene)) return without_bands(scene);
+  if (given.empty() && has_equal_rows(scene)) return left_alone(scene, objection_to(CleaningVerdict{}));
+  std::vector<SlowLight> slow;
+  if (given.empty() && (model == RowModel::automatic || model == RowModel::tone))
+    slow = find_slow_lights(pictures_of(scene), camera, earlier);
+  const bool is_slow =
+      !slow.empty() && std::ranges::all_of(slow, [](const SlowLight& own) { return own.objection.empty(); });
+  // The shares of faster tones vary with the place where pairs of rows show it.
+  if (is_slow && slow.front().common.front().cycles * slowest_rows < static_cast<double>(scene.rows()))
+    return light_of_slow(scene, std::move(slow));
   std::vector<ColourLights> lights =
       given.empty() ? lights_of(scene, model) : std::vector<ColourLights>(given.begin(), given.end());
   const bool is_curved = camera.tone_curve.kind != ToneCurve::Kind::linear;
@@ -316,22 +339,25 @@ SceneLight estimated(StoredScene& scene, const Camera& camera, RowModel model, b
       lights = lights_of(scene, RowModel::chips);
     }
   }
+  const RowModel main = lights.front().lights[lights.front().of_colour[0]].model;
+  if (model == RowModel::automatic && main == RowModel::rows && !is_slow && given.empty()) {
+    SceneLight found = left_alone(scene, "no tone and no chips: the rows may be the picture's own");
+    tell_slow_bands(slow, found);
+    found.slow = std::move(slow);
+    return found;
+  }
   SceneLight found = with_shares(scene, std::move(lights));
   const CleaningVerdict mean = mean_verdict(found.verdicts);
   if (given.empty()) found.unchanged = objection_to(mean);
-  const RowModel main = found.lights.front().lights[found.lights.front().of_colour[0]].model;
   const bool is_doubtful = !found.unchanged.empty() || main == RowModel::rows || mean.light_left > much_left;
-  if (given.empty() && (model == RowModel::automatic || model == RowModel::tone) && is_doubtful) {
-    std::vector<SlowLight> slow = find_slow_lights(pictures_of(scene), camera, earlier);
-    if (std::ranges::none_of(slow, [](const SlowLight& own) { return !own.objection.empty(); }))
-      return light_of_slow(scene, std::move(slow));
-    if (!found.unchanged.empty()) {
-      const auto seen = std::find_if(slow.begin(), slow.end(), [](const SlowLight& own) { return own.amplitude > 0; });
-      if (seen != slow.end()) found.unchanged = seen->objection;
-      tell_slow_bands(slow, found);
-      found.slow = std::move(slow);
-      return found;
-    }
+  if (is_slow && (is_doubtful || (main == RowModel::tone && std::ranges::all_of(found.shares, &KeptShares::is_one))))
+    return light_of_slow(scene, std::move(slow));
+  if (!slow.empty() && !found.unchanged.empty()) {
+    const auto seen = std::find_if(slow.begin(), slow.end(), [](const SlowLight& own) { return own.amplitude > 0; });
+    if (seen != slow.end()) found.unchanged = seen->objection;
+    tell_slow_bands(slow, found);
+    found.slow = std::move(slow);
+    return found;
   }
   tell_slow_bands(slow_light_left(scene, camera, found), found);
   return found;

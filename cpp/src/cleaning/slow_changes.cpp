@@ -8,12 +8,6 @@
 
 namespace ocisac {
 
-namespace {
-
-constexpr std::size_t slowest_rows = 128;  // per cycle
-
-}  // namespace
-
 std::size_t slow_terms(std::size_t rows) { return 1 + 2 * rows / slowest_rows; }
 
 void slow_term(std::size_t order, std::span<double> values) {

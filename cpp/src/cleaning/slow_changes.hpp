@@ -6,7 +6,9 @@
 
 namespace ocisac {
 
-// Number of cosines of the periods above 128 rows, with a constant.
+constexpr std::size_t slowest_rows = 128;  // per cycle
+
+// Number of cosines of the longer periods, with a constant.
 std::size_t slow_terms(std::size_t rows);
 
 // The cosine of an order: cos(π·order·(n + 1/2)/rows). They are orthogonal (a discrete cosine transform).

@@ -15,11 +15,12 @@ namespace {
 
 constexpr double likely = 10, sure = 400;  // odds of a light against none: it is said, it is removed
 constexpr double clear = 3;                // standard errors of its amplitude
-constexpr double colours_differ = 0.35;    // relative deviation of a colour's tone from that of all
-constexpr double of_groups = 0.5;          // expected size of the terms of a group of columns: hardly a bound
+constexpr double colours_differ = 0.7;     // relative deviation of a colour's tones from those of all
+constexpr double of_groups = 0.5;          // expected deviation of the terms of a group of columns: hardly a bound
 constexpr double min_level = 0.25, max_worse = 0.25;
-constexpr double by_chance = 13.8;  // chi square of two terms that one in a thousand exceeds
-constexpr std::size_t places_of_cycle = 256;
+constexpr double least_move = 0.05;   // cycles from frame to frame
+constexpr double by_chance = 13.8;    // chi square of two terms that one in a thousand exceeds
+constexpr double least_light = 0.02;  // what a tone curve makes of dark rows may need an amplitude above 1
 constexpr const char* not_sure = "slow bands that the picture's own shades may be";
 constexpr const char* disagrees = "slow bands that are others than those of the frames before";
 
@@ -32,52 +33,56 @@ CommonCourse course_of(const CommonCourse& course, std::size_t group) {
   return own;
 }
 
-// The difference of the logarithms.
-CommonCourse difference(const CommonCourse& one, const CommonCourse& other) {
-  CommonCourse result = one;
-  for (std::size_t k = 0; k < one.modes.size(); ++k) {
-    result.modes[k] -= other.modes[k];
-    result.variance[k] += other.variance[k];
-    for (std::size_t group = 0; group < one.groups.size(); ++group) result.groups[group][k] -= other.groups[group][k];
-  }
-  return result;
+// The course without the light of some tones, and with that of others.
+CommonCourse under_others(CommonCourse course, std::span<const double> modes, std::span<const double> others) {
+  for (std::size_t k = 0; k < course.modes.size(); ++k) course.modes[k] += others[k] - modes[k];
+  return course;
 }
 
-// The tone of each colour: that of all, and what the colour's course differs by.
-std::vector<SlowTone> tones_of_colours(const CommonCourse& all, std::span<const CommonCourse> colours,
-                                       const SlowTone& tone) {
-  if (colours.size() == 1) return {tone};
-  std::vector<SlowTone> found;
-  const double differ = colours_differ * tone.amplitude();
+// The tones of each colour: those of all, and what the colour's course differs by.
+std::vector<std::vector<SlowTone>> tones_of_colours(const CommonCourse& all, std::span<const CommonCourse> colours,
+                                                    const std::vector<SlowTone>& tones) {
+  if (colours.size() == 1) return {tones};
+  const std::vector<double> common = modes_of_light(tones, all.modes.size());
+  std::vector<std::vector<SlowTone>> found;
   for (const CommonCourse& own : colours) {
-    const CommonCourse apart = difference(own, all);
-    const SlowTone change = refitted_tone({&apart, 1}, tone, {differ, usual_harmonic * differ});
-    found.push_back(tone);
-    for (std::size_t k = 0; k < tone.terms.size(); ++k) found.back().terms[k] += change.terms[k];
+    CommonCourse apart = under_others(own, all.modes, common);
+    for (std::size_t k = 0; k < apart.variance.size(); ++k) apart.variance[k] += all.variance[k];
+    found.push_back(refitted_tones({&apart, 1}, tones, colours_differ * swing_of(tones)));
   }
   return found;
 }
 
-// Compares the tone, as in the first of the frames, with that of each group of columns.
-SlowVerdict agreement_of_groups(std::span<const CommonCourse> courses, const SlowTone& tone) {
+// Compares the tones, as in the first of the frames, with those of each group of columns.
+SlowVerdict agreement_of_groups(std::span<const CommonCourse> courses, const std::vector<SlowTone>& tones) {
   std::size_t count = courses.front().groups.size();
   for (const CommonCourse& course : courses) count = std::min(count, course.groups.size());
   double before = 0, after = 0, grown = 0;
-  std::array<double, 2> mean{};
+  std::vector<double> mean(2 * tones.size());
   for (std::size_t group = 0; group < count; ++group) {
     std::vector<CommonCourse> own;
     for (const CommonCourse& course : courses) own.push_back(course_of(course, group));
-    const std::array<double, 4> terms = refitted_tone(own, tone, {of_groups}).terms;
-    const double energy = square(terms[0]) + square(terms[1]);
-    const double left = square(terms[0] - tone.terms[0]) + square(terms[1] - tone.terms[1]);
+    const std::vector<SlowTone> found = refitted_tones(own, tones, of_groups);
+    double energy = 0, left = 0;
+    for (std::size_t k = 0; k < mean.size(); ++k) {
+      const double term = found[k / 2].terms[k % 2];
+      energy += square(term);
+      left += square(term - tones[k / 2].terms[k % 2]);
+      mean[k] += term / static_cast<double>(count);
+    }
     before += energy;
     after += left;
     grown += left > energy ? 1 : 0;
-    for (std::size_t k = 0; k < mean.size(); ++k) mean[k] += terms[k] / static_cast<double>(count);
   }
   before = std::max(before, 1e-300);
-  return {std::sqrt(after / before), grown / static_cast<double>(count),
-          (square(mean[0]) + square(mean[1])) * static_cast<double>(count) / before};
+  const double level = std::inner_product(mean.begin(), mean.end(), mean.begin(), 0.0);
+  double energy = 0, doubt = 0;
+  for (const SlowTone& tone : tones) {
+    energy += square(tone.amplitude());
+    doubt += tone.variance[0] + tone.variance[1];
+  }
+  return {std::sqrt(std::min(after / before, doubt / std::max(energy, 1e-300))), grown / static_cast<double>(count),
+          level * static_cast<double>(count) / before};
 }
 
 std::string objection_to(const SlowVerdict& verdict) {
@@ -110,29 +115,24 @@ FrameCourses courses_of(const std::vector<BandedPicture>& colours) {
   return result;
 }
 
-// Light at equal places over so many cycles of a tone about the middle, over its mean in a cycle.
-std::vector<double> light_over(const SlowTone& tone, double cycles, std::size_t places) {
-  const auto light_at = [&](double place) {
-    const double angle = 2 * std::numbers::pi * place;
-    return std::exp(tone.terms[0] * std::cos(angle) + tone.terms[1] * std::sin(angle) +
-                    tone.terms[2] * std::cos(2 * angle) + tone.terms[3] * std::sin(2 * angle));
-  };
-  double mean = 0;
-  for (std::size_t k = 0; k < places_of_cycle; ++k)
-    mean += light_at(static_cast<double>(k) / places_of_cycle) / places_of_cycle;
-  std::vector<double> light(places);
-  for (std::size_t n = 0; n < places; ++n)
-    light[n] = light_at(cycles * ((static_cast<double>(n) + 0.5) / static_cast<double>(places) - 0.5)) / mean;
-  return light;
+std::vector<SlowTone> in_frame(std::vector<SlowTone> tones, std::ptrdiff_t frame) {
+  for (SlowTone& tone : tones) tone = tone.in_frame(frame);
+  return tones;
 }
 
-// The frame's own course, without those of other frames, agrees with the tone: its terms are within what the picture
-// may add to them.
-bool agrees(const CommonCourse& course, const SlowTone& tone) {
-  const SlowTone own = refitted_tone({&course, 1}, tone, {of_groups});
-  double distance = 0;
-  for (std::size_t k = 0; k < 2; ++k) distance += square(own.terms[k] - tone.terms[k]) / own.variance[k];
-  return distance < by_chance;
+// The frame and the one before differ less without the tones than with them, but for chance. `first`: the tones in the
+// frame of place 0.
+bool agrees(const CommonCourse& before, const CommonCourse& course, const std::vector<SlowTone>& first,
+            std::ptrdiff_t place) {
+  const std::vector<double> then = modes_of_light(in_frame(first, before.place - place), course.modes.size());
+  const std::vector<double> now = modes_of_light(in_frame(first, course.place - place), course.modes.size());
+  double with = 0, without = 0;
+  for (std::size_t k = 0; k < now.size(); ++k) {
+    const double variance = course.variance[k] + before.variance[k], change = course.modes[k] - before.modes[k];
+    with += square(change) / variance;
+    without += square(change - now[k] + then[k]) / variance;
+  }
+  return without < with + by_chance * static_cast<double>(first.size());
 }
 
 }  // namespace
@@ -141,26 +141,41 @@ double SlowTone::amplitude() const { return std::hypot(terms[0], terms[1]); }
 
 bool SlowTone::is_sure() const {
   const double error = std::sqrt((variance[0] + variance[1]) / 2);
-  return log_odds > std::log(sure) && amplitude() > clear * error && cycles > 1.1 * least_cycles;
+  // Less than a cycle that stays is like a shade of the picture.
+  const double moves = step ? std::abs(std::remainder(*step, 2 * std::numbers::pi)) / (2 * std::numbers::pi) : 0;
+  return log_odds > std::log(sure) && amplitude() > clear * error && cycles > 1.1 * least_cycles &&
+         (cycles >= 1 || moves > least_move);
 }
 
 SlowTone SlowTone::in_frame(std::ptrdiff_t frame) const {
   SlowTone turned = *this;
-  for (std::size_t harmonic = 0; harmonic < 2; ++harmonic) {
-    const double angle = static_cast<double>(harmonic + 1) * step.value_or(0) * static_cast<double>(frame);
-    const double cosine = terms[2 * harmonic], sine = terms[2 * harmonic + 1];
-    turned.terms[2 * harmonic] = std::cos(angle) * cosine + std::sin(angle) * sine;
-    turned.terms[2 * harmonic + 1] = std::cos(angle) * sine - std::sin(angle) * cosine;
-  }
+  const double angle = step.value_or(0) * static_cast<double>(frame);
+  turned.terms = {std::cos(angle) * terms[0] + std::sin(angle) * terms[1],
+                  std::cos(angle) * terms[1] - std::sin(angle) * terms[0]};
   return turned;
 }
 
-std::vector<double> SlowTone::light(std::size_t rows) const { return light_over(*this, cycles, rows); }
+std::vector<double> light_of(std::span<const SlowTone> tones, std::size_t rows) {
+  std::vector<double> light(rows, 1.0);
+  for (std::size_t n = 0; n < rows; ++n) {
+    for (const SlowTone& tone : tones) {
+      const double angle =
+          2 * std::numbers::pi * tone.cycles * ((static_cast<double>(n) + 0.5) / static_cast<double>(rows) - 0.5);
+      light[n] += tone.terms[0] * std::cos(angle) + tone.terms[1] * std::sin(angle);
+    }
+    light[n] = std::max(light[n], least_light);
+  }
+  return light;
+}
 
-std::vector<double> SlowTone::cycle() const { return light_over(*this, 1, places_of_cycle); }
+double swing_of(std::span<const SlowTone> tones) {
+  double sum = 0;
+  for (const SlowTone& tone : tones) sum += tone.amplitude();
+  return sum;
+}
 
 std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames, const Camera& camera,
-                                        const EarlierFrames& earlier, const std::optional<SlowTone>& near) {
+                                        const EarlierFrames& earlier, std::span<const SlowTone> near) {
   require(!frames.empty(), "frames", 0, "at least one");
   const std::size_t rows = frames.front().empty() ? 0 : frames.front().front().rows;
   std::vector<CommonCourse> courses = earlier.courses;
@@ -174,9 +189,10 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
   for (const CommonCourse& course : courses)
     require(course.modes.size() == courses.back().modes.size(), "earlier", course.modes.size(),
             "courses of as many modes");
-  std::optional<SlowTone> known = near;
+  std::vector<SlowTone> known(near.begin(), near.end());  // as in frame `place_of_known`
+  std::ptrdiff_t place_of_known = earlier.courses.empty() ? 0 : earlier.courses.back().place;
   std::optional<std::size_t> compared;  // the first of the frames that `first` and `verdict` are of
-  SlowTone first;
+  std::vector<SlowTone> first;
   SlowVerdict verdict;
   std::vector<SlowLight> result;
   for (std::size_t frame = earlier.courses.size(); frame < courses.size(); ++frame) {
@@ -186,17 +202,22 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     if (compared != start) {
       const auto these =
           std::span<const CommonCourse>(courses).subspan(start, std::min(most_slow_frames, courses.size() - start));
-      first = find_slow_tone(these, rows, camera, known);
+      first = find_slow_tones(these, rows, camera, in_frame(known, these.front().place - place_of_known));
       verdict = agreement_of_groups(these, first);
-      known = first.is_sure() ? std::optional(first) : std::nullopt;
+      known = first;
+      std::erase_if(known, [](const SlowTone& tone) { return !tone.is_sure(); });
+      place_of_known = these.front().place;
       compared = start;
     }
-    const SlowTone tone = first.in_frame(courses[frame].place - courses[start].place);
-    result.push_back({tones_of_colours(courses[frame], of_colours[frame - earlier.courses.size()], tone),
-                      courses[frame], tone.log_odds > std::log(likely) ? tone.amplitude() : 0, verdict,
-                      !tone.is_sure()                ? not_sure
-                      : agrees(courses[frame], tone) ? objection_to(verdict)
-                                                     : disagrees});
+    const std::vector<SlowTone> tones = in_frame(first, courses[frame].place - courses[start].place);
+    const SlowTone& main = tones.front();
+    const bool is_sure = std::ranges::all_of(tones, [](const SlowTone& tone) { return tone.is_sure(); });
+    result.push_back({tones_of_colours(courses[frame], of_colours[frame - earlier.courses.size()], tones), tones,
+                      courses[frame], main.log_odds > std::log(likely) ? main.amplitude() : 0, verdict,
+                      !is_sure ? not_sure
+                      : frame == start || agrees(courses[frame - 1], courses[frame], first, courses[start].place)
+                          ? objection_to(verdict)
+                          : disagrees});
   }
   const bool is_other = std::ranges::any_of(result, [](const SlowLight& one) { return one.objection == disagrees; });
   if (!is_other || earlier.courses.empty()) return result;

@@ -6,8 +6,8 @@
 
 namespace ocisac {
 
-constexpr double slowest_period = 128;  // rows per cycle, above which a light is slow
-constexpr double most_cycles = 16;      // in the picture
+constexpr double slowest_period = 64;  // rows per cycle, above which a light is slow
+constexpr double most_cycles = 16;     // in the picture
 constexpr double least_mode_variance = 1e-8;
 
 // (places × count): cosines of order 1 to count.

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <numeric>
 
@@ -17,28 +16,33 @@ namespace ocisac {
 namespace {
 
 using Eigen::Index;
-using Eigen::Matrix4d;
+using Eigen::Matrix2d;
 using Eigen::MatrixXd;
-using Eigen::Vector4d;
+using Eigen::Vector2d;
 using Eigen::VectorXd;
 
 constexpr double fall_of_modes = 1.5;  // of a picture's modes with their order; fitted to photographs
 constexpr std::size_t spreads = 10;    // of a picture's factor S
 constexpr double least_spread = 0.004, most_spread = 1;
-constexpr std::array<double, 4> floors{0, 0.005, 0.01, 0.02};  // standard deviation that texture adds to every mode
-constexpr double usual_spread = 0.1, log_spread = 1;           // median of S; standard deviation of its logarithm
-constexpr std::size_t changes = 4;                             // of S of what changes from frame to frame
+constexpr std::array<double, 4> floors{0, 0.01, 0.03, 0.1};  // standard deviation that texture adds to every mode
+constexpr double usual_spread = 0.1, log_spread = 1;         // median of S; standard deviation of its logarithm
+constexpr std::size_t changes = 4;                           // of S of what changes from frame to frame
 constexpr double least_change = 0.001, most_change = 0.2;
 constexpr std::array<double, 4> trends{0.5, 0.5, 0.1, 0.05};  // standard deviations of a linear to quartic course:
                                                               // vignettes, skies
-constexpr double usual_depth = 0.15;                          // expected size of a tone's cosine and sine
+constexpr std::array<double, 3> sizes{0.05, 0.15, 0.5};       // expected of a tone's terms, one as likely as another
 constexpr std::size_t phase_steps = 16;
 constexpr std::array<double, 2> mains{100, 120};  // Hz
 constexpr double real_row_time = 1e-3;            // s; a larger one is no camera's, but a unit
 constexpr std::size_t places_of_mode = 8;
 constexpr double turn = 2 * std::numbers::pi;
+constexpr double same_cycles = 1e-6;
+constexpr double near_cycles = 0.06, near_at_most = 0.25;  // between neighbouring tones: relative, and cycles
 constexpr int near_tones = 9;
-constexpr double near_cycles = 0.06;  // relative: those of neighbouring tones
+constexpr std::size_t most_tones = 3;
+constexpr double darkest = 0.02;  // light of a row of which a logarithm is taken
+constexpr int most_iterations = 20;
+constexpr std::size_t parameters = 4;  // of a tone: its two terms, cycles and phase step
 
 // Logarithm of the sum of exponentials.
 double log_sum(std::span<const double> values) {
@@ -52,165 +56,48 @@ double log_sum(std::span<const double> values) {
 std::vector<double> ladder(double first, double last, std::size_t count) {
   std::vector<double> values;
   for (std::size_t k = 0; k < count; ++k)
-    values.push_back(std::exp(std::log(first) + (std::log(last) - std::log(first)) * static_cast<double>(k) /
-                                                    static_cast<double>(count - 1)));
+    values.push_back(first * std::pow(last / first, static_cast<double>(k) / static_cast<double>(count - 1)));
   return values;
 }
 
-// A symmetric matrix of at most 4 × 4, and a vector.
-struct Small {
-  std::array<std::array<double, 4>, 4> values{};
-  std::array<double, 4> right{};
-};
-
-// Solution of a positive definite system of `size` equations, the inverse of its matrix, and the logarithm of its
-// determinant.
-struct Solution {
-  Small inverse;  // with the solution
-  double log_size = 0;
-};
-
-Solution solved(const Small& system, std::size_t size) {
-  std::array<std::array<double, 4>, 4> lower{};
-  Solution result;
-  for (std::size_t i = 0; i < size; ++i)
-    for (std::size_t j = 0; j <= i; ++j) {
-      double sum = system.values[i][j];
-      for (std::size_t k = 0; k < j; ++k) sum -= lower[i][k] * lower[j][k];
-      lower[i][j] = i == j ? std::sqrt(std::max(sum, 1e-300)) : sum / lower[j][j];
-    }
-  for (std::size_t i = 0; i < size; ++i) result.log_size += 2 * std::log(lower[i][i]);
-  const auto solve = [&](std::array<double, 4> x) {
-    for (std::size_t i = 0; i < size; ++i) {
-      for (std::size_t k = 0; k < i; ++k) x[i] -= lower[i][k] * x[k];
-      x[i] /= lower[i][i];
-    }
-    for (std::size_t i = size; i-- > 0;) {
-      for (std::size_t k = i + 1; k < size; ++k) x[i] -= lower[k][i] * x[k];
-      x[i] /= lower[i][i];
-    }
-    return x;
-  };
-  for (std::size_t j = 0; j < size; ++j) {
-    std::array<double, 4> unit{};
-    unit[j] = 1;
-    result.inverse.values[j] = solve(unit);
-  }
-  result.inverse.right = solve(system.right);
-  return result;
+// Modes (modes × columns) of courses at places of a picture; `slow`: (places × modes).
+MatrixXd modes_of_courses(const MatrixXd& slow, const MatrixXd& courses) {
+  return transposed_product(slow, courses) * (2 / static_cast<double>(slow.rows()));
 }
 
-// A tone that is tried: cycles in the picture, phase step, probability before; index of its modes.
-struct Tried {
-  double cycles, step, prior;
-  std::size_t modes;
-};
-
-struct Hypotheses {
-  std::vector<Tried> tones;
-  std::vector<MatrixXd> modes;  // (modes × 4) of each number of cycles
-};
-
-// (modes × 4) of the cosine and sine of a tone and of its second harmonic.
-MatrixXd modes_of_tone(double cycles, std::size_t count) {
-  const std::size_t places = places_of_mode * count;
-  MatrixXd courses(static_cast<Index>(places), 4);
-  for (Index n = 0; n < courses.rows(); ++n) {
-    const double angle = turn * cycles * ((static_cast<double>(n) + 0.5) / static_cast<double>(places) - 0.5);
-    courses(n, 0) = std::cos(angle);
-    courses(n, 1) = std::sin(angle);
-    courses(n, 2) = std::cos(2 * angle);
-    courses(n, 3) = std::sin(2 * angle);
-  }
-  return transposed_product(slow_modes(places, count), courses) * (2 / static_cast<double>(places));
+double from_middle(Index place, Index places) {
+  return (static_cast<double>(place) + 0.5) / static_cast<double>(places) - 0.5;
 }
-
-Hypotheses with_modes(std::vector<Tried> tones, std::size_t count) {
-  Hypotheses result{std::move(tones), {}};
-  std::vector<double> known;
-  for (Tried& tone : result.tones) {
-    const auto at = std::find(known.begin(), known.end(), tone.cycles);
-    tone.modes = static_cast<std::size_t>(at - known.begin());
-    if (at != known.end()) continue;
-    known.push_back(tone.cycles);
-    result.modes.push_back(modes_of_tone(tone.cycles, count));
-  }
-  return result;
-}
-
-std::vector<double> all_steps(std::size_t frames) {
-  std::vector<double> steps;
-  for (std::size_t k = 0; k < (frames > 1 ? phase_steps : 1); ++k)
-    steps.push_back(turn * static_cast<double>(k) / static_cast<double>(phase_steps));
-  return steps;
-}
-
-// Tones of every frequency and phase step; mains have half of the probability where the row time is known.
-Hypotheses all_tones(std::size_t rows, const Camera& camera, std::size_t frames, std::size_t count) {
-  const auto length = static_cast<double>(rows);
-  const double most = std::min(std::max(1.1 * length / slowest_period, 2.5), most_cycles);
-  const std::vector<double> steps = all_steps(frames);
-  std::vector<Tried> tones;
-  for (double cycles = least_cycles;; cycles += std::min(near_cycles * cycles, 0.25)) {
-    for (const double step : steps) tones.push_back({cycles, step, 1, 0});
-    if (!(cycles < most)) break;
-  }
-  for (Tried& tone : tones) tone.prior = 1 / static_cast<double>(tones.size());
-  std::vector<double> seen;
-  for (const double hertz : mains) {
-    const double cycles = hertz * camera.row_time * length;
-    if (camera.row_time < real_row_time && least_cycles < cycles && cycles < most) seen.push_back(hertz);
-  }
-  for (const double hertz : seen) {
-    std::vector<double> known = steps;
-    if (frames > 1 && camera.frame_time) known = {std::fmod(turn * hertz * *camera.frame_time, turn)};
-    for (const double step : known)
-      tones.push_back({hertz * camera.row_time * length, step, 1 / static_cast<double>(known.size() * seen.size()), 0});
-  }
-  double sum = 0;
-  for (const Tried& tone : tones) sum += tone.prior;
-  for (Tried& tone : tones) tone.prior /= sum;
-  return with_modes(std::move(tones), count);
-}
-
-// Tones of nearly the same cycles and, where it is known, phase step.
-Hypotheses tones_near(const SlowTone& tone, std::size_t frames, std::size_t count) {
-  const auto place = [](int k) { return static_cast<double>(k) / (near_tones - 1) - 0.5; };
-  std::vector<double> steps = all_steps(frames);
-  if (frames > 1 && tone.step) {
-    steps.clear();
-    for (int k = 0; k < near_tones; ++k)
-      steps.push_back(*tone.step + place(k) * turn / static_cast<double>(phase_steps));
-  }
-  const double each = 1 / static_cast<double>(near_tones * steps.size());
-  std::vector<Tried> tones;
-  for (int k = 0; k < near_tones; ++k)
-    for (const double step : steps) tones.push_back({tone.cycles * (1 + near_cycles * place(k)), step, each, 0});
-  return with_modes(std::move(tones), count);
-}
-
-// What the modes of the frames tell without a tone, and what they weigh with one, for every S and floor of the picture,
-// and every S of what changes from frame to frame.
-struct Evidence {
-  std::vector<double> none;            // log evidence, by S and floor
-  std::vector<MatrixXd> inverse;       // of the covariance of the mean modes
-  std::vector<VectorXd> pull;          // that times the mean
-  std::vector<double> none_of_change;  // log evidence, by S of the changes
-  std::vector<VectorXd> weight;        // of the changes of the modes
-  MatrixXd rest;                       // (modes × frames) less their mean
-  std::vector<double> places;          // of the frames, after the first
-};
 
 // (modes × trends) modes of the slow courses of pictures, scaled by their standard deviations.
-MatrixXd modes_of_trends(std::size_t count) {
-  const std::size_t places = places_of_mode * count;
-  MatrixXd courses(static_cast<Index>(places), static_cast<Index>(trends.size()));
+MatrixXd modes_of_trends(const MatrixXd& slow) {
+  MatrixXd courses(slow.rows(), static_cast<Index>(trends.size()));
   for (Index n = 0; n < courses.rows(); ++n)
-    for (Index k = 0; k < courses.cols(); ++k) {
-      const double place = 2 * (static_cast<double>(n) + 0.5) / static_cast<double>(places) - 1;
-      courses(n, k) = trends[static_cast<std::size_t>(k)] * std::pow(place, static_cast<int>(k) + 1);
-    }
-  return transposed_product(slow_modes(places, count), courses) * (2 / static_cast<double>(places));
+    for (Index k = 0; k < courses.cols(); ++k)
+      courses(n, k) =
+          trends[static_cast<std::size_t>(k)] * std::pow(2 * from_middle(n, slow.rows()), static_cast<int>(k) + 1);
+  return modes_of_courses(slow, courses);
+}
+
+// Covariance of the mean modes of a picture for one S and floor: its inverse is diag(weight) − trend·trendᵀ.
+struct Spread {
+  VectorXd weight;
+  MatrixXd trend;
+  double log_scale;  // of its density: prior of S, less half the logarithm of its determinant
+
+  [[nodiscard]] MatrixXd times(const MatrixXd& x) const {
+    return weight.asDiagonal() * x - product(trend, transposed_product(trend, x));
+  }
+};
+
+Spread spread_of(const VectorXd& variance, const MatrixXd& trend, double log_prior) {
+  const VectorXd weight = variance.cwiseInverse();
+  const MatrixXd scaled = weight.asDiagonal() * trend;
+  MatrixXd small = transposed_product(trend, scaled);
+  small.diagonal().array() += 1;
+  const MatrixXd factor = cholesky_factor(small, 0).value_or(small);
+  const double log_determinant = variance.array().log().sum() + 2 * factor.diagonal().array().log().sum();
+  return {weight, solve_upper_transposed(factor, scaled.transpose()).transpose(), log_prior - 0.5 * log_determinant};
 }
 
 // Variance of the modes' changes from frame to frame that groups of columns have not in common.
@@ -233,174 +120,221 @@ VectorXd variance_of_changes(std::span<const CommonCourse> courses) {
   return result;
 }
 
-// R of covariance = Rᵀ·R; log-determinant.
-double log_determinant(const MatrixXd& covariance) {
-  const MatrixXd factor = cholesky_factor(covariance, 0).value_or(MatrixXd::Identity(1, 1));
-  return 2 * factor.diagonal().array().log().sum();
-}
+// What is known of the modes of some frames without a tone: a picture that stays, for every S and floor, and changes
+// from frame to frame, for every S of these.
+struct Frames {
+  MatrixXd modes;                  // (modes × frames)
+  MatrixXd slow;                   // (places × modes) cosines
+  std::vector<double> places;      // of the frames, after the first
+  std::array<double, 2> mains;     // their cycles in the picture
+  std::vector<Spread> still;       // of their mean
+  std::vector<VectorXd> changing;  // inverse variances of the deviations from it; none for one frame
+};
 
-Evidence evidence_of(std::span<const CommonCourse> courses) {
-  const auto count = static_cast<Index>(courses.front().modes.size()), frames = static_cast<Index>(courses.size());
-  const auto number = static_cast<double>(frames);
-  Evidence evidence;
-  for (const CommonCourse& course : courses)
-    evidence.places.push_back(static_cast<double>(course.place - courses.front().place));
-  evidence.rest.resize(count, frames);
+Frames frames_of(std::span<const CommonCourse> courses, const std::array<double, 2>& cycles_of_mains = {}) {
+  const auto count = static_cast<Index>(courses.front().modes.size()), number = static_cast<Index>(courses.size());
+  Frames frames{MatrixXd(count, number),
+                slow_modes(places_of_mode * static_cast<std::size_t>(count), static_cast<std::size_t>(count)),
+                {},
+                cycles_of_mains,
+                {},
+                {}};
   VectorXd variance = VectorXd::Zero(count);
-  for (Index frame = 0; frame < frames; ++frame)
-    for (Index k = 0; k < count; ++k) {
-      evidence.rest(k, frame) = courses[static_cast<std::size_t>(frame)].modes[static_cast<std::size_t>(k)];
-      variance[k] += courses[static_cast<std::size_t>(frame)].variance[static_cast<std::size_t>(k)] / number;
-    }
-  const VectorXd mean = evidence.rest.rowwise().mean();
-  evidence.rest.colwise() -= mean;
+  for (Index frame = 0; frame < number; ++frame) {
+    const CommonCourse& course = courses[static_cast<std::size_t>(frame)];
+    frames.places.push_back(static_cast<double>(course.place - courses.front().place));
+    frames.modes.col(frame) = Eigen::Map<const VectorXd>(course.modes.data(), count);
+    variance += Eigen::Map<const VectorXd>(course.variance.data(), count) / static_cast<double>(number);
+  }
   VectorXd fall(count);
   for (Index k = 0; k < count; ++k) fall[k] = std::pow(static_cast<double>(k + 1), -2 * fall_of_modes);
-  const MatrixXd trend = gram(modes_of_trends(static_cast<std::size_t>(count)));
+  const MatrixXd trend = modes_of_trends(frames.slow);
   for (const double spread : ladder(least_spread, most_spread, spreads))
     for (const double floor : floors) {
-      check_interrupt();
-      MatrixXd covariance = trend;
-      covariance.diagonal().array() += spread * spread * fall.array() + floor * floor + variance.array() / number;
-      evidence.inverse.push_back(inverse(covariance));
-      evidence.pull.emplace_back(evidence.inverse.back() * mean);
       const double away = std::log(spread / usual_spread) / log_spread;
-      evidence.none.push_back(-0.5 * (away * away + log_determinant(covariance) + mean.dot(evidence.pull.back())));
+      const VectorXd all = spread * spread * fall + variance / static_cast<double>(number);
+      frames.still.push_back(spread_of(all.array() + floor * floor, trend, -0.5 * away * away));
     }
   const VectorXd of_rest = variance_of_changes(courses);
-  for (const double change : ladder(least_change, most_change, frames > 1 ? changes : 0)) {
-    evidence.weight.emplace_back((change * change * fall + of_rest).cwiseInverse());
-    const VectorXd& weight = evidence.weight.back();
-    const double squares = (evidence.rest.array().square().colwise() * weight.array()).sum();
-    evidence.none_of_change.push_back(0.5 * ((number - 1) * weight.array().log().sum() - squares));
-  }
-  if (frames == 1) evidence.none_of_change.push_back(0);
-  return evidence;
+  for (const double change : ladder(least_change, most_change, number > 1 ? changes : 0))
+    frames.changing.emplace_back((change * change * fall + of_rest).cwiseInverse());
+  return frames;
 }
 
-// Normal equations of the four terms of the tones of one number of cycles, for every entry of `Evidence`.
+// Log evidence of modes without a tone, by S and floor, and by change; 0 for one frame.
+struct Evidence {
+  std::vector<double> still, changing;
+
+  [[nodiscard]] double all() const { return log_sum(still) + log_sum(changing); }
+};
+
+Evidence evidence_of(const Frames& frames, const MatrixXd& modes) {
+  Evidence result;
+  const VectorXd mean = modes.rowwise().mean();
+  for (const Spread& spread : frames.still)
+    result.still.push_back(spread.log_scale - 0.5 * mean.dot(spread.times(mean).col(0)));
+  const MatrixXd rest = modes.colwise() - mean;
+  for (const VectorXd& weight : frames.changing) {
+    const double squares = (rest.array().square().colwise() * weight.array()).sum();
+    result.changing.push_back(0.5 * (static_cast<double>(modes.cols() - 1) * weight.array().log().sum() - squares));
+  }
+  if (frames.changing.empty()) result.changing.push_back(0);
+  return result;
+}
+
+// A tone that is tried: cycles in the picture, phase step, probability before; index of its modes.
+struct Tried {
+  double cycles, step, prior;
+  std::size_t modes = 0;
+};
+
+std::vector<double> all_steps(std::size_t frames) {
+  std::vector<double> steps;
+  for (std::size_t k = 0; k < (frames > 1 ? phase_steps : 1); ++k)
+    steps.push_back(turn * static_cast<double>(k) / static_cast<double>(phase_steps));
+  return steps;
+}
+
+// Tones of every frequency and phase step; mains have half of the probability where the row time is known.
+std::vector<Tried> all_tones(std::size_t rows, const Camera& camera, std::size_t frames,
+                             const std::array<double, 2>& cycles_of_mains) {
+  const auto length = static_cast<double>(rows);
+  const double most = std::min(std::max(1.1 * length / slowest_period, 2.5), most_cycles);
+  const std::vector<double> steps = all_steps(frames);
+  std::vector<Tried> tones;
+  for (double cycles = least_cycles;; cycles += std::min(near_cycles * cycles, near_at_most)) {
+    for (const double step : steps) tones.push_back({cycles, step, 1});
+    if (!(cycles < most)) break;
+  }
+  for (Tried& tone : tones) tone.prior = 1 / static_cast<double>(tones.size());
+  std::vector<std::size_t> seen;
+  for (std::size_t k = 0; k < mains.size(); ++k)
+    if (least_cycles < cycles_of_mains[k] && cycles_of_mains[k] < most) seen.push_back(k);
+  for (const std::size_t k : seen) {
+    std::vector<double> known = steps;
+    if (frames > 1 && camera.frame_time) known = {std::fmod(turn * mains[k] * *camera.frame_time, turn)};
+    for (const double step : known)
+      tones.push_back({cycles_of_mains[k], step, 1 / static_cast<double>(known.size() * seen.size())});
+  }
+  for (Tried& tone : tones) tone.prior /= seen.empty() ? 1 : 2;
+  return tones;
+}
+
+// Tones of nearly the same cycles, and of every phase step.
+std::vector<Tried> tones_near(const SlowTone& tone, std::size_t frames) {
+  std::vector<Tried> tones;
+  const std::vector<double> steps = all_steps(frames);
+  for (int k = 0; k < near_tones; ++k)
+    for (const double step : steps)
+      tones.push_back({tone.cycles + std::min(near_cycles * tone.cycles, near_at_most) *
+                                         (static_cast<double>(k) / (near_tones - 1) - 0.5),
+                       step, 1 / static_cast<double>(near_tones * steps.size())});
+  return tones;
+}
+
+// (modes × 2) of the cosine and sine of a tone.
+MatrixXd modes_of_tone(const MatrixXd& slow, double cycles) {
+  MatrixXd courses(slow.rows(), 2);
+  for (Index n = 0; n < courses.rows(); ++n) {
+    const double angle = turn * cycles * from_middle(n, slow.rows());
+    courses(n, 0) = std::cos(angle);
+    courses(n, 1) = std::sin(angle);
+  }
+  return modes_of_courses(slow, courses);
+}
+
+// Advance of the phase by `angle`.
+Matrix2d rotation(double angle) {
+  Matrix2d result;
+  result << std::cos(angle), std::sin(angle), -std::sin(angle), std::cos(angle);
+  return result;
+}
+
+// Normal equations of the terms of the tones of one number of cycles, which are taken for their logarithm.
 struct OfCycles {
-  std::vector<Matrix4d> still, changing;
-  std::vector<Vector4d> pull;   // of what stays
-  std::vector<MatrixXd> pulls;  // (4 × frames), of what changes
+  std::vector<Matrix2d> still, changing;
+  std::vector<Vector2d> pull;   // of what stays
+  std::vector<MatrixXd> pulls;  // (2 × frames), of what changes
 };
 
-OfCycles equations_of(const MatrixXd& modes, const Evidence& evidence) {
+OfCycles equations_of(const Frames& frames, const MatrixXd& residual, double cycles) {
+  const MatrixXd modes = modes_of_tone(frames.slow, cycles);
+  const VectorXd mean = residual.rowwise().mean();
   OfCycles result;
-  for (std::size_t k = 0; k < evidence.inverse.size(); ++k) {
-    result.still.emplace_back(transposed_product(modes, product(evidence.inverse[k], modes)));
-    result.pull.emplace_back(modes.transpose() * evidence.pull[k]);
+  for (const Spread& spread : frames.still) {
+    const MatrixXd weighed = spread.times(modes);
+    result.still.emplace_back(transposed_product(modes, weighed));
+    result.pull.emplace_back(weighed.transpose() * mean);
   }
-  for (const VectorXd& weight : evidence.weight) {
-    const MatrixXd weighted = weight.asDiagonal() * modes;
-    result.changing.emplace_back(transposed_product(modes, weighted));
-    result.pulls.push_back(transposed_product(weighted, evidence.rest));
-  }
-  return result;
-}
-
-// Advance of the phases of both harmonics by `angle`.
-Matrix4d rotation(double angle) {
-  Matrix4d result = Matrix4d::Zero();
-  for (Index harmonic = 0; harmonic < 2; ++harmonic) {
-    const double turned = static_cast<double>(harmonic + 1) * angle;
-    const Index at = 2 * harmonic;
-    result(at, at) = result(at + 1, at + 1) = std::cos(turned);
-    result(at, at + 1) = std::sin(turned);
-    result(at + 1, at) = -std::sin(turned);
+  for (const VectorXd& weight : frames.changing) {
+    const MatrixXd weighed = weight.asDiagonal() * modes;
+    result.changing.emplace_back(transposed_product(modes, weighed));
+    result.pulls.push_back(transposed_product(weighed, residual.colwise() - mean));
   }
   return result;
 }
 
-// Log evidence of one tone, and its solutions, for every S and floor and change (S and floor change slowest).
-struct OfTone {
-  std::vector<double> evidence;
-  std::vector<Solution> solutions;
-};
-
-void add_to(const Matrix4d& matrix, const Vector4d& right, std::size_t size, Small& sum) {
-  for (std::size_t i = 0; i < size; ++i) {
-    sum.right[i] += right[static_cast<Index>(i)];
-    for (std::size_t j = 0; j < size; ++j) sum.values[i][j] += matrix(static_cast<Index>(i), static_cast<Index>(j));
-  }
-}
-
-OfTone compared(double step, const OfCycles& of_cycles, const Evidence& evidence, std::span<const double> sizes) {
-  const std::size_t size = sizes.size();
-  std::vector<Matrix4d> turns;
-  Matrix4d still = Matrix4d::Zero();
-  for (const double place : evidence.places) {
-    turns.push_back(rotation(step * place));
-    still += turns.back() / static_cast<double>(evidence.places.size());
-  }
-  std::vector<Small> of_changes(evidence.none_of_change.size());
-  double log_sizes = 0;
-  for (const double one : sizes) log_sizes += std::log(one);
-  for (std::size_t change = 0; change < of_changes.size(); ++change) {
-    for (std::size_t k = 0; k < size; ++k) of_changes[change].values[k][k] = 1 / (sizes[k] * sizes[k]);
-    for (std::size_t frame = 0; frame < turns.size() && change < of_cycles.changing.size(); ++frame) {
-      const Matrix4d moving = turns[frame] - still;
-      add_to(moving.transpose() * of_cycles.changing[change] * moving,
-             moving.transpose() * of_cycles.pulls[change].col(static_cast<Index>(frame)), size, of_changes[change]);
-    }
-  }
-  OfTone result;
-  for (std::size_t k = 0; k < evidence.none.size(); ++k) {
-    const Matrix4d normal = still.transpose() * of_cycles.still[k] * still;
-    const Vector4d right = still.transpose() * of_cycles.pull[k];
-    for (std::size_t change = 0; change < of_changes.size(); ++change) {
-      Small system = of_changes[change];
-      add_to(normal, right, size, system);
-      result.solutions.push_back(solved(system, size));
-      const Solution& found = result.solutions.back();
-      double gain = -found.log_size;
-      for (std::size_t i = 0; i < size; ++i) gain += system.right[i] * found.inverse.right[i];
-      result.evidence.push_back(evidence.none[k] + evidence.none_of_change[change] + 0.5 * gain - log_sizes);
-    }
-  }
-  return result;
-}
-
-// Mean of the terms over all S, floors and changes, and the variance of each.
-struct Posterior {
-  std::array<double, 4> mean{}, variance{};
-};
-
-Posterior posterior_of(const OfTone& tone) {
-  const double all = log_sum(tone.evidence);
-  Posterior result;
-  for (std::size_t k = 0; k < tone.evidence.size(); ++k)
-    for (std::size_t i = 0; i < 4; ++i)
-      result.mean[i] += std::exp(tone.evidence[k] - all) * tone.solutions[k].inverse.right[i];
-  for (std::size_t k = 0; k < tone.evidence.size(); ++k)
-    for (std::size_t i = 0; i < 4; ++i) {
-      const double away = tone.solutions[k].inverse.right[i] - result.mean[i];
-      result.variance[i] += std::exp(tone.evidence[k] - all) * (tone.solutions[k].inverse.values[i][i] + away * away);
-    }
-  return result;
-}
-
-// A tone that was tried, compared with none: likelihood and terms.
+// A tone that was tried: its log evidence, with that of all S, floors, changes and sizes; mean and variance of its
+// terms.
 struct Compared {
-  const Tried* tone;
-  double likelihood;
-  Posterior terms;
+  Tried tried;
+  double evidence = 0;
+  Vector2d mean = Vector2d::Zero(), variance = Vector2d::Zero();
 };
+
+Compared compared(const Tried& tried, const OfCycles& equations, const Frames& frames, const Evidence& none) {
+  std::vector<Matrix2d> turns;
+  Matrix2d still = Matrix2d::Zero();
+  for (const double place : frames.places) {
+    turns.push_back(rotation(tried.step * place));
+    still += turns.back() / static_cast<double>(frames.places.size());
+  }
+  std::vector<Matrix2d> changing(none.changing.size(), Matrix2d::Zero());
+  std::vector<Vector2d> pulls(none.changing.size(), Vector2d::Zero());
+  for (std::size_t change = 0; change < equations.changing.size(); ++change)
+    for (std::size_t frame = 0; frame < turns.size(); ++frame) {
+      const Matrix2d moving = turns[frame] - still;
+      changing[change] += moving.transpose() * equations.changing[change] * moving;
+      pulls[change] += moving.transpose() * equations.pulls[change].col(static_cast<Index>(frame));
+    }
+  std::vector<double> evidence;
+  std::vector<Vector2d> terms, variances;
+  for (std::size_t k = 0; k < none.still.size(); ++k) {
+    const Matrix2d normal = still.transpose() * equations.still[k] * still;
+    const Vector2d pull = still.transpose() * equations.pull[k];
+    for (std::size_t change = 0; change < changing.size(); ++change)
+      for (const double size : sizes) {
+        const Matrix2d all = normal + changing[change] + Matrix2d::Identity() / (size * size);
+        const double determinant = all(0, 0) * all(1, 1) - all(0, 1) * all(1, 0);
+        const Vector2d right = pull + pulls[change];
+        const Vector2d inverse_diagonal(all(1, 1) / determinant, all(0, 0) / determinant);
+        const Vector2d solution((all(1, 1) * right[0] - all(0, 1) * right[1]) / determinant,
+                                (all(0, 0) * right[1] - all(1, 0) * right[0]) / determinant);
+        evidence.push_back(none.still[k] + none.changing[change] + 0.5 * right.dot(solution) -
+                           0.5 * std::log(determinant) - 2 * std::log(size) -
+                           std::log(static_cast<double>(sizes.size())));
+        terms.push_back(solution);
+        variances.push_back(inverse_diagonal);
+      }
+  }
+  Compared result{tried, log_sum(evidence)};
+  for (std::size_t k = 0; k < terms.size(); ++k) result.mean += std::exp(evidence[k] - result.evidence) * terms[k];
+  for (std::size_t k = 0; k < terms.size(); ++k)
+    result.variance += std::exp(evidence[k] - result.evidence) * (variances[k] + (terms[k] - result.mean).cwiseAbs2());
+  return result;
+}
 
 // Mean square by which the terms of tones that differ by their phase steps differ from those of the likeliest one, in
 // the first or the last frame: two frames show the difference of two phasors, which has several solutions.
 double ambiguity(std::span<const Compared> all, const Compared& best, double last) {
   double most = 0;
   for (const double frame : {0.0, last}) {
-    const auto terms_of = [&](const Compared& one) {
-      return Vector4d(rotation(one.tone->step * frame) * Eigen::Map<const Vector4d>(one.terms.mean.data()));
-    };
-    const Vector4d expected = terms_of(best);
+    const Vector2d expected = rotation(best.tried.step * frame) * best.mean;
     double sum = 0, weights = 0;
     for (const Compared& one : all) {
-      if (one.tone->cycles != best.tone->cycles) continue;
-      const double weight = std::exp(one.likelihood - best.likelihood);
-      sum += weight * (terms_of(one) - expected).squaredNorm();
+      if (one.tried.cycles != best.tried.cycles) continue;
+      const double weight = std::exp(one.evidence - best.evidence);
+      sum += weight * (rotation(one.tried.step * frame) * one.mean - expected).squaredNorm();
       weights += weight;
     }
     most = std::max(most, sum / weights);
@@ -408,67 +342,256 @@ double ambiguity(std::span<const Compared> all, const Compared& best, double las
   return 0.5 * most;
 }
 
-// Compares the tones with none; the likeliest one, with the log odds of all together. The modes of the picture, of what
-// changes from frame to frame, and the terms, whose standard deviations are `expected`, are Gaussian. The factors S,
-// floors and changes are summed over.
-SlowTone likeliest(std::span<const CommonCourse> courses, const Hypotheses& tried,
-                   const std::vector<double>& expected) {
-  const Evidence evidence = evidence_of(courses);
-  std::vector<double> sizes;
-  for (const double one : expected) sizes.insert(sizes.end(), 2, std::max(one, 1e-9));
-  std::vector<OfCycles> of_cycles;
-  for (const MatrixXd& modes : tried.modes) of_cycles.push_back(equations_of(modes, evidence));
+// The likeliest of the tones that are tried, with the odds of all together against none.
+SlowTone likeliest(const Frames& frames, const MatrixXd& residual, std::span<const Tried> tones) {
+  const Evidence none = evidence_of(frames, residual);
   std::vector<Compared> all;
-  std::vector<double> weighed, nothing;
-  for (const Tried& tone : tried.tones) {
+  std::vector<double> weighed, cycles;
+  std::vector<OfCycles> equations;
+  for (const Tried& tone : tones) {
     check_interrupt();
-    const OfTone found = compared(tone.step, of_cycles[tone.modes], evidence, sizes);
-    all.push_back({&tone, log_sum(found.evidence), posterior_of(found)});
-    weighed.push_back(all.back().likelihood + std::log(tone.prior));
+    auto known = std::find(cycles.begin(), cycles.end(), tone.cycles);
+    if (known == cycles.end()) {
+      equations.push_back(equations_of(frames, residual, tone.cycles));
+      known = cycles.insert(known, tone.cycles);
+    }
+    all.push_back(compared(tone, equations[static_cast<std::size_t>(known - cycles.begin())], frames, none));
+    weighed.push_back(all.back().evidence + std::log(tone.prior));
   }
-  for (const double still : evidence.none)
-    for (const double change : evidence.none_of_change) nothing.push_back(still + change);
-  const Compared& best = *std::max_element(
-      all.begin(), all.end(), [](const Compared& a, const Compared& b) { return a.likelihood < b.likelihood; });
-  const double doubt = ambiguity(all, best, evidence.places.back());
-  return {best.tone->cycles,
-          courses.size() > 1 ? std::optional(best.tone->step) : std::nullopt,
-          best.terms.mean,
-          {best.terms.variance[0] + doubt, best.terms.variance[1] + doubt},
-          log_sum(weighed) - log_sum(nothing)};
+  const Compared& best = all[static_cast<std::size_t>(std::ranges::max_element(weighed) - weighed.begin())];
+  const double doubt = ambiguity(all, best, frames.places.back());
+  return {best.tried.cycles,
+          frames.places.size() > 1 ? std::optional(best.tried.step) : std::nullopt,
+          {best.mean[0], best.mean[1]},
+          {doubt, doubt},
+          log_sum(weighed) - none.all()};
 }
 
-bool is_mains(double cycles, std::size_t rows, double row_time) {
-  for (const double hertz : mains) {
-    const double expected = hertz * row_time * static_cast<double>(rows);
-    if (std::abs(cycles - expected) <= 1e-8 + 1e-9 * expected) return true;
+// Light and its derivatives by the parameters of the tones, in the logarithm, as modes of each frame.
+struct Predicted {
+  MatrixXd modes;                    // (modes × frames)
+  std::vector<MatrixXd> derivative;  // of each frame: (modes × parameters)
+};
+
+Predicted predicted(const Frames& frames, std::span<const SlowTone> tones) {
+  const Index places = frames.slow.rows(), count = static_cast<Index>(tones.size() * parameters);
+  Predicted result{MatrixXd(frames.slow.cols(), static_cast<Index>(frames.places.size())), {}};
+  for (std::size_t frame = 0; frame < frames.places.size(); ++frame) {
+    VectorXd light = VectorXd::Ones(places);
+    MatrixXd change(places, count);
+    for (Index n = 0; n < places; ++n)
+      for (std::size_t k = 0; k < tones.size(); ++k) {
+        const SlowTone& tone = tones[k];
+        const double place = from_middle(n, places);
+        const double angle = turn * tone.cycles * place + tone.step.value_or(0) * frames.places[frame];
+        const double cosine = std::cos(angle), sine = std::sin(angle);
+        const double slope = tone.terms[1] * cosine - tone.terms[0] * sine;
+        light[n] += tone.terms[0] * cosine + tone.terms[1] * sine;
+        const auto at = static_cast<Index>(k * parameters);
+        change.row(n).segment(at, parameters) << cosine, sine, slope * turn * place, slope * frames.places[frame];
+      }
+    for (Index n = 0; n < places; ++n) {
+      change.row(n) *= light[n] > darkest ? 1 / light[n] : 0;
+      light[n] = std::log(std::max(light[n], darkest));
+    }
+    result.modes.col(static_cast<Index>(frame)) = modes_of_courses(frames.slow, light);
+    result.derivative.push_back(modes_of_courses(frames.slow, change));
   }
-  return false;
+  return result;
+}
+
+MatrixXd without(const Frames& frames, std::span<const SlowTone> tones) {
+  return tones.empty() ? frames.modes : frames.modes - predicted(frames, tones).modes;
+}
+
+// Expected deviations of the parameters of each tone from those of the start; 0: they stay. The terms are those of
+// sizes about 0 where `about_zero`.
+struct Expected {
+  double terms, cycles, step;
+  bool about_zero;
+};
+
+// Normal equations of one step of Gauss and Newton, and the sum of squares before it.
+struct Equations {
+  MatrixXd normal;
+  VectorXd right;
+  double squares = 0;
+};
+
+Equations equations_at(const Frames& frames, const Spread& still, const VectorXd* changing,
+                       std::span<const SlowTone> tones) {
+  const Predicted now = predicted(frames, tones);
+  const MatrixXd residual = frames.modes - now.modes;
+  const VectorXd mean = residual.rowwise().mean();
+  MatrixXd slope = MatrixXd::Zero(mean.size(), now.derivative.front().cols());
+  for (const MatrixXd& own : now.derivative) slope += own / static_cast<double>(now.derivative.size());
+  const MatrixXd weighed = still.times(slope);
+  Equations result{transposed_product(slope, weighed), weighed.transpose() * mean, mean.dot(still.times(mean).col(0))};
+  for (std::size_t frame = 0; changing != nullptr && frame < now.derivative.size(); ++frame) {
+    const MatrixXd apart = now.derivative[frame] - slope;
+    const VectorXd rest = residual.col(static_cast<Index>(frame)) - mean;
+    const MatrixXd heavy = changing->asDiagonal() * apart;
+    result.normal += transposed_product(apart, heavy);
+    result.right += heavy.transpose() * rest;
+    result.squares += rest.dot(changing->cwiseProduct(rest));
+  }
+  return result;
+}
+
+VectorXd parameters_of(std::span<const SlowTone> tones) {
+  VectorXd values(static_cast<Index>(tones.size() * parameters));
+  for (std::size_t k = 0; k < tones.size(); ++k)
+    values.segment(static_cast<Index>(k * parameters), parameters) << tones[k].terms[0], tones[k].terms[1],
+        tones[k].cycles, tones[k].step.value_or(0);
+  return values;
+}
+
+std::vector<SlowTone> with_parameters(std::vector<SlowTone> tones, const VectorXd& values) {
+  for (std::size_t k = 0; k < tones.size(); ++k) {
+    const auto at = static_cast<Index>(k * parameters);
+    tones[k].terms = {values[at], values[at + 1]};
+    tones[k].cycles = std::max(values[at + 2], least_cycles);
+    if (tones[k].step) tones[k].step = values[at + 3];
+  }
+  return tones;
+}
+
+// Tones with the variances of their terms; logarithm of the square root of the determinant of the last one's
+// covariance.
+struct Fitted {
+  std::vector<SlowTone> tones;
+  double log_area;
+};
+
+// Damped Gauss–Newton (Levenberg and Marquardt) with the likeliest S and change, and the likeliest or a given floor.
+Fitted fitted(const Frames& frames, const std::vector<SlowTone>& start, const Expected& expected,
+              std::optional<std::size_t> floor = {}) {
+  constexpr double fixed = 1e-9;
+  Evidence evidence = evidence_of(frames, without(frames, start));
+  for (std::size_t k = 0; k < evidence.still.size() && floor; ++k)
+    if (k % floors.size() != *floor) evidence.still[k] = -HUGE_VAL;
+  const auto likely = [](const std::vector<double>& all) {
+    return static_cast<std::size_t>(std::ranges::max_element(all) - all.begin());
+  };
+  const Spread& still = frames.still[likely(evidence.still)];
+  const VectorXd* const changing = frames.changing.empty() ? nullptr : &frames.changing[likely(evidence.changing)];
+  const VectorXd first = parameters_of(start);
+  VectorXd centre = first, hold(first.size());
+  for (Index at = 0; at < first.size(); at += parameters) {
+    if (expected.about_zero) centre.segment(at, 2).setZero();
+    const bool is_mains = std::ranges::any_of(
+        frames.mains, [&](double cycles) { return std::abs(cycles - first[at + 2]) < same_cycles; });
+    hold.segment(at, parameters) << expected.terms, expected.terms, is_mains ? fixed : std::max(expected.cycles, fixed),
+        std::max(expected.step, fixed);
+  }
+  hold = hold.cwiseAbs2().cwiseInverse();
+  VectorXd now = first;
+  const auto at = [&](const VectorXd& values) {
+    Equations all = equations_at(frames, still, changing, with_parameters(start, values));
+    all.squares += hold.dot((values - centre).cwiseAbs2());
+    all.right -= hold.cwiseProduct(values - centre);
+    all.normal.diagonal() += hold;
+    return all;
+  };
+  Equations best = at(now);
+  for (double damping = 1e-3, step = 0; step < most_iterations && damping < 1e6; ++step) {
+    MatrixXd damped = best.normal;
+    damped.diagonal() *= 1 + damping;
+    const VectorXd moved = now + solve_positive_definite(damped, best.right).col(0);
+    Equations tried = at(moved);
+    const double gain = best.squares - tried.squares;
+    damping *= gain > 0 ? 0.25 : 8;
+    if (!(gain > 0)) continue;
+    now = moved;
+    best = std::move(tried);
+    if (gain < 1e-6 * best.squares) break;
+  }
+  Fitted result{with_parameters(start, now), 0};
+  const MatrixXd covariance = inverse(best.normal);
+  for (std::size_t k = 0; k < start.size(); ++k) {
+    const auto place = static_cast<Index>(k * parameters);
+    result.tones[k].variance = {covariance(place, place), covariance(place + 1, place + 1)};
+    const double both = covariance(place, place) * covariance(place + 1, place + 1) -
+                        covariance(place, place + 1) * covariance(place + 1, place);
+    result.log_area = 0.5 * std::log(std::max(both, 1e-300));
+  }
+  return result;
+}
+
+// Log odds of the last tone against none by Laplace's method, one of `tried` that were as likely before.
+double log_odds_of(const Frames& frames, const Fitted& all, std::size_t tried) {
+  const std::span<const SlowTone> tones = all.tones;
+  const double gain = evidence_of(frames, without(frames, tones)).all() -
+                      evidence_of(frames, without(frames, tones.first(tones.size() - 1))).all();
+  std::vector<double> prior;
+  for (const double size : sizes) {
+    const double away = tones.back().amplitude() / size;
+    prior.push_back(-0.5 * away * away - 2 * std::log(size) - std::log(static_cast<double>(sizes.size())));
+  }
+  return gain + log_sum(prior) + all.log_area - std::log(static_cast<double>(tried));
+}
+
+// The tone joins the others, and all are fitted together; its doubt about the phase step stays. `tried`: number of
+// tones that it was chosen from.
+std::vector<SlowTone> joined(const Frames& frames, std::vector<SlowTone> tones, const SlowTone& tone,
+                             std::size_t tried) {
+  tones.push_back(tone);
+  const double step = frames.places.size() > 1 ? turn / static_cast<double>(phase_steps) : 0;
+  const Expected expected{sizes.back(), near_at_most, step, true};
+  Fitted all = fitted(frames, tones, expected);
+  // From afar the floor depends on the start: what a wave taken for its logarithm leaves.
+  double most = -HUGE_VAL;
+  for (std::size_t floor = 0; floor < floors.size() && tried > 1; ++floor) {
+    const Fitted one = fitted(frames, fitted(frames, tones, expected, floor).tones, expected, floor);
+    const double evidence = evidence_of(frames, without(frames, one.tones)).all() + one.log_area;
+    if (evidence <= most) continue;
+    most = evidence;
+    all = one;
+  }
+  SlowTone& last = all.tones.back();
+  last.log_odds = std::max(tone.log_odds, log_odds_of(frames, all, tried));
+  for (std::size_t i = 0; i < 2; ++i) last.variance[i] += tone.variance[i];
+  return std::move(all.tones);
 }
 
 }  // namespace
 
-SlowTone find_slow_tone(std::span<const CommonCourse> courses, std::size_t rows, const Camera& camera,
-                        const std::optional<SlowTone>& near) {
-  const std::size_t count = courses.front().modes.size(), frames = courses.size();
-  const Hypotheses tried = near ? tones_near(*near, frames, count) : all_tones(rows, camera, frames, count);
-  const SlowTone first = likeliest(courses, tried, {usual_depth});
-  SlowTone best = first;
-  const bool is_exact = near ? near->step || frames == 1 : is_mains(first.cycles, rows, camera.row_time);
-  if (!is_exact) best = likeliest(courses, tones_near(first, frames, count), {usual_depth});
-  best = refitted_tone(courses, best, {usual_depth, usual_harmonic * best.amplitude()});
-  best.variance = first.variance;
-  best.log_odds = first.log_odds;
-  return best;
+std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std::size_t rows, const Camera& camera,
+                                      std::span<const SlowTone> near) {
+  std::array<double, 2> cycles_of_mains{};
+  for (std::size_t k = 0; k < mains.size() && camera.row_time < real_row_time; ++k)
+    cycles_of_mains[k] = mains[k] * camera.row_time * static_cast<double>(rows);
+  const Frames frames = frames_of(courses, cycles_of_mains);
+  std::vector<SlowTone> found;
+  for (const SlowTone& tone : near) {
+    SlowTone start = tone;
+    if (courses.size() > 1 && !tone.step)
+      start = likeliest(frames, without(frames, found), tones_near(tone, courses.size()));
+    start.log_odds = -HUGE_VAL;
+    start.variance = {};
+    found = joined(frames, std::move(found), start, 1);
+  }
+  const std::vector<Tried> tried = all_tones(rows, camera, courses.size(), cycles_of_mains);
+  // A second one moves in several frames; in one it may be shades, or what a tone curve makes of the first one.
+  const std::size_t most = courses.size() == 1 ? 1 : most_tones;
+  while (found.size() < most && (near.empty() || courses.size() < most_slow_frames)) {
+    std::vector<SlowTone> more = joined(frames, found, likeliest(frames, without(frames, found), tried), tried.size());
+    const bool is_sure = more.back().is_sure();
+    if (is_sure || found.empty()) found = std::move(more);
+    if (!is_sure) break;
+  }
+  return found;
 }
 
-SlowTone refitted_tone(std::span<const CommonCourse> courses, const SlowTone& tone,
-                       const std::vector<double>& expected) {
-  const Hypotheses only = with_modes({{tone.cycles, tone.step.value_or(0), 1, 0}}, courses.front().modes.size());
-  SlowTone found = likeliest(courses, only, expected);
-  found.step = tone.step;
-  found.log_odds = tone.log_odds;
-  return found;
+std::vector<double> modes_of_light(std::span<const SlowTone> tones, std::size_t count) {
+  const Frames one{{}, slow_modes(places_of_mode * count, count), {0}, {}, {}, {}};
+  const MatrixXd modes = predicted(one, tones).modes;
+  return {modes.data(), modes.data() + modes.size()};
+}
+
+std::vector<SlowTone> refitted_tones(std::span<const CommonCourse> courses, std::vector<SlowTone> tones,
+                                     double deviation) {
+  return fitted(frames_of(courses), tones, {deviation, 0, 0, false}).tones;
 }
 
 }  // namespace ocisac

@@ -1,7 +1,7 @@
-// Bayesian comparison of slow tones with none.
+// Slow tones of the light of the rows, and their odds against none.
 #pragma once
 
-#include <optional>
+#include <array>
 #include <span>
 #include <vector>
 
@@ -9,16 +9,19 @@
 
 namespace ocisac {
 
-constexpr double least_cycles = 0.4;     // in the picture
-constexpr double usual_harmonic = 0.35;  // size of the second harmonic, relative to the fundamental
+constexpr double least_cycles = 0.1;  // in the picture
 
-// The likeliest slow tone in consecutive frames of one scene, as in the first of them, and its odds against none.
-// `near`: a tone whose cycles and phase step are nearly those.
-SlowTone find_slow_tone(std::span<const CommonCourse> courses, std::size_t rows, const Camera& camera,
-                        const std::optional<SlowTone>& near);
+// Tones in consecutive frames of one scene, as in the first of them, the strongest first; at least one. The last of
+// several is sure, and the first one need not be. `near`: tones whose cycles and phase steps are nearly those.
+std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std::size_t rows, const Camera& camera,
+                                      std::span<const SlowTone> near);
 
-// A tone of known cycles and phase step, its terms fitted again; `expected`: their size, for one or two harmonics.
-SlowTone refitted_tone(std::span<const CommonCourse> courses, const SlowTone& tone,
-                       const std::vector<double>& expected);
+// Tones of the same cycles and steps, whose terms follow those of the courses. `deviation`: of the new terms from the
+// given ones.
+std::vector<SlowTone> refitted_tones(std::span<const CommonCourse> courses, std::vector<SlowTone> tones,
+                                     double deviation);
+
+// The first `count` cosine modes of the log light of the tones.
+std::vector<double> modes_of_light(std::span<const SlowTone> tones, std::size_t count);
 
 }  // namespace ocisac

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <type_traits>
 #include <variant>
@@ -22,7 +23,7 @@ constexpr std::size_t noise_pixels = 1U << 18U;  // whose differences estimate t
 constexpr double half_step = 0.5, relative_noise = 1e-4;
 constexpr double deviation_of_bend = 0.6745;  // median of a normal deviate's magnitude
 constexpr double black = 2e-4;                // of white, below which a toe has no slope
-constexpr double burnt_share = 254.0 / 255;
+constexpr double burnt_share = 253.5 / 255;   // of white, which is stored as 254 of 255
 constexpr double inf = std::numeric_limits<double>::infinity();
 
 template <class Sample>
@@ -103,8 +104,12 @@ double slope_of_lifted(double stored, double toe, double white) {
   return 0.5 + 0.5 * (size + 2 * toe * white) / std::sqrt(size * (size + 4 * toe * white));
 }
 
+bool KeptShares::is_one() const {
+  return std::ranges::adjacent_find(share, std::ranges::not_equal_to()) == share.end();
+}
+
 StoredScene::StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& curve, std::optional<double> noise,
-                         double toe)
+                         double toe, bool is_read)
     : colours_(std::move(colours)), curve_(curve) {
   require(!colours_.empty(), "colours", 0, "at least one");
   const Shape shape = shape_of(colours_.front());
@@ -124,8 +129,8 @@ StoredScene::StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& cu
   merged_ = std::min(blocks_of(rows_ * columns_, whole_pixels), most_merged);
   pixels_ = rows_ * blocks_of(columns_, merged_);
   white_ = white_level(curve_, largest_sample(colours_.front())) - curve_.dark_level;
-  noise_ = noise ? *noise : noise_of(colours_, shape);
-  set_toe(toe);
+  noise_ = noise || !is_read ? noise.value_or(half_step) : noise_of(colours_, shape);
+  if (is_read) set_toe(toe);
 }
 
 void StoredScene::set_toe(double toe) {

@@ -8,8 +8,8 @@
 #include "cleaning/block_shares.hpp"
 #include "cleaning/means_of_rows.hpp"
 #include "cleaning/merged_blocks.hpp"
-#include "ocisac/camera/linear_light.hpp"
 #include "cleaning/picture_motion.hpp"
+#include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -27,6 +27,7 @@ constexpr std::size_t judged_columns = 64;
 constexpr std::size_t most_frequencies = 64;  // frames whose mean frequency is followed
 constexpr double floor_of_light = 0.02;       // of the mean light, below which logarithms show noise
 constexpr double min_left = 0.1;              // lower bound of a light that is a divisor
+constexpr std::size_t frames_of_search = 32, searched_frames = 3;  // where none has a light
 constexpr double most_jitter = 0.25;  // of a time stamp, in frames: phases of slow tones are those of whole ones
 
 Blocks copy_of(const BandedPicture& picture) {
@@ -115,11 +116,6 @@ BlockMotion motion_of_blocks(const PictureChange& change, std::size_t rows, std:
   return result;
 }
 
-bool is_one_share(const KeptShares& shares) {
-  const auto [least, most] = std::minmax_element(shares.share.begin(), shares.share.end());
-  return *least == *most;
-}
-
 // Shares of the frame before, and how many estimates each consists of.
 struct Carried {
   std::vector<KeptShares> shares;
@@ -174,14 +170,24 @@ StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours, std
     leave_room(*since - 1);
   else
     forget_slow();
-  if (auto found = followed(colours)) return *std::move(found);
-  if (auto found = slowly(colours)) return *std::move(found);
-  return alone(colours);
+  if (unlit_ >= most_slow_frames && unlit_ % frames_of_search >= searched_frames) {
+    ++unlit_;
+    leave_room(1);
+    StoredScene stored(std::move(colours), camera_.tone_curve, options_.noise, 0, false);
+    SceneLight light = left_alone(stored, "no light in the frames before; not searched");
+    return {std::move(stored), std::move(light)};
+  }
+  std::optional<Frame> found = followed(colours);
+  if (!found) found = slowly(colours);
+  if (!found) found = alone(colours);
+  unlit_ = found->light.unchanged.empty() ? 0 : unlit_ + 1;
+  return *std::move(found);
 }
 
 void StreamCleaner::forget() {
   before_.reset();
   forget_slow();
+  unlit_ = 0;
   time_.reset();
   frame_time_ = camera_.frame_time;
   frames_ = 0;
@@ -189,7 +195,7 @@ void StreamCleaner::forget() {
 
 void StreamCleaner::forget_slow() {
   earlier_ = {};
-  slow_.reset();
+  slow_.clear();
 }
 
 // A whole number, 1 without time stamps; none if those do not tell: time stands still, goes back, begins or ends, or is
@@ -220,14 +226,14 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
   if (!compares_with(stored.rows())) earlier_ = {};
   SceneLight light = find_scene_light(stored, camera_, options_.model, options_.toe.has_value(), {}, earlier_);
   before_.reset();
-  slow_.reset();
+  slow_.clear();
   rise_ = light.rise.empty() ? 1 : light.rise.front();
   if (!light.slow.empty()) {
     keep_slow(light);
     return {std::move(stored), std::move(light)};
   }
   earlier_ = {};
-  if (light.verdicts.front().energy > 0) {
+  if (light.unchanged.empty()) {
     const std::vector<Blocks> blocks = all_in_blocks(stored, light.shares.front());
     before_ = Before{light.lights.front(),
                      light.shares,
@@ -246,9 +252,9 @@ void StreamCleaner::keep_slow(const SceneLight& light) {
   if (light.slow.back().is_first) earlier_.courses.clear();
   earlier_.courses.push_back(light.slow.back().course);
   earlier_.next = light.slow.back().course.place + 1;
-  slow_.reset();
+  slow_.clear();
   if (!light.unchanged.empty()) return;
-  slow_ = light.slow.back().tones.front();
+  slow_ = light.slow.back().common;
   rise_ = light.rise.front();
 }
 
@@ -257,7 +263,7 @@ bool StreamCleaner::compares_with(std::size_t rows) const {
 }
 
 std::optional<StreamCleaner::Frame> StreamCleaner::slowly(const std::vector<AnyFramesView>& colours) {
-  if (!slow_ || !compares_with(shape_of(colours.front()).rows)) return {};
+  if (slow_.empty() || !compares_with(shape_of(colours.front()).rows)) return {};
   StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
   if (has_equal_rows(stored)) return {};
   std::vector<std::vector<BandedPicture>> frame(1);
@@ -286,7 +292,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   const PictureChange change = picture_change({before_->guide, down, across}, {now.guide, down, across});
   const auto unlike = std::accumulate(change.is_new.begin(), change.is_new.end(), std::size_t{0});
   if (static_cast<double>(unlike) > cut * static_cast<double>(change.is_new.size())) return {};
-  if (std::ranges::all_of(now.shares, is_one_share)) {
+  if (std::ranges::all_of(now.shares, &KeptShares::is_one)) {
     if (now.frames % frames_of_one_share == 0) {
       now.shares = shares_of(stored, {&now.lights, 1});
       now.estimates.assign(now.shares.front().share.size(), 1.0);

@@ -147,7 +147,7 @@ std::optional<ToneLight> find_tone_light(const ColumnBundles& picture, const Row
   const FoundFrequency found = frequency_of(rows.light);
   if (!std::isfinite(found.frequency) || ((found.flags & flag::no_tone) != 0 && enough)) return {};
   const Eigen::Index count = resolved(found.harmonics, found.frequency);
-  if (count == 0) return {};
+  if (count == 0 || found.frequency * slowest_rows < 1) return {};  // slower ones are slow lights, or shades
   const Basis basis = slow_and_periodic(picture.rows(), count, found.frequency);
   const Eigen::VectorXd root = vector_of(rows.information).array().sqrt();
   const Basis weighted = root.asDiagonal() * basis;

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Literal
 
@@ -341,18 +341,29 @@ def _estimated(
 
 def finished(found: Estimate, camera: Camera, task: Task) -> Done:
     """Restore every frame and colour."""
-    stack, light, lights, shares = found.stack, found.light, found.light.lights, found.shares
+    stack, light = found.stack, found.light
     if light.unchanged:
-        shares = [replace(own, share=np.zeros_like(own.share)) for own in shares]
+        return _left_alone(found, camera, task)
     pictures, marks = np.empty_like(stack), np.empty(stack.shape, np.uint8)
     each = np.empty(stack.shape, np.float32)
-    for colour, own in enumerate(shares):
-        for k, of_frame in enumerate(lights):
+    for colour, own in enumerate(found.shares):
+        for k, of_frame in enumerate(light.lights):
             one = _restored(found, k, colour, own, of_frame[colour], camera, task)
             pictures[k, ..., colour], marks[k, ..., colour], each[k, ..., colour] = one
-    if light.unchanged and task.keep == "picture":
+    return Done(pictures, marks, each, light.lights, found.scene.toe, light.verdicts, light.unchanged)
+
+
+def _left_alone(found: Estimate, camera: Camera, task: Task) -> Done:
+    """The frames as they are, without a light."""
+    stack, light = found.stack, found.light
+    saturated = stack >= saturation_level(camera, stack.dtype)
+    if task.keep == "picture":
         pictures = stack.copy()
-    return Done(pictures, marks, each, lights, found.scene.toe, light.verdicts, light.unchanged)
+    else:
+        pictures = np.broadcast_to(stored_values(np.zeros(1), camera, stack.dtype), stack.shape).copy()
+    marks = np.where(saturated, np.uint8(Mark.SATURATED), np.uint8(Mark.RESTORED))
+    shares = np.zeros(stack.shape, np.float32)
+    return Done(pictures, marks, shares, light.lights, found.scene.toe, light.verdicts, light.unchanged)
 
 
 def _restored(

@@ -15,6 +15,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, number, progress, rate
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, cropped, json_option, picture_options, select, stack
+from ocisac_fast.cli.units import RATE, Quantity
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import Frame, RecordingStream
 from ocisac_fast.files.video_writing import USUAL_CRF
@@ -49,7 +50,8 @@ _HEADER = (
 )
 @click.option("--fill", is_flag=True, help="Interpolate pixels that are too dark to restore.")
 @click.option("--still", is_flag=True, help="Static scene: clean all frames together.")
-@click.option("--each", is_flag=True, help="Clean every frame of a video by itself: slower, nothing is carried on.")
+@click.option("--each", is_flag=True, help="Clean every frame by itself: slower, nothing is carried on.")
+@click.option("--frame-rate", type=RATE, help="Frame rate of the recording; default: from the file.")
 @click.option(
     "--max-gain", type=float, default=8.0, show_default=True, help="Rows that need a larger gain are too dark."
 )
@@ -72,6 +74,7 @@ def clean(
     fill: bool,
     toe: float | None,
     each: bool,
+    frame_rate: Quantity | None,
     crf: float | None,
     keep_partial: bool,
     **options: Any,
@@ -81,7 +84,7 @@ def clean(
     OUT is .png, .jpg, .tif, .mkv, .mp4, .mov or .npy; with --region it contains the region alone. Saturated pixels are
     unchanged; rows too dark to restore are marked. Each colour has a light of its own where colours differ. The result
     is measured; a frame that cleaning would make worse stays as it is, and where that is so for every frame, OUT is not
-    written. The last column gives the reason, and bands that are left. In a video the light is carried from frame to
+    written. The last column gives the reason, and bands that are left. The light is carried from frame to
     frame; a video written as a video keeps its sound, time stamps and turn for display, and HEVC stays HEVC.
     """
     from ocisac_fast.cleaning import CleaningOptions
@@ -91,6 +94,8 @@ def clean(
         open_recording(source, colour=picture.channel != "y", raw=picture.raw) as stream,
         _stopping(keep_partial) as stop,
     ):
+        if frame_rate is not None:
+            stream.frame_rate = float(frame_rate)
         cleaner = _Cleaner(picture, stream, each, marks is not None, options, stop, as_json)
         frames = cleaner.frames(progress(stream, "cleaning", stream.frame_count))
         if crf is None and picture.channel == "auto" and stream.video is not None and stream.video.codec in _LOSSY:
@@ -146,7 +151,7 @@ class _Cleaner:
         self.reasons: Counter[str] = Counter()
         self._picture = picture
         self._stream = stream
-        self._is_carried = stream.kind == "video" and not each and not options["still"]
+        self._is_carried = not each and not options["still"]
         self._mark = mark
         self._options = options
         self._stop = stop

@@ -34,6 +34,9 @@ struct SceneLight {
 SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
                             std::span<const ColourLights> given = {}, const EarlierFrames& earlier = {});
 
+// The frames stay as they are, for a reason.
+SceneLight left_alone(const StoredScene& scene, std::string reason);
+
 // The rows of every picture are equal, as in a black one: there is nothing to remove.
 bool has_equal_rows(const StoredScene& scene);
 

@@ -2,8 +2,8 @@
 //
 // All pixels of a row have the light in common, and so they have part of the picture: horizons, shades, vignettes. The
 // cosine modes of the course that the columns have in common tell them apart. Those of a picture decrease with their
-// order k as k^-1.5, by a factor S that is the picture's own; a tone stands out of them. Where frames follow each
-// other, the picture stays, and the phase of the tone advances by the same step from frame to frame.
+// order k as k^-1.5, by a factor S that is the picture's own; the logarithm of a light that varies as a sine stands out
+// of them. Where frames follow each other, the picture stays, and the phase advances by the same step.
 #pragma once
 
 #include <array>
@@ -31,26 +31,30 @@ struct CommonCourse {
 // Differences of blocks of pixels along the rows are fitted with a redescending weight, since edges are few.
 CommonCourse common_course(const BandedPicture& picture);
 
-// Number of modes: those of the second harmonic of the fastest slow tone.
+// Number of modes: those up to one and a half times the fastest slow tone.
 std::size_t mode_count(std::size_t rows);
 
-// A tone in the log light of the rows.
+// A tone of the light of the rows, 1 + a·cos θ + b·sin θ; θ: 2π·cycles·(place − ½) + step·frame.
 struct SlowTone {
   double cycles = 0;                 // in the picture
   std::optional<double> step;        // advance of its phase from frame to frame, rad; none: a single frame shows none
-  std::array<double, 4> terms{};     // cosine and sine about the middle row, and those of the second harmonic
-  std::array<double, 2> variance{};  // of the fundamental's terms, with the doubt about the phase step
+  std::array<double, 2> terms{};     // a and b
+  std::array<double, 2> variance{};  // of each, with the doubt about the phase step
   double log_odds = 0;               // natural logarithm of the odds of the tone against none
 
-  [[nodiscard]] double amplitude() const;  // of the fundamental, relative to the light
+  [[nodiscard]] double amplitude() const;  // relative to the mean light
   // The evidence is enough to remove it: the rest is smaller than the tone, and there is a tone.
   [[nodiscard]] bool is_sure() const;
-  [[nodiscard]] SlowTone in_frame(std::ptrdiff_t frame) const;      // with its phase in a later frame, if step is known
-  [[nodiscard]] std::vector<double> light(std::size_t rows) const;  // its mean over a cycle is 1
-  [[nodiscard]] std::vector<double> cycle() const;                  // light at places of one cycle, mean 1
+  [[nodiscard]] SlowTone in_frame(std::ptrdiff_t frame) const;  // with its phase in a later frame, if step is known
 };
 
-// Agreement of the groups of columns about a slow tone.
+// Light of the rows under some tones: their mean over a cycle is 1.
+std::vector<double> light_of(std::span<const SlowTone> tones, std::size_t rows);
+
+// Sum of the amplitudes; the light is between 1 less this, but 0.02 or more, and 1 more.
+double swing_of(std::span<const SlowTone> tones);
+
+// Agreement of the groups of columns about slow tones.
 struct SlowVerdict {
   double left = 0;   // swing of the tone in the groups after its removal, over that before
   double worse = 0;  // share of the groups whose tone grows
@@ -59,9 +63,10 @@ struct SlowVerdict {
 
 // Slow light of one frame.
 struct SlowLight {
-  std::vector<SlowTone> tones;  // of each colour
-  CommonCourse course;          // of all colours, which following frames are compared with
-  double amplitude = 0;         // of the tone, relative to the light; 0 where none is likely
+  std::vector<std::vector<SlowTone>> tones;  // of each colour: the same ones, of other terms
+  std::vector<SlowTone> common;              // those of all colours
+  CommonCourse course;                       // of all colours, which following frames are compared with
+  double amplitude = 0;                      // of the strongest tone, relative to the light; 0 where none is likely
   SlowVerdict verdict;
   std::string objection;  // why it is not removed, or empty
   bool is_first = false;  // earlier frames, which it disagrees with, are not compared
@@ -74,9 +79,9 @@ struct EarlierFrames {
 };
 
 // Finds the slow light of each of consecutive frames of one scene. `frames`: of each frame, the pictures of its
-// colours. `near`: the tone of the earlier frames, if it is known; its step counts where it has one.
+// colours. `near`: the tones of the last of the earlier frames, if they are known.
 // Frames whose own course disagrees with the tone of earlier ones are compared without them.
 std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames, const Camera& camera,
-                                        const EarlierFrames& earlier = {}, const std::optional<SlowTone>& near = {});
+                                        const EarlierFrames& earlier = {}, std::span<const SlowTone> near = {});
 
 }  // namespace ocisac

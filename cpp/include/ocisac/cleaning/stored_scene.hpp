@@ -25,13 +25,15 @@ struct KeptShares {
   std::size_t block_rows = 1, block_columns = 1;  // pixels of a block
 
   [[nodiscard]] BlockShares view() const { return {share, block_rows, block_columns}; }
+  [[nodiscard]] bool is_one() const;  // all pixels have the same share
 };
 
 class StoredScene {
  public:
   // `colours`: one view each, of one shape; their memory must outlive the scene. `noise`: standard deviation of a
-  // pixel, DN; estimated where it is absent.
-  StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& curve, std::optional<double> noise, double toe);
+  // pixel, DN; estimated where it is absent. Only a scene that is read has pictures.
+  StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& curve, std::optional<double> noise, double toe,
+              bool is_read = true);
 
   void set_toe(double toe);  // converts with another toe of the tone curve
 

@@ -1,0 +1,143 @@
+#!/usr/bin/env python3
+"""Random scenes under zero to two lamps, as films of a few frames, cleaned by VideoCleaner: it must never do harm.
+
+Bands of 20 to 2,000 rows a cycle, 480p to 4K, still, panned or shaken, 8-bit sRGB with noise of 1.5 DN, a lamp that
+lights all alike or some parts more. For each scene, over its frames: the least and the median gain of PSNR to the scene
+without bands (peak 255, one gain for all colours), how far it is behind that of the true light divided out, the largest
+growth of the cast (DN), of the share of burnt pixels (254 or more) and of the amplitude of the row means of
+ln(picture/truth) at the lights' own frequencies; and which limit is broken.
+
+usage: bench/cleaning_scenes.py [--first SEED] [--count N] [--largest ROWS]
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import json
+import time
+from typing import Any
+
+import cleaning as bands
+import numpy as np
+import numpy.typing as npt
+
+from ocisac_fast import Camera
+from ocisac_fast.camera.linear_light import linear_light, stored_values
+from ocisac_fast.cleaning import VideoCleaner
+
+Array = npt.NDArray[Any]
+SIZES = ((480, 640), (600, 800), (720, 1280), (1080, 1440), (1080, 1920), (2160, 3840))
+FRAMES, FRAME_TIME, BYTES = 4, 1 / 30, np.dtype(np.uint8)
+CHROMA = np.array([[-0.1146, -0.3854, 0.5], [0.5, -0.4542, -0.0458]])  # BT.709
+LIMITS = {"least_gain_db": -0.1, "cast": 1.0, "burnt": 0.002, "swing": 1e-3, "behind_db": 1.5}
+
+
+def reflectance(rows: int, columns: int, random: np.random.Generator) -> Array:
+    """(rows, columns, 3) of a room: clouds, shades, a vignette, a table's edge, boxes, lines of text."""
+    picture = np.broadcast_to(random.uniform(0.25, 0.7, 3), (rows, columns, 3)).copy()
+    if random.random() < 0.5:
+        picture *= np.exp(random.uniform(0.1, 0.35) * bands.clouds(rows, columns, random))[..., None]
+    y, x = np.linspace(-1, 1, rows)[:, None], np.linspace(-1, 1, columns)
+    shade, slope = random.uniform(0, 0.4), random.normal(0, 0.3, 2)
+    picture *= np.exp(slope[0] * y + slope[1] * x - shade * (x**2 + y**2))[..., None]
+    if random.random() < 0.4:
+        picture[int(random.uniform(0.4, 0.8) * rows) :] *= random.uniform(0.3, 1.5, 3)
+    for _ in range(random.integers(5, 60)):
+        height, width = (int(random.uniform(0.02, 0.4) * side) + 4 for side in (rows, columns))
+        top, left = random.integers(0, rows - height // 2), random.integers(0, columns - width // 2)
+        picture[top : top + height, left : left + width] = random.uniform(0.05, 0.9) * random.uniform(0.5, 1, 3)
+    if random.random() < 0.3:
+        top, left, step = random.integers(0, rows // 2), random.integers(0, columns // 2), random.integers(12, 40)
+        for k in range(random.integers(4, 14)):
+            picture[top + k * step : top + k * step + step // 4, left : left + columns // 3] *= 0.3
+    return np.clip(picture, 0.02, 0.95)
+
+
+def film(seed: int, largest: int) -> tuple[dict[str, Any], Camera, Array, list[tuple[Array, Array, Array]]]:
+    """What is in it; the camera; rows a cycle of the lamps; stored and true frames, and the light's factor."""
+    random = np.random.default_rng(seed)
+    sizes = [size for size in SIZES if size[0] <= largest]
+    rows, columns = sizes[random.integers(len(sizes))]
+    period = float(np.exp(random.uniform(np.log(20), np.log(2000))))
+    lamps = int(random.choice(3, p=[0.2, 0.6, 0.2]))
+    motion = str(random.choice(["still", "pan", "shake"]))
+    speed = {"still": np.zeros((FRAMES, 2)), "shake": random.normal(0, 3, (FRAMES, 2))}
+    ways = speed.get(motion, np.arange(FRAMES)[:, None] * random.uniform(1, 12, 2))
+    ways = np.rint(ways - ways.min(axis=0)).astype(int)
+    picture = reflectance(rows + ways[:, 0].max(), columns + ways[:, 1].max(), random)
+    picture *= 0.8 * 255 * random.uniform(0.5, 1.0) / picture.max()
+    camera = Camera(FRAME_TIME / rows * random.uniform(0.5, 0.98), frame_time=FRAME_TIME, tone_curve="srgb")
+    periods = period / np.array([1.0, random.uniform(1.3, 2.2)])[:lamps]
+    depths = random.uniform(0.08, 0.45, lamps) * (1.0 if lamps < 2 else 0.6)
+    y, x = np.mgrid[-1 : 1 : picture.shape[0] * 1j, -1 : 1 : picture.shape[1] * 1j]
+    edge = (x + 0.3 * y - random.uniform(-0.5, 0.5)) * random.uniform(2, 20)
+    is_even = random.random() < 0.67
+    share = np.ones_like(x) if is_even else 0.25 + 0.75 / (1 + np.exp(edge))
+    phases = random.uniform(0, 2 * np.pi, lamps)
+    frames = []
+    for k, (down, right) in enumerate(ways):
+        at = np.arange(rows) + k * FRAME_TIME / camera.row_period
+        wave = (depths * np.sin(2 * np.pi * at[:, None] / periods + phases)).sum(axis=1)
+        part = np.s_[down : down + rows, right : right + columns]
+        left = 1 + share[part][..., None] * wave[:, None, None]
+        read = stored_values(picture[part] * left, camera, BYTES) + random.normal(0, 1.5, (*left.shape[:2], 3))
+        truth = stored_values(picture[part], camera, BYTES).astype(float)
+        frames.append((np.clip(np.rint(read), 0, 255).astype(np.uint8), truth, left))
+    facts = {"seed": seed, "rows": rows, "periods": periods.round().tolist(), "depths": depths.round(2).tolist()}
+    return {**facts, "motion": motion, "is_even": is_even}, camera, periods, frames
+
+
+def figures(frame: Array, truth: Array, periods: Array, camera: Camera) -> Array:
+    """PSNR, dB; cast, DN; share of burnt pixels; amplitude of the row means of ln(picture/truth) at the frequencies."""
+    values = frame.astype(float)
+    scaled = values * (values * truth).sum() / (values**2).sum()
+    cast = np.abs(CHROMA @ (scaled - truth).mean(axis=(0, 1))).max()
+    light = [linear_light(one.astype(np.uint8), camera) + 0.5 for one in (frame, np.rint(truth))]
+    ratio = np.log(light[0] / light[1]).mean(axis=(1, 2))
+    turns = 2 * np.pi * np.arange(len(ratio))[:, None] / periods
+    design = np.concatenate([np.ones((len(ratio), 1)), np.cos(turns), np.sin(turns)], axis=1)
+    terms = np.linalg.lstsq(design, ratio, rcond=None)[0][1:]
+    swing = np.hypot(*np.split(terms, 2)).max(initial=0.0)
+    return np.array(
+        [10 * np.log10(255**2 / ((scaled - truth) ** 2).mean()), cast, (values.max(-1) >= 254).mean(), swing]
+    )
+
+
+def measured(seed: int, largest: int) -> dict[str, Any]:
+    facts, camera, periods, frames = film(seed, largest)
+    cleaner = VideoCleaner(camera)
+    changes, behind, unchanged, seconds = [], [], 0, []
+    for stored, truth, left in frames:
+        begun = time.process_time()
+        done = cleaner.push(stored[None])
+        seconds.append(round(time.process_time() - begun, 2))
+        unchanged += bool(done.unchanged[0])
+        known = stored_values(linear_light(stored, camera) / left, camera, BYTES)
+        before, after, oracle = (figures(one, truth, periods, camera) for one in (stored, done.frames[0], known))
+        changes.append(after - before)
+        behind.append((oracle - after)[0])
+    gains, cast, burnt, swing = np.array(changes).T
+    values = {"least_gain_db": gains.min(), "gain_db": np.median(gains), "behind_db": np.median(behind)}
+    values |= {"cast": cast.max(), "burnt": burnt.max(), "swing": swing.max()}
+    broken = [k for k, limit in LIMITS.items() if (values[k] < limit if limit < 0 else values[k] > limit)]
+    rounded = {key: round(float(value), 4) for key, value in values.items()}
+    return {**facts, **rounded, "unchanged": unchanged, "seconds": seconds, "broken": broken}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--largest", type=int, default=2160, help="rows of the largest frames")
+    options = parser.parse_args()
+    broken: collections.Counter[str] = collections.Counter()
+    for seed in range(options.first, options.first + options.count):
+        found = measured(seed, options.largest)
+        broken.update(found["broken"])
+        print(json.dumps(found), flush=True)
+    print(json.dumps({"scenes": options.count, "broken": dict(broken)}))
+
+
+if __name__ == "__main__":
+    main()
