@@ -127,8 +127,8 @@ double clock_odds(const Detection& one, const Surroundings& around) {
     clocks.push_back(&other.light);
     near += beside ? 1 : 0;
   };
-  std::ranges::for_each(around.lights, add);
-  std::ranges::for_each(around.doubtful, add);
+  for (const Detection& other : around.lights) add(other);
+  for (const Detection& other : around.doubtful) add(other);
   const double expected = 2 * kBand / kFrequencies * static_cast<double>(clocks.size() - 1);
   double lamps = std::exp(-expected);
   for (std::size_t k = 1; k <= near; ++k) lamps *= expected / static_cast<double>(k);
