@@ -105,7 +105,7 @@ double slope_of_lifted(double stored, double toe, double white) {
 }
 
 bool KeptShares::is_one() const {
-  return std::ranges::adjacent_find(share, std::ranges::not_equal_to()) == share.end();
+  return std::ranges::all_of(share, [&](double other) { return other == share.front(); });
 }
 
 StoredScene::StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& curve, std::optional<double> noise,
