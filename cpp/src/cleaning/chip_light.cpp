@@ -131,12 +131,13 @@ struct DetectedChips {
   double rows_per_chip, start;
 };
 
-std::optional<DetectedChips> detected(const Values& rows) {
+// `refused`: flags of a reception that is none. Edges of a scene's own lines are few and fit many chip rates.
+std::optional<DetectedChips> detected(const Values& rows, Flags refused) {
   const AnyFramesView view = dense_view(rows.data(), 1, rows.size(), 1);
   Camera camera;
   camera.row_time = 1;  // times are in rows
   const Received got = receive({&view, 1}, camera).front();
-  if (got.bits.size() < least_bits || (got.flags & flag::no_signal) != 0) return {};
+  if (got.bits.size() < least_bits || (got.flags & refused) != 0) return {};
   const double length = got.rows_per_chip, left = (static_cast<double>(rows.size()) - got.phase) / length;
   const auto before = static_cast<std::size_t>(std::max(std::ceil(got.phase / length), -1.0) + 1);
   const double after = std::max(std::ceil(left) - static_cast<double>(got.bits.size()), 0.0);
@@ -182,8 +183,8 @@ Basis with_pairs(const Basis& basis, const Responses& responses, const Values& b
 // Chips are detected, those cut by the ends of the picture estimated, and the response is fitted by least squares. A
 // second response for pairs of consecutive bright chips allows for different rise and fall of the light. The explained
 // share excludes it.
-std::optional<ChipFit> fitted_chips(const Values& rows, const Values& weight) {
-  std::optional<DetectedChips> chips = detected(rows);
+std::optional<ChipFit> fitted_chips(const Values& rows, const Values& weight, Flags refused) {
+  std::optional<DetectedChips> chips = detected(rows, refused);
   if (!chips) return {};
   const Responses responses(rows.size(), chips->bits.size(), chips->rows_per_chip, chips->start);
   const auto count = static_cast<Eigen::Index>(rows.size());
@@ -210,9 +211,10 @@ std::optional<ChipFit> fitted_chips(const Values& rows, const Values& weight) {
 std::optional<ChipLight> find_chip_light(const ColumnBundles& picture, const RowLight& rows, bool always) {
   require(rows.light.size() == picture.rows() && rows.information.size() == picture.rows(), "rows", rows.light.size(),
           "one value a row");
+  const Flags refused = flag::no_signal | (always ? 0 : flag::too_few_edges);
   std::vector<ChipFit> fits;
   for (const Values& each : {levelled(rows.light), rows.light}) {
-    if (std::optional<ChipFit> fit = fitted_chips(each, rows.information)) fits.push_back(*std::move(fit));
+    if (std::optional<ChipFit> fit = fitted_chips(each, rows.information, refused)) fits.push_back(*std::move(fit));
     if (!always && !fits.empty() && fits.front().explained < enough) return {};
   }
   if (fits.empty()) return {};
@@ -229,7 +231,7 @@ std::optional<ChipLight> find_chip_light(const ColumnBundles& picture, const Row
 }
 
 double unexplained_by_chips(const RowLight& rows) {
-  const std::optional<ChipFit> fit = fitted_chips(levelled(rows.light), rows.information);
+  const std::optional<ChipFit> fit = fitted_chips(levelled(rows.light), rows.information, flag::no_signal);
   return fit ? 1 - fit->explained : 1;
 }
 
