@@ -14,7 +14,6 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t kKeptFrames = 16;
-constexpr double kBrightLight = 10;           // power of the columns' common light over its noise
 constexpr std::int64_t kProfileInterval = 4;  // frames between fits of a profile in use
 constexpr std::size_t kMaxProfileMisfits = 6;
 constexpr std::size_t kProfileRounds = 12;
