@@ -403,3 +403,14 @@ def test_chips_are_as_long_as_the_runs_say():
         pixels = frame.as_bytes(scale=40.0)
         got = ocisac.receive(pixels, CAMERA)[0]
         assert_received(got, frame)
+
+
+def test_what_stands_still_is_flagged():
+    """The same rows in the next frame are a picture, or a light in step with the frames; data change."""
+    for seed in range(8):
+        moving = [Frame(2 * seed + k, 6.3, 0.5).as_bytes() for k in range(2)]
+        noise = np.random.default_rng(seed).normal(0, 2, (2, *moving[0].shape))
+        still = np.clip(moving[0] + noise, 0, 255).astype(np.uint8)
+        camera = Camera(1.0, 0.5 * 6.3)
+        assert all(one.flags == Flag.AMBIGUOUS_KIND for one in ocisac.receive(still, camera))
+        assert all(one.bits and not one.flags for one in ocisac.receive(np.stack(moving), camera))

@@ -53,7 +53,8 @@ class Flag(IntFlag):
     AMBIGUOUS_MOTION = 1 << 26
     """``sense``: motions of several speeds fit the rows equally; the slowest of them is given, or NaN."""
     AMBIGUOUS_KIND = 1 << 27
-    """``sense``: a modulated light, a moving texture and a still texture cannot be distinguished here."""
+    """``sense``: a modulated light, a moving texture and a still texture cannot be distinguished here. ``receive``: the
+    next frame shows the same rows; a picture that stands still, or a light in step with the frames."""
 
     def names(self) -> list[str]:
         """The bits that are set, in lower case."""

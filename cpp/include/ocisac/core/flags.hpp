@@ -32,7 +32,7 @@ inline constexpr Flags periodic = 1U << 19;       // receive: the same few chips
 inline constexpr Flags model_misfit = 1U << 24;
 inline constexpr Flags quantised = 1U << 25;  // less noise than half a step: rounding may exceed the standard error
 inline constexpr Flags ambiguous_motion = 1U << 26;  // sense: several motions show the same rows
-inline constexpr Flags ambiguous_kind = 1U << 27;    // sense: a light, a moving or a still texture would look alike
+inline constexpr Flags ambiguous_kind = 1U << 27;    // sense, receive: a light and a (still) texture would look alike
 }  // namespace flag
 
 // Name of a single bit; null for any other mask.

@@ -42,7 +42,7 @@ struct Received {
 // received of each. A single source may send a stream in each colour (colour_streams): streams that differ are sources,
 // each from the sum of colours that follows it alone; colours that agree are added where that betters the
 // signal-to-noise ratio by half. Further sources are returned only if decoded without a warning flag. Frames are
-// decoded independently.
+// decoded independently; bits of rows that another frame shows as well are flagged (flag::ambiguous_kind).
 std::vector<Received> receive(std::span<const AnyFramesView> colours, const Camera& camera,
                               const ReceiveOptions& options = {});
 
