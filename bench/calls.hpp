@@ -179,7 +179,7 @@ inline const std::map<std::string, std::function<double()>> kCases{
     {"receive", receive},
 };
 
-// What the cases read is made before the first of them.
+// Makes the frames that the cases read.
 inline void prepare() {
   frame();
   flashing(1);

@@ -55,7 +55,7 @@ def reflectance(rows: int, columns: int, random: np.random.Generator) -> Array:
 
 
 def film(seed: int, largest: int) -> tuple[dict[str, Any], Camera, Array, list[tuple[Array, Array, Array]]]:
-    """What is in it; the camera; rows a cycle of the lamps; stored and true frames, and the light's factor."""
+    """Facts of the scene; the camera; rows a cycle of the lamps; stored and true frames, and the light's factor."""
     random = np.random.default_rng(seed)
     sizes = [size for size in SIZES if size[0] <= largest]
     rows, columns = sizes[random.integers(len(sizes))]

@@ -120,8 +120,8 @@ VectorXd variance_of_changes(std::span<const CommonCourse> courses) {
   return result;
 }
 
-// What is known of the modes of some frames without a tone: a picture that stays, for every S and floor, and changes
-// from frame to frame, for every S of these.
+// Prior of the modes of some frames without a tone: a picture that stays, for every S and floor, and changes from
+// frame to frame, for every S of these.
 struct Frames {
   MatrixXd modes;                  // (modes × frames)
   MatrixXd slow;                   // (places × modes) cosines

@@ -41,7 +41,7 @@ std::span<const double> inner_chips(std::span<const double> llr, const ChipClock
   return llr.size() > 3 * edge ? llr.subspan(edge, llr.size() - 2 * edge) : std::span<const double>{};
 }
 
-// Of neighbouring rows of what the channel leaves, −1 to 1.
+// Correlation of the residual from row to row, −1 to 1.
 double residual_correlation(std::span<const double> left, const FrameReading& reading) {
   double earlier = 0, later = 0, products = 0;
   for (std::size_t n = reading.channel.rows.begin + 1; n < reading.channel.rows.end; ++n) {

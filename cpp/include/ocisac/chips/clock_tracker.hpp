@@ -45,7 +45,7 @@ class ClockTracker {
   // Predicts the clock of a frame at or after the last update; absent before the first.
   [[nodiscard]] std::optional<TrackedClock> predict(double frame) const;
 
-  // Of the last update; absent before the first.
+  // Time of the last update; absent before the first.
   [[nodiscard]] std::optional<double> last_frame() const { return started_ ? std::optional(frame_) : std::nullopt; }
 
   void reset();

@@ -21,8 +21,8 @@ struct SceneLight {
   std::vector<CleaningVerdict> verdicts;  // on each frame
   std::string unchanged;                  // why the frames are better left as they are; else empty
   std::vector<SlowLight> slow;            // of each frame; empty where another light is removed or given
-  // Of each frame, from -1 to 1: how far from the mean light of a cycle towards the full one the steady light may be
-  // raised, so that highlights do not burn.
+  // (frames) −1 to 1: the steady light may be raised so far from the mean light of a cycle towards the full one that
+  // highlights do not burn.
   std::vector<double> rise = {};
 
   // Steady light of a colour, relative to the mean light of its row light; `full`: it is raised as far as it may be.

@@ -48,7 +48,7 @@ struct LightState {
 
   // The state with a frame's reading as the last one, but for its clock and noise.
   void accept(const FrameReading& reading, std::span<const double> signal);
-  // Of a frame over the last one that was read; 1 where a mean is not above 0: its dark level is not that of the light.
+  // Mean of a frame over that of the last one read; 1 where a mean is not above 0: its dark level is not the light's.
   [[nodiscard]] double brightness_ratio(std::span<const double> signal) const;
   [[nodiscard]] std::optional<TrackedClock> predict(double time) const;
   // `first_row`: of the picture, at the channel's row 0. False where the tracker's count of chips restarts.
