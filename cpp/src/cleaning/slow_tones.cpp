@@ -589,7 +589,7 @@ std::vector<double> modes_of_light(std::span<const SlowTone> tones, std::size_t 
   return {modes.data(), modes.data() + modes.size()};
 }
 
-std::vector<SlowTone> refitted_tones(std::span<const CommonCourse> courses, std::vector<SlowTone> tones,
+std::vector<SlowTone> refitted_tones(std::span<const CommonCourse> courses, const std::vector<SlowTone>& tones,
                                      double deviation) {
   return fitted(frames_of(courses), tones, {deviation, 0, 0, false}).tones;
 }

@@ -18,7 +18,7 @@ std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std
 
 // Tones of the same cycles and steps, whose terms follow those of the courses. `deviation`: of the new terms from the
 // given ones.
-std::vector<SlowTone> refitted_tones(std::span<const CommonCourse> courses, std::vector<SlowTone> tones,
+std::vector<SlowTone> refitted_tones(std::span<const CommonCourse> courses, const std::vector<SlowTone>& tones,
                                      double deviation);
 
 // The first `count` cosine modes of the log light of the tones.
