@@ -629,6 +629,7 @@ def test_of_several_files_the_bad_ones_are_named(run, square, tmp_path):
             ("gain", "grey.png", "--frequency", "0.1", "--plot", "nowhere/p.png"),
             "nowhere: no such directory to write to",
         ),
+        (("clean", "row.png", "o.png"), "row.png: frame: got shape (1, 1, 40, 1), allowed: "),
         (("receive",), "Missing argument 'FILE...'."),
         (("receive", "grey.png", "--chip-rate", "1kHz"), "--chip-rate: Hz needs --row-time"),
         (("exposure", "--comm", "500"), "Missing option '--sense'."),
@@ -640,12 +641,13 @@ def test_every_refusal_is_one_line_and_code_two(run, tmp_path, monkeypatch, argu
     monkeypatch.chdir(tmp_path)
     write_frames("grey.png", np.random.default_rng(0).integers(0, 255, (50, 40), dtype=np.uint8))
     (tmp_path / "half.png").write_bytes((tmp_path / "grey.png").read_bytes()[:700])
+    write_frames("row.png", np.zeros((1, 40), np.uint8))
     (tmp_path / "empty.png").touch()
     (tmp_path / "text.png").write_text("not a picture")
     code, out, err = run(*arguments)
     assert (code, out, len(err)) == (2, [], 1)
     assert err[0].startswith(f"ocisac: {message}")
-    assert sorted(os.listdir(tmp_path)) == ["empty.png", "grey.png", "half.png", "text.png"]
+    assert sorted(os.listdir(tmp_path)) == ["empty.png", "grey.png", "half.png", "row.png", "text.png"]
 
 
 def test_libraries_that_write_of_damage_are_silenced(tmp_path):

@@ -308,6 +308,45 @@ except FileError as error:
 print(peak() - before)
 """
 
+LIMITED = """
+import resource, sys
+import numpy as np
+from ocisac_fast.files import read_frames, write_frames
+
+limit, size, path = sys.argv[1:]
+frames = np.random.default_rng(0).integers(0, 255, (8, 480, 640), np.uint8)
+for imported in (".png", ".mkv", ".jpg"):
+    write_frames("small" + imported, frames[:1, :16, :16])
+used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+most = int(size) + (used if limit == "RLIMIT_AS" else 0)
+resource.setrlimit(getattr(resource, limit), (most, most))
+try:
+    read_frames(path) if limit == "RLIMIT_AS" else write_frames(path, frames[: 1 if path[1:] in (".png", ".jpg") else 8])
+except (OSError, ValueError) as error:
+    print(type(error).__name__, error)
+"""
+
+
+def within(limit, size, path, folder):
+    command = [sys.executable, "-c", LIMITED, limit, str(size), path]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of processes as Linux has them")
+def test_more_frames_than_memory_holds_are_read_one_by_one(tmp_path):
+    page = image_module.fromarray(np.zeros((8000, 8000), np.uint8))
+    page.save(tmp_path / "a.tif", save_all=True, append_images=[page] * 9, compression="tiff_lzw")
+    message = r"FileError a\.tif: Unable to allocate 610. MiB .* frame by frame \(open_recording\)\n"
+    assert re.fullmatch(message, within("RLIMIT_AS", 400 << 20, "a.tif", tmp_path))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of processes as Linux has them")
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv", ".npy", ".png", ".tif", ".jpg"])
+def test_a_file_that_finds_no_room_is_named(tmp_path, suffix):
+    said = within("RLIMIT_FSIZE", 20_000, f"a{suffix}", tmp_path)
+    assert re.fullmatch(rf"OSError \[Errno .*\] .*: 'a\{suffix}'\n", said)
+    assert not (tmp_path / f"a{suffix}").exists()
+
 
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc")
 @pytest.mark.parametrize("compression", ["raw", "tiff_deflate"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+import warnings
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ def picture(k: int) -> npt.NDArray[np.uint8]:
     return np.clip(colours * (0.7 + 0.3 * np.cos(2 * np.pi * y / 24 + k))[..., None], 0, 255).astype(np.uint8)
 
 
-def make_video(path: Path, pixels: str, matrix: int, limits: int, sound: str) -> None:
+def make_video(path: Path, pixels: str, matrix: int, limits: int, sound: str, sound_blocks: int = 9) -> None:
     scaler = {BT709: 1, BT601: 5}[matrix]
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=30, options={"qp": "0", "bf": "0"})
@@ -44,7 +45,7 @@ def make_video(path: Path, pixels: str, matrix: int, limits: int, sound: str) ->
             )
             frame.colorspace, frame.color_range, frame.pts, frame.time_base = matrix, limits, time, Fraction(1, 90_000)
             container.mux(stream.encode(frame))
-        for k in range(9):
+        for k in range(sound_blocks):
             wave = (3000 * np.sin(np.arange(1024) / 20 + 51.2 * k)).astype(np.int16)
             block = av.AudioFrame.from_ndarray(wave[None], format="s16", layout="mono")
             block.sample_rate, block.pts = 48_000, 1024 * k
@@ -130,6 +131,18 @@ def test_the_first_frames_come_with_their_sound(tmp_path: Path) -> None:
     assert len(frames_of(target, colour=True)) == 2
     seconds = len(sound_of(target)) * 1024 / 48_000
     assert TIMES[1] / 90_000 < seconds < TIMES[1] / 90_000 + 3 * 1024 / 48_000 < len(sound_of(source)) * 1024 / 48_000
+
+
+@pytest.mark.parametrize(("sound_blocks", "is_cut"), [(9, False), (60, False), (60, True)])
+def test_sound_that_is_longer_than_the_pictures_is_no_damage(tmp_path: Path, sound_blocks: int, is_cut: bool) -> None:
+    source = tmp_path / "in.mkv"
+    make_video(source, "yuv420p", BT709, LIMITED, "aac", sound_blocks)
+    if is_cut:
+        source.write_bytes(source.read_bytes()[: source.stat().st_size // 3])
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        assert (len(frames_of(source, colour=False)) == len(TIMES)) != is_cut
+    assert bool(said) == is_cut
 
 
 def test_colours_without_a_video_to_follow_are_rejected(tmp_path: Path) -> None:

@@ -405,9 +405,14 @@ class TestDemo:
     def test_offline_once_loaded(self, browser: Any, site: tuple[str, Path]) -> None:
         context = browser.new_context()
         page = context.new_page()
+        page.goto(f"{site[0]}style.css")
+        page.evaluate("Promise.all(['another page', 'ocisac 0'].map((name) => caches.open(name))).then(() => true)")
         page.goto(site[0])
         page.evaluate("navigator.serviceWorker.ready.then(() => true)")
         until(page, "navigator.serviceWorker.controller !== null", 30.0)
+        kept = page.evaluate("caches.keys()")
+        assert "another page" in kept  # of the same origin
+        assert len([name for name in kept if name.startswith("ocisac ")]) == 1
         context.set_offline(True)
         page.reload()
         until(page, "document.getElementById('status').textContent === 'Ready.'")

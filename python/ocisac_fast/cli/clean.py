@@ -17,7 +17,7 @@ from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, cropped, json_option, picture_options, select, stack
 from ocisac_fast.cli.units import RATE, Quantity
 from ocisac_fast.files import open_recording, write_frames
-from ocisac_fast.files.recording import Frame, RecordingStream
+from ocisac_fast.files.recording import FileError, Frame, RecordingStream
 from ocisac_fast.files.video_writing import USUAL_CRF
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def clean(
         frames = cleaner.frames(progress(stream, "cleaning", stream.frame_count))
         if crf is None and picture.channel == "auto" and stream.video is not None and stream.video.codec in _LOSSY:
             crf = USUAL_CRF
-        with contextlib.suppress(_Unchanged):
+        with contextlib.suppress(_Unchanged), _naming(source):
             write_frames(target, frames, frame_rate=stream.frame_rate or 30.0, like=stream, crf=crf)
     if marks is not None:
         write_frames(marks, cleaner.marks)
@@ -116,6 +116,17 @@ def clean(
 
 class _Unchanged(Exception):
     """No frame changed: there is nothing to write."""
+
+
+@contextlib.contextmanager
+def _naming(source: str) -> Iterator[None]:
+    """Errors of frames name their file, as those of files do."""
+    try:
+        yield
+    except FileError:
+        raise
+    except ValueError as error:
+        raise FileError(f"{source}: {error}") from error
 
 
 @contextlib.contextmanager

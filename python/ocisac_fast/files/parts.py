@@ -64,11 +64,21 @@ def ends_early(container: Any, stream: Any, count: int, end: Any) -> bool:
     if container.duration is None or end is None or not stream.average_rate:
         return False
     begin = (container.start_time or 0) * 1e-6
-    return bool(end - begin < container.duration * 1e-6 - 2.5 / float(stream.average_rate))
+    announced = min(_seconds(container), _own_seconds(stream))  # the file's: of its longest stream, as sound
+    return bool(end - begin < announced - 2.5 / float(stream.average_rate))
 
 
 def _seconds(container: Any) -> float:
     return math.inf if container.duration is None else float(container.duration) * 1e-6
+
+
+def _own_seconds(stream: Any) -> float:
+    """Duration of a stream by its tag in Matroska, "00:00:00.400000000"; infinity without one."""
+    try:
+        hours, minutes, seconds = stream.metadata.get("DURATION", "").split(":")
+        return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
+    except ValueError:
+        return math.inf
 
 
 def decoded_part(container: Any, stream: Any, part: Part) -> Iterator[Any]:

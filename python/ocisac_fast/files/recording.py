@@ -261,9 +261,14 @@ class RecordingStream(_Recorded):
         """Read all remaining frames; one further frame at a time is in memory.
 
         Raises:
-            FileError: no frame, frames of different shapes or types, or more than ``max_bytes`` of them.
+            FileError: no frame, frames of different shapes or types, more than ``max_bytes`` of them, or more than
+                memory holds.
         """
-        return Recording(gathered(self, self.frame_count, max_bytes), self.kind, self.response, self.frame_rate)
+        try:
+            return Recording(gathered(self, self.frame_count, max_bytes), self.kind, self.response, self.frame_rate)
+        except MemoryError as error:
+            size = str(error) or "out of memory"
+            raise FileError(f"{size}, read it frame by frame (open_recording)") from error
 
 
 def gathered(frames: Iterable[Frame], announced: int | None, max_bytes: float = math.inf) -> Frame:

@@ -51,10 +51,11 @@ def write_video(
             time = None if like is None else like.time_of(count)
             picture = writer.picture(frame, count, time)
             try:
-                container.mux(writer.stream.encode(picture))
+                packets = writer.stream.encode(picture)
             except av.FFmpegError as error:
                 rows, columns = frame.shape[:2]
                 raise FileError(f"{codec} cannot hold frames of {columns} x {rows} pixels") from error
+            container.mux(packets)
             _copy_until(container, sound, float(picture.pts * writer.time_base))
         if writer is None:
             raise FileError("frames: no frame to write")

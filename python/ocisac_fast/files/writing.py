@@ -137,21 +137,34 @@ def write_frames(
     single = isinstance(frames, np.ndarray) and frames.ndim == 2
     if single:
         frames = [np.asarray(frames)]
+    with atomic_path(path) as temporary, _naming(path, str(temporary)):
+        if suffix in CODECS:
+            write_video(temporary, frames, frame_rate, like, crf)
+        elif suffix in (*_PICTURES, ".npy"):
+            every = _alike(frames)
+            with _naming(path, None):
+                if suffix == ".npy":
+                    with temporary.open("wb") as file:
+                        np.save(file, every[0] if single else np.stack(every), allow_pickle=False)
+                else:
+                    _write_picture(temporary, every, _PICTURES[suffix], None if like is None else like.picture)
+        else:
+            allowed = ", ".join([*_PICTURES, *CODECS, ".npy"])
+            raise FileError(f"suffix: got {shown(suffix)}, allowed: {allowed}")
+
+
+@contextlib.contextmanager
+def _naming(path: str | os.PathLike[str], found: str | None) -> Iterator[None]:
+    """Errors name the file; those of the system where they name ``found``: others are of what is read meanwhile."""
     try:
-        with atomic_path(path) as temporary:
-            if suffix == ".npy":
-                every = _alike(frames)
-                with temporary.open("wb") as file:
-                    np.save(file, every[0] if single else np.stack(every), allow_pickle=False)
-            elif suffix in _PICTURES:
-                _write_picture(temporary, _alike(frames), _PICTURES[suffix], None if like is None else like.picture)
-            elif suffix in CODECS:
-                write_video(temporary, frames, frame_rate, like, crf)
-            else:
-                allowed = ", ".join([*_PICTURES, *CODECS, ".npy"])
-                raise FileError(f"suffix: got {shown(suffix)}, allowed: {allowed}")
+        yield
     except FileError as error:
-        raise FileError(f"{os.fspath(path)}: {error}") from error.__cause__
+        message, name = str(error), os.fspath(path)
+        raise FileError(message if message.startswith(f"{name}: ") else f"{name}: {message}") from error.__cause__
+    except OSError as error:
+        if error.filename != found:
+            raise
+        raise OSError(error.errno or errno.EIO, error.strerror or str(error), os.fspath(path)) from error
 
 
 def _alike(frames: Iterable[Frame]) -> list[Frame]:
