@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.results import Result
 from ocisac_fast.files import RecordingStream, read_frames, write_frames
 from ocisac_fast.light.response import exposure_response
 from ocisac_fast.light.waveforms import Chips, Constant, SquareWave, Tone, Waveform, integrate_exposure
@@ -55,8 +56,8 @@ def motion_frequency(grating: float) -> float:
 SENSING = tuple(motion_frequency(grating) for grating in GRATINGS)
 
 
-@dataclass(frozen=True)
-class Setting:
+@dataclass(frozen=True, repr=False)
+class Setting(Result):
     """One light of the testbed at one exposure.
 
     Attributes:
@@ -81,8 +82,8 @@ class Setting:
         return float(abs(exposure_response(self.frequency, self.exposure)))
 
 
-@dataclass(frozen=True)
-class Measurement:
+@dataclass(frozen=True, repr=False)
+class Measurement(Result):
     """Result of a setting.
 
     Attributes:
@@ -99,8 +100,8 @@ class Measurement:
     phase: float
 
 
-@dataclass(frozen=True)
-class Demonstration:
+@dataclass(frozen=True, repr=False)
+class Demonstration(Result):
     """Results of the demo.
 
     Attributes:

@@ -17,6 +17,7 @@ from ocisac_fast.batch.recordings import Entry, find_recordings
 from ocisac_fast.batch.results import Results, ResultsError, are_whole, failure_row, is_of, key_of, rows_name
 from ocisac_fast.batch.task import Task
 from ocisac_fast.batch.workers import Workers
+from ocisac_fast.core.results import Result
 from ocisac_fast.files.extras import pyarrow
 
 MAX_FRAMES = 1000
@@ -24,8 +25,8 @@ _MAX_GROUP = 32  # recordings per task of Dask
 _GROUPS_PER_THREAD = 8  # so that workers end at about the same time
 
 
-@dataclass(frozen=True)
-class Progress:
+@dataclass(frozen=True, repr=False)
+class Progress(Result):
     """State of a run.
 
     Attributes:
@@ -45,8 +46,8 @@ class Progress:
     new_failures: tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True)
-class Outcome:
+@dataclass(frozen=True, repr=False)
+class Outcome(Result):
     """Result of many recordings.
 
     Attributes:

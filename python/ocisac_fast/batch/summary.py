@@ -14,6 +14,7 @@ import numpy as np
 
 from ocisac_fast.batch.results import Results, read_failures
 from ocisac_fast.cli.gain import inverse_variance_weights, weighted_mean
+from ocisac_fast.core.results import Result
 
 
 class RecordingSummary(NamedTuple):
@@ -35,8 +36,8 @@ class RecordingSummary(NamedTuple):
     warnings: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Summary:
+@dataclass(frozen=True, repr=False)
+class Summary(Result):
     """Summary of a results folder.
 
     Attributes:

@@ -14,13 +14,14 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from ocisac_fast.batch.jobs import ClusterError, Jobs, Report, VersionError, Work
+from ocisac_fast.core.results import Result
 
 _MAX_DEATHS = 4  # of the workers of one job, which is then to blame
 _SECONDS_TO_END = 5.0
 
 
-@dataclass(frozen=True)
-class Workers:
+@dataclass(frozen=True, repr=False)
+class Workers(Result):
     """Processes of this machine, which start when there is work and end with it.
 
     Attributes:

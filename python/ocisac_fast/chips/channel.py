@@ -15,13 +15,14 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.core.checks import Count, Finite, NotNegative, Positive, Within, checked, checked_class
+from ocisac_fast.core.results import Result
 
 FloatArray = npt.NDArray[np.float64]
 Degree = Annotated[int, Within(0, 6)]
 
 
-@dataclass(frozen=True, slots=True)
-class ClockErrors:
+@dataclass(frozen=True, slots=True, repr=False)
+class ClockErrors(Result):
     """Standard errors of a clock, or their bounds.
 
     Attributes:
@@ -70,8 +71,8 @@ class ChipClock:
         return float(self.rows_per_chip), float(self.phase), float(self.exposure_rows)
 
 
-@dataclass(frozen=True, slots=True)
-class ChannelEstimate:
+@dataclass(frozen=True, slots=True, repr=False)
+class ChannelEstimate(Result):
     """A channel estimated by least squares.
 
     Attributes:
@@ -109,8 +110,8 @@ class ChannelEstimate:
         return np.stack([dark, dark + np.polynomial.legendre.legval(along, self.swing)])
 
 
-@dataclass(frozen=True, slots=True)
-class PreambleMatch:
+@dataclass(frozen=True, slots=True, repr=False)
+class PreambleMatch(Result):
     """A detected preamble.
 
     Attributes:
@@ -124,8 +125,8 @@ class PreambleMatch:
     certainty: float
 
 
-@dataclass(frozen=True, slots=True)
-class Pooled:
+@dataclass(frozen=True, slots=True, repr=False)
+class Pooled(Result):
     """Mean of several values weighted by the inverse squares of their errors.
 
     Attributes:
@@ -139,8 +140,8 @@ class Pooled:
     count: int
 
 
-@dataclass(frozen=True, slots=True)
-class RefinedChannel:
+@dataclass(frozen=True, slots=True, repr=False)
+class RefinedChannel(Result):
     """The channel of a whole frame and the chips that it was estimated from.
 
     Attributes:
@@ -158,8 +159,8 @@ class RefinedChannel:
     even: bool
 
 
-@dataclass(frozen=True, slots=True)
-class TrackedClock:
+@dataclass(frozen=True, slots=True, repr=False)
+class TrackedClock(Result):
     """The clock predicted for a frame.
 
     Attributes:

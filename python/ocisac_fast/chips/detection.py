@@ -12,13 +12,14 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.chips.channel import ChannelEstimate, as_tuple
 from ocisac_fast.core.arrays import as_columns
 from ocisac_fast.core.checks import checked
+from ocisac_fast.core.results import Result
 
 FloatArray = npt.NDArray[np.float64]
 DETECTORS = tuple(_core.detector_names())  # of the list in cpp/src/chips/detect_chips.cpp, "auto" the last
 
 
-@dataclass(frozen=True, slots=True)
-class DetectedChips:
+@dataclass(frozen=True, slots=True, repr=False)
+class DetectedChips(Result):
     """All chips whose light reaches any row of a frame; the first and last ones reach only a few rows.
 
     Attributes:
@@ -43,8 +44,8 @@ class DetectedChips:
         return float(np.mean(1 / (1 + np.exp(np.abs(self.llr))))) if self.llr.size else float("nan")
 
 
-@dataclass(frozen=True, slots=True)
-class DetectorErrorRates:
+@dataclass(frozen=True, slots=True, repr=False)
+class DetectorErrorRates(Result):
     """Share of wrong chips of each detector, away from the frame's ends; for ``reduced`` use ``mlse``.
 
     Attributes:

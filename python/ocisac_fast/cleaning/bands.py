@@ -16,6 +16,7 @@ from ocisac_fast.camera.linear_light import linear_light, saturation_level, stor
 from ocisac_fast.cleaning.stored import BlockShares, lowered
 from ocisac_fast.core.arrays import as_frames, in_stored_order
 from ocisac_fast.core.checks import checked, checked_class
+from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 
 FloatArray = npt.NDArray[np.float64]
@@ -34,8 +35,8 @@ class Mark(IntEnum):
     """The row was too dark to restore the pixel: amplified by ``max_gain``, or interpolated from other rows (fill)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class CleanedFrames:
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
+class CleanedFrames(Result):
     """Pictures without bands, or the bands alone.
 
     Attributes:

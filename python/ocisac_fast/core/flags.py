@@ -56,6 +56,13 @@ class Flag(IntFlag):
     """``sense``: a modulated light, a moving texture and a still texture cannot be distinguished here. ``receive``: the
     next frame shows the same rows; a picture that stands still, or a light in step with the frames."""
 
+    def __str__(self) -> str:
+        """The names of the bits that are set, ``weak, aliased``; ``none``."""
+        return ", ".join(self.names()) or "none"
+
+    def __format__(self, form: str) -> str:
+        return format(int(self) if form[-1:] in "bcdoxXn" and form else str(self), form)
+
     def names(self) -> list[str]:
         """The bits that are set, in lower case."""
         return [bit.name.lower() for bit in Flag if bit in self and bit.name]

@@ -11,12 +11,13 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.core.checks import checked
+from ocisac_fast.core.results import Result
 
 Float64s = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class BestExposure:
+@dataclass(frozen=True, slots=True, repr=False)
+class BestExposure(Result):
     """Result of :func:`best_exposure`.
 
     Attributes:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.core.checks import InnerShare, ShareAboveZero, ShareBelowOne, checked, checked_class
+from ocisac_fast.core.results import Result
 from ocisac_fast.exposure.choice import BestExposure
 
 _NAN = math.nan
@@ -97,8 +98,8 @@ class ExposureMeasurement:
     saturated: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class ExposureSuggestion:
+@dataclass(frozen=True, slots=True, repr=False)
+class ExposureSuggestion(Result):
     """Suggestion of :class:`ExposureController` for the next frame.
 
     Attributes:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.core.checks import InnerShare, Positive, ShareAboveZero, checked, checked_class
+from ocisac_fast.core.results import Result
 from ocisac_fast.exposure.fronts import Points, efficient_points
 
 Float64s = npt.NDArray[np.float64]
@@ -67,8 +68,8 @@ def mains_lights(
     return tuple(FlickeringLight(2.0 * f, uncertainty=2.0 * f * drift) for f in frequencies)
 
 
-@dataclass(frozen=True, slots=True)
-class FlickerFreeExposure:
+@dataclass(frozen=True, slots=True, repr=False)
+class FlickerFreeExposure(Result):
     """Result of :func:`flicker_free_exposure`.
 
     Attributes:
@@ -145,8 +146,8 @@ def flicker_free_exposure(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class FlickerFront:
+@dataclass(frozen=True, slots=True, repr=False)
+class FlickerFront(Result):
     """Gain of a data light and modulation of other lights.
 
     Attributes:

@@ -14,13 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.core.checks import NotNegative, Positive, checked, shown
+from ocisac_fast.core.results import Result
 from ocisac_fast.exposure.flicker import FlickeringLight
 
 Float64s = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class FlickerIndices:
+@dataclass(frozen=True, slots=True, repr=False)
+class FlickerIndices(Result):
     """Flicker indices, each of the broadcast shape of the exposures.
 
     Attributes:

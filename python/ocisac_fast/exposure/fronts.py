@@ -10,13 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.core.checks import Positive, Within, checked
+from ocisac_fast.core.results import Result
 
 Float64s = npt.NDArray[np.float64]
 Points = Annotated[int, Within(2, 10_000_000)]
 
 
-@dataclass(frozen=True, slots=True)
-class ExposureFront:
+@dataclass(frozen=True, slots=True, repr=False)
+class ExposureFront(Result):
     """Signals of communication and sensing over the exposure, shortest first.
 
     Attributes:

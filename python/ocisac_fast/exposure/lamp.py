@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.core.checks import InnerShare, ShareBelowOne, Within, checked, shown
+from ocisac_fast.core.results import Result
 from ocisac_fast.exposure.flicker import (
     FlickeringLight,
     cycles_below,
@@ -23,8 +24,8 @@ DIGITAL_SUM_SPANS = {"manchester": 2, "4b6b": 4, "8b10b": 6}  # largest - smalle
 _HALVINGS = 60
 
 
-@dataclass(frozen=True, slots=True)
-class LampFrequencies:
+@dataclass(frozen=True, slots=True, repr=False)
+class LampFrequencies(Result):
     """Result of :func:`flicker_free_frequencies`; Hz.
 
     Attributes:

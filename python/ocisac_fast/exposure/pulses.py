@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.core.checks import Positive, checked
+from ocisac_fast.core.results import Result
 
 Float64s = npt.NDArray[np.float64]
 
@@ -36,8 +37,8 @@ _MAX_MISFIT = 0.1  # of a ramp
 _erf = np.vectorize(math.erf, otypes=[float])
 
 
-@dataclass(frozen=True, slots=True)
-class PulseBands:
+@dataclass(frozen=True, slots=True, repr=False)
+class PulseBands(Result):
     """The bands of one recording.
 
     Attributes:
@@ -64,8 +65,8 @@ class PulseBands:
         return period, math.hypot(_spread(self.whole), _spread(self.split))
 
 
-@dataclass(frozen=True, slots=True)
-class PulseCalibration:
+@dataclass(frozen=True, slots=True, repr=False)
+class PulseCalibration(Result):
     """Result of :func:`calibrate_pulses`.
 
     Attributes:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import checked
+from ocisac_fast.core.results import Result
 
 Frame = npt.NDArray[Any]
 
@@ -27,8 +28,8 @@ class FileWarning(UserWarning):
     """A recording that was read incompletely."""
 
 
-@dataclass(frozen=True, slots=True)
-class LightResponse:
+@dataclass(frozen=True, slots=True, repr=False)
+class LightResponse(Result):
     """Relation of stored values to light; fields as in ``Camera``.
 
     Attributes:
@@ -84,8 +85,8 @@ class _Recorded:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Recording(_Recorded):
+@dataclass(frozen=True, slots=True, repr=False)
+class Recording(_Recorded, Result):
     """All frames of a file.
 
     Attributes:
@@ -102,8 +103,8 @@ class Recording(_Recorded):
     frame_rate: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
+@dataclass(frozen=True, slots=True, repr=False)
+class Part(Result):
     """A stretch of a recording.
 
     Attributes:

@@ -13,11 +13,12 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_columns
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
+from ocisac_fast.core.results import Result
 from ocisac_fast.tones.frequency import FoundFrequency, found_of
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Calibration:
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
+class Calibration(Result):
     """A row time measured with a light of known frequency.
 
     Attributes:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.core.checks import checked, shown
+from ocisac_fast.core.results import Result
 
 Float64s = npt.NDArray[np.float64]
 
@@ -22,8 +23,8 @@ _MAX_STARTS = 12  # number of best initial poses that are refined
 _WORST_STD = 0.3  # of the distance to the lights; above it no location is returned
 
 
-@dataclass(frozen=True, slots=True)
-class Location:
+@dataclass(frozen=True, slots=True, repr=False)
+class Location(Result):
     """Estimated position and orientation of the camera.
 
     Attributes:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_grey_frames
 from ocisac_fast.core.checks import checked
+from ocisac_fast.core.results import Result
 from ocisac_fast.lights.sources import LightSource, detect_sources
 
 _CLEAR_ENERGY = 100.0  # ratio of the lights' energies
@@ -23,8 +24,8 @@ _MAX_COLUMNS = 512
 _FLOOR = 8 / 255  # of the largest value, in logarithms
 
 
-@dataclass(frozen=True, slots=True)
-class ScanAxis:
+@dataclass(frozen=True, slots=True, repr=False)
+class ScanAxis(Result):
     """A read-out axis.
 
     Attributes:

@@ -13,10 +13,11 @@ from ocisac_fast.core.arrays import as_grey_frames, stored_box
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
+from ocisac_fast.core.results import Result
 
 
-@dataclass(frozen=True, slots=True)
-class LightSource:
+@dataclass(frozen=True, slots=True, repr=False)
+class LightSource(Result):
     """A modulated light in one frame.
 
     Attributes:

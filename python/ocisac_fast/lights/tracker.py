@@ -14,6 +14,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_grey_frames, box_in_time_order, in_stored_order
 from ocisac_fast.core.checks import checked, checked_class
 from ocisac_fast.core.regions import Region
+from ocisac_fast.core.results import Result
 from ocisac_fast.lights.recognition import KnownLight
 from ocisac_fast.lights.sources import LightSource, detect_sources, source_of
 
@@ -23,8 +24,8 @@ _DEVIATIONS = 4.0  # standard errors within which two frequencies are equal
 _RESOLVED = 0.2  # cycles over a box that they may differ by in any case: texture biases the frequency of few cycles
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Track:
+@dataclasses.dataclass(frozen=True, slots=True, repr=False)
+class Track(Result):
     """State of a tracked light after a frame.
 
     Attributes:

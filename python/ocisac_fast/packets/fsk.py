@@ -13,14 +13,15 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import Invertible, Within, checked
+from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Chips, Product, Sum, Tone, Waveform
 from ocisac_fast.packets.transmission import PacketFormat, transmit
 
 FloatArray = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class FskTransmission:
+@dataclass(frozen=True, repr=False, eq=False)
+class FskTransmission(Result):
     """A packet as tones, one per symbol time, repeated.
 
     Attributes:
@@ -59,8 +60,8 @@ class FskTransmission:
         return Sum(gates)
 
 
-@dataclass(frozen=True, slots=True)
-class FskSymbol:
+@dataclass(frozen=True, slots=True, repr=False)
+class FskSymbol(Result):
     """Detected tone of a frame.
 
     Attributes:

@@ -8,11 +8,12 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import Count, Invertible, checked
+from ocisac_fast.core.results import Result
 from ocisac_fast.packets.transmission import PacketFormat, encode_line_code, longest_payload, transmit
 
 
-@dataclass(frozen=True, slots=True)
-class Goodput:
+@dataclass(frozen=True, slots=True, repr=False)
+class Goodput(Result):
     """Bits of payload per second at three stages, and the number of frames per payload.
 
     Attributes:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.core.checks import checked, checked_class, count, shown
+from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Chips
 
 LINE_CODES = ("none", "manchester", "4b6b", "8b10b")
@@ -46,8 +47,8 @@ class PacketFormat:
         return {"line_code": code, "block_bytes": self.block_bytes, "preamble": self.preamble}
 
 
-@dataclass(frozen=True, eq=False)
-class Transmission:
+@dataclass(frozen=True, repr=False, eq=False)
+class Transmission(Result):
     """A packet as the light sends it: one cycle of blocks, repeated. See docs/reference/packets.md.
 
     Attributes:
@@ -76,8 +77,8 @@ class Transmission:
         return Chips(self.chips, chip_rate, start=start, repeat=True, amplitude=amplitude)
 
 
-@dataclass(frozen=True, slots=True)
-class Payload:
+@dataclass(frozen=True, slots=True, repr=False)
+class Payload(Result):
     """A complete payload with a correct CRC-32.
 
     Attributes:
@@ -91,8 +92,8 @@ class Payload:
     corrected: int
 
 
-@dataclass(frozen=True, slots=True)
-class Stretch:
+@dataclass(frozen=True, slots=True, repr=False)
+class Stretch(Result):
     """Result of the decoding of a stretch of chips.
 
     Attributes:

@@ -13,12 +13,13 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_frames, split_colours
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
+from ocisac_fast.core.results import Result
 
 FloatArray = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class Received:
+@dataclass(frozen=True, slots=True, repr=False)
+class Received(Result):
     """Chips of one source in one frame.
 
     If nothing could be decoded, ``bits`` is empty, the numbers are NaN and ``flags`` give the reason.

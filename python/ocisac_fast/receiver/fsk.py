@@ -11,13 +11,14 @@ from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import checked, checked_class, count
 from ocisac_fast.core.flags import Flag
+from ocisac_fast.core.results import Result
 from ocisac_fast.packets.fsk import FskSymbol, fsk_tones
 from ocisac_fast.packets.transmission import Payload, Stretch
 from ocisac_fast.receiver.stream import frame_colours, frame_number
 
 
-@dataclass(frozen=True, slots=True)
-class FskFrame:
+@dataclass(frozen=True, slots=True, repr=False)
+class FskFrame(Result):
     """Result of a frame.
 
     Attributes:

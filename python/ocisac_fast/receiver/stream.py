@@ -16,14 +16,15 @@ from ocisac_fast.core.arrays import as_frames, box_in_time_order, split_colours,
 from ocisac_fast.core.checks import Finite, InnerShare, Positive, checked, checked_class, count, shown
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
+from ocisac_fast.core.results import Result
 from ocisac_fast.exposure.choice import BestExposure
 from ocisac_fast.packets.transmission import PacketFormat, Payload, Stretch
 
 FloatArray = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class ReceivedFrame:
+@dataclass(frozen=True, slots=True, repr=False)
+class ReceivedFrame(Result):
     """Result of a frame. If no chips were detected, ``bits`` is empty and the numbers are NaN.
 
     Attributes:
@@ -174,8 +175,8 @@ class GainOptions:
     background: Finite = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class LightGain:
+@dataclass(frozen=True, slots=True, repr=False)
+class LightGain(Result):
     """The gain of a light's tone in a frame from its pooled columns, as in :func:`ocisac_fast.tone_gain`.
 
     Attributes:
@@ -199,8 +200,8 @@ class LightGain:
     flags: Flag
 
 
-@dataclass(frozen=True, slots=True)
-class SourceFrame:
+@dataclass(frozen=True, slots=True, repr=False)
+class SourceFrame(Result):
     """One light in a frame.
 
     Attributes:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import NotNegative, Positive, Within, checked_class
+from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Constant, Waveform
 from ocisac_fast.scene.course import check_light
 from ocisac_fast.scene.geometry import Array, Pinhole
@@ -67,8 +68,8 @@ class Ambient:
         check_light(self.waveform)
 
 
-@dataclass(frozen=True)
-class Voxels:
+@dataclass(frozen=True, repr=False)
+class Voxels(Result):
     """Points of the scene that pixels see.
 
     Attributes:

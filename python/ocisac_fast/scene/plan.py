@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Constant, Waveform
 from ocisac_fast.scene.blur import left_out, spread, widened
 from ocisac_fast.scene.course import Course, course
@@ -34,8 +35,8 @@ _MAX_PHASES = 65535
 _MAX_STEPS = 1 << 17
 
 
-@dataclass(frozen=True)
-class Part:
+@dataclass(frozen=True, repr=False)
+class Part(Result):
     """Treatment of one term by a plan.
 
     Attributes:
@@ -59,8 +60,8 @@ class Part:
         return f"{self.name} ({self.pixels} pixels): {', '.join(words)}; error up to {self.bound:.3g} DN"
 
 
-@dataclass(frozen=True, eq=False)
-class Plan:
+@dataclass(frozen=True, repr=False, eq=False)
+class Plan(Result):
     """Computation of `render`.
 
     Attributes:

@@ -14,6 +14,7 @@ from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.core.arrays import as_columns, in_stored_order
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
+from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Tone, integrate_exposure
 from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.sensing.region import sense_region
@@ -22,8 +23,8 @@ from ocisac_fast.tones.equalization import equalize
 _PHASES = 16
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RestoredContrast:
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
+class RestoredContrast(Result):
     """Contrast gain of columns before and after equalisation.
 
     Attributes:

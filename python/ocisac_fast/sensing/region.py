@@ -15,6 +15,7 @@ from ocisac_fast.core.arrays import as_grey_frames, stored_box
 from ocisac_fast.core.checks import InnerShare, NotNegative, Positive, Within, checked, checked_class, shown
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
+from ocisac_fast.core.results import Result
 from ocisac_fast.sensing.fit import (
     Columns,
     Fitted,
@@ -42,8 +43,8 @@ Float64s = npt.NDArray[np.float64]
 _COMMON_PHASE = 0.1  # rad; max. RMS spread of a light's phase over the columns
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BackgroundLight:
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
+class BackgroundLight(Result):
     """Light of other origin than the source, measured without the source.
 
     Attributes:
@@ -55,8 +56,8 @@ class BackgroundLight:
     std: Float64s
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SensedRegion:
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
+class SensedRegion(Result):
     """Measurements of a region of a picture, pooled over its columns and frames. NaN: unknown or not of this kind.
 
     Attributes:

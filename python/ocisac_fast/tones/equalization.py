@@ -12,13 +12,14 @@ from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_columns, in_time_order
 from ocisac_fast.core.checks import checked
+from ocisac_fast.core.results import Result
 
 Float64s = npt.NDArray[np.float64]
 Light = TypeVar("Light", Float64s, npt.NDArray[np.float32])
 
 
-@dataclass(frozen=True, slots=True)
-class EqualizerReport:
+@dataclass(frozen=True, slots=True, repr=False)
+class EqualizerReport(Result):
     """Limits of a result of :func:`equalize`.
 
     Attributes:

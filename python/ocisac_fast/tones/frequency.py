@@ -12,13 +12,14 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_columns
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
+from ocisac_fast.core.results import Result
 
 # Cycles per row, standard error, signal-to-noise ratio, highest harmonic, flags, (used, strength, saturated).
 CoreFound = tuple[float, float, float, int, int, tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ToneColumns:
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
+class ToneColumns(Result):
     """Selection of the columns that show a periodic light.
 
     Attributes:
@@ -33,8 +34,8 @@ class ToneColumns:
     saturated: bool
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FoundFrequency:
+@dataclass(frozen=True, slots=True, repr=False, eq=False)
+class FoundFrequency(Result):
     """A frequency estimated from the rows, common to all columns and frames.
 
     Attributes:

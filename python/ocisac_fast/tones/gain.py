@@ -12,14 +12,15 @@ from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_columns
 from ocisac_fast.core.checks import check_arguments
+from ocisac_fast.core.results import Result
 
 FloatArray = npt.NDArray[np.float64]
 
 _NO_BACKGROUND = np.zeros(0)
 
 
-@dataclass(frozen=True)
-class ToneGain:
+@dataclass(frozen=True, repr=False)
+class ToneGain(Result):
     """Gains of one or more tones, one value per column.
 
     Every array has the shape of the columns without the axis of rows: () for (rows,), (columns,) for (rows, columns),

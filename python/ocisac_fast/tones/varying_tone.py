@@ -12,11 +12,12 @@ from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_columns
 from ocisac_fast.core.checks import checked
+from ocisac_fast.core.results import Result
 from ocisac_fast.tones.gain import FloatArray, background_values, result_shape
 
 
-@dataclass(frozen=True)
-class VaryingToneGain:
+@dataclass(frozen=True, repr=False)
+class VaryingToneGain(Result):
     """Gains of a tone that may vary, one value per column, in arrays like those of :class:`ocisac_fast.ToneGain`.
 
     Attributes:
