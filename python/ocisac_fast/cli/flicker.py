@@ -51,7 +51,7 @@ def flicker(
     if plot is not None:
         from ocisac_fast.plots import plot_flicker_indices
 
-        plot_flicker_indices(lights, exposures, path=plot, **settings)
+        plot_flicker_indices(lights, exposures, path=plot, **settings)  # type: ignore[arg-type]
     if not as_json:
         header = ["lamp", "exposure", "FMI", "FDI", "MMP", "missed"]
         table = [[light_name(light), quantity(time, "s"), *(f"{v:.4f}" for v in each)] for light, time, each in rows]

@@ -15,7 +15,9 @@ from ocisac_fast.plots.picture import (
     PURPLE as PURPLE,
     RED as RED,
     SKY as SKY,
+    panels as panels,
     picture as picture,
+    series as series,
 )
 from ocisac_fast.plots.pulses import plot_pulses as plot_pulses
 from ocisac_fast.plots.receiver import draw_chips as draw_chips, plot_received as plot_received

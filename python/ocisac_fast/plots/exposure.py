@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from ocisac_fast.exposure.choice import best_exposure, exposure_objective
 from ocisac_fast.exposure.controller import best_noisy_exposure
 from ocisac_fast.exposure.fronts import exposure_front
-from ocisac_fast.plots.picture import BLUE, GREEN, ORANGE, RED, SKY, picture
+from ocisac_fast.plots.picture import BLUE, GREEN, ORANGE, RED, SKY, FilePath, figure_of, panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,21 +25,22 @@ def plot_exposure(
     f_comm: float,
     f_sense: float,
     *,
-    path: str | os.PathLike[str],
+    path: FilePath | None = None,
+    ax: Axes | None = None,
     weights: tuple[float, float] = (1.0, 1.0),
     bounds: tuple[float, float] | None = None,
-) -> None:
+) -> Axes:
     """Plot the objective over the exposure time with the choices of the methods.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``.
+        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
+        ax: axes to draw in; None: of a new figure.
         f_comm, f_sense, weights, bounds: as for ``best_exposure``.
     """
     shortest, longest = bounds or (0.0, 1.0 / min(f_comm, f_sense))
     exposures = np.linspace(shortest, longest, 4001)
     objective = np.asarray(exposure_objective(exposures, f_comm, f_sense, weights=weights))
-    with picture(path, 8.0, 4.2) as figure:
-        axes = figure.subplots()
+    with panels(path, ax, (8.0, 4.2)) as (axes,):
         axes.plot(exposures * 1e3, objective * 1e3, color=BLUE, lw=1.4)
         for method, best, style in _choices(f_comm, f_sense, weights, bounds):
             label = f"{method}: {best.exposure * 1e3:.4f} ms"
@@ -51,6 +51,7 @@ def plot_exposure(
             title=f"Communication {f_comm:g} Hz and sensing {f_sense:g} Hz",
         )
         axes.legend(loc="best")
+    return axes
 
 
 def _choices(f_comm: float, f_sense: float, weights: Any, bounds: Any) -> Iterator[tuple[str, Any, dict[str, Any]]]:
@@ -69,24 +70,26 @@ def plot_front(
     f_comm: float,
     f_sense: float,
     *,
-    path: str | os.PathLike[str],
+    path: FilePath | None = None,
+    ax: Sequence[Axes] | None = None,
     weights: tuple[float, float] = (1.0, 1.0),
     bounds: tuple[float, float] | None = None,
     noise_exposure: float | None = None,
-) -> None:
+) -> Figure:
     """Plot T |sinc| of communication over that of sensing, and the signal-to-noise ratios with noise.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``.
+        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
+        ax: two axes to draw in; None: of a new figure.
         f_comm, f_sense, weights, bounds: as for ``best_exposure``.
         noise_exposure: T_n of the second front, s; None: a tenth of a cycle of the slower tone.
     """
     slower = min(f_comm, f_sense)
     noise = _NOISE_CYCLES / slower if noise_exposure is None else noise_exposure
-    with picture(path, 11.0, 5.6) as figure:
-        left, right = figure.subplots(1, 2)
+    with panels(path, ax, (11.0, 5.6), (1, 2)) as (left, right):
         _draw_front(left, f_comm, f_sense, weights, bounds)
-        _draw_noisy_front(figure, right, f_comm, f_sense, weights, bounds, noise)
+        _draw_noisy_front(right, f_comm, f_sense, weights, bounds, noise)
+    return figure_of(left)
 
 
 def _draw_front(axes: Axes, f_comm: float, f_sense: float, weights: Any, bounds: Any) -> None:
@@ -111,9 +114,7 @@ def _draw_front(axes: Axes, f_comm: float, f_sense: float, weights: Any, bounds:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
 
 
-def _draw_noisy_front(
-    figure: Figure, axes: Axes, f_comm: float, f_sense: float, weights: Any, bounds: Any, noise: float
-) -> None:
+def _draw_noisy_front(axes: Axes, f_comm: float, f_sense: float, weights: Any, bounds: Any, noise: float) -> None:
     """Draw signal-to-noise ratios relative to an exposure T_n without loss; darker points are brighter pictures."""
     longest = (0.0, 1.0 / min(f_comm, f_sense)) if bounds is None else bounds
     front = exposure_front(f_comm, f_sense, bounds=longest, noise_exposure=noise)
@@ -125,7 +126,7 @@ def _draw_noisy_front(
     points = axes.scatter(
         decibel(front.comm), decibel(front.sense), c=front.exposure * 1e3, s=5, cmap="viridis_r", zorder=2
     )
-    figure.colorbar(points, ax=axes, label="exposure / ms, in proportion to the mean level")
+    figure_of(axes).colorbar(points, ax=axes, label="exposure / ms, in proportion to the mean level")
     low = max(longest[0], 1e-6 * longest[1])
     best: Any = best_noisy_exposure((f_comm, f_sense), weights, (low, longest[1]), noise_exposure=noise)
     closed: Any = best_exposure(f_comm, f_sense, method="closed-form")

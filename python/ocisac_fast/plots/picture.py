@@ -7,15 +7,20 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
 
 from ocisac_fast.core.checks import shown
 from ocisac_fast.files import FileError, atomic_path
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+FilePath = str | os.PathLike[str]
 
 BLACK, ORANGE, SKY, GREEN, BLUE, RED, PURPLE = (
     "#222222",
@@ -26,6 +31,8 @@ BLACK, ORANGE, SKY, GREEN, BLUE, RED, PURPLE = (
     "#D55E00",
     "#CC79A7",
 )
+_SERIES = (BLUE, ORANGE, GREEN, SKY, PURPLE, RED, BLACK)
+_LINES = ("-", "--", "-.", ":")
 _SUFFIXES = (".png", ".pdf", ".svg")
 _LOOK: Any = {
     "axes.grid": True,
@@ -45,22 +52,81 @@ _LOOK: Any = {
 
 
 @contextlib.contextmanager
-def picture(path: str | os.PathLike[str], width: float, height: float) -> Iterator[Figure]:
+def picture(path: FilePath, width: float, height: float) -> Iterator[Figure]:
     """A figure of the given size in inches in the package's style, written atomically: ``.png``, ``.pdf`` or ``.svg``.
 
     Raises:
         FileError: another suffix, or matplotlib is missing.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix not in _SUFFIXES:
+    with _figure(path, (width, height)) as figure:
+        yield figure
+
+
+@contextlib.contextmanager
+def panels(
+    path: FilePath | None,
+    ax: Axes | Sequence[Axes] | None,
+    size: tuple[float, float],
+    grid: tuple[int, int] = (1, 1),
+    **arrangement: Any,
+) -> Iterator[list[Axes]]:
+    """Axes of a plot in the package's style, row by row.
+
+    Args:
+        path: of the file that is written atomically, ``.png``, ``.pdf`` or ``.svg``; None: none.
+        ax: axes to draw in, as many as the grid has; None: those of a new figure, which is pyplot's where no file is
+            written, so that notebooks show it.
+        size: inches of a new figure.
+        grid: rows and columns of axes.
+        arrangement: as for ``Figure.subplots``.
+
+    Raises:
+        FileError: another suffix, or matplotlib is missing.
+        ValueError: another number of axes.
+    """
+    if ax is None:
+        with _figure(path, size) as figure:
+            yield list(figure.subplots(*grid, squeeze=False, **arrangement).flat)
+        return
+    drawn: list[Axes] = list(np.ravel(np.asarray(ax, dtype=object)))
+    if len(drawn) != grid[0] * grid[1]:
+        raise ValueError(f"ax: got {len(drawn)} axes, allowed: {grid[0] * grid[1]}")
+    with _figure(path, size, figure_of(drawn[0])):
+        yield drawn
+
+
+@contextlib.contextmanager
+def _figure(path: FilePath | None, size: tuple[float, float], figure: Figure | None = None) -> Iterator[Figure]:
+    """A figure, or the given one, in the package's style; afterwards it is written to ``path``."""
+    if path is not None and (suffix := Path(path).suffix.lower()) not in _SUFFIXES:
         raise FileError(f"{os.fspath(path)}: suffix: got {shown(suffix)}, allowed: {', '.join(_SUFFIXES)}")
     try:
-        import matplotlib
-        from matplotlib.figure import Figure
+        import matplotlib.figure
     except ModuleNotFoundError as error:
         raise FileError("plots need matplotlib: pip install 'ocisac-fast[cli]'") from error
     with matplotlib.rc_context(_LOOK):
-        figure = Figure(figsize=(width, height), layout="constrained")
+        if figure is None and path is None:
+            from matplotlib import pyplot
+
+            figure = pyplot.figure(figsize=size, layout="constrained")
+        elif figure is None:
+            figure = matplotlib.figure.Figure(figsize=size, layout="constrained")
         yield figure
-        with atomic_path(path) as temporary:
-            figure.savefig(temporary, dpi=120)
+        if path is not None:
+            with atomic_path(path) as temporary:
+                figure.savefig(temporary, dpi=120)
+
+
+def figure_of(axes: Axes) -> Figure:
+    """The figure that holds the axes."""
+    return cast("Figure", axes.figure)
+
+
+def series(count: int) -> list[dict[str, Any]]:
+    """Colour and line of ``count`` series that differ, in print too: seven colours; more are shades, dark to light."""
+    if count <= len(_SERIES):
+        return [{"color": colour, "ls": "-"} for colour in _SERIES[:count]]
+    from matplotlib import colormaps
+
+    shades = colormaps["viridis"](np.linspace(0.0, 0.92, count))
+    return [{"color": tuple(shade), "ls": _LINES[k % len(_LINES)]} for k, shade in enumerate(shades)]

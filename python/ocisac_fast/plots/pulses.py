@@ -2,33 +2,41 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ocisac_fast.exposure.pulses import PulseCalibration, box_ramp
-from ocisac_fast.plots.picture import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, SKY, picture
+from ocisac_fast.plots.picture import BLACK, RED, FilePath, figure_of, panels, series
 
-_COLOURS = (BLUE, ORANGE, GREEN, SKY, PURPLE)
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 def plot_pulses(
-    result: PulseCalibration, frequency: float, duties: Sequence[float], *, path: str | os.PathLike[str]
-) -> None:
+    result: PulseCalibration,
+    frequency: float,
+    duties: Sequence[float],
+    *,
+    path: FilePath | None = None,
+    ax: Sequence[Axes] | None = None,
+) -> Figure:
     """Plot the residuals of lit rows over the lamp's pulse width, and the measured ramps with the fitted box.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``.
+        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
+        ax: two axes to draw in; None: of a new figure.
         result: from ``calibrate_pulses``.
         frequency, duties: as given to it.
     """
     widths = np.asarray(duties) / frequency
-    with picture(path, 11.0, 4.2) as figure:
-        left, right = figure.subplots(1, 2)
+    colours = [one["color"] for one in series(len(duties))]
+    with panels(path, ax, (11.0, 4.2), (1, 2)) as (left, right):
         fitted = (widths + result.offset) / result.row_time
         for k, (rows, one) in enumerate(zip(result.rows, result.bands, strict=True)):
-            colour = _COLOURS[k % len(_COLOURS)]
+            colour = colours[k]
             left.errorbar(widths[k] * 1e3, rows - fitted[k], one.whole.std(), fmt="o", color=colour, capsize=3)
             offsets = np.linspace(-12, 12, one.ramps.shape[1])
             for side, style in ((0, "-"), (1, "--")):
@@ -47,3 +55,4 @@ def plot_pulses(
         title = f"Ramps: a box of {box:.1f} rows, blurred by {result.blur:.1f}"
         right.set(xlabel="rows from half height", ylabel="light", xlim=(-9, 9), title=title)
         right.legend(fontsize=7)
+    return figure_of(left)

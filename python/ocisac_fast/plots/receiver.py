@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,32 +11,41 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.core.arrays import in_time_order
-from ocisac_fast.plots.picture import BLUE, ORANGE, RED, picture
+from ocisac_fast.plots.picture import BLUE, ORANGE, RED, FilePath, figure_of, panels
 from ocisac_fast.receiver.blind import Received
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
-def plot_received(frame: npt.NDArray[Any], camera: Camera, *, path: str | os.PathLike[str], received: Received) -> None:
+def plot_received(
+    frame: npt.NDArray[Any],
+    camera: Camera,
+    *,
+    received: Received,
+    path: FilePath | None = None,
+    ax: Sequence[Axes] | None = None,
+) -> Figure:
     """Plot the combined column of a frame with the detected chips and levels.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``.
+        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
+        ax: axes to draw in, one below the other, each with its share of the rows; None: up to four of a new figure.
         frame: (height, width) or (height, width, colours), stored values.
         camera: as for ``receive``.
         received: result of ``receive`` for the frame.
     """
     rows = frame.shape[1 if camera.scan_axis.endswith("x") else 0]
-    lines = min(4, max(1, rows // 200))
+    lines = min(4, max(1, rows // 200)) if ax is None else np.asarray(ax, dtype=object).size
     edges = np.linspace(0, rows, lines + 1)
     found = f"{len(received.bits)} chips of {received.rows_per_chip:.4g} rows" if received.bits else "no chips found"
-    with picture(path, 11.0, 1.2 + 1.5 * lines) as figure:
-        every = figure.subplots(lines, squeeze=False)[:, 0]
+    with panels(path, ax, (11.0, 1.2 + 1.5 * lines), (lines, 1)) as every:
         for axes, first, last in zip(every, edges[:-1], edges[1:], strict=True):
             draw_chips(frame, camera, axes=axes, received=received, first=first, last=last)
         every[0].set_title(f"Combined column: {found}")
         every[-1].set_xlabel("row")
+    return figure_of(every[0])
 
 
 def draw_chips(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.lights.sources import LightSource
-from ocisac_fast.plots.picture import BLUE, GREEN, ORANGE, PURPLE, SKY, picture
+from ocisac_fast.plots.picture import BLUE, GREEN, ORANGE, PURPLE, SKY, FilePath, panels
 from ocisac_fast.sensing.region import SensedRegion
 
 if TYPE_CHECKING:
@@ -21,12 +20,11 @@ if TYPE_CHECKING:
 
 
 @contextlib.contextmanager
-def _over_frame(path: str | os.PathLike[str], frame: npt.NDArray[Any]) -> Iterator[Axes]:
+def _over_frame(path: FilePath | None, ax: Axes | None, frame: npt.NDArray[Any]) -> Iterator[Axes]:
     """Axes in stored pixels over the frame."""
     rows, columns = frame.shape
     step = max(1, max(rows, columns) // 2000)
-    with picture(path, 9.0, float(np.clip(9.0 * rows / columns, 3.0, 12.0))) as figure:
-        axes = figure.subplots()
+    with panels(path, ax, (9.0, float(np.clip(9.0 * rows / columns, 3.0, 12.0)))) as (axes,):
         extent = (0, columns, rows, 0)
         axes.imshow(frame[::step, ::step], cmap="gray", extent=extent, aspect="equal", interpolation="nearest")
         axes.set_xlabel("x / pixels")
@@ -35,19 +33,25 @@ def _over_frame(path: str | os.PathLike[str], frame: npt.NDArray[Any]) -> Iterat
 
 
 def plot_sources(
-    frame: npt.NDArray[Any], camera: Camera, *, path: str | os.PathLike[str], sources: list[LightSource]
-) -> None:
+    frame: npt.NDArray[Any],
+    camera: Camera,
+    *,
+    sources: list[LightSource],
+    path: FilePath | None = None,
+    ax: Axes | None = None,
+) -> Axes:
     """Plot a frame with box, number and frequency of every detected light; reflections are dashed.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``.
+        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
+        ax: axes to draw in; None: of a new figure.
         frame: (height, width), stored values.
         camera: as for ``detect_sources``.
         sources: result of ``detect_sources`` for the frame.
     """
     from matplotlib.patches import Rectangle
 
-    with _over_frame(path, frame) as axes:
+    with _over_frame(path, ax, frame) as axes:
         for index, source in enumerate(sources):
             colour = ORANGE if source.reflection_of is None else BLUE
             style = "-" if source.reflection_of is None else "--"
@@ -55,23 +59,31 @@ def plot_sources(
             axes.add_patch(Rectangle(corner, source.width, source.height, fill=False, ec=colour, ls=style, lw=1.2))
             text = f"{index}: {source.frequency:.4g} {_unit(camera)}"
             axes.annotate(text, corner, (0, 3), textcoords="offset points", color=colour, fontsize=8)
+    return axes
 
 
 def plot_regions(
-    frame: npt.NDArray[Any], camera: Camera, *, path: str | os.PathLike[str], regions: Sequence[SensedRegion]
-) -> None:
+    frame: npt.NDArray[Any],
+    camera: Camera,
+    *,
+    regions: Sequence[SensedRegion],
+    path: FilePath | None = None,
+    ax: Axes | None = None,
+) -> Axes:
     """Plot a frame with box and kind of every region, and an arrow for a known motion.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``.
+        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
+        ax: axes to draw in; None: of a new figure.
         frame: (height, width), stored values.
         camera: as for ``sense``.
         regions: result of ``sense`` for the frame.
     """
-    with _over_frame(path, frame) as axes:
+    with _over_frame(path, ax, frame) as axes:
         for index, region in enumerate(regions):
             _draw_region(axes, index, camera, region)
         axes.grid(False)
+    return axes
 
 
 def _unit(camera: Camera) -> str:

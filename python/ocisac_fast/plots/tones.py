@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,36 +12,39 @@ from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.light.response import exposure_response
-from ocisac_fast.plots.picture import BLACK, BLUE, RED, picture
+from ocisac_fast.plots.picture import BLACK, BLUE, RED, FilePath, figure_of, panels
 from ocisac_fast.tones.equalization import equalize
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 def plot_gain(
     columns: npt.NDArray[Any],
     camera: Camera,
     *,
-    path: str | os.PathLike[str],
     frequency: float,
     gain: float,
     waveform: str = "tone",
-) -> None:
+    path: FilePath | None = None,
+    ax: Sequence[Axes] | None = None,
+) -> Figure:
     """Plot the spectrum with the fitted tone and the exposure's response, and the column before and after equalisation.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``.
+        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
+        ax: two axes to draw in; None: of a new figure.
         columns: (rows, columns) of one frame, stored values; their mean is plotted.
         camera: as for ``tone_gain``; a row time of 1 shows cycles per row.
         frequency, gain: of the fitted tone.
         waveform: ``"tone"`` or ``"square"``, whose fundamental is 4/pi of its mean.
     """
     light = linear_light(columns, camera).mean(axis=1)
-    with picture(path, 9.0, 6.5) as figure:
-        top, bottom = figure.subplots(2)
+    with panels(path, ax, (9.0, 6.5), (2, 1)) as (top, bottom):
         _draw_spectrum(top, light, camera, frequency, gain, waveform)
         _draw_equalized(bottom, light, camera, frequency)
+    return figure_of(top)
 
 
 def _draw_equalized(axes: Axes, light: npt.NDArray[np.float64], camera: Camera, frequency: float) -> None:
