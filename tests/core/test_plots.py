@@ -7,7 +7,8 @@ import inspect
 import numpy as np
 import pytest
 
-matplotlib = pytest.importorskip("matplotlib")
+pytest.importorskip("matplotlib")
+import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 

@@ -15,7 +15,6 @@ from ocisac_fast.plots.picture import (
     PURPLE as PURPLE,
     RED as RED,
     SKY as SKY,
-    panels as panels,
     picture as picture,
     series as series,
 )
