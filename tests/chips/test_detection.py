@@ -6,7 +6,7 @@ from hypothesis import example, given, settings, strategies as st
 
 import ocisac_fast.chips as ocisac
 from ocisac_fast import Camera, reference
-from ocisac_fast.chips import DETECTORS, ChannelEstimate, ClockErrors, detector_error_rates, expose_chips
+from ocisac_fast.chips import ChannelEstimate, ClockErrors, expose_chips
 
 CAMERA = Camera(row_time=20e-6)
 
@@ -64,48 +64,6 @@ def test_detectors_agree_with_whole_matrices(seed, rows, shape, dtype, step, met
     np.testing.assert_allclose(got.llr, want.llr, rtol=0, atol=(1e-8 if rows > 2 else 1e-6) * scale)
 
 
-@settings(max_examples=settings.default.max_examples // 5)
-@given(
-    seed=st.integers(0, 2**32),
-    rows_per_chip=st.floats(2, 7),
-    length=st.floats(0.3, 6),
-    phase=st.floats(-20, 20),
-    method=st.sampled_from(["reduced", "mlse", "auto"]),
-)
-def test_sequences_are_those_of_the_plain_search(seed, rows_per_chip, length, phase, method):
-    channel = make_channel(rows_per_chip, length * rows_per_chip, phase, noise=2.0)
-    columns = make_columns(channel, (1, 130, 1), seed)[0][0, :, 0]
-    got = ocisac.detect_chips(columns, CAMERA, channel, method=method)
-    want = reference.detect_chips(columns, CAMERA, channel, "mlse")
-    edge = int(np.ceil(length)) + 1
-    sure = np.abs(got.llr) > (3 if method == "auto" else 1e-3)  # `auto`: the slicer may differ where it is in doubt
-    np.testing.assert_array_equal((got.bits == want.bits)[edge:-edge][sure[edge:-edge]], True)
-
-
-@pytest.mark.parametrize("method", DETECTORS)
-def test_frames_of_columns_are_read_like_each_by_itself(method):
-    channel = make_channel(3.7, 3.7 * 1.4)
-    columns, chips, first = make_columns(channel, (2, 300, 3), 1)
-    found = ocisac.detect_chips(columns, CAMERA, channel, method=method)
-    assert found.llr.shape == chips.shape
-    assert found.first == first
-    np.testing.assert_array_equal(found.bits[:, 3:-3], chips[:, 3:-3])
-    for frame in range(2):
-        for column in range(3):
-            alone = ocisac.detect_chips(columns[frame, :, column], CAMERA, channel, method=method)
-            np.testing.assert_array_equal(alone.llr, found.llr[frame, :, column])
-
-
-def test_the_tone_curve_is_undone():
-    camera = Camera(row_time=20e-6, tone_curve="gamma", gamma=2.2, dark_level=16)
-    channel = make_channel(4.2, 4.2 * 3.3, dark=(20.0,), swing=(150.0,), noise=0.5)
-    light, chips, _ = make_columns(channel, (1, 400, 1), 2)
-    white = 255 - 16
-    stored = 16 + white * (light[0, :, 0].clip(0) / white) ** (1 / 2.2)
-    found = ocisac.detect_chips(np.rint(stored).astype(np.uint8), camera, channel)
-    np.testing.assert_array_equal(found.bits[4:-4], chips[0, 4:-4, 0])
-
-
 def test_auto_takes_the_cheapest_that_is_right():
     def chosen(rows_per_chip, length, noise):
         channel = make_channel(rows_per_chip, length * rows_per_chip, noise=noise)
@@ -127,17 +85,6 @@ def test_the_expected_share_of_wrong_chips_is_what_is_counted():
     assert found.error_rate == pytest.approx(wrong, rel=0.3)
 
 
-def test_error_rates_fall_with_the_noise_and_order_the_detectors():
-    rates = [detector_error_rates(4.0, 5.3 * 4, noise) for noise in (0.02, 0.04, 0.08)]
-    for name in ("slicer", "inverse", "wiener", "dfe", "mlse"):
-        values = [getattr(rate, name) for rate in rates]
-        assert values == sorted(values)
-        assert values[0] >= 0
-        assert values[-1] < 0.5
-    for rate in rates:
-        assert rate.mlse < rate.dfe < rate.wiener < rate.inverse < rate.slicer
-
-
 @pytest.mark.parametrize(
     ("rows_per_chip", "length", "noise"), [(4.0, 0.5, 0.3), (1.0, 1.0, 0.2), (3.0, 2.0, 0.1), (2.0, 5.5, 0.04)]
 )
@@ -155,19 +102,3 @@ def test_an_exposure_of_the_most_chips_is_not_refused_by_rounding():
     assert channel.exposure_rows > 24 * channel.rows_per_chip
     chips = ocisac.detect_chips(np.ones(1080), CAMERA, channel, method="reduced")
     assert chips.llr.shape[0] > 0
-
-
-def test_other_bad_input_is_refused():
-    channel = make_channel(4.0, 8.0)
-    with pytest.raises(ValueError, match=f"method: got best, allowed: {', '.join(DETECTORS[:-1])} or auto"):
-        ocisac.detect_chips(np.ones(100), CAMERA, channel, method="best")
-    with pytest.raises(ValueError, match="exposure_rows: got 64, allowed: 0 to 15 chips"):
-        ocisac.detect_chips(np.ones(100), CAMERA, make_channel(4.0, 64.0), method="mlse")
-    with pytest.raises(ValueError, match="columns"):
-        ocisac.detect_chips(np.ones((2, 2, 2, 2)), CAMERA, channel)
-    with pytest.raises(ValueError, match="noise: got 0, allowed"):
-        detector_error_rates(4.0, 8.0, 0.0)
-    with pytest.raises(ValueError, match="exposure_rows: got 200, allowed: 0 to 24 chips"):
-        detector_error_rates(4.0, 200.0, 0.1)
-    with pytest.raises(ValueError, match=r"rows_per_chip: got 1e\+09, allowed: above 0, at most 1000"):
-        detector_error_rates(1e9, 5.0, 0.1)

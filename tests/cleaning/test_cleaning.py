@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import pickle
 from pathlib import Path
 from typing import Any, Literal
 
@@ -350,12 +349,6 @@ def test_a_picture_that_cleaning_would_make_worse_stays(seed: int, keep: Literal
         assert done.unchanged[0]
         np.testing.assert_array_equal(done.frames, stored if keep == "picture" else 0)
         assert not done.share.any()
-
-
-def test_options_pickle_and_print() -> None:
-    options = CleaningOptions(max_gain=4.0)
-    assert pickle.loads(pickle.dumps(options)) == options
-    assert repr(options) == "CleaningOptions(noise=None, max_gain=4.0, fill=False, toe=None)"
 
 
 @pytest.mark.parametrize("name", ["picture.png", "video.mkv"])

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from click.testing import CliRunner
-from hypothesis import given, settings, strategies as st
 
 from ocisac_fast import Camera, remove_bands
 from ocisac_fast.cleaning import VideoCleaner
@@ -121,24 +120,6 @@ def test_a_video_is_cleaned_once_its_frames_show_the_bands() -> None:
         if k >= 3:
             assert not done.unchanged[0]
             assert decibels(done.frames, 120 * picture) > decibels(stored, 120 * picture) + 5
-
-
-@given(st.integers(0, 2**32 - 1), st.booleans())
-@settings(max_examples=settings.default.max_examples // 25)
-def test_time_stamps_tell_the_frames_that_are_missing(seed: int, frame_time_is_known: bool) -> None:
-    """The phase advances meanwhile: without stamps it would be another frame's. Up to half of them are missing."""
-    random = np.random.default_rng(seed)
-    picture = boxes(5) * np.where(np.arange(ROWS) < 180, 1.0, 0.5)[:, None]
-    period = float(random.uniform(0.01, 0.1))
-    cleaner = VideoCleaner(Camera(1e-5, frame_time=period) if frame_time_is_known else CAMERA)
-    numbers = np.concatenate([np.arange(5), 4 + np.cumsum(random.integers(1, 3, 5))])
-    for k, number in enumerate(numbers):
-        stored = under(picture, 1.2, 0.12, 0.3 * number, seed=int(number))
-        jitter = random.uniform(-0.05, 0.05)
-        done = cleaner.push(stored, time=1000.0 + period * (number + jitter))
-        if k >= 4:
-            assert not done.unchanged[0]
-            assert decibels(done.frames, 120 * picture) > decibels(stored, 120 * picture) + 4
 
 
 def test_the_command_takes_the_time_stamps_of_a_video(tmp_path: Path) -> None:

@@ -95,34 +95,6 @@ def test_colours_keep_lights_of_their_own() -> None:
         assert psnr(done.frames[0], clean) > 38
 
 
-def test_another_scene_and_a_light_that_goes_out() -> None:
-    cleaner = VideoCleaner(CAMERA, level="mean")
-    frames = [one for seed in (1, 2) for one in list(video(seed, (0.0, 2.0)))[:4]]
-    for stored, clean in frames:
-        assert psnr(cleaner.push(stored).frames, clean) > psnr(stored, clean) + 10
-    dark, _ = shown(np.ones(ROWS), albedo(2, ROWS, COLUMNS), np.full((ROWS, COLUMNS), 6.0), 5)
-    done = cleaner.push(dark)
-    assert done.unchanged[0]
-    np.testing.assert_array_equal(done.frames, dark)
-    stored, clean = frames[-1]
-    again = cleaner.push(stored)
-    np.testing.assert_array_equal(again.frames, remove_bands(stored, CAMERA, level="mean").frames)
-
-
-def test_frames_of_another_size_begin_again() -> None:
-    cleaner = VideoCleaner(CAMERA)
-    (stored, _), *_ = video(3, (0.0, 0.0))
-    cleaner.push(stored)
-    np.testing.assert_array_equal(cleaner.push(stored[:200]).frames, remove_bands(stored[:200], CAMERA).frames)
-    cleaner.push(stored)
-    cleaner.forget()
-    np.testing.assert_array_equal(cleaner.push(stored).frames, remove_bands(stored, CAMERA).frames)
-    with pytest.raises(ValueError, match="frame: got 2 frames, allowed: one"):
-        cleaner.push(np.stack([stored, stored]))
-    with pytest.raises(ValueError, match="model: got 'sawtooth'"):
-        VideoCleaner(CAMERA, model="sawtooth")  # type: ignore[arg-type]
-
-
 @pytest.mark.parametrize("shape", [(8, 1), (9, 3), (200, 1), (8, 60)])
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 @pytest.mark.parametrize("kind", ["noise", "tone", "black", "white"])

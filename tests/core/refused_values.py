@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from valid_calls import CAMERA, FRAME, LENS, PLACES, PULSES, channel
 
-from ocisac_fast import Camera, chips, exposure, light, receiver, scene
+from ocisac_fast import Camera, chips, exposure, light, receiver, scene, sensing
 
 NAN, INF = math.nan, math.inf
 READ_ONLY = np.zeros(9)
@@ -84,6 +84,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "out": [np.zeros(4), np.zeros(9, np.float32), np.zeros(9, ">f8"), [0.0] * 9, READ_ONLY, UNALIGNED],
         "frames": [0, of(rows=1000, frames=10**6)],
     },
+    "light.exposure_response": {"frequency": [NAN, INF], "exposure": [-1.0, NAN]},
     "light.sample_waveform": {"times": [[0.0, NAN], ["a"]]},
     "tones.tone_gain": {
         "columns": [*NO_COLUMNS, of(columns=np.full((64, 8), 1e308), pooled=True)],
@@ -204,8 +205,10 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
                 "noise": [NAN],
             }.items()
         },
-        "channel": [of(channel=replace(channel(), swing=np.array([-1.0])))],
+        "channel": [of(channel=replace(channel(), swing=np.array([-1.0])))], "method": ["best"],
+        "columns": [np.ones((2, 2, 2, 2))],
     },
+    "chips.detector_error_rates": {"noise": [0.0], "exposure_rows": [200.0], "rows_per_chip": [1e9]},
     "packets.fsk_transmit": {"tones": [[100.0, 200.0, 300.0], [100.0, 100.0]]},
     "packets.fsk_demodulate": {
         "tones": [[1e5, 2e3]], "rows": [of(column=np.zeros(100), tones=[100.0, 2e3])],
@@ -246,6 +249,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "colour": [call(lambda: receiver.Receiver(CAMERA, colour=3).push(np.zeros((9, 9, 3))))],
         "time": [NAN], "exposure": [0.0], "gain": [-1.0],
     },
+    "receiver.MultiReceiver": {"regions": [[(1, 2, 3)]], "max_sources": [0], "gain": [True]},
     "receiver.GainOptions": {
         "frequency": [0.0], "waveform": ["saw"], "duty": [1.0], "background": [NAN, "dark"],
     },
@@ -277,7 +281,10 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     },
     "scene.render": {"frames": [2], "noise": [True], "threads": [0]},
     "sensing.sense": {"depth": [0.0], "unlit": [np.zeros((5, 5))], "waveform": ["saw"]},
+    "sensing.background_light": {"frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2))]},
     "sensing.sense_region": {
+        "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2))],
+        "frame_times": [of(motion=sensing.KnownMotion(frame_times=(0.0, 1.0)))],
         "frequency": [0.0, NAN], "waveform": ["saw"], "duty": [1.0], "depth": [0.0], "motion": ["across"],
         "frequency_std": [of(frequency=types.SimpleNamespace(frequency=517.0, frequency_std=-1.0))],
         "bounds": [of(frequency=None, bounds=(500.0, 400.0))], "others": [[0.0]],
@@ -285,6 +292,6 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     },
     "sensing.KnownMotion": {
         "axis": ["up"], "direction": [2], "pitch": [-1.0, "1mm"], "spatial_frequency": [0.0], "speed": [INF],
-        "bounds": [(5.0, 5.0)], "timing_tolerance": [0.0],
+        "bounds": [(5.0, 5.0)], "timing_tolerance": [0.0], "frame_times": [(0.0, 0.0)],
     },
 }  # fmt: skip

@@ -1,4 +1,5 @@
-"""Laws of every function of frames: layout in memory, type of the samples, read-out direction, threads, unit of light.
+"""Laws of every function of frames: layout in memory, type of the samples, read-out direction, threads, unit of light,
+tone curve, columns; and of every class of values.
 
 One list of operators, one list of laws. A law that an operator does not have is named beside it, with the reason.
 """
@@ -6,12 +7,14 @@ One list of operators, one list of laws. A law that an operator does not have is
 from __future__ import annotations
 
 import dataclasses
+import pickle
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+from test_bad_values import FUNCTIONS, call
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Chips, SquareWave, integrate_exposure
@@ -96,16 +99,25 @@ OPERATORS = {
     "detect_chips": Operator(
         lambda f, c: {"llr": ocisac.detect_chips(f, c, CHIP_FIT.channel).llr}, DATA, exact=1e-9, unit=None
     ),
-    "sense_region": Operator(lambda f, c: ocisac.sense_region(f, c, 170.0), MOVING, stored=True, exact=1e-2, unit=None),
+    "sense_region": Operator(
+        lambda f, c: ocisac.sense_region(f, c, 170.0), MOVING, stored=True, exact=1e-2, unit=("mean",)
+    ),
     "background_light": Operator(lambda f, c: ocisac.background_light(f, c), SQUARE, exact=1e-9, unit=("mean", "std")),
     "remove_bands": Operator(
-        lambda f, c: {"light": ocisac.remove_bands(f, c).light}, PICTURE[:150, :24], stored=True, exact=2e-2, unit=None
+        lambda f, c: {"light": ocisac.remove_bands(f, c).frames}, PICTURE[:150, :24], exact=None, unit=None
     ),
-    "subtract_still": Operator(
-        lambda f, c: {"light": ocisac.subtract_still(f, c)}, MOVING, stored=True, unit=("light",)
+    "subtract_still": Operator(lambda f, c: {"light": ocisac.subtract_still(f, c)}, MOVING, unit=("light",)),
+    "Receiver": Operator(lambda f, c: ocisac.Receiver(c, chip_rate=4000.0).push(f), DATA, exact=1e-3, unit=None),
+    "MultiReceiver": Operator(
+        lambda f, c: ocisac.MultiReceiver(c, chip_rate=4000.0).push(f), DATA, stored=True, exact=1e-3, unit=None
     ),
 }
 
+# Other rows are added; pixels as stored serve for a frequency; stored values are restored.
+CURVED = {"tone_gain, fast", "find_frequency", "tone_columns", "remove_bands"}
+BY_COLUMN = ("tone_gain", "varying_tone_gain", "equalize", "linear_light", "detect_chips", "background_light")
+APART = [name for name in OPERATORS if name.startswith(BY_COLUMN) and not name.endswith(("robust", "pooled"))]
+VALUES = [name for name, kind in FUNCTIONS.items() if dataclasses.is_dataclass(kind)]
 SUMMED = {"tone_gain, pooled", "tone_gain, robust", "background_light", "sense_region"}  # in the order of the memory
 
 
@@ -207,3 +219,32 @@ def test_the_unit_of_light_is_that_of_the_samples(name: str) -> None:
     light, camera = operator.frames.astype(np.float64), dataclasses.replace(CAMERA, white_level=None)
     got, want = (operator.call(factor * light, camera) for factor in (2.0**-9, 1.0))
     assert_same(got, want, 1e-9, dict.fromkeys(operator.unit or (), 2.0**-9))
+
+
+@pytest.mark.parametrize("name", sorted(OPERATORS.keys() - CURVED))
+def test_a_tone_curve_is_undone_first(name: str) -> None:
+    operator = OPERATORS[name]
+    curved = dataclasses.replace(CAMERA, tone_curve="gamma", gamma=2.0, dark_level=5.0)
+    light = linear_light(operator.frames, curved)
+    got, want = operator.call(operator.frames.astype(np.float64), curved), operator.call(light, CAMERA)
+    assert_same(got, want, 1e-9)
+
+
+@pytest.mark.parametrize("name", APART)
+def test_a_column_is_answered_as_alone(name: str) -> None:
+    operator = OPERATORS[name]
+    every, alone = (dict(numbers(operator.call(operator.frames[..., part], CAMERA))) for part in (slice(None), [5]))
+    for key, values in alone.items():
+        if values.ndim:
+            np.testing.assert_allclose(every[key][..., 5:6], values, rtol=0, atol=1e-12 * np.abs(values).max())
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_a_value_is_frozen_pickles_and_prints_its_fields(name: str) -> None:
+    value = call(name, {})
+    assert repr(pickle.loads(pickle.dumps(value))) == repr(value)
+    first, *rest = (field.name for field in dataclasses.fields(value) if field.repr)
+    assert repr(value).startswith(f"{type(value).__name__}({first}=")
+    assert all(f", {field}=" in repr(value) for field in rest)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(value, first, 1)

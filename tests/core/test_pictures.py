@@ -12,14 +12,12 @@ from ocisac_fast import (
     Receiver,
     SourceTracker,
     detect_sources,
-    equalize,
     find_frequency,
     integrate_exposure,
     receive,
     remove_bands,
     sense,
     subtract_still,
-    tone_gain,
     transmit,
 )
 from ocisac_fast.core.arrays import box_in_time_order, in_stored_order, in_time_order, stored_box
@@ -52,25 +50,6 @@ def test_views_and_boxes_turn_and_return(axis):
     part = in_time_order(stored[:, y : y + height, x : x + width], axis)
     np.testing.assert_array_equal(part, view[:, 2:3, 1:4])
     assert box_in_time_order((x, y, width, height), view.shape[1:], axis) == box
-
-
-@pytest.mark.parametrize("axis", AXES[1:])
-def test_pictures_of_any_read_out_give_the_same(axis):
-    picture, camera = lamp(), turned(axis)
-    stored = in_stored_order(picture, axis)
-    np.testing.assert_array_equal(tone_gain(stored, camera, 5e3).gain, tone_gain(picture, CAMERA, 5e3).gain)
-    assert find_frequency(stored, camera).frequency == find_frequency(picture, CAMERA).frequency
-    np.testing.assert_array_equal(in_time_order(equalize(stored, camera), axis), equalize(picture, CAMERA))
-    out = np.empty(stored.shape)
-    assert equalize(stored, camera, out=out) is out
-    np.testing.assert_array_equal(in_time_order(out, axis), equalize(picture, CAMERA))
-    cleaned, want = remove_bands(stored, camera), remove_bands(picture, CAMERA)
-    for name in ("frames", "marks", "share"):
-        np.testing.assert_array_equal(in_time_order(getattr(cleaned, name), axis), getattr(want, name))
-    stack = np.stack([stored, stored // 2])
-    np.testing.assert_array_equal(
-        in_time_order(subtract_still(stack, camera), axis), subtract_still(np.stack([picture, picture // 2]), CAMERA)
-    )
 
 
 @pytest.mark.parametrize("axis", AXES)

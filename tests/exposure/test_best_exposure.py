@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import time
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings, strategies as st
+from hypothesis import given, settings, strategies as st
 
 import ocisac_fast as of
 from ocisac_fast import reference
@@ -80,17 +79,6 @@ class TestPublishedFigures:
 
 
 class TestExact:
-    @settings(deadline=None, max_examples=settings.default.max_examples // 2)
-    @given(frequencies, frequencies, weights, weights)
-    @example(20.0, 5000.0, 1.0, 1.0)
-    def test_two_tones_against_brute_force(self, f_1: float, f_2: float, w_1: float, w_2: float) -> None:
-        best = of.best_exposure(f_1, f_2, weights=(w_1, w_2))
-        brute = reference.best_exposure(f_1, f_2, weights=(w_1, w_2))
-        assert best.objective == pytest.approx(brute.objective, rel=1e-10)
-        lobe = math.floor(max(f_1, f_2) / (2 * min(f_1, f_2)))
-        tied = lobe > 0 and max(f_1, f_2) == 2 * lobe * min(f_1, f_2)  # a null lies on the axis of symmetry
-        assert lobe - tied - 1e-9 <= best.exposure * max(f_1, f_2) <= lobe + 1 + 1e-9 or f_1 == f_2
-
     @settings(deadline=None, max_examples=2 * settings.default.max_examples // 5)
     @given(st.lists(frequencies, min_size=2, max_size=4), st.data())
     def test_bounds_and_more_tones_against_brute_force(self, tones: list[float], data: st.DataObject) -> None:
@@ -113,13 +101,6 @@ class TestExact:
         assert best.objective == pytest.approx(brute.objective, rel=1e-12)
         assert search.objective == pytest.approx(brute.objective, rel=1e-12)
         assert best.exposure / step == pytest.approx(round(best.exposure / step), abs=1e-9)
-
-    @settings(deadline=None, max_examples=3 * settings.default.max_examples // 10)
-    @given(frequencies, frequencies, weights, weights)
-    def test_constant_time_and_lobes_agree(self, f_1: float, f_2: float, w_1: float, w_2: float) -> None:
-        two = of.best_exposure(f_1, f_2, weights=(w_1, w_2))
-        lobes = of.best_exposure(f_1, f_2, weights=(w_1, w_2), bounds=(0, 1 / min(f_1, f_2)))
-        assert lobes.objective == pytest.approx(two.objective, rel=1e-13)
 
     def test_a_longer_domain_is_better_for_70_of_the_100_ratios(self) -> None:
         paper = of.best_exposure(F_MAX, F_MIN)
@@ -161,13 +142,6 @@ class TestExact:
         more = of.best_exposure(f_comm, f_sense, weights=(1, 1, 2), more=[np.array([150.0, 90.0])])
         assert np.shape(more.exposure) == (3, 2)
 
-    def test_more_than_a_million_a_second(self) -> None:
-        rng = np.random.default_rng(1)
-        f_comm, f_sense = rng.uniform(50, 5000, (2, 200_000))
-        start = time.perf_counter()
-        of.best_exposure(f_comm, f_sense)
-        assert time.perf_counter() - start < 1.0  # 5 times slower than claimed, for busy machines
-
 
 class TestObjective:
     @settings(deadline=None, max_examples=settings.default.max_examples // 2)
@@ -190,18 +164,3 @@ class TestObjective:
         expected = reference.exposure_objective(exposures[:, None], np.array([200.0, 300.0]), 100.0, (1, 2, 3), [50.0])
         assert np.shape(values) == (7, 2)
         assert np.allclose(values, expected, rtol=1e-13, atol=0)
-
-
-class TestRefusals:
-    @pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, 1e-320])
-    def test_frequencies(self, bad: float) -> None:
-        with pytest.raises(ValueError, match=r"frequency: got .*allowed: a finite number above 0"):
-            of.best_exposure(bad, 100.0)
-        with pytest.raises(ValueError, match=r"frequency: got "):
-            of.best_exposure(np.array([100.0, 200.0]), np.array([100.0, bad]))
-
-    def test_objective(self) -> None:
-        with pytest.raises(ValueError, match="exposure: got -1"):
-            of.exposure_objective(-1.0, 100.0, 200.0)
-        with pytest.raises(ValueError, match="weights: got 1 values"):
-            of.exposure_objective(0.1, 100.0, 200.0, weights=(1,))

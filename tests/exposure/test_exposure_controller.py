@@ -37,13 +37,6 @@ class TestBestNoisyExposure:
         found = reference.best_noisy_exposure(f, w, CAMERA, noise_exposure=noise, step=step)
         assert found.objective * (1 - 1e-12) <= best.objective <= found.objective * (1 + 1e-9)
 
-    @settings(max_examples=3 * settings.default.max_examples // 10)
-    @given(frequencies, frequencies, st.floats(1e-6, 1.0), st.floats(1e-6, 1.0))
-    def test_without_noise_it_is_eq_18(self, f_c: float, f_s: float, w_c: float, w_s: float) -> None:
-        best = best_noisy_exposure((f_c, f_s), (w_c, w_s), (1e-7, 1 / min(f_c, f_s)))
-        exact = of.best_exposure(f_c, f_s, weights=(w_c, w_s))
-        assert best.objective == pytest.approx(exact.objective, rel=1e-9)
-
 
 def measurements(seed: int, frames: int) -> list[ExposureMeasurement]:
     """A random drive: tones that drift, jump and vanish, a scene that brightens and darkens and at times saturates."""
@@ -159,26 +152,6 @@ class TestController:
             check_choice(said, last, measured, radiance, options)
             check_brightness(said, last, measured, radiance, options, clipped)
             last = said
-
-    def test_a_limit_after_saturation_recovers(self) -> None:
-        """Saturation shortens by 0.7; relative to the brightness the limit then recovers by 0.2 % a frame."""
-        controller = of.ExposureController(CAMERA)
-        first = controller.update(ExposureMeasurement([500.0], exposure=5e-3, gain=1.0, level=0.5, saturated=0.2))
-        assert first.bounds[1] == pytest.approx(0.7 * 5e-3)
-        exposure, limit, before = first.exposure, first.bounds[1], 0.5 / 5e-3
-        for radiance in (100.0, 100.0, 90.0, 110.0):
-            said = controller.update(ExposureMeasurement([500.0], level=radiance * exposure))
-            limit *= 1.002 * before / radiance
-            assert said.bounds[1] == pytest.approx(limit, rel=1e-9)
-            exposure, before = said.exposure, radiance
-
-    @pytest.mark.parametrize("options", OPTIONS)
-    def test_costs_no_more_than_the_hysteresis(self, options: dict[str, float]) -> None:
-        controller = of.ExposureController(CAMERA, **options)
-        hysteresis = options.get("hysteresis", 0.01)
-        for measurement in measurements(2, 200):
-            mine = controller.update(measurement)
-            assert mine.objective * (1 + hysteresis) >= mine.best_objective * (1 - 1e-12)
 
     def test_does_not_hunt(self) -> None:
         random = np.random.default_rng(3)

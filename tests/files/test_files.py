@@ -314,14 +314,14 @@ import numpy as np
 from ocisac_fast.files import read_frames, write_frames
 
 limit, size, path = sys.argv[1:]
-frames = np.random.default_rng(0).integers(0, 255, (8, 480, 640), np.uint8)
+frames = np.random.default_rng(0).integers(0, 255, (1 if path in ("a.png", "a.jpg") else 8, 480, 640), np.uint8)
 for imported in (".png", ".mkv", ".jpg"):
     write_frames("small" + imported, frames[:1, :16, :16])
 used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
 most = int(size) + (used if limit == "RLIMIT_AS" else 0)
 resource.setrlimit(getattr(resource, limit), (most, most))
 try:
-    read_frames(path) if limit == "RLIMIT_AS" else write_frames(path, frames[: 1 if path[1:] in (".png", ".jpg") else 8])
+    read_frames(path) if limit == "RLIMIT_AS" else write_frames(path, frames)
 except (OSError, ValueError) as error:
     print(type(error).__name__, error)
 """

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import pickle
 from fractions import Fraction
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from scipy.integrate import quad
 
 from ocisac_fast import (
     Camera,
@@ -76,68 +74,6 @@ def test_agrees_with_the_reference(parts, exposure, start, length, order, frames
     if exposure == 0 and wrong.any():
         wrong &= ~near_an_edge(waveform, camera, rows, start, frames)
     assert not wrong.any(), (got[wrong], want[wrong])
-
-
-SLOW = st.floats(1, 2e3)
-FACTORS = (
-    st.builds(Tone, frequency=st.just(0.0) | SLOW, amplitude=LEVELS, phase=PHASES, depth=st.floats(0, 1))
-    | st.builds(SquareWave, frequency=st.just(0.0) | SLOW, duty=st.floats(0.01, 0.99), phase=PHASES)
-    | st.builds(Chips, levels=LISTS, chip_rate=SLOW, start=STARTS, repeat=st.booleans())
-    | CONSTANTS
-)
-
-
-@settings(max_examples=settings.default.max_examples // 2, deadline=None)
-@given(
-    factors=st.lists(FACTORS | st.builds(lambda a, b: a + b, FACTORS, FACTORS), min_size=1, max_size=3),
-    sampled=st.none()
-    | st.builds(TriangleWave, frequency=st.just(0.0) | SLOW, phase=PHASES)
-    | st.builds(Samples, values=LISTS, sample_rate=SLOW, start=STARTS, repeat=st.booleans()),
-    exposure=st.just(0.0) | st.floats(1e-6, 1e-2) | st.floats(0.01, 0.05),
-    start=st.floats(-1, 1),
-    length=st.sampled_from([1, 2, 31]),
-    frames=st.none() | st.just(2),
-)
-def test_products_agree_with_quadrature(factors, sampled, exposure, start, length, frames):
-    """The reference integrates products by Gauss-Legendre nodes between the edges."""
-    camera = Camera(22.2e-6, exposure, 1 / 30)
-    rows = (np.arange(length) * 7919) % 1080 - 100
-    waveform = Product([*factors, *([] if sampled is None else [sampled])])
-    got = integrate_exposure(waveform, camera, rows, start=start, frames=frames)
-    want = reference.integrate_exposure(waveform, camera, rows, start, frames)
-    wrong = np.abs(got - want) > 1e-12 * max(1, np.abs(want).max())
-    if exposure == 0 and wrong.any():
-        wrong &= ~near_an_edge(waveform, camera, rows, start, frames)
-    assert not wrong.any(), (got[wrong], want[wrong])
-
-
-@pytest.mark.parametrize(
-    "waveform",
-    [
-        Tone(500.0, phase=0.4),
-        SquareWave(700.0, duty=0.3, phase=-0.4),
-        TriangleWave(700.0, phase=-0.4, depth=0.8),
-        Chips("01101", 3e3, repeat=True),
-        Chips("01101", 3e3, repeat=True, rise=0.5, fall=2.0),
-        Chips([0, 1, 0.3], 3e3, start=0.01, rise=0.2),
-        Samples([0.0, 1.0, 0.3], 2e3, start=0.01),
-        Tone(500.0) * SquareWave(175.0, duty=0.5, phase=1.0),
-        Samples([0.0, 1.0, 0.3], 2e3, repeat=True) * Tone(876.0, depth=0.5) * SquareWave(175.0),
-    ],
-    ids=repr,
-)
-@pytest.mark.parametrize("exposure", [0.000622, 0.0049])
-def test_agrees_with_numerical_quadrature(waveform, exposure):
-    camera = Camera(22.2e-6, exposure)
-    rows = np.array([0, 400, 719])
-    got = integrate_exposure(waveform, camera, rows, start=0.01)
-    for mean, end in zip(got, 0.01 + rows * 22.2e-6, strict=True):
-        points = np.linspace(end - exposure, end, 400)
-        light = sum(
-            quad(lambda t: float(sample_waveform(waveform, t)), a, b, limit=60, epsabs=1e-12)[0]
-            for a, b in pairwise(points)
-        )
-        assert mean == pytest.approx(light / exposure, abs=1e-7)
 
 
 def test_a_triangle_wave_has_a_fundamental_of_8_over_pi_squared():

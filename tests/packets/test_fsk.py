@@ -11,7 +11,7 @@ import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag, reference
 from ocisac_fast.cli import main
 from ocisac_fast.packets import PacketFormat
-from ocisac_fast.packets.fsk import fsk_demodulate, fsk_symbol_error_rate, fsk_transmit
+from ocisac_fast.packets.fsk import fsk_demodulate, fsk_transmit
 from ocisac_fast.receiver.fsk import FskReceiver
 
 ROW_TIME, ROWS, FRAME_TIME = 22.2e-6, 1080, 1 / 30
@@ -42,36 +42,6 @@ def test_agrees_with_the_reference(seed, count, rows, noise):
         ones = [(index >> (len(got.llr) - 1 - bit)) & 1 == 1 for index in range(count)]
         expected = log_likelihoods[ones].max() - log_likelihoods[np.logical_not(ones)].max()
         assert llr == pytest.approx(expected, rel=1e-6, abs=1e-5)
-
-
-@pytest.mark.parametrize("count", [2, 4, 16])
-def test_the_error_rate_is_the_binomial_sum(count):
-    for snr in (0.0, 0.5, 3.0, 10.0, 20.0):
-        assert fsk_symbol_error_rate(count, snr) == pytest.approx(
-            reference.fsk_symbol_error_rate(count, snr), rel=1e-4, abs=1e-12
-        )
-    assert fsk_symbol_error_rate(256, 0.0) == pytest.approx(255 / 256, rel=1e-4)
-    assert 0 < fsk_symbol_error_rate(256, 60.0) < 1e-10
-
-
-@pytest.mark.parametrize(("count", "snr"), [(2, 4.0), (4, 5.0), (16, 7.0)])
-def test_errors_are_as_many_as_theory_says(count, snr):
-    """Orthogonal tones in white noise at a known ratio: within four standard errors of the noncoherent bound."""
-    random, tones = np.random.default_rng(count), tones_of(count)
-    frames = 1500
-    noise = math.sqrt(ROWS / (4 * snr))
-    turns = 2 * np.pi * np.outer(tones, ROW_TIME * np.arange(ROWS))
-    wrong, rates = 0, []
-    for _ in range(frames):
-        sent = int(random.integers(count))
-        column = np.cos(turns[sent] + random.uniform(0, 2 * np.pi)) + noise * random.standard_normal(ROWS)
-        got = fsk_demodulate(column, Camera(ROW_TIME), tones)
-        wrong += got.symbol != sent
-        rates.append(got.snr)
-    expected = reference.fsk_symbol_error_rate(count, snr)
-    spread = math.sqrt(expected * (1 - expected) / frames)
-    assert abs(wrong / frames - expected) < 4 * spread
-    assert np.median(rates) == pytest.approx(snr, rel=0.2)
 
 
 @pytest.mark.parametrize("count", [4, 8])

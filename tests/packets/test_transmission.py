@@ -2,7 +2,6 @@
 
 import json
 import pathlib
-import pickle
 import shutil
 import subprocess
 import zlib
@@ -150,110 +149,6 @@ def test_a_kilobyte_comes_whole_through_the_gap_between_frames(drift):
         assert (
             frames_needed(payload, {"start": start, "drift": drift, "edge": 2}, 1e-3, PacketFormat(), int(start)) <= 122
         )
-
-
-@given(
-    code=st.sampled_from(CODES),
-    length=st.integers(1, 120),
-    start=st.floats(0, 5e4),
-    drift=st.floats(-1e-3, 1e-3),
-    block_bytes=st.integers(1, 12),
-    flips=st.sampled_from([0.0, 1e-3, 5e-3]),
-)
-@settings(max_examples=3 * settings.default.max_examples // 10)
-def test_whatever_is_sent_and_survives_comes_back(code, length, start, drift, block_bytes, flips):
-    packets = PacketFormat(line_code=code, block_bytes=block_bytes)
-    payload = np.random.default_rng(length).bytes(min(length, ocisac.longest_payload(format=packets)))
-    frames_needed(payload, {"start": start, "drift": drift, "edge": 1}, flips, packets, length)
-
-
-def test_packets_that_follow_each_other_and_a_clock_that_jumps():
-    random = np.random.default_rng(8)
-    assembler, got, first = PacketAssembler(), [], 0
-    payloads = [random.bytes(length) for length in (200, 200, 57)]
-    for number, payload in enumerate(payloads, start=255):
-        camera = Camera(ocisac.transmit(payload, number=number % 256).chips, start=random.uniform(0, 3000))
-        for index in range(60):
-            if index == 20:
-                assembler.lose_clock()
-                camera.start += 12_345.6
-                first = -7_000_000
-            place, chips = camera.frame(index)
-            report = assembler.push(first + place, soft(chips))
-            if report.payload is not None:
-                got.append((report.payload.number, report.payload.data))
-        first += 10_000_000
-        assembler.lose_clock()
-    assert list(dict.fromkeys(got)) == [(255, payloads[0]), (0, payloads[1]), (1, payloads[2])]
-
-
-def test_a_slip_of_a_chip_heals_and_repeated_and_dark_frames_are_left_out():
-    payload = bytes(range(200)) * 2
-    sent = ocisac.transmit(payload)
-    camera, assembler = Camera(sent.chips, start=77), PacketAssembler()
-    outcomes = []
-    for index in range(120):
-        first, chips = camera.frame(index)
-        report = assembler.push(first + index // 15, soft(chips))
-        outcomes.append(report.outcome)
-        assert assembler.push(first, soft(chips)).outcome == "repeated"
-        if report.payload is not None:
-            assert report.payload.data == payload
-            break
-    else:
-        raise AssertionError("the payload never came")
-    assert index < 70
-    assert assembler.push(10**6, np.zeros(190)).outcome == "unreadable"
-    assert set(outcomes) <= {"placed", "waiting"}
-
-
-def test_a_format_pickles_and_prints():
-    packets = PacketFormat(line_code=["01", "10"])
-    assert pickle.loads(pickle.dumps(packets)) == packets == PacketFormat(line_code=("01", "10"))
-    assert repr(packets) == "PacketFormat(line_code=('01', '10'), block_bytes=16, preamble='standard')"
-    assert ocisac.transmit(b"a").format == PacketFormat()
-
-
-def test_the_report_tells_how_much_is_there():
-    sent = ocisac.transmit(bytes(300))
-    assembler = PacketAssembler()
-    whole = assembler.push(0, soft(sent.chips[: 5 * sent.block_chips]))
-    assert (whole.outcome, whole.blocks, whole.bytes, whole.violations) == ("placed", 5, 80, 0)
-    seen = 80 / sent.codewords / sent.codeword_data
-    assert abs(whole.share - seen) <= 1 / sent.codeword_data
-    damaged = soft(sent.chips[5 * sent.block_chips : 6 * sent.block_chips])
-    damaged[46:78:2] = damaged[47:79:2]
-    again = assembler.push(5 * sent.block_chips, damaged)
-    assert (again.blocks, again.bytes, again.violations) == (1, 14, 16)
-
-
-def corrupted_tries(tries, seed):
-    """Payloads out of damaged cycles: how many came, and that none of them is wrong."""
-    random = np.random.default_rng(seed)
-    came = 0
-    packets = PacketFormat(line_code="none", block_bytes=6)
-    both = [ocisac.transmit(random.bytes(length), format=packets, number=length) for length in (9, 40)]
-    for attempt in range(tries):
-        sent = both[attempt % 2]
-        keep = sent.codeword_data + random.integers(0, 30)
-        begin = random.integers(0, sent.blocks // 2) * sent.block_chips
-        chips = sent.chips[begin : begin + (keep * sent.codewords // 6 + 4) * sent.block_chips]
-        rate = random.choice([0.002, 0.02, 0.1, 0.5])
-        chips = chips ^ (random.random(len(chips)) < rate)
-        payload = PacketAssembler(format=packets).push(0, soft(chips)).payload
-        if payload is not None:
-            came += 1
-            assert (payload.data, payload.number) == (sent.payload, sent.number)
-    return came
-
-
-def test_never_a_wrong_payload():
-    assert 500 < corrupted_tries(10_000, 3) < 9_000
-
-
-@pytest.mark.nightly
-def test_never_a_wrong_payload_in_a_million_tries():
-    assert corrupted_tries(1_000_000, 4) > 50_000
 
 
 def test_the_command_writes_every_kind_of_file(tmp_path, capsysbinary):

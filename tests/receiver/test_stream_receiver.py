@@ -139,24 +139,6 @@ def test_another_packet_and_a_jump_of_the_clock():
     assert list(dict.fromkeys(got)) == [(0, b"first " * 20), (1, b"second" * 25)]
 
 
-def test_pixels_of_any_kind():
-    light = Light(b"pixels", seed=6, noise=0.0)
-    across = np.linspace(0.3, 1, 24)
-    receivers = [Receiver(light.camera, chip_rate=CHIP_RATE) for _ in range(3)]
-    for index in range(12):
-        pixels = light.frame(index)[:, np.newaxis] * across + light.random.standard_normal((1080, 24))
-        bytes_ = np.clip(np.rint(pixels), 0, 255).astype(np.uint8)
-        colour = np.stack([np.full_like(bytes_, 9), bytes_, bytes_ // 4], axis=2)
-        results = [
-            receivers[0].push(bytes_),
-            receivers[1].push(np.asfortranarray(bytes_).astype(np.float32)),
-            receivers[2].push(colour),
-        ]
-        assert len({result.bits for result in results[:2]}) == 1
-        assert results[2].colour in (1, 2)
-    assert any(result.stretch is not None and result.stretch.blocks for result in results)
-
-
 def test_never_a_payload_out_of_noise_or_other_light():
     random = np.random.default_rng(7)
     receiver = Receiver(Light(b"a", 0).camera, chip_rate=CHIP_RATE)
@@ -193,19 +175,6 @@ def test_searches_in_vain_become_rare_and_the_light_is_found_again():
     outcomes = [receiver.push(light.frame(index)).outcome for index in range(10)]
     assert "received" in outcomes[:8]
     assert outcomes[8:] == ["received", "received"]
-
-
-@pytest.mark.parametrize("rounding", [False, True])
-def test_noise_is_not_searched_and_the_light_after_it_is_received_at_once(rounding):
-    """Noise on a level that varies along the rows; or a dark frame's rounding alone."""
-    light = Light(b"later", seed=10, noise=0.01)
-    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
-    level = np.linspace(2, 1, 1080)
-    for _ in range(20):
-        noise = light.random.standard_normal(1080)
-        frame = np.full(1080, 20.3) + 1e-14 * np.cumsum(noise) if rounding else level + 0.1 * noise
-        assert receiver.push(frame).outcome == "no_signal"
-    assert receiver.push(light.frame(0)).outcome == "received"
 
 
 def test_frames_below_the_dark_level_do_not_scale_the_exposure():
@@ -360,30 +329,6 @@ def test_the_command_gives_payloads(tmp_path, capsys, monkeypatch):
     assert "a block of 200 bytes is 3246 chips, a frame shows 191: smaller" in capsys.readouterr().out
     assert main([*options[:2], "--frame-rate", "30", "--packets"]) == 2
     assert "--frame-rate: needs --row-time" in capsys.readouterr().err
-
-
-def test_two_lights_side_by_side_are_two_streams():
-    lights = [Light(b"left", seed=30, exposure=90e-6, noise=0), Light(b"right", seed=31, exposure=90e-6, noise=0)]
-    receiver = MultiReceiver(lights[0].camera, chip_rate=CHIP_RATE)
-    random, got = np.random.default_rng(32), {}
-    for index in range(40):
-        picture = np.full((1080, 80), 20.0)
-        for light, columns in zip(lights, (slice(4, 36), slice(44, 76)), strict=True):
-            picture[:, columns] += light.frame(index)[:, np.newaxis]
-        results = receiver.push(np.clip(picture + 2 * random.standard_normal(picture.shape), 0, 255).astype(np.uint8))
-        for result in results:
-            if result.received.payload is not None:
-                got[result.region[0] >= 40] = result.received.payload.data
-    assert got == {False: b"left", True: b"right"}
-    assert {result.source for result in results} == {0, 1}
-    assert results[0].received.snr >= results[1].received.snr
-    for wrong, message in [
-        ({"regions": [(1, 2, 3)]}, "regions: got"),
-        ({"max_sources": 0}, "max_sources: got 0"),
-        ({"gain": True}, "gain: got True, allowed: a GainOptions or None"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            MultiReceiver(lights[0].camera, **wrong)
 
 
 @pytest.mark.parametrize("share", [1 / 4, 1 / 3, 1 / 2])

@@ -158,16 +158,6 @@ def test_a_weak_light_over_the_whole_frame_is_found_in_the_sum_of_its_columns():
     assert abs(found.frequency - 0.0837) < 5 * found.frequency_std
 
 
-def test_columns_and_frames_need_no_common_phase():
-    random, rows = np.random.default_rng(9), 400
-    phases = random.uniform(0, 2 * np.pi, (3, 6))
-    turn = 2 * np.pi * 0.0613 * np.arange(rows)[np.newaxis, :, np.newaxis]
-    columns = 10 + np.cos(turn + phases[:, np.newaxis, :]) + random.normal(0, 0.3, (3, rows, 6))
-    found = oc.find_frequency(columns, PER_ROW, waveform="tone")
-    assert abs(found.frequency - 0.0613) < 4 * found.frequency_std
-    assert found.frequency_std == pytest.approx(rms_bound(0.0613, rows, np.sqrt(18), 0.3, 2), rel=0.15)
-
-
 # --- columns and colours --------------------------------------------------------------------------------------------
 
 
@@ -249,20 +239,6 @@ VIEWS = {
     "flip": st.sampled_from([1, -1, 2]),
     "seed": st.integers(0, 2**32 - 1),
 }
-
-
-@settings(max_examples=settings.default.max_examples // 4)
-@given(waveform=st.sampled_from(["auto", "tone", "square"]), **VIEWS)
-def test_views_and_types_give_the_same_answer(waveform, **how):
-    view, _ = random_view(**how)
-    camera = Camera(2e-5, white_level=300.0)
-    got, want = (oc.find_frequency(a, camera, waveform=waveform) for a in (view, view.astype(float).copy()))
-    assert got.frequency == pytest.approx(want.frequency, rel=1e-9, nan_ok=True)
-    assert got.frequency_std == pytest.approx(want.frequency_std, rel=1e-6, nan_ok=True)
-    assert got.snr == pytest.approx(want.snr, rel=1e-6)
-    assert (got.flags, got.harmonics) == (want.flags, want.harmonics)
-    np.testing.assert_array_equal(got.columns.used, want.columns.used)
-    np.testing.assert_allclose(got.columns.strength, want.columns.strength, atol=1e-9)
 
 
 @settings(max_examples=settings.default.max_examples // 4)

@@ -205,14 +205,6 @@ def test_background_is_taken_off():
     np.testing.assert_allclose(told_nothing.gain, 0.6 * 100 / (100 + ambient), atol=1e-3)
 
 
-def test_tone_curve_and_limited_range_are_taken_out():
-    light = 0.5 + 0.3 * np.cos(2 * np.pi * 0.0137 * np.arange(720))
-    stored = 16 + 219 * light ** (1 / 2.2)
-    camera = Camera(1.0, tone_curve="gamma", gamma=2.2, dark_level=16, white_level=235)
-    assert ocisac.tone_gain(stored, camera, 0.0137).gain == pytest.approx(0.6, abs=1e-9)
-    assert abs(ocisac.tone_gain(stored, Camera(1.0), 0.0137).gain - 0.6) > 0.1
-
-
 @given(
     frames=st.integers(1, 5),
     columns=st.sampled_from([1, 63, 257, 640, 1000, 2090, 4200]),
