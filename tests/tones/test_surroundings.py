@@ -99,3 +99,48 @@ def test_clipping_at_black_is_flagged_like_that_at_white(lost):
         few, Camera(ROW_TIME, exposure=EXPOSURE, dark_level=6), FREQUENCY, waveform="square", method="robust"
     )
     assert not told.flags.any()
+
+
+def at_times(ends, phase, exposure=EXPOSURE):
+    """Light of a square wave at rows that end their exposures at ``ends`` (in row times), DN, (rows, columns)."""
+    fine = Camera(ROW_TIME / 8, exposure=exposure)
+    light = integrate_exposure(SquareWave(FREQUENCY, phase=phase), fine, np.arange(8 * (ROWS + 100)))
+    return np.interp(ends + 50, np.arange(light.size) / 8, light)[:, None] * np.linspace(60, 100, 24)
+
+
+def read_unevenly(kind, random):
+    """A frame in which something is wrong with some rows."""
+    row, phase = np.arange(ROWS, dtype=float), random.uniform(0, 2 * np.pi)
+    off_middle = row - ROWS / 2
+    if kind == "pause":
+        return at_times(row + random.uniform(8, 40) * (row > random.uniform(0.2, 0.8) * ROWS), phase)
+    if kind == "pauses":
+        return at_times(row + random.uniform(1, 4) * np.floor(row / random.integers(60, 200)), phase)
+    if kind == "lens":
+        return at_times(row + random.uniform(0.03, 0.08) * off_middle**3 / (ROWS / 2) ** 2, phase)
+    light = at_times(row, phase)
+    if kind == "lost slice":
+        first, rows = random.integers(0, ROWS - 400), random.integers(100, 400)
+        light[first : first + rows] = at_times(row, phase + random.uniform(1, 5))[first : first + rows]
+    elif kind == "pairs of rows":
+        ratio = random.uniform(2, 4)
+        light[row // 2 % 2 == 1] = at_times(row, phase, EXPOSURE / ratio)[row // 2 % 2 == 1]
+    elif kind == "streaks":
+        for _ in range(6):
+            first, column = random.integers(0, ROWS - 200), random.integers(0, 22)
+            light[first : first + random.integers(60, 200), column : column + 3] += random.uniform(20, 60)
+    return light
+
+
+@pytest.mark.parametrize("kind", ["pause", "pauses", "lens", "lost slice", "pairs of rows", "streaks"])
+def test_what_is_wrong_with_some_rows_is_flagged_and_nothing_else(kind):
+    for seed in range(20):
+        random = np.random.default_rng([seed, 7])
+        clean = square_gain(stored(at_times(np.arange(ROWS), random.uniform(0, 6)), random))
+        assert not clean.flags.any()
+        found = square_gain(stored(read_unevenly(kind, random), random))
+        wrong = np.abs(found.gain - THEORY) > 3 * found.gain_std
+        assert (found.flags[wrong] & Flag.MODEL_MISFIT).all()
+        if kind != "streaks":
+            pooled = square_gain(stored(read_unevenly(kind, random), random), pooled=True)
+            assert pooled.flags & Flag.MODEL_MISFIT or abs(pooled.gain - THEORY) < 3 * pooled.gain_std

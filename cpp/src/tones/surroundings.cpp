@@ -64,24 +64,25 @@ std::optional<std::vector<double>> find_tones(const VectorXd& column, const Matr
   auto power = power_of(first);
   const double floor = noise_floor(power);
   const double excess = first.squaredNorm() - floor * rows;
-  while (found.frequencies.size() < kMaxTones) {
+  while (true) {
     const auto slowest = power.begin() + static_cast<std::ptrdiff_t>(length / count);  // a cycle in the frame
     const auto peak = std::max_element(slowest, power.end());
-    if (*peak < kPeak * floor) return {};
+    const double left = found.rest.squaredNorm() - floor * rows;
+    const bool explained = left < std::max(kExplained * excess, 4 * floor * std::sqrt(2 * rows));
+    if (!found.frequencies.empty() && (explained || (*peak < kPeak * floor && is_white({found.rest.data(), count})))) {
+      constexpr double kTrend = 1.2;  // cycles in the frame: no tone
+      if (std::ranges::min(found.frequencies) * rows < kTrend) return {};
+      return found.frequencies;
+    }
+    if (*peak < kPeak * floor || found.frequencies.size() == kMaxTones) return {};
     found.frequencies.push_back(static_cast<double>(peak - power.begin()) / static_cast<double>(length));
     found = refine_frequencies(centred_rows(count), std::move(found.frequencies), basis, first);
-    const double left = found.rest.squaredNorm() - floor * rows;
     power = power_of(found.rest);
-    if (left >= std::max(kExplained * excess, 4 * floor * std::sqrt(2 * rows))) continue;
-    constexpr double kTrend = 1.2;  // cycles in the frame: no tone
-    if (std::ranges::min(found.frequencies) * rows < kTrend) return {};
-    return found.frequencies;
   }
-  return {};
 }
 
 // True for the sidebands of a light that varies along the rows: f + d with d, or f + d with f − d; a gradient has them
-// at f itself.
+// at f itself, and rows that are brighter in turns or in pairs at 1/2 − f or 1/4 ± f.
 bool modulates(const std::vector<double>& tones, double cycles_per_row, double rows) {
   constexpr double kSame = 0.6, kSlow = 3, kOnLight = 0.3;  // cycles in the frame
   for (std::size_t i = 0; i < tones.size(); ++i) {
@@ -89,11 +90,16 @@ bool modulates(const std::vector<double>& tones, double cycles_per_row, double r
     for (const double slow : tones)
       if (slow * rows < kSlow && (std::abs(std::abs(side) - slow * rows) < kSame || std::abs(side) < kOnLight))
         return true;
+    for (const double pattern : {0.25, 0.5})
+      if (std::abs(std::abs(tones[i] - pattern) - cycles_per_row) * rows < kSame) return true;
     for (std::size_t j = 0; j < i; ++j)
       if (std::abs(side + (tones[j] - cycles_per_row) * rows) < kSame) return true;
   }
   return false;
 }
+
+// True for deviations that noise does not make: `misfit` is chi-squared of that many degrees of freedom.
+bool is_significant(double misfit, double freedom) { return misfit >= freedom + 6 * std::sqrt(2 * freedom) + 12; }
 
 // Harmonics over the fundamental, with sign.
 double harmonic_ratio(int order, double exposure_cycles, double duty) {
@@ -163,7 +169,82 @@ double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLin
     energy += along * along + d.across * d.across;
   }
   const double freedom = 2 * static_cast<double>(deviations.size());
-  return misfit < freedom + 6 * std::sqrt(2 * freedom) + 12 ? 0 : std::sqrt(energy) / size;
+  return is_significant(misfit, freedom) ? std::sqrt(energy) / size : 0;
+}
+
+namespace {
+
+using Level = std::complex<double>;
+
+// Mean and tone in a part of the rows, and the variance of a part of the tone.
+struct PartOfRows {
+  double mean;
+  Level tone;
+  double variance;
+};
+
+// Chi-squared and RMS of what the tones of the parts deviate from one share of their means.
+std::pair<double, double> deviation_from_share(const std::vector<PartOfRows>& parts) {
+  Level share = 0;
+  const auto variance = [&](const PartOfRows& part) { return part.variance * (1 + std::norm(share) / 2); };
+  for (int step = 0; step < 3; ++step) {
+    Level product = 0;
+    double square = 0;
+    for (const PartOfRows& part : parts) {
+      product += part.mean * part.tone / variance(part);
+      square += part.mean * part.mean / variance(part);
+    }
+    share = product / square;
+  }
+  double misfit = 0, energy = 0;
+  for (const PartOfRows& part : parts) {
+    const double deviation = std::norm(part.tone - share * part.mean);
+    misfit += deviation / variance(part);
+    energy += deviation;
+  }
+  return {misfit, std::sqrt(energy / static_cast<double>(parts.size()))};
+}
+
+}  // namespace
+
+double unevenness(std::span<const double> left, double cycles_per_row, double mean, Level level) {
+  constexpr double kCyclesOfPart = 1.5, kMostParts = 8, kLeastPivot = 0.01;
+  const std::size_t rows = left.size();
+  const auto along =
+      static_cast<std::size_t>(std::clamp(cycles_per_row * static_cast<double>(rows) / kCyclesOfPart, 1.0, kMostParts));
+  const RowSampling sampling = centred_rows(rows);
+  std::vector<double> cosine(rows), sine(rows);
+  fill_wave(sampling.times, cycles_per_row, cosine, sine);
+  // Products of (1, cosine, sine, left) in cells of a part along the rows and a row of four: parts are sums of cells.
+  std::vector<Eigen::Matrix4d> cells(4 * along, Eigen::Matrix4d::Zero());
+  for (std::size_t n = 0; n < rows; ++n) {
+    const Eigen::Vector4d terms{1, cosine[n], sine[n], left[n]};
+    cells[4 * (n * along / rows) + n % 4].noalias() += terms * terms.transpose();
+  }
+  double worst = 0;
+  const auto compare = [&](std::size_t count, auto part_of) {
+    std::vector<Eigen::Matrix4d> products(count, Eigen::Matrix4d::Zero());
+    for (std::size_t cell = 0; cell < cells.size(); ++cell) products[part_of(cell)] += cells[cell];
+    std::vector<PartOfRows> parts;
+    for (const Eigen::Matrix4d& product : products) {
+      const double of_rows = product(0, 0);
+      const auto found =
+          solve_symmetric(product.topLeftCorner<3, 3>(), product.topRightCorner<3, 1>(), kLeastPivot * of_rows);
+      if (!found || !(of_rows > 3)) return;
+      const Eigen::Vector3d levels = *found;
+      const double squares = product(3, 3) - levels.dot(product.topRightCorner<3, 1>());
+      parts.push_back(
+          {mean + levels(0), level + Level(levels(1), -levels(2)), 2 * squares / ((of_rows - 3) * of_rows)});
+      if (!(parts.back().variance > 0)) return;
+    }
+    const auto [misfit, deviation] = deviation_from_share(parts);
+    if (is_significant(misfit, 2 * static_cast<double>(count - 1)))
+      worst = std::max(worst, deviation / std::abs(level));
+  };
+  if (along > 1) compare(along, [](std::size_t cell) { return cell / 4; });
+  compare(2, [](std::size_t cell) { return cell / 2 % 2; });
+  compare(2, [](std::size_t cell) { return cell % 2; });
+  return worst;
 }
 
 Surroundings surroundings(std::span<const double> column, std::span<const FittedLight> lights) {

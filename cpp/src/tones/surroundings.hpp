@@ -30,6 +30,13 @@ struct HarmonicLine {
 // is not significant. `lines`: the fundamental first; `variance`: of a and b. Exposures up to 10 % off are admitted.
 double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLine> lines, double variance);
 
+// A light's tone is the same share of its mean, at the same phase, in all parts of a column: along the rows, in pairs
+// of rows, in every other row. RMS of what the parts deviate from that, over the tone; 0 where it is not significant,
+// as of a lamp that fills a part of the rows. Rows that are read unevenly, moved by a lens correction, of another
+// exposure or frame, and other light in some rows deviate. `left`: what the fit leaves of the rows; mean and level: its
+// own.
+double unevenness(std::span<const double> left, double cycles_per_row, double mean, std::complex<double> level);
+
 // `column`: linear light of one frame. A tone is accepted only if at most three of them leave white noise, so that a
 // light that varies along the rows, whose sidebands are no tones, has none.
 Surroundings surroundings(std::span<const double> column, std::span<const FittedLight> lights);

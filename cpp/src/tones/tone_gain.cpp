@@ -4,12 +4,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <complex>
 #include <functional>
 #include <limits>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <type_traits>
+#include <utility>
 
 #include "columns/pruned_dft.hpp"
 #include "core/parallel.hpp"
@@ -605,9 +608,15 @@ std::vector<double> mean_of_columns(const AnyFramesView& frames, const Context& 
   return mean;
 }
 
+// Linear light of columns and their background.
+struct TestedColumn {
+  std::vector<double> light;  // (rows); empty: none to be tested
+  double background = 0;
+};
+
 // Mean of up to 16 neighbouring columns with the strongest tone, without saturated ones; empty if all are.
-std::vector<double> strongest_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
-                                      const ToneGainView& result) {
+TestedColumn strongest_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
+                               const ToneGainView& result) {
   constexpr Flags kUnusable = flag::saturated | flag::unresolvable | flag::no_light;
   const std::size_t columns = context.shape.columns, start = index_of(context, 0, frame);
   const auto level = [&](std::size_t column) { return result.gain[start + column] * result.mean[start + column]; };
@@ -629,34 +638,68 @@ std::vector<double> strongest_columns(const AnyFramesView& frames, const Context
       first = i + 1 - count;
     }
   }
-  return mean_of_columns(frames, context, frame, first, count);
+  double background = 0;
+  for (std::size_t i = first; i < first + count; ++i) background += background_of(context, frame, i);
+  return {mean_of_columns(frames, context, frame, first, count), background / static_cast<double>(count)};
 }
 
 double square_sum(std::span<const double> values) {
   return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size())).squaredNorm();
 }
 
+// A column's fit, and what it leaves of all rows.
+struct ColumnFit {
+  std::shared_ptr<const StreamingFit> fit;
+  StreamingFit::Residual found;
+
+  // Without a result: nothing is left but rounding, or too little is known.
+  static std::optional<ColumnFit> of(const Context& context, std::span<const double> column) {
+    constexpr double kRounding = 1e-9;  // of the column
+    auto fit = StreamingFit::plan(context.shape.rows, model_cycles(context), 1, false);
+    if (column.empty() || !fit->well_posed()) return {};
+    auto found = fit->residual(column);
+    if (square_sum(found.left) <= kRounding * kRounding * square_sum(column)) return {};
+    return ColumnFit{std::move(fit), std::move(found)};
+  }
+
+  [[nodiscard]] std::complex<double> level(std::size_t tone) const {
+    return {found.parameters[2 * tone + 1], -found.parameters[2 * tone + 2]};
+  }
+};
+
 // False if the model leaves nothing but noise of a column: the test of every frame, a thousand times faster than
 // `surroundings`.
-bool may_have_surroundings(const StreamingFit& fit, const Context& context, std::span<const double> column) {
-  constexpr double kRounding = 1e-9;  // of the column
-  if (!fit.well_posed()) return false;
-  const auto [parameters, left] = fit.residual(column);
-  if (square_sum(left) <= kRounding * kRounding * square_sum(column)) return false;
+bool may_have_surroundings(const ColumnFit& column, const Context& context) {
+  const auto& left = column.found.left;
   if (!is_white(left)) return true;
   if (context.options->waveform != WaveformShape::square || context.tones.size() != 1) return false;
   const auto orders = harmonics_of(context, context.tones[0]);
   std::vector<HarmonicLine> lines;
-  for (std::size_t k = 0; k < orders.size(); ++k)
-    lines.push_back({orders[k], {parameters[2 * k + 1], -parameters[2 * k + 2]}});
-  const double noise = square_sum(left) / fit.freedom();
-  return harmonic_distortion(lights_of(context)[0], lines, noise * fit.covariance(1, 1)) > 0;
+  for (std::size_t k = 0; k < orders.size(); ++k) lines.push_back({orders[k], column.level(k)});
+  const double noise = square_sum(left) / column.fit->freedom();
+  return harmonic_distortion(lights_of(context)[0], lines, noise * column.fit->covariance(1, 1)) > 0;
 }
 
-Surroundings surroundings_of(const Context& context, bool bytes, std::span<const double> column) {
-  const auto fit = StreamingFit::plan(context.shape.rows, model_cycles(context), context.options->efficiency, bytes);
-  if (column.empty() || !may_have_surroundings(*fit, context, column)) return {};
-  return surroundings(column, lights_of(context));
+// The largest of all tones.
+double unevenness_of(const Context& context, const std::optional<ColumnFit>& column, double background) {
+  double worst = 0;
+  for (std::size_t k = 0; column && k < context.tones.size(); ++k)
+    worst = std::max(worst, unevenness(column->found.left, context.tones[k].cycles_per_row,
+                                       column->found.parameters[0] - background, column->level(k)));
+  return worst;
+}
+
+// Other tones, and what is wrong beside them in parts of the gain; nothing where the model leaves noise.
+Surroundings surroundings_of(const Context& context, const TestedColumn& column) {
+  const auto alone = ColumnFit::of(context, column.light);
+  if (!alone || (unevenness_of(context, alone, column.background) == 0 && !may_have_surroundings(*alone, context)))
+    return {};
+  Surroundings around = surroundings(column.light, lights_of(context));
+  Context with_others = context;
+  with_others.others = around.tones;
+  around.distortion = std::max(around.distortion,
+                               unevenness_of(with_others, ColumnFit::of(with_others, column.light), column.background));
+  return around;
 }
 
 // Flags columns that the distortion may bias by half a standard error.
@@ -702,8 +745,7 @@ void fit_with_others(const AnyFramesView& frames, const Context& context, std::s
 }
 
 void check_frame(const AnyFramesView& frames, const Context& context, std::size_t frame, const ToneGainView& result) {
-  const auto around = surroundings_of(context, holds_linear_bytes(frames, context.camera->tone_curve),
-                                      strongest_columns(frames, context, frame, result));
+  const auto around = surroundings_of(context, strongest_columns(frames, context, frame, result));
   if (!around.tones.empty()) fit_with_others(frames, context, frame, around.tones, result);
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
     flag_misfit(around, index_of(context, tone, frame), context.shape.columns, result);
@@ -811,7 +853,7 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
     };
     write(context, estimator);
     if (options.method != GainMethod::fit || !options.robust || pooled.saturated) return;
-    const Surroundings around = surroundings_of(context, false, pooled.signal);
+    const Surroundings around = surroundings_of(context, {pooled.signal, pooled.background});
     if (!around.tones.empty()) {
       Context with_others = make_context(frames, camera, frequencies, options);
       with_others.whole_numbers = false;
