@@ -41,7 +41,9 @@ def test_every_command_writes_csv():
     context = click.Context(ocisac)
     for name in ocisac.list_commands(context):
         command = ocisac.get_command(context, name)
-        assert {"--json", "--csv", "--force"} <= {word for param in command.params for word in param.opts}, name
+        assert {"--json", "--csv", "--table", "--force"} <= {word for param in command.params for word in param.opts}, (
+            name
+        )
 
 
 def test_csv_holds_what_json_prints(run, facts, square, tmp_path):
@@ -77,3 +79,56 @@ def test_an_error_after_some_results_leaves_their_csv(run, square, tmp_path):
     assert len((tmp_path / "bits.csv").read_text().splitlines()) >= 2
     assert run("receive", missing, *TESTBED, "--csv", tmp_path / "none.csv")[0] == 2
     assert not (tmp_path / "none.csv").exists()
+
+
+def test_tables_are_written_by_suffix(run, facts, square, tmp_path):
+    parquet, scipy_io = pytest.importorskip("pyarrow.parquet"), pytest.importorskip("scipy.io")
+    command = ("detect", square("s.npy", "--frames", 2), *TESTBED, *DARK)
+    want = [source for frame in facts(*command) for source in frame["sources"]]
+    assert len(want) == 2
+    for suffix in ("csv", "parquet", "mat"):
+        assert run(*command, "--table", tmp_path / f"t.{suffix}") == (0, [], [])
+    table = parquet.read_table(tmp_path / "t.parquet").to_pylist()
+    matlab = scipy_io.loadmat(tmp_path / "t.mat", simplify_cells=True)["results"]
+    for k, source in enumerate(want):
+        assert table[k]["frequency_hz"] == matlab["frequency_hz"][k] == source["frequency_hz"]
+        assert table[k]["flags"] == source["flags"]
+        assert float(rows_of(tmp_path / "t.csv")[k]["gain"]) == table[k]["gain"] == matlab["gain"][k]
+        assert np.isnan(matlab["reflection_of"][k])
+    assert run(*command, "--table", "-")[1][0].startswith("frame,")
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "allowed"),
+    [
+        ("--csv", "g.parquet", r".csv (--table writes .parquet and .mat)"),
+        ("--table", "g.txt", ".csv, .parquet or .mat"),
+    ],
+)
+def test_tables_of_other_kinds_are_refused(run, option, name, allowed, tmp_path):
+    code, out, (line,) = run("info", option, tmp_path / name)
+    assert (code, out) == (2, [])
+    assert line.startswith(f"ocisac: {option}: got ")
+    assert line.endswith(f"allowed: a name that ends with {allowed}")
+    assert not (tmp_path / name).exists()
+
+
+def test_tables_fit_into_a_narrow_terminal(run, square, monkeypatch):
+    for name, value in {"FORCE_COLOR": "1", "COLUMNS": "80", "TERM": "dumb"}.items():
+        monkeypatch.setenv(name, value)
+    film = square("s.npy", "--frames", 2)
+    for command in (("detect", film), ("receive", film), ("gain", film, "--frequency", 500)):
+        code, out, _ = run(*command, *TESTBED, *DARK)
+        lines = [line.rstrip() for line in out]
+        assert code == 0
+        assert max(map(len, lines)) <= 80, command
+    header = next(line for line in run("detect", film, *TESTBED, *DARK)[1] if "light" in line)
+    assert header.split()[:5] == ["light", "x", "y", "width", "height"]
+
+
+def test_detect_sums_up_a_film(run, square):
+    code, out, _ = run("detect", square("s.npy", "--frames", 3), *TESTBED, *DARK)
+    at = next(k for k, line in enumerate(out) if "lights of 3 frames" in line)
+    assert code == 0
+    assert out[at + 4].split()[:2] == ["0", "3"]
+    assert "500" in out[at + 4]

@@ -73,14 +73,20 @@ def test_what_cannot_be_had_is_the_best_there_is(facts):
         ("exposure --avoid 100Hz --bounds 0,0", "bounds: got 0 to 0,"),
         ("exposure --avoid 100Hz --step 30ms --bounds 31ms,40ms", "step: got 0.03"),
         ("exposure --avoid 100Hz --keep 50%", "--comm: needed"),
-        ("exposure --avoid 100Hz --comm 100Hz", "f_comm: got 100, allowed: none of the lights to avoid"),
+        ("exposure --avoid 100Hz --comm 100Hz", "--comm: got 100, allowed: none of the lights to avoid"),
         ("exposure --avoid 100Hz --method search", "--method: got search"),
         ("exposure --comm 100 --sense 50 --near 1ms", "--near: needs --avoid"),
         ("flicker --lights 90Hz --exposures 0", "exposure: got"),
         ("flicker --lights 90Hz --exposures 1ms --background -1", "background: got -1.0"),
         ("lamp --exposures 0ms", "exposures: got"),
-        ("lamp --exposures 1ms --range 50Hz", "--range: got 1 frequencies"),
-        ("lamp --exposures 1ms --duty 1", "duty: got 1.0"),
+        ("lamp --exposures 1ms --range 50Hz", "Invalid value for '--range': got '50Hz', allowed: LOW..HIGH"),
+        ("lamp --exposures 1ms --duty 1", "--duty: got 1.0"),
+        ("lamp --exposures 1ms..2ms", "got '1ms..2ms', allowed: LOW..HIGH:COUNT"),
+        ("lamp --exposures 2ms..1ms:9", "allowed: LOW..HIGH:COUNT"),
+        ("flicker --lights 90Hz:3 --exposures 1ms", "(duty: got 3.0,"),
+        ("flicker --lights 90Hz:5%:3 --exposures 1ms", "got '90Hz:5%:3', allowed:"),
+        ("flicker --lights 90Hz..80Hz --exposures 1ms", "(range: got 90..80:5, allowed:"),
+        ("exposure --comm 0 --sense 50", "Invalid value for '--comm': got 0 Hz"),
     ],
 )
 def test_bad_input_is_one_line(capsys, arguments, message):
@@ -141,3 +147,43 @@ def test_lamps_for_shutters(facts, tmp_path):
     assert none["holds"] is False
     (duties,) = facts("lamp", "--exposures", "1ms", "--frequency", "90Hz")
     assert duties["no_missed_pulse_from_duty"] == pytest.approx(0.91)
+
+
+def test_ranges_are_all_lamps_and_exposures(facts):
+    found = facts("flicker", "--lights", "90Hz..200Hz:3:5%..40%:2,1kHz:1/32", "--exposures", "10us..10ms:4,11ms")
+    assert len(found) == 7 * 5
+    assert sorted({one["frequency_hz"] for one in found}) == [90, 145, 200, 1000]
+    assert sorted({one["duty"] for one in found}) == pytest.approx([1 / 32, 0.05, 0.4])
+    assert sorted({one["exposure_s"] for one in found}) == pytest.approx([1e-5, 1e-4, 1e-3, 1e-2, 1.1e-2])
+    assert len(facts("flicker", "--lights", "90Hz..200Hz", "--exposures", "1ms")) == 5
+
+
+def test_a_range_to_avoid_is_one_light_of_any_frequency(facts):
+    (found,) = facts("exposure", "--avoid", "95Hz..105Hz:20%..50%", "--below", "5%", "--bounds", "1ms..0.5s")
+    (light,) = found["lights"]
+    assert (light["frequency_hz"], light["frequency_uncertainty_hz"], light["duty"]) == (100, 5, 0.2)
+    (each,) = facts("exposure", "--avoid", "95Hz..105Hz:3", "--below", "50%")
+    assert len(each["lights"]) == 3
+
+
+def test_a_null_beside_the_edge_is_named(facts):
+    (found,) = facts("exposure", "--avoid", "100Hz")
+    assert found["exposure_s"] < 0.0099
+    assert found["null_s"] == pytest.approx(0.01)
+    (near,) = facts("exposure", "--avoid", "100Hz", "--near", "10ms")
+    assert near["exposure_s"] == pytest.approx(0.01)
+    assert "null_s" not in near
+
+
+def test_a_frequency_that_no_camera_shows(facts, capsys):
+    arguments = ("lamp", "--exposures", "1/50s,1/100s,1/25s,1/60s,1/30s", "--duty", "1/32")
+    (found,) = facts(*arguments)
+    assert found["best_hz"][0] == pytest.approx(300.0)
+    assert found["frequencies_hz"][0] == pytest.approx([299.6, 300.4], abs=0.05)
+    assert main(list(arguments)) == 0
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+
+
+def test_frequencies_that_are_equally_bad_are_said_to_be(capsys):
+    assert main(["lamp", "--exposures", "10us", "--range", "50Hz..200Hz", "--duty", "10%"]) == 0
+    assert "every frequency from 50 Hz to 200 Hz is equally bad" in capsys.readouterr().out

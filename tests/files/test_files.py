@@ -682,9 +682,9 @@ def test_libraries_are_asked_for_when_they_are_missing(tmp_path, monkeypatch):
     write_frames(tmp_path / "v.mkv", np.zeros((4, 4), np.uint8))
     monkeypatch.setitem(sys.modules, "PIL.Image", None)
     monkeypatch.setitem(sys.modules, "av", None)
-    with pytest.raises(FileError, match=r"needs Pillow: pip install 'ocisac-fast\[files\]'"):
+    with pytest.raises(FileError, match=r"needs pillow: pip install pillow"):
         read_frames(tmp_path / "p.png")
-    with pytest.raises(FileError, match=r"needs PyAV: pip install 'ocisac-fast\[files\]'"):
+    with pytest.raises(FileError, match=r"needs av: pip install av"):
         read_frames(tmp_path / "v.mkv")
 
 

@@ -163,7 +163,7 @@ def cluster(*, scheduler: str | None = None, workers: int | None = None) -> Iter
     try:
         distributed = importlib.import_module("distributed")
     except ModuleNotFoundError as error:
-        raise ClusterError("Dask: not installed: pip install 'ocisac-fast[dask]'") from error
+        raise ClusterError("Dask: not installed: pip install distributed") from error
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
         address = scheduler

@@ -26,5 +26,5 @@ def main(arguments: Sequence[str] | None = None) -> int:
         library = str(error.name).partition(".")[0]
         if library not in ("click", "rich"):
             raise
-        print(f"ocisac: the command line needs {library}: pip install 'ocisac-fast[cli]'", file=sys.stderr)
+        print(f"ocisac: the command line needs {library}: pip install {library}", file=sys.stderr)
         return 2

@@ -149,7 +149,22 @@ def _run(arguments: list[str], command: click.Command) -> int:
     except MemoryError as error:
         return _fail(command, f"out of memory: {error}")
     except INPUT_ERRORS as error:
-        return _fail(command, error_text(error))
+        return _fail(command, _as_written(error_text(error), arguments, command))
+
+
+# Arguments of Python that options have under another name.
+_OPTION_OF = {"f_comm": "comm", "f_sense": "sense", "min_gain": "keep", "exposure_spread": "spread"}
+
+
+def _as_written(message: str, arguments: list[str], command: click.Command) -> str:
+    """A message about an argument of Python, ``f_comm: got``, as one about the option that gave it, ``--comm: got``."""
+    name, colon, rest = message.partition(": got ")
+    if isinstance(command, click.Group) and arguments:
+        command = command.get_command(click.Context(command), arguments[0].lower()) or command
+    for param in command.params:
+        if colon and isinstance(param, click.Option) and param.name == _OPTION_OF.get(name, name):
+            return f"{param.opts[-1]}{colon}{rest}"
+    return message
 
 
 def _fail(command: click.Command, message: str) -> int:

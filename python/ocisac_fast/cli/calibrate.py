@@ -13,11 +13,10 @@ import numpy.typing as npt
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cli.columns import frequency_waveform, one_colour, some_columns
 from ocisac_fast.cli.doubts import warn_of_texture
-from ocisac_fast.cli.lights import SHARES
 from ocisac_fast.cli.output import emit_facts, emit_json, facts_of, flag_names, quantity, with_spread
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, open_pictures, picture_options
-from ocisac_fast.cli.units import FREQUENCY, Quantity
+from ocisac_fast.cli.units import FREQUENCY, SHARES, Quantity
 
 
 @click.command(short_help="Row time of a camera, from a light of known frequency.")

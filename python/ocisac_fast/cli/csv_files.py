@@ -1,14 +1,18 @@
-"""The objects of ``--json`` as CSV files: one line of names, then one row per object."""
+"""The objects of ``--json`` as tables, one row per object: CSV, Parquet and MATLAB files."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from ocisac_fast.files.extras import pyarrow, savemat
 from ocisac_fast.files.writing import atomic_path
 
 
@@ -22,14 +26,45 @@ def write_csv(path: str, records: Sequence[Mapping[str, Any]]) -> None:
         temporary.write_text(text, encoding="utf-8", newline="")
 
 
+def write_parquet(path: str, records: Sequence[Mapping[str, Any]]) -> None:
+    """Write objects of JSON types to a file; lists of plain values stay lists."""
+    names, rows = _table(records)
+    arrow = pyarrow()
+    table = arrow.table({name: arrow.array([row.get(name) for row in rows]) for name in names})
+    with atomic_path(path) as temporary:
+        pyarrow("pyarrow.parquet").write_table(table, temporary)
+
+
+def write_matlab(path: str, records: Sequence[Mapping[str, Any]]) -> None:
+    """Write objects of JSON types as the struct ``results`` of columns: numbers (NaN: none) or cells of texts."""
+    names, rows = _table(records)
+    columns = {re.sub(r"\W", "_", name): _matlab_column([row.get(name) for row in rows]) for name in names}
+    with atomic_path(path) as temporary, open(temporary, "wb") as file:
+        savemat()(file, {"results": columns}, long_field_names=True, oned_as="column")
+
+
+def _matlab_column(values: list[Any]) -> Any:
+    if all(value is None or isinstance(value, (bool, int, float)) for value in values):
+        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+    return np.array([_cell(value) for value in values], dtype=object)
+
+
+WRITERS = {".csv": write_csv, ".parquet": write_parquet, ".mat": write_matlab}
+
+
+def _table(records: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[dict[str, Any]]]:
+    """Names of the columns, in the order of their first appearance, and rows."""
+    rows = [row for record in records for row in _rows(record)]
+    return list(dict.fromkeys(name for row in rows for name in row)), rows
+
+
 def csv_text(records: Sequence[Mapping[str, Any]]) -> str:
     """CSV of objects. A list of objects becomes one row per element beside the other values, an object its members.
 
     Lists of plain values are joined by spaces, other lists are JSON; None is empty. Columns are in the order of their
     first appearance.
     """
-    rows = [row for record in records for row in _rows(record)]
-    names = list(dict.fromkeys(name for row in rows for name in row))
+    names, rows = _table(records)
     buffer = io.StringIO()
     table = csv.writer(buffer, lineterminator="\n")
     table.writerow(names)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import statistics
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +26,9 @@ if TYPE_CHECKING:
     from ocisac_fast.lights import LightSource
 
 _HEADER = ("light", "x", "y", "width", "height", "probability", "frequency", "gain", "SNR", "data", "remark")
+
+_SPARE = ("probability", "data", "gain", "SNR")
+_SUMMARY = ("light", "in frames", "first x", "first y", "frequency", "gain", "SNR", "data")
 
 _KEYS = (
     "probability frequency_hz frequency_std_hz gain gain_std phase_rad mean snr_db carries_data reflection_of reason "
@@ -72,6 +77,8 @@ def detect(
     """
     options = {"false_alarms": false_alarms, "min_cycles": min_cycles}
     header = True
+    seen: dict[int, list[dict[str, Any]]] = {}
+    last: dict[str, Any] = {}
     for found in detected_lights(file, picture, options, plot, search_every=search_every):
         if as_json:
             emit_json(found)
@@ -81,8 +88,13 @@ def detect(
             title = f"{title}, scan axis {found['scan_axis']}".removeprefix(", ")
         rows = [_row(source, found["sources"], picture) for source in found["sources"]]
         if rows or header:
-            emit_table(title, _HEADER, rows, left=("remark",))
-        header = False
+            emit_table(title, _HEADER, rows, left=("remark",), spare=_SPARE)
+        header, last = False, found
+        for source in found["sources"]:
+            seen.setdefault(source["light"], []).append(source)
+    if last.get("frame", 0) > 0:
+        rows = [_summary(every, picture) for _, every in sorted(seen.items())]
+        emit_table(f"lights of {last['frame'] + 1} frames", _SUMMARY, rows, spare=("data", "first x", "first y"))
 
 
 def detected_lights(
@@ -138,4 +150,23 @@ def _row(source: dict[str, Any], every: list[dict[str, Any]], picture: PictureOp
         number(source["snr_db"], "dB", 3),
         "yes" if source["carries_data"] else "no",
         remark,
+    ]
+
+
+def _summary(every: list[dict[str, Any]], picture: PictureOptions) -> list[str]:
+    """The row of a light in the summary of a film: medians over the frames that show it."""
+    unit = "hz" if picture.in_hertz else "cycles_per_row"
+
+    def median(key: str) -> float:
+        known = [one[key] for one in every if one[key] is not None and math.isfinite(one[key])]
+        return statistics.median(known) if known else math.nan
+
+    return [
+        str(every[0]["light"]),
+        str(len(every)),
+        *(str(every[0][name]) for name in ("x", "y")),
+        rate(median(f"frequency_{unit}"), None, picture.in_hertz, 5),
+        quantity(median("gain"), "", 3),
+        number(median("snr_db"), "dB", 3),
+        "yes" if sum(one["carries_data"] for one in every) * 2 > len(every) else "no",
     ]

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ocisac_fast.cli.lights import LIGHTS, SHARE, light_name
+from ocisac_fast.cli.lights import LIGHTS_TO_AVOID, light_name
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option, plot_option
-from ocisac_fast.cli.units import FREQUENCY, TIME, Quantity, Several
+from ocisac_fast.cli.units import RATE, SHARE, TIME, Quantity, Several
 
 if TYPE_CHECKING:
     from ocisac_fast.exposure import FlickerFreeExposure, FlickeringLight
 
 
 @click.command(short_help="Best exposure time for communication and sensing, or without bands of lights.")
-@click.option("--comm", type=FREQUENCY, help="Frequency of the communication tone, f_c.")
-@click.option("--sense", type=FREQUENCY, help="Frequency of the motion, f_s = f_x v.")
+@click.option("--comm", type=RATE, help="Frequency of the communication tone, f_c.")
+@click.option("--sense", type=RATE, help="Frequency of the motion, f_s = f_x v.")
 @click.option(
     "--method",
     type=click.Choice(["exact", "closed-form", "search"]),
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 )
 @click.option("--bounds", type=Several(TIME, "MIN,MAX", 2), help="Default: 0 to 1/min(f_c, f_s); --avoid: to 0.1 s.")
 @click.option("--step", type=TIME, help="Only multiples of it, for example the row time.")
-@click.option("--avoid", type=LIGHTS, help="Lights: 100Hz, 90Hz+-1%, 1kHz:square, 90Hz:0.1, mains.")
+@click.option("--avoid", type=LIGHTS_TO_AVOID, help="100Hz, 90Hz+-1%, 1kHz:square, 90Hz..200Hz:5%, mains.")
 @click.option("--below", type=SHARE, default="2%", help="Max. (max-min)/(max+min) of them; default 2%.")
 @click.option("--near", type=TIME, help="Find the nearest to it instead of the shortest.")
 @click.option("--keep", type=SHARE, help="Min. gain of the communication tone.")
@@ -134,7 +134,7 @@ def _avoid(
 
 def _report(found: FlickerFreeExposure, avoid: tuple[FlickeringLight, ...], as_json: bool) -> None:
     facts: dict[str, Any] = {"exposure_s": found.exposure, "modulation": found.modulation, "holds": found.holds}
-    optional = {"gain": found.gain, "objective": found.objective}
+    optional = {"null_s": found.null, "gain": found.gain, "objective": found.objective}
     facts |= {name: value for name, value in optional.items() if value == value}
     if as_json:
         lights = [
@@ -146,5 +146,7 @@ def _report(found: FlickerFreeExposure, avoid: tuple[FlickeringLight, ...], as_j
         return
     lines = {"exposure": quantity(found.exposure, "s", 7), "holds": "yes" if found.holds else "no: the best there is"}
     lines |= {f"left of {light_name(light)}": f"{m:.3%}" for light, m in zip(avoid, found.modulations, strict=True)}
-    lines |= {name: quantity(facts[name], "s" if name == "objective" else "", 7) for name in optional if name in facts}
+    lines |= {name: quantity(facts[name], "" if name == "gain" else "s", 7) for name in optional if name in facts}
+    if "null_s" in lines:
+        lines["least beside it, at a null"] = lines.pop("null_s")
     emit_facts("", lines)

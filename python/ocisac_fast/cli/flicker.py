@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from ocisac_fast.cli.lights import LIGHTS, SHARE, light_name
-from ocisac_fast.cli.output import emit_json, emit_table, quantity
+from ocisac_fast.cli.lights import LIGHTS, light_name
+from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option, plot_option
-from ocisac_fast.cli.units import TIMES
+from ocisac_fast.cli.units import SHARE, TIMES
 
 if TYPE_CHECKING:
     from ocisac_fast.exposure import FlickeringLight
@@ -20,8 +20,8 @@ _NAMES = ("modulation_index", "detection_index", "mitigation_probability", "miss
 
 
 @click.command(short_help="Flicker indices of IEEE P2020 for lamps and exposures.")
-@click.option("--lights", type=LIGHTS, required=True, help="90Hz:0.1 (PWM of its duty), 1kHz:square, 100Hz, mains.")
-@click.option("--exposures", type=TIMES, required=True, help="Exposure times.")
+@click.option("--lights", type=LIGHTS, required=True, help="90Hz:0.1 (duty), 1kHz:square, mains, 90Hz..200Hz:5%..50%.")
+@click.option("--exposures", type=TIMES, required=True, help="Exposure times: 1ms,11ms or 10us..11ms:50.")
 @click.option("--background", type=float, default=0.0, help="Steady light relative to the lamp's peak; default 0.")
 @click.option("--contrast", type=SHARE, default="10%", help="Contrast at which a lamp is detected; default 10%.")
 @click.option("--tolerance", type=SHARE, default="10%", help="Deviation from the mean that is mitigated; default 10%.")
@@ -38,7 +38,7 @@ def flicker(
     as_json: bool,
 ) -> None:
     """Compute flicker modulation index, flicker detection index and modulation mitigation probability of every lamp at
-    every exposure, over all phases, in closed form.
+    every exposure, over all phases, in closed form. A range of frequencies or duties is five values; :N makes it N.
     """
     from ocisac_fast.exposure import flicker_indices
 
@@ -56,7 +56,19 @@ def flicker(
         header = ["lamp", "exposure", "FMI", "FDI", "MMP", "missed"]
         table = [[light_name(light), quantity(time, "s"), *(f"{v:.4f}" for v in each)] for light, time, each in rows]
         emit_table("", header, table)
+        if len(exposures) > 1:
+            emit_facts("", _best(rows))
         return
     for light, time, each in rows:
         facts = {"frequency_hz": light.frequency, "duty": light.duty, "exposure_s": time}
         emit_json(facts | dict(zip(_NAMES, each, strict=True)))
+
+
+def _best(rows: list[tuple[FlickeringLight, float, list[float]]]) -> dict[str, str]:
+    """The exposure whose worst lamp has the least modulation."""
+    worst: dict[float, tuple[float, str]] = {}
+    for light, time, (modulation, *_) in rows:
+        worst[time] = max(worst.get(time, (0.0, "")), (modulation, light_name(light)))
+    time = min(worst, key=lambda each: worst[each][0])
+    modulation, name = worst[time]
+    return {"exposure of the least FMI": quantity(time, "s"), "its largest FMI": f"{modulation:.4f} ({name})"}

@@ -6,19 +6,22 @@ from typing import Any
 
 import click
 
-from ocisac_fast.cli.lights import SHARE
-from ocisac_fast.cli.output import emit_facts, emit_json, quantity
+from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import json_option, plot_option
-from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, TIMES, Quantity
+from ocisac_fast.cli.units import FREQUENCY, SHARE, TIMES, Quantity, Several
 
 
 @click.command(short_help="Frequencies, duties and chip rates of a lamp for given exposures.")
-@click.option("--exposures", type=TIMES, required=True, help="Exposure times of the cameras.")
+@click.option("--exposures", type=TIMES, required=True, help="Exposure times of cameras: 1/50s,1/100s, 10us..11ms:50.")
 @click.option("--below", type=SHARE, default="2%", help="Max. (max-min)/(max+min); default 2%.")
-@click.option("--duty", type=float, help="Min. duty of PWM; default: a tone.")
+@click.option("--duty", type=SHARE, help="Min. duty of PWM: 0.1, 5%, 1/32; default: a tone.")
 @click.option(
-    "--range", "bounds", type=FREQUENCIES, default="50Hz,10kHz", help="Range of frequencies; default 50Hz,10kHz."
+    "--range",
+    "bounds",
+    type=Several(FREQUENCY, "LOW..HIGH", 2),
+    default="50Hz..10kHz",
+    help="Range of frequencies; default 50Hz..10kHz.",
 )
 @click.option("--spread", type=SHARE, default="0", help="Tolerance of each exposure, +-; default 0.")
 @click.option("--frequency", type=FREQUENCY, help="Frequency of PWM: print its min. duty instead.")
@@ -29,7 +32,7 @@ def lamp(
     exposures: tuple[float, ...],
     below: float,
     duty: float | None,
-    bounds: tuple[Quantity, ...],
+    bounds: tuple[Quantity, Quantity],
     spread: float,
     frequency: Quantity | None,
     plot: str | None,
@@ -38,8 +41,6 @@ def lamp(
     """Find frequencies at which a lamp shows no bands at any exposure and no exposure misses a pulse, and the chip
     rates from which a line code shows no bands; with --frequency, the duties instead.
     """
-    if len(bounds) != 2:
-        raise click.UsageError(f"--range: got {len(bounds)} frequencies, allowed: LOWEST,HIGHEST")
     span = float(bounds[0]), float(bounds[1])
     if frequency is not None:
         facts = _duties(exposures, below, float(frequency))
@@ -52,7 +53,36 @@ def lamp(
     if as_json:
         emit_json(facts)
         return
-    emit_facts("", {name: _text(name, value) for name, value in facts.items()})
+    lines = {name: _text(name, value) for name, value in facts.items() if name not in _IN_TABLE}
+    if frequency is None:
+        intervals = [tuple(map(_hertz, pair)) for pair in facts["frequencies_hz"]]
+        shown = [(low, high, _hertz(best)) for (low, high), best in zip(intervals, facts["best_hz"], strict=True)]
+        if facts["holds"]:
+            emit_table("without bands", ("from", "to", "least at"), shown[:_MOST_ROWS])
+        if len(shown) > _MOST_ROWS:
+            lines["more"] = f"{len(shown) - _MOST_ROWS} further ranges (--json has all)"
+        lines["holds"] = _verdict(facts, shown[0])
+    emit_facts("", lines | {f"no bands of {code} from": _hertz(rate) for code, rate in _chip_rates(facts)})
+
+
+_IN_TABLE = ("frequencies_hz", "best_hz", "chip_rates_from_hz")
+_MOST_ROWS = 20
+
+
+def _hertz(value: float) -> str:
+    return quantity(value, "Hz")
+
+
+def _chip_rates(facts: dict[str, Any]) -> list[tuple[str, float]]:
+    return list(facts.get("chip_rates_from_hz", {}).items())
+
+
+def _verdict(facts: dict[str, Any], first: tuple[str, str, str]) -> str:
+    if facts["holds"]:
+        return "yes"
+    if first[0] != first[1]:
+        return f"no: every frequency from {first[0]} to {first[1]} is equally bad"
+    return f"no: the best there is, {first[0]}"
 
 
 def _frequencies(
@@ -69,6 +99,7 @@ def _frequencies(
     shortest = [min(exposures) * (1.0 - spread)]
     return {
         "frequencies_hz": found.intervals,
+        "best_hz": found.best,
         "modulation": found.modulation,
         "holds": found.holds,
         "always_from_hz": found.always_from,
@@ -90,10 +121,4 @@ def _duties(exposures: tuple[float, ...], below: float, frequency: float) -> dic
 
 
 def _text(name: str, value: Any) -> str:
-    if name == "frequencies_hz":
-        return ", ".join(f"{quantity(low, 'Hz')} to {quantity(high, 'Hz')}" for low, high in value)
-    if isinstance(value, dict):
-        return ", ".join(f"{code} {quantity(rate, 'Hz')}" for code, rate in value.items())
-    if isinstance(value, bool):
-        return "yes" if value else "no: the best there is"
     return quantity(value, "Hz" if name.endswith("_hz") else "")

@@ -7,6 +7,7 @@ import enum
 import functools
 import json
 import math
+import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -20,6 +21,7 @@ from ocisac_fast.cli.text import is_utf8, printable
 
 _SURROGATES = re.compile("[\ud800-\udfff]")  # Python's representation of file name bytes that are not UTF-8
 _AS_THEY_ARE = (int, bool, type(None))
+_TEXT_WIDTH = 24  # columns that a text has at the least
 _UNBROKEN = 20_000  # columns of output to a file or pipe: lines are not wrapped
 _Item = TypeVar("_Item")
 _collected: ContextVar[list[Any] | None] = ContextVar("collected", default=None)
@@ -62,15 +64,15 @@ def collected_objects() -> Iterator[list[dict[str, Any]]]:
 
 
 @contextlib.contextmanager
-def csv_of_objects(path: str | None, as_json: bool) -> Iterator[None]:
-    """Write the objects of ``emit_json`` to a CSV file at the end; they are printed only if ``as_json``.
+def table_of_objects(paths: Sequence[str], as_json: bool) -> Iterator[None]:
+    """Write the objects of ``emit_json`` to files at the end, by suffix; they are printed only if ``as_json``.
 
-    After an interrupt or an error the file has the objects up to there, if there are any.
+    After an interrupt or an error the files have the objects up to there, if there are any.
     """
-    if path is None:
+    if not paths:
         yield
         return
-    from ocisac_fast.cli.csv_files import write_csv
+    from ocisac_fast.cli.csv_files import WRITERS, write_csv
 
     records: list[dict[str, Any]] = []
     tokens = _csv.set(records), _printed.set(as_json)
@@ -79,8 +81,8 @@ def csv_of_objects(path: str | None, as_json: bool) -> Iterator[None]:
     finally:
         _csv.reset(tokens[0])
         _printed.reset(tokens[1])
-        if records:
-            write_csv(path, records)
+        for path in paths if records else ():
+            WRITERS.get(os.path.splitext(path)[1].lower(), write_csv)(path, records)
 
 
 def is_collected() -> bool:
@@ -89,7 +91,7 @@ def is_collected() -> bool:
 
 
 def emit_json(record: Mapping[str, Any]) -> None:
-    """Print one JSON object on a line of standard output, or keep it for a file of ``csv_of_objects``."""
+    """Print one JSON object on a line of standard output, or keep it for a file of ``table_of_objects``."""
     for records in (_collected.get(), _csv.get()):
         if records is not None:
             records.append(plain(record))
@@ -139,22 +141,71 @@ def emit_table(
     rows: Iterable[Sequence[str]],
     header: bool = True,
     left: Sequence[str] = (),
+    spare: Sequence[str] = (),
 ) -> None:
-    """Print a table; with a header, columns after the first are right-aligned, except those in ``left``."""
-    from rich import box
+    """Print a table; with a header, columns after the first are right-aligned, except those in ``left``, of text.
+
+    Where a terminal is too narrow, columns are left out and named below: those in ``spare`` first, then from the right.
+    """
     from rich.console import Console
+
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=_UNBROKEN)
+    cells = [[printable(cell) for cell in row] for row in rows]
+    dropped = _too_wide(console.width, header_row, cells, left, spare) if header else []
+    _print_table(console, title, header_row, cells, header, left, dropped)
+    if dropped:
+        console.print(f"not shown: {', '.join(dropped)} (--json has all)\n")
+
+
+def _too_wide(
+    width: int, names: Sequence[str], cells: list[list[str]], left: Sequence[str], spare: Sequence[str]
+) -> list[str]:
+    """The columns to leave out; those of text fold, and are narrow at the least."""
+    wide = {
+        name: 3 + min(max(map(len, (name, *column))), _TEXT_WIDTH if name in (*left, names[0]) else width)
+        for name, *column in zip(names, *cells, strict=True)
+    }
+    dropped: list[str] = []
+    empty = [name for name, *column in zip(names, *cells, strict=True) if not any(column)]
+    for name in (*empty, *spare, *(name for name in reversed(names[1:]) if name not in left)):
+        if sum(wide.values()) + 1 <= width:
+            break
+        if wide.pop(name, None):
+            dropped.append(name)
+    return [name for name in names if name in dropped]
+
+
+def _print_table(
+    console: Any,
+    title: str,
+    names: Sequence[str],
+    cells: list[list[str]],
+    header: bool,
+    left: Sequence[str],
+    dropped: Sequence[str],
+) -> None:
+    from rich import box
     from rich.table import Table
     from rich.text import Text
 
     table = Table(title=printable(title) or None, box=box.SIMPLE_HEAD if header else None, show_header=header)
-    for k, name in enumerate(header_row):
-        side: Any = "right" if header and k > 0 and name not in left else "left"
-        table.add_column(name, justify=side, style="" if header or k else "bold", overflow="fold")
-    for row in rows:
-        table.add_row(*(Text(printable(cell)) for cell in row))
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=_UNBROKEN)
+    kept = [k for k, name in enumerate(names) if not header or name not in dropped]
+    for k in kept:
+        is_number = header and k > 0 and names[k] not in left
+        longest = max((len(row[k]) for row in cells), default=0)
+        style = "" if header or k else "bold"
+        table.add_column(
+            names[k],
+            justify="right" if is_number else "left",
+            style=style,
+            overflow="fold",
+            no_wrap=is_number,
+            min_width=max(len(names[k]), min(longest, _TEXT_WIDTH)),
+        )
+    for row in cells:
+        table.add_row(*(Text(row[k]) for k in kept))
     console.print(table)
 
 

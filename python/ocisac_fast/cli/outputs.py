@@ -13,12 +13,12 @@ _INPUTS = ("file", "files", "source", "scene", "unlit")
 
 
 def writes(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add ``--force`` to a command whose parameters ``names``, and ``csv``, are files that it writes."""
+    """Add ``--force`` to a command whose parameters ``names``, and tables, are files that it writes."""
 
     def decorated(function: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(function)
         def wrapped(*, force: bool, **arguments: Any) -> Any:
-            for name in (*names, "csv"):
+            for name in (*names, "csv", "table"):
                 if arguments[name] is not None:
                     _check(name, arguments[name], list(_inputs(arguments)), force)
             return function(**arguments)

@@ -17,10 +17,10 @@ import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.output import csv_of_objects, emit_note, is_collected
+from ocisac_fast.cli.output import emit_note, is_collected, table_of_objects
 from ocisac_fast.cli.units import ROW_TIME, TIME, ParameterType, Quantity
 from ocisac_fast.core.arrays import as_frames
-from ocisac_fast.core.checks import shown
+from ocisac_fast.core.checks import one_of, shown
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files import Part, RecordingStream, open_recording
 from ocisac_fast.files.recording import Frame, gathered
@@ -389,20 +389,28 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
     return wrapped
 
 
+def _table_path(ctx: click.Context, param: click.Parameter, path: str | None) -> str | None:
+    """The path of a table, of a kind that can be written."""
+    allowed = [".csv"] if param.name == "csv" else [".csv", ".parquet", ".mat"]
+    if path not in (None, "-") and os.path.splitext(str(path))[1].lower() not in allowed:
+        option = "" if param.name != "csv" else " (--table writes .parquet and .mat)"
+        raise click.UsageError(f"--{param.name}: got {path}, allowed: a name that ends with {one_of(allowed)}{option}")
+    return path
+
+
 def json_option(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--json``, and ``--csv FILE`` for the same objects as rows; both give the function ``as_json``."""
+    """Add ``--json``, and ``--table FILE`` for the same objects as rows; all give the function ``as_json``."""
 
     @functools.wraps(function)
-    def wrapped(*, as_json: bool, csv: str | None, **arguments: Any) -> Any:
-        with csv_of_objects(csv, as_json):
-            return function(as_json=as_json or csv is not None, **arguments)
+    def wrapped(*, as_json: bool, csv: str | None, table: str | None, **arguments: Any) -> Any:
+        paths = [path for path in (csv, table) if path is not None]
+        with table_of_objects(paths, as_json):
+            return function(as_json=as_json or bool(paths), **arguments)
 
-    wrapped = click.option(
-        "--csv",
-        type=click.Path(dir_okay=False),
-        metavar="FILE",
-        help="Write what --json prints as a table; -: print it.",
-    )(wrapped)
+    a_file: Any = {"type": click.Path(dir_okay=False), "metavar": "FILE", "callback": _table_path}
+    what = "Write it as .csv, .parquet or .mat; -: print CSV."
+    wrapped = click.option("--table", **a_file, help=what)(wrapped)
+    wrapped = click.option("--csv", **a_file, hidden=True)(wrapped)  # --table, with .csv alone
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object per line, nothing else.")(
         wrapped
     )

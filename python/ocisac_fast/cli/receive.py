@@ -116,7 +116,7 @@ def receive(
         table = [_row(facts, picture.in_hertz) + _payload_cell(facts, packets) for facts in every]
         axis = stream.scan_axis if stream is not None else every[0]["scan_axis"] if every else "y"
         title = f"scan axis {axis}" if picture.names(axis) else ""
-        emit_table(title, header, table, left=("flags", "bits", "payload"))
+        emit_table(title, header, table, left=("flags", "bits", "payload"), spare=("rows per chip",))
     if stream is not None:
         emit_summary(stream.summary(), as_json)
     if stopped:

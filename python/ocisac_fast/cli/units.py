@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from ocisac_fast.core.checks import shown
 
@@ -91,8 +93,42 @@ RATE = QuantityType("Hz", "30Hz", positive=True)
 FREQUENCY_OR_AUTO = QuantityType("Hz", "4.95kHz", automatic=True)
 
 
+def share(text: str) -> float:
+    """Parse a share: ``0.02``, ``2%`` or ``1/32``."""
+    number, slash, divisor = text.rstrip("%").partition("/")
+    return float(number) / (float(divisor) if slash else 1.0) / (100.0 if text.endswith("%") else 1.0)
+
+
+class _Share(ParameterType):
+    name = "SHARE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, float):
+            return value
+        try:
+            return share(str(value))
+        except (ValueError, ZeroDivisionError):
+            self.fail(f"got {shown(value)}, allowed: a share such as 0.02, 2% or 1/50")
+
+
+SHARE = _Share()
+_MOST_VALUES = 10_000
+_RANGE = f"LOW..HIGH:COUNT, such as 10us..11ms:50, 0 < LOW < HIGH, COUNT 2 to {_MOST_VALUES}"
+_WIDE = 10.0  # ratio of the ends above which values are in equal ratios
+
+
+def spread_over(low: float, high: float, count: int) -> list[float]:
+    """``count`` values from ``low`` to ``high``, at equal distances; in equal ratios where the ends differ tenfold."""
+    if not 0.0 < low < high or not 2 <= count <= _MOST_VALUES:
+        raise ValueError(f"range: got {low:g}..{high:g}:{count}, allowed: {_RANGE}")
+    return [float(one) for one in (np.geomspace if high > _WIDE * low else np.linspace)(low, high, count)]
+
+
 class Several(ParameterType):
-    """Values of one type, separated by commas; ``count``: how many, if not any number."""
+    """Values of one type, separated by commas; ``count``: how many, if not any number.
+
+    Without ``count``, ``LOW..HIGH:COUNT`` stands for as many values between. With two, ``LOW..HIGH`` for both.
+    """
 
     def __init__(self, single: ParameterType, name: str, count: int | None = None) -> None:
         self.name = name
@@ -102,11 +138,26 @@ class Several(ParameterType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
-        parts = str(value).split(",")
+
+        def one(text: str) -> Any:
+            return self._single.convert(text.strip(), param, ctx)
+
+        parts = str(value).replace("..", ",").split(",") if self._count == 2 else str(value).split(",")
         if self._count is not None and len(parts) != self._count:
             self.fail(f"got {shown(value)}, allowed: {self.name}")
-        return tuple(self._single.convert(part.strip(), param, ctx) for part in parts)
+        return tuple(each for part in parts for each in self._values(part, one))
+
+    def _values(self, part: str, one: Callable[[str], Any]) -> list[Any]:
+        low, dots, rest = part.partition("..")
+        if not dots:
+            return [one(part)]
+        high, _, count = rest.partition(":")
+        try:
+            return [Quantity(each) for each in spread_over(one(low), one(high), int(count))]
+        except ValueError:
+            self.fail(f"got {shown(part)}, allowed: {_RANGE}")
 
 
 FREQUENCIES = Several(FREQUENCY, "Hz,Hz,...")
 TIMES = Several(TIME, "TIME,...")
+SHARES = Several(SHARE, "SHARE,...")

@@ -8,6 +8,7 @@ are intervals about the nulls, found by bisection of monotone pieces.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
@@ -79,6 +80,8 @@ class FlickerFreeExposure(Result):
         modulations: of each light.
         objective: Y(exposure) of eq. 18 in s; NaN if it was not maximised.
         gain: |sinc(f_comm exposure)|; NaN without a data light.
+        null: exposure with less modulation, s, a whole number of a light's periods between which and ``exposure`` all
+            satisfy the bound: a margin where ``exposure`` is at its edge. NaN: there is none.
     """
 
     exposure: float
@@ -87,6 +90,7 @@ class FlickerFreeExposure(Result):
     modulations: tuple[float, ...]
     objective: float = math.nan
     gain: float = math.nan
+    null: float = math.nan
 
 
 @checked
@@ -139,11 +143,27 @@ def flicker_free_exposure(
             frequencies of ``lights``, or a bound that every exposure satisfies, so that none is the shortest.
     """
     domain = (0.0, LONGEST_EXPOSURE) if bounds is None else bounds
-    return FlickerFreeExposure(
+    found = FlickerFreeExposure(
         *_core.flicker_free_exposure(
             _table(lights), below, near, domain, step, f_comm, f_sense, min_gain, (weights[0], weights[1])
         )
     )
+    return dataclasses.replace(found, null=_null_beside(found, lights, below, domain)) if found.holds else found
+
+
+_BETWEEN = 65  # exposures that are checked between an exposure and a null
+
+
+def _null_beside(
+    found: FlickerFreeExposure, lights: Sequence[FlickeringLight], below: float, bounds: tuple[float, float]
+) -> float:
+    nulls = [round(found.exposure * light.frequency) / light.frequency for light in lights]
+    inside = [null for null in nulls if bounds[0] < null <= bounds[1]]
+    between = np.linspace(found.exposure, inside, _BETWEEN)  # (exposures, nulls)
+    modulation = _core.exposure_modulation(_table(lights), between)
+    better = (modulation.max(axis=0) <= below * (1.0 + 1e-9)) & (modulation[-1] < found.modulation * (1.0 - 1e-9))
+    best = int(np.argmin(np.where(better, modulation[-1], np.inf))) if better.any() else None
+    return math.nan if best is None else inside[best]
 
 
 @dataclass(frozen=True, slots=True, repr=False)

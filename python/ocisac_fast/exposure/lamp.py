@@ -22,6 +22,7 @@ Float64s = npt.NDArray[np.float64]
 
 DIGITAL_SUM_SPANS = {"manchester": 2, "4b6b": 4, "8b10b": 6}  # largest - smallest running sum of chips as +-1
 _HALVINGS = 60
+_MOST_NULLS = 1000  # of one exposure in an interval that are tried
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -29,13 +30,16 @@ class LampFrequencies(Result):
     """Result of :func:`flicker_free_frequencies`; Hz.
 
     Attributes:
-        intervals: (intervals, 2) ascending, in which no exposure shows bands; else the best frequency twice.
+        intervals: (intervals, 2) ascending, in which no exposure shows bands; else the best frequency twice, or the
+            whole range if all are equally bad.
+        best: (intervals,) the frequency with the least modulation in each.
         modulation: the largest modulation at the lowest of them.
         holds: True if such intervals exist.
         always_from: every frequency from here on satisfies the bound, outside the bounds too.
     """
 
     intervals: Float64s
+    best: Float64s
     modulation: float
     holds: bool
     always_from: float
@@ -80,13 +84,27 @@ def flicker_free_frequencies(
         return found
 
     holds, found = _smallest_level(below, frequencies_at)
-    found = found if holds else np.repeat(found[:1, :1], 2, axis=1)
     shutters = [
         FlickeringLight(time, uncertainty=exposure_spread * time, duty=duty, depth=depth) for time in times
     ]  # f and T_e interchange
-    left = max(float(exposure_modulation(shutter, found[0, 0])) for shutter in shutters)
+
+    def modulation_at(frequency: npt.ArrayLike) -> Float64s:
+        return np.asarray(np.max([exposure_modulation(shutter, frequency) for shutter in shutters], axis=0))
+
+    if not holds and list(found[0]) != [low, high]:
+        found = np.repeat(found[:1, :1], 2, axis=1)
+    left = float(modulation_at(found[0, 0]))
     settled = cycles_below(light, below, 1.0 / below + 2.0)[-1, 0]  # the maxima decrease as 1/(2n + 1) or faster
-    return LampFrequencies(found, left, holds, float(settled / (shorter * times.min())))
+    best = np.array([_best_within(interval, times, modulation_at) for interval in found])
+    return LampFrequencies(found, best, left, holds, float(settled / (shorter * times.min())))
+
+
+def _best_within(interval: Float64s, times: Float64s, modulation_at: Callable[[Float64s], Float64s]) -> float:
+    """The frequency of an interval with the least modulation: a null of one of the exposures, or an end."""
+    low, high = interval
+    nulls = [np.arange(np.ceil(time * low), min(time * high, _MOST_NULLS + time * low)) / time for time in times]
+    tried = np.unique(np.clip(np.concatenate([interval, *nulls]), low, high))
+    return float(tried[np.argmin(modulation_at(tried))])
 
 
 @checked

@@ -8,28 +8,33 @@ from typing import Any
 from ocisac_fast.files.recording import FileError
 
 
-def _library(module: str, name: str, extra: str = "files") -> Any:
+def _library(module: str, name: str) -> Any:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        raise FileError(f"needs {name}: pip install 'ocisac-fast[{extra}]'") from error
+        raise FileError(f"needs {name}: pip install {name}") from error
 
 
 def pillow() -> Any:
     """``PIL.Image``."""
-    return _library("PIL.Image", "Pillow")
+    return _library("PIL.Image", "pillow")
 
 
 def pyav() -> Any:
     """``av``."""
-    return _library("av", "PyAV")
+    return _library("av", "av")
 
 
 def fsspec() -> Any:
     """``fsspec``."""
-    return _library("fsspec", "fsspec", "cli")
+    return _library("fsspec", "fsspec")
 
 
 def pyarrow(module: str = "pyarrow") -> Any:
     """``pyarrow`` or a module of it."""
-    return _library(module, "pyarrow", "cli")
+    return _library(module, "pyarrow")
+
+
+def savemat() -> Any:
+    """``scipy.io.savemat``."""
+    return _library("scipy.io", "scipy").savemat

@@ -131,7 +131,7 @@ def _opencv() -> Any:
     try:
         import cv2
     except ModuleNotFoundError as error:
-        raise ValueError("locating needs OpenCV: pip install 'ocisac-fast[locate]'") from error
+        raise ValueError("locating needs OpenCV: pip install opencv-python-headless") from error
     return cv2
 
 

@@ -1,4 +1,4 @@
-"""Plots of results (matplotlib, ``ocisac-fast[cli]``)."""
+"""Plots of results (matplotlib)."""
 
 from ocisac_fast.plots.exposure import plot_exposure as plot_exposure, plot_front as plot_front
 from ocisac_fast.plots.flicker import (

@@ -1,4 +1,4 @@
-"""Common style of all plots, drawn without a display (matplotlib, ``ocisac-fast[cli]``).
+"""Common style of all plots, drawn without a display (matplotlib).
 
 Colours are those of Okabe and Ito, suitable for colour-blind readers.
 """
@@ -103,7 +103,7 @@ def _figure(path: FilePath | None, size: tuple[float, float], figure: Figure | N
     try:
         import matplotlib.figure
     except ModuleNotFoundError as error:
-        raise FileError("plots need matplotlib: pip install 'ocisac-fast[cli]'") from error
+        raise FileError("plots need matplotlib: pip install matplotlib") from error
     with matplotlib.rc_context(_LOOK):
         if figure is None and path is None:
             from matplotlib import pyplot

@@ -118,7 +118,7 @@ def save_scene(path: str | os.PathLike[str], scene: Scene) -> None:
     """Write a scene to a TOML file that `load_scene` reads; arguments with their default value are omitted.
 
     Raises:
-        ImportError: tomli-w is missing: pip install 'ocisac-fast[scene]'.
+        ImportError: tomli-w is missing: pip install tomli-w.
         OSError: the file cannot be written.
     """
     import tomli_w
