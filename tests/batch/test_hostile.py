@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import json
 import os
 import pathlib
 import random
@@ -23,6 +24,8 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("fsspec")
 pytest.importorskip("pyarrow")
 
+import pyarrow
+import pyarrow.parquet
 from hypothesis import given, settings, strategies as st
 from lamp_recordings import ROW_TIME, SHORT, lamp
 
@@ -170,6 +173,37 @@ def test_states_of_the_results_folder(states, again, frequency):
             whole = measure_recordings(folder / "r", task).table
             assert read_results(results).equals(whole)
         ended(["batch", "--summary", str(results), "--json"])
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just("gain"),
+    lambda one: st.lists(one, max_size=3) | st.dictionaries(st.sampled_from(["name", "options", "files", "a"]), one),
+    max_leaves=6,
+)
+COLUMNS = st.dictionaries(
+    st.sampled_from(["path", "frame", "gain", "size", "message", "\x1b"]),
+    st.lists(st.none() | st.integers(-9, 9), min_size=2, max_size=2)
+    | st.lists(st.none() | st.text(max_size=3), min_size=2, max_size=2)
+    | st.lists(st.binary(max_size=3), min_size=2, max_size=2),
+)
+
+
+@settings(max_examples=settings.default.max_examples // 2)
+@given(st.sampled_from(["task.json", "manifest.json", "rows/*/*-all.parquet", "failures/*.parquet"]), JSON, COLUMNS)
+def test_shapes_of_the_files_of_results(kind, value, columns):
+    """JSON and tables of any shape are mended or named in a line; files of the user stay."""
+    with folder_of({**RECORDINGS, **MINE}) as folder:
+        measure_recordings(folder / "r", GAIN, output=folder / "o")
+        spoilt = next((folder / "o").glob(kind))
+        if kind.endswith("json"):
+            spoilt.write_text(json.dumps(value))
+        else:
+            pyarrow.parquet.write_table(pyarrow.table(columns), spoilt)
+        ended(["batch", "--summary", str(folder / "o"), "--json"])
+        ended(["batch", str(folder / "r"), "-o", str(folder / "o"), "--workers", "0", "gain", *LIGHT])
+        ended(["batch", "--summary", str(folder / "o")])
+        kept = contents(folder)
+        assert {name: kept.get(folder / name) for name in (*RECORDINGS, *MINE)} == {**RECORDINGS, **MINE}
 
 
 # Signals
