@@ -163,6 +163,12 @@ double ColumnBundles::misfit(std::span<const double> rows, std::size_t lag) cons
   return row_misfit(picture(), rows, share_of_columns(rows), lag);
 }
 
+double ColumnBundles::gain(std::span<const double> rows) const {
+  const std::size_t lag = comparison_lag(rows, rows_);
+  const double none = 0;
+  return row_misfit(picture(), rows, {&none, 1}, lag) - misfit(rows, lag);
+}
+
 std::vector<std::vector<std::size_t>> alike_colours(std::span<const BandedPicture> colours) {
   std::vector<Values> swings;
   Values deviation, depth;

@@ -9,7 +9,6 @@
 #include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/pair_misfit.hpp"
-#include "cleaning/slow_changes.hpp"
 
 namespace ocisac {
 
@@ -18,12 +17,12 @@ namespace {
 constexpr std::size_t most_groups = 24;                  // of columns
 constexpr double min_left = 0.125;                       // lower bound of a light that is a divisor
 constexpr double floor_of_light = 0.01;                  // of the mean light, below which logarithms show noise
-constexpr double min_gain = 0.03;                        // texture without a light gives less
 constexpr double half_left = 0.5, much_left = 0.6;       // of the row light
 constexpr double min_level = 0.25;                       // of a light on part of the picture 0.4 and more
 constexpr double max_worse = 0.25;                       // share of the columns
 constexpr double min_part = 0.8;                         // of a group's pixels, of rows that count
-constexpr double smallest = 1e-300, independent = 1e-9;  // of a term that another one does not explain
+constexpr double smallest = 1e-100, independent = 1e-9;  // of a term that another one does not explain
+constexpr std::array<double, 5> textures{0.5, 0.3, 0.2, 0.1, 0.05};  // of the steps of a robust fit
 
 using Values = std::vector<double>;
 
@@ -88,42 +87,46 @@ void judge_misfit(const Compared& picture, std::size_t lag, CleaningVerdict& ver
   verdict.worse = static_cast<double>(grown) / static_cast<double>(groups);
 }
 
-double dot(std::span<const double> a, std::span<const double> b) {
-  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
-}
-
-void remove_along(std::span<const double> unit, std::span<double> values) {
-  const double part = dot(unit, values);
-  for (std::size_t n = 0; n < values.size(); ++n) values[n] -= part * unit[n];
-}
-
-Values gradient_of(std::span<const double> values) {
-  const std::size_t last = values.size() - 1;
-  Values result(values.size());
-  for (std::size_t n = 0; n <= last; ++n) {
-    const std::size_t before = n == 0 ? 0 : n - 1, after = std::min(n + 1, last);
-    result[n] = (values[after] - values[before]) / static_cast<double>(std::max<std::size_t>(after - before, 1));
-  }
-  return result;
-}
-
-// Orthonormal course of the row light and its derivative, which a shift adds, without slow changes; fewer than two
-// where they are not independent.
-std::vector<Values> course_of(std::span<const double> row_light) {
-  std::array<Values, 2> terms{Values(row_light.begin(), row_light.end()), gradient_of(row_light)};
-  for (Values& term : terms) remove_slow_changes(term);
-  if (dot(terms[0], terms[0]) < dot(terms[1], terms[1])) std::swap(terms[0], terms[1]);
-  const double least = std::max(independent * std::sqrt(dot(terms[0], terms[0])), smallest);
-  std::vector<Values> course;
-  for (Values& term : terms) {
-    for (int again = 0; again < 2; ++again)  // once more for what rounding left
-      for (const Values& unit : course) remove_along(unit, term);
-    const double size = std::sqrt(dot(term, term));
-    if (!(size > least)) break;
-    for (double& value : term) value /= size;
-    course.push_back(std::move(term));
+// The row light and its gradient, which a shift adds, of standard deviation 1.
+std::array<Values, 2> course_of(std::span<const double> row_light) {
+  const std::size_t last = row_light.size() - 1;
+  std::array<Values, 2> course{Values(row_light.begin(), row_light.end()), Values(row_light.size())};
+  for (std::size_t n = 0; n <= last; ++n)
+    course[1][n] = row_light[std::min(n + 1, last)] - row_light[n == 0 ? 0 : n - 1];
+  for (Values& term : course) {
+    const auto count = static_cast<double>(term.size());
+    const double mean = std::accumulate(term.begin(), term.end(), 0.0) / count;
+    double squares = smallest;
+    for (const double value : term) squares += (value - mean) * (value - mean);
+    for (double& value : term) value = (value - mean) / std::sqrt(squares / count);
   }
   return course;
+}
+
+// Terms of the course in the changes of some logarithms over `lag` rows. Edges count little, at first more, so that
+// bands are not taken for edges.
+std::array<double, 2> swing_in(const Values& level, const std::array<Values, 2>& course, std::size_t lag) {
+  std::array<double, 2> terms{};
+  for (const double texture : textures) {
+    double aa = smallest, ab = 0, bb = smallest, right_a = 0, right_b = 0;
+    for (std::size_t n = 0; n + lag < level.size(); ++n) {
+      const double change = level[n + lag] - level[n], a = course[0][n + lag] - course[0][n],
+                   b = course[1][n + lag] - course[1][n], rest = change - terms[0] * a - terms[1] * b;
+      if (!std::isfinite(rest)) continue;
+      const double weight = 1 / (texture * texture + rest * rest);
+      aa += weight * a * a;
+      ab += weight * a * b;
+      bb += weight * b * b;
+      right_a += weight * a * change;
+      right_b += weight * b * change;
+    }
+    const double determinant = aa * bb - ab * ab;
+    const bool are_two = determinant > independent * aa * bb;
+    terms = are_two
+                ? std::array{(bb * right_a - ab * right_b) / determinant, (aa * right_b - ab * right_a) / determinant}
+                : std::array{right_a / aa, 0.0};
+  }
+  return terms;
 }
 
 // First columns of the groups, and the number of columns last.
@@ -138,55 +141,56 @@ std::vector<std::size_t> group_starts(std::size_t columns) {
   return starts;
 }
 
-// Mean light of columns [first, end) in each row; the mean of all such rows in those that lack pixels.
-Values group_means(const Side& side, std::size_t rows, std::size_t columns, std::size_t first, std::size_t end) {
+// Logarithm of the mean light of columns [first, end) in each row; none in those that lack pixels.
+Values group_levels(const Side& side, std::size_t rows, std::size_t columns, std::size_t first, std::size_t end,
+                    double floor) {
   Values means(rows), counts(rows);
-  for (std::size_t n = 0; n < rows; ++n) {
+  for (std::size_t n = 0; n < rows; ++n)
     for (std::size_t at = n * columns + first; at < n * columns + end; ++at)
       if (side.kept[at] != 0) {
         means[n] += side.light[at];
         counts[n] += 1;
       }
-    means[n] /= std::max(counts[n], 1.0);
-  }
   const double enough = std::max(min_part * *std::max_element(counts.begin(), counts.end()), 1.0);
-  double sum = 0, whole = 0;
   for (std::size_t n = 0; n < rows; ++n)
-    if (counts[n] >= enough) {
-      sum += means[n];
-      whole += 1;
-    }
-  for (std::size_t n = 0; n < rows; ++n)
-    if (counts[n] < enough) means[n] = sum / std::max(whole, 1.0);
+    means[n] = counts[n] < enough ? NAN : std::log(std::max(means[n] / counts[n], floor));
   return means;
 }
 
-void judge_swing(const Compared& picture, std::span<const double> row_light, CleaningVerdict& verdict) {
-  const std::vector<Values> course = course_of(row_light);
+double mean_of(const Values& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+void judge_swing(const Compared& picture, std::span<const double> row_light, std::size_t lag,
+                 CleaningVerdict& verdict) {
+  const std::array<Values, 2> course = course_of(row_light);
   const std::vector<std::size_t> starts = group_starts(picture.columns);
   const auto groups = static_cast<double>(starts.size() - 1);
+  const double mean_light = std::max(mean_of(picture.before.light), smallest);
   std::array<double, 2> mean{};
-  double left = 0;
+  double left = 0, energy = 0;
   for (std::size_t group = 0; group + 1 < starts.size(); ++group) {
-    const auto means = [&](const Side& side) {
-      return group_means(side, picture.rows, picture.columns, starts[group], starts[group + 1]);
+    const auto swing = [&](const Side& side) {
+      return swing_in(group_levels(side, picture.rows, picture.columns, starts[group], starts[group + 1],
+                                   floor_of_light * mean_light),
+                      course, lag);
     };
-    const Values before = means(picture.before), after = means(picture.after);
-    for (std::size_t k = 0; k < course.size(); ++k) {
-      const double swing = dot(course[k], before), swing_left = dot(course[k], after);
-      verdict.energy += swing * swing;
-      left += swing_left * swing_left;
-      mean[k] += swing / groups;
+    const std::array<double, 2> before = swing(picture.before), after = swing(picture.after);
+    for (std::size_t k = 0; k < mean.size(); ++k) {
+      energy += before[k] * before[k];
+      left += after[k] * after[k];
+      mean[k] += before[k] / groups;
     }
   }
-  if (!(verdict.energy > 0)) return;
-  verdict.light_left = std::sqrt(left / verdict.energy);
-  verdict.level = dot(mean, mean) * groups / verdict.energy;
+  if (!(energy > smallest)) return;
+  verdict.light_left = std::sqrt(left / energy);
+  verdict.level = (mean[0] * mean[0] + mean[1] * mean[1]) * groups / energy;
+  verdict.energy = energy * mean_light * mean_light;
 }
 
 // Mean square of the mixed differences of log light over rows and columns, in which bands and gains cancel.
 double texture_of(const Values& light, const std::vector<std::uint8_t>& kept, std::size_t columns) {
-  const double mean = std::accumulate(light.begin(), light.end(), 0.0) / static_cast<double>(light.size());
+  const double mean = mean_of(light);
   Values level(light.size());
   for (std::size_t i = 0; i < level.size(); ++i)
     level[i] = std::log(std::max(light[i], 0.0) + floor_of_light * std::max(mean, smallest));
@@ -211,8 +215,9 @@ CleaningVerdict judge_cleaning(const BandedPicture& picture, std::span<const dou
   check(shares, picture.rows, picture.columns);
   const Compared sides = compared(picture, row_light, shares, max_columns);
   CleaningVerdict verdict;
-  judge_misfit(sides, comparison_lag(row_light, picture.rows), verdict);
-  judge_swing(sides, row_light, verdict);
+  const std::size_t lag = comparison_lag(row_light, picture.rows);
+  judge_misfit(sides, lag, verdict);
+  judge_swing(sides, row_light, lag, verdict);
   const double before = texture_of(sides.before.light, sides.after.kept, sides.columns);
   const double after = texture_of(sides.after.light, sides.after.kept, sides.columns);
   verdict.texture_change = before > 0 && after > 0 ? 10 * std::log10(after / before) : 0;

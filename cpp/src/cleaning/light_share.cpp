@@ -45,7 +45,7 @@ constexpr double texture_between_frames = 0.2;  // relative to that between rows
 constexpr int rounds_at_lamp_edges = 3;
 constexpr double texture_at_lamp_edges = 0.05, reach_of_steady = 12, edge_of_steady = 0.15;
 constexpr double reach_of_choice = 3;  // pixels over which the evidence for one of two shares is summed
-constexpr double min_gain = 3;         // min log-likelihood ratio to accept the other share
+constexpr double min_log_ratio = 3;    // min log-likelihood ratio to accept the other share
 constexpr std::array<std::size_t, 3> steps_of_range{1, 3, 8};  // successive windows: 12 pixels each way in total
 
 constexpr std::size_t wide = 6;             // steps of the plan, at first
@@ -256,7 +256,7 @@ class ShareEstimator {
   }
 
   // An alternative share for each pixel, from the steady light of its surroundings; accepted where the likelihood gain
-  // exceeds min_gain.
+  // exceeds min_log_ratio.
   void step_at_lamp_edges() {
     gather(texture_at_lamp_edges);
     finish_guide(guide_);
@@ -286,7 +286,7 @@ class ShareEstimator {
     std::fill(across_.begin(), across_.end(), std::exp(-1 / reach_of_choice));
     smooth(evidence_.pull);
     for (std::size_t i = 0; i < pixels_; ++i)
-      if (evidence_.pull[i] > min_gain) share_[i] = other[i];
+      if (evidence_.pull[i] > min_log_ratio) share_[i] = other[i];
   }
 
   // Clamps values to the range of the shares within 12 pixels.

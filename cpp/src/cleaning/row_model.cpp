@@ -6,6 +6,7 @@
 
 #include "cleaning/chip_light.hpp"
 #include "cleaning/quantile.hpp"
+#include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -104,8 +105,9 @@ ModelledLight find_row_light(const ColumnBundles& picture, RowModel model) {
   if (is_automatic || model == RowModel::tone)
     if (auto found = tone(is_automatic ? std::optional(surely_tone) : std::nullopt)) return light_of(*std::move(found));
   if (is_automatic || model == RowModel::chips)
-    if (auto found = find_chip_light(picture, rows, !is_automatic))
-      return light_of(std::move(found->light), RowModel::chips, found->rate);
+    if (auto found = find_chip_light(picture, rows, !is_automatic); found)
+      if (!is_automatic || picture.gain(found->light) >= min_gain)
+        return light_of(std::move(found->light), RowModel::chips, found->rate);
   if (is_automatic)
     if (auto found = tone(enough_of_tone)) return light_of(*std::move(found));
   return light_of(std::move(rows.light), RowModel::rows, std::numeric_limits<double>::quiet_NaN());

@@ -20,9 +20,10 @@ namespace {
 using Values = std::vector<double>;
 
 constexpr std::size_t most_judged_columns = 256;  // of a picture
-constexpr double much_left = 0.5;                 // of the bands' swing: another light is searched
+constexpr double much_left = 0.25;                // of the bands' swing: another light is searched
 constexpr double min_left = 0.125;                // lower bound of a light that is a divisor
-constexpr std::size_t whole_pixels = 1U << 19U;   // of a picture up to which every pixel has a share of its own
+constexpr std::size_t whole_pixels =
+    1U << 19U;  // of a picture under chips up to which every pixel has a share of its own
 constexpr double blocks_of_shares =
     1U << 17U;                             // in larger ones: they vary slowly, and blocks average noise and texture
 constexpr std::size_t longest_block = 16;  // rows
@@ -60,11 +61,12 @@ std::size_t lag_of(const StoredScene& scene, std::span<const ColourLights> light
   return comparison_lag(mean, scene.rows());
 }
 
-// Rows, `most` if possible, and columns of the blocks of a picture.
-KeptShares blocks_in(const StoredScene& scene, std::size_t most) {
-  const std::size_t pixels = scene.rows() * scene.columns();
-  if (pixels <= whole_pixels) return {{}, 1, 1};
-  const double each = static_cast<double>(pixels) / blocks_of_shares;
+// Rows and columns of the blocks of a picture. Means of rows as far apart as those compared change as the rows of a
+// tone do.
+KeptShares blocks_in(const StoredScene& scene, bool of_tones, std::size_t lag) {
+  const std::size_t pixels = scene.rows() * scene.columns(), most = of_tones ? lag : lag / 4;
+  if (!of_tones && pixels <= whole_pixels) return {{}, 1, 1};
+  const double each = std::max(static_cast<double>(pixels) / blocks_of_shares, 1.0);
   const auto square = static_cast<std::size_t>(std::nearbyint(std::sqrt(each)));
   const std::size_t rows = std::max<std::size_t>(1, std::min({most, longest_block, square}));
   const auto wide = static_cast<std::size_t>(std::nearbyint(each / static_cast<double>(rows)));
@@ -239,9 +241,7 @@ bool has_equal_rows(const StoredScene& scene) {
 }
 
 std::vector<KeptShares> shares_of(const StoredScene& scene, std::span<const ColourLights> lights) {
-  const std::size_t lag = lag_of(scene, lights);
-  // Means of rows as far apart as those compared change as the rows of a tone do.
-  const KeptShares block = blocks_in(scene, all_tones(lights) ? lag : lag / 4);
+  const KeptShares block = blocks_in(scene, all_tones(lights), lag_of(scene, lights));
   std::vector<Blocks> pictures;
   std::vector<Values> rows;
   for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
@@ -349,9 +349,14 @@ SceneLight estimated(StoredScene& scene, const Camera& camera, RowModel model, b
   SceneLight found = with_shares(scene, std::move(lights));
   const CleaningVerdict mean = mean_verdict(found.verdicts);
   if (given.empty()) found.unchanged = objection_to(mean);
-  const bool is_doubtful = !found.unchanged.empty() || main == RowModel::rows || mean.light_left > much_left;
-  if (is_slow && (is_doubtful || (main == RowModel::tone && std::ranges::all_of(found.shares, &KeptShares::is_one))))
-    return light_of_slow(scene, std::move(slow));
+  if (is_slow) {
+    SceneLight other = light_of_slow(scene, slow);
+    const ModelledLight& first = found.lights.front().lights.front();
+    const bool are_two = first.tone && first.tone->second > 0 && mean.gain > mean_verdict(other.verdicts).gain;
+    const bool is_even = main == RowModel::tone && std::ranges::all_of(found.shares, &KeptShares::is_one);
+    if (!found.unchanged.empty() || main == RowModel::rows || mean.light_left > much_left || (is_even && !are_two))
+      return other;
+  }
   if (!slow.empty() && !found.unchanged.empty()) {
     const auto seen = std::find_if(slow.begin(), slow.end(), [](const SlowLight& own) { return own.amplitude > 0; });
     if (seen != slow.end()) found.unchanged = seen->objection;

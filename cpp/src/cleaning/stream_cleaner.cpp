@@ -351,7 +351,8 @@ ColourLights StreamCleaner::followed_lights(const StoredScene& stored) const {
             shares.share[n * across + k * stored.merged() / shares.block_columns] / static_cast<double>(down);
     ToneLight tone = followed_tone_light(ColumnBundles(picture, of_columns), *own.tone);
     const double weight = 1 / static_cast<double>(std::min(before_->frames, most_frequencies) + 2);
-    tone.frequency = own.tone->frequency + weight * (tone.frequency - own.tone->frequency);
+    tone.frequency = std::lerp(own.tone->frequency, tone.frequency, weight);
+    tone.second = std::lerp(own.tone->second, tone.second, weight);
     found.lights.push_back(ocisac::light_of(std::move(tone)));
   }
   return found;

@@ -9,6 +9,7 @@
 #include "cleaning/row_basis.hpp"
 #include "cleaning/slow_changes.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 
@@ -27,29 +28,32 @@ double from_middle(Eigen::Index row, Eigen::Index rows) {
   return static_cast<double>(row) - 0.5 * static_cast<double>(rows - 1);
 }
 
-// Number of harmonics below half the row rate, at most `harmonics`.
-Eigen::Index resolved(std::size_t harmonics, double frequency) {
-  Eigen::Index count = 0;
-  while (static_cast<std::size_t>(count) < harmonics && static_cast<double>(count + 1) * frequency < 0.5) ++count;
-  return count;
+// Frequencies of the waves of a tone: its harmonics below half the row rate, and the second lamp's.
+Values waves_of(const ToneLight& tone) {
+  Values waves;
+  for (std::size_t k = 1; k <= tone.harmonics && static_cast<double>(k) * tone.frequency < 0.5; ++k)
+    waves.push_back(static_cast<double>(k) * tone.frequency);
+  if (tone.second > 0) waves.push_back(tone.second);
+  return waves;
 }
 
-// Cosines, then sines, of the harmonics, phases from the middle row, into columns from `first` on.
-void put_harmonics(Basis& basis, Eigen::Index first, Eigen::Index count, double frequency) {
+// Cosines, then sines, of the waves, phases from the middle row, into columns from `first` on.
+void put_waves(Basis& basis, Eigen::Index first, const Values& waves) {
+  const auto count = static_cast<Eigen::Index>(waves.size());
   for (Eigen::Index n = 0; n < basis.rows(); ++n)
     for (Eigen::Index k = 0; k < count; ++k) {
-      const double cycles = from_middle(n, basis.rows()) * (static_cast<double>(k + 1) * frequency);
+      const double cycles = from_middle(n, basis.rows()) * waves[static_cast<std::size_t>(k)];
       const double angle = 2 * std::numbers::pi * (cycles - std::floor(cycles));
       basis(n, first + k) = std::cos(angle);
       basis(n, first + count + k) = std::sin(angle);
     }
 }
 
-// A constant, then the harmonics, then `more` columns of zeros.
-Basis periodic_basis(std::size_t rows, Eigen::Index count, double frequency, Eigen::Index more = 0) {
-  Basis basis = Basis::Zero(static_cast<Eigen::Index>(rows), 1 + 2 * count + more);
+// A constant, then the waves, then `more` columns of zeros.
+Basis periodic_basis(std::size_t rows, const Values& waves, Eigen::Index more = 0) {
+  Basis basis = Basis::Zero(static_cast<Eigen::Index>(rows), 1 + 2 * static_cast<Eigen::Index>(waves.size()) + more);
   basis.col(0).setOnes();
-  put_harmonics(basis, 1, count, frequency);
+  put_waves(basis, 1, waves);
   return basis;
 }
 
@@ -62,53 +66,74 @@ Values fully_modulated(Values tone) {
   return tone;
 }
 
-// The tone fitted to the picture from `light`, and its frequency f by one Gauss–Newton step; d/df is proportional to
-// the row.
-ToneLight tone_of_picture(const ColumnBundles& picture, std::span<const double> light, std::size_t harmonics,
-                          double frequency, int steps) {
-  const Eigen::Index count = resolved(harmonics, frequency);
-  Basis basis = periodic_basis(picture.rows(), count, frequency, 2);
-  const Eigen::Index rows = basis.rows(), drift = 1 + 2 * count;
+// The tone fitted to the picture from `light`, and the frequency f of each lamp by one Gauss–Newton step; d/df is
+// proportional to the row.
+ToneLight tone_of_picture(const ColumnBundles& picture, std::span<const double> light, ToneLight tone, int steps) {
+  const Values waves = waves_of(tone);
+  const auto count = static_cast<Eigen::Index>(waves.size());
+  std::vector<Eigen::Index> fundamentals{0};
+  if (tone.second > 0) fundamentals.push_back(count - 1);
+  Basis basis = periodic_basis(picture.rows(), waves, 2 * static_cast<Eigen::Index>(fundamentals.size()));
+  const Eigen::Index rows = basis.rows();
   const auto length = static_cast<double>(rows);
-  for (Eigen::Index n = 0; n < rows; ++n) {
-    basis(n, drift) = from_middle(n, rows) / length * basis(n, 1);
-    basis(n, drift + 1) = from_middle(n, rows) / length * basis(n, 1 + count);
-  }
+  Eigen::Index drift = 1 + 2 * count;
+  for (const Eigen::Index wave : fundamentals)
+    for (const Eigen::Index column : {1 + wave, 1 + count + wave}) {
+      for (Eigen::Index n = 0; n < rows; ++n) basis(n, drift) = from_middle(n, rows) / length * basis(n, column);
+      ++drift;
+    }
   const RowLight refined = picture.refined(light, {.basis = span_of(basis)}, steps);
   const Eigen::VectorXd terms = fitted_terms(basis, vector_of(refined.light));
-  const double cosine = terms[1], sine = terms[1 + count];
-  double change = (terms[drift] * sine - terms[drift + 1] * cosine) /
-                  (2 * std::numbers::pi * length * std::max(cosine * cosine + sine * sine, 1e-300));
-  const bool is_small = std::abs(change) * length <= largest_change;
-  if (!is_small || frequency + change <= 0 || frequency + change >= 0.5) change = 0;
+  drift = 1 + 2 * count;
+  for (const Eigen::Index wave : fundamentals) {
+    const double cosine = terms[1 + wave], sine = terms[1 + count + wave];
+    const double change = (terms[drift] * sine - terms[drift + 1] * cosine) /
+                          (2 * std::numbers::pi * length * std::max(cosine * cosine + sine * sine, 1e-300));
+    drift += 2;
+    double& frequency = wave == 0 ? tone.frequency : tone.second;
+    const double moved = frequency + change;
+    const bool is_kept = wave > 0 || waves_of({{}, moved, tone.harmonics, tone.second}).size() == waves.size();
+    if (std::abs(change) * length <= largest_change && moved > 0 && moved < 0.5 && is_kept) frequency = moved;
+  }
   Basis moved = Basis::Zero(rows, 2 * count);
-  put_harmonics(moved, 0, count, frequency + change);
-  return {fully_modulated(values_of(moved * terms.segment(1, 2 * count))), frequency + change, harmonics};
-}
-
-ToneLight fitted_tone(const ColumnBundles& picture, const Values& start, std::size_t harmonics, double frequency) {
-  ToneLight tone{fully_modulated(start), frequency, harmonics};
-  for (int again = 0; again < 2; ++again)
-    tone = tone_of_picture(picture, tone.light, harmonics, tone.frequency, steps_to_fit);
+  put_waves(moved, 0, waves_of(tone));
+  tone.light = fully_modulated(values_of(moved * terms.segment(1, 2 * count)));
   return tone;
 }
 
-// The fundamental alone, or with harmonics if these decrease the misfit clearly. Periodic texture resembles harmonics
-// if the fit starts with those of the rows, so both starts are tried.
-ToneLight likeliest(const ColumnBundles& picture, const Values& all_of_rows, const Values& fundamental,
-                    std::size_t harmonics, double frequency) {
-  ToneLight best = fitted_tone(picture, fundamental, 1, frequency);
-  if (harmonics == 1) return best;
-  const auto lag = static_cast<std::size_t>(std::max(std::nearbyint(quarter / frequency), 1.0));
-  double least = picture.misfit(best.light, lag);
-  for (const Values* start : {&fundamental, &all_of_rows}) {
-    ToneLight tried = fitted_tone(picture, *start, harmonics, frequency);
-    const double misfit = picture.misfit(tried.light, lag);
-    if (misfit >= least - much_likelier) continue;
-    best = std::move(tried);
-    least = misfit;
+ToneLight fitted_tone(const ColumnBundles& picture, const Values& start, ToneLight tone) {
+  tone.light = fully_modulated(start);
+  for (int again = 0; again < 2; ++again) tone = tone_of_picture(picture, tone.light, tone, steps_to_fit);
+  return tone;
+}
+
+// Slow terms, then the waves.
+Basis slow_and_periodic(std::size_t rows, const Values& waves) {
+  const auto slow = static_cast<Eigen::Index>(slow_terms(rows));
+  Basis basis = Basis::Zero(static_cast<Eigen::Index>(rows), slow + 2 * static_cast<Eigen::Index>(waves.size()));
+  Values term(rows);
+  for (Eigen::Index k = 0; k < slow; ++k) {
+    slow_term(static_cast<std::size_t>(k), term);
+    basis.col(k) = vector_of(term);
   }
-  return best;
+  put_waves(basis, slow, waves);
+  return basis;
+}
+
+// Least squares of the rows, weighted by their information: what the slow terms and the waves explain; each of the
+// waves (rows × 2·waves).
+struct OfRows {
+  Values explained;
+  Basis waves;
+};
+
+OfRows fitted_to_rows(const RowLight& rows, const Values& waves) {
+  const Basis basis = slow_and_periodic(rows.light.size(), waves);
+  const Eigen::VectorXd root = vector_of(rows.information).array().sqrt();
+  const Basis weighted = root.asDiagonal() * basis;
+  const Eigen::VectorXd terms = fitted_terms(weighted, root.cwiseProduct(vector_of(rows.light)));
+  const auto count = 2 * static_cast<Eigen::Index>(waves.size());
+  return {values_of(basis * terms), basis.rightCols(count) * terms.tail(count).asDiagonal()};
 }
 
 // The frequency of the rows, which may be of any scale.
@@ -119,17 +144,43 @@ FoundFrequency frequency_of(const Values& rows) {
   return find_frequency(view, search);
 }
 
-// Slow terms, then the harmonics.
-Basis slow_and_periodic(std::size_t rows, Eigen::Index count, double frequency) {
-  const auto slow = static_cast<Eigen::Index>(slow_terms(rows));
-  Basis basis = Basis::Zero(static_cast<Eigen::Index>(rows), slow + 2 * count);
-  Values term(rows);
-  for (Eigen::Index k = 0; k < slow; ++k) {
-    slow_term(static_cast<std::size_t>(k), term);
-    basis.col(k) = vector_of(term);
+// The fundamental of a tone and the sine of a second lamp, where what the first leaves of the rows has one.
+std::optional<ToneLight> with_second(const RowLight& rows, double frequency) {
+  ToneLight tone{{}, frequency};
+  Values left = fitted_to_rows(rows, waves_of(tone)).explained;
+  for (std::size_t n = 0; n < left.size(); ++n) left[n] = rows.light[n] - left[n];
+  const FoundFrequency found = frequency_of(left);
+  if (!std::isfinite(found.frequency) || (found.flags & flag::no_tone) != 0) return {};
+  const double apart = std::abs(found.frequency - frequency) * static_cast<double>(left.size());
+  if (found.frequency * slowest_rows < 1 || apart < 1) return {};
+  tone.second = found.frequency;
+  return tone;
+}
+
+// The fundamental alone, or with harmonics or a second lamp if these decrease the misfit clearly. Periodic texture
+// resembles harmonics if the fit starts with those of the rows, so both starts are tried.
+// None where `must_gain` and the fundamental is no better than none.
+std::optional<ToneLight> likeliest(const ColumnBundles& picture, const RowLight& rows, const Basis& waves,
+                                   const ToneLight& tone, bool must_gain) {
+  const Eigen::Index count = waves.cols() / 2;
+  const Values fundamental = values_of(waves.col(0) + waves.col(count)), all_of_rows = values_of(waves.rowwise().sum());
+  const ToneLight alone = fitted_tone(picture, fundamental, {{}, tone.frequency});
+  if (must_gain && picture.gain(alone.light) < min_gain) return {};
+  const auto lag = static_cast<std::size_t>(std::max(std::nearbyint(quarter / tone.frequency), 1.0));
+  std::vector<ToneLight> others;
+  if (tone.harmonics > 1)
+    for (const Values* start : {&fundamental, &all_of_rows}) others.push_back(fitted_tone(picture, *start, tone));
+  if (const std::optional<ToneLight> two = with_second(rows, alone.frequency))
+    others.push_back(fitted_tone(picture, values_of(fitted_to_rows(rows, waves_of(*two)).waves.rowwise().sum()), *two));
+  ToneLight best = alone;
+  double least = others.empty() ? 0 : picture.misfit(alone.light, lag);
+  for (ToneLight& tried : others) {
+    const double misfit = picture.misfit(tried.light, lag);
+    if (misfit >= least - much_likelier) continue;
+    best = std::move(tried);
+    least = misfit;
   }
-  put_harmonics(basis, slow, count, frequency);
-  return basis;
+  return best;
 }
 
 void check(const ColumnBundles& picture, const ToneLight& tone) {
@@ -146,30 +197,35 @@ std::optional<ToneLight> find_tone_light(const ColumnBundles& picture, const Row
           "one value a row");
   const FoundFrequency found = frequency_of(rows.light);
   if (!std::isfinite(found.frequency) || ((found.flags & flag::no_tone) != 0 && enough)) return {};
-  const Eigen::Index count = resolved(found.harmonics, found.frequency);
-  if (count == 0 || found.frequency * slowest_rows < 1) return {};  // slower ones are slow lights, or shades
-  const Basis basis = slow_and_periodic(picture.rows(), count, found.frequency);
-  const Eigen::VectorXd root = vector_of(rows.information).array().sqrt();
-  const Basis weighted = root.asDiagonal() * basis;
-  const Eigen::VectorXd terms = fitted_terms(weighted, root.cwiseProduct(vector_of(rows.light)));
-  if (enough && explained_share(rows.light, values_of(basis * terms), rows.information) < *enough) return {};
-  const Basis tones = basis.rightCols(2 * count) * terms.tail(2 * count).asDiagonal();
-  const Eigen::VectorXd fundamental = tones.col(0) + tones.col(count);
-  return likeliest(picture, values_of(tones.rowwise().sum()), values_of(fundamental), found.harmonics, found.frequency);
+  const ToneLight tone{{}, found.frequency, found.harmonics};
+  const Values waves = waves_of(tone);
+  if (waves.empty() || found.frequency * slowest_rows < 1) return {};  // slower ones are slow lights, or shades
+  const OfRows fit = fitted_to_rows(rows, waves);
+  const auto is_enough = [&](const Values& explained) {
+    return !enough || explained_share(rows.light, explained, rows.information) >= *enough;
+  };
+  if (!is_enough(fit.explained)) {
+    const std::optional<ToneLight> two = with_second(rows, found.frequency);
+    if (!two || !is_enough(fitted_to_rows(rows, waves_of(*two)).explained)) return {};
+  }
+  return likeliest(picture, rows, fit.waves, tone, enough.has_value());
 }
 
 ToneLight tone_light_at(const ColumnBundles& picture, const ToneLight& tone, double frequency) {
-  check(picture, {tone.light, frequency, tone.harmonics});
-  const Eigen::Index count = resolved(tone.harmonics, frequency);
-  const Basis basis = periodic_basis(picture.rows(), count, frequency);
+  ToneLight moved{tone.light, frequency, tone.harmonics, tone.second};
+  check(picture, moved);
+  const Values waves = waves_of(moved);
+  const Basis basis = periodic_basis(picture.rows(), waves);
   const RowLight refined = picture.refined(tone.light, {.basis = span_of(basis)}, steps_to_fit);
   const Eigen::VectorXd terms = fitted_terms(basis, vector_of(refined.light));
-  return {fully_modulated(values_of(basis.rightCols(2 * count) * terms.tail(2 * count))), frequency, tone.harmonics};
+  const auto count = 2 * static_cast<Eigen::Index>(waves.size());
+  moved.light = fully_modulated(values_of(basis.rightCols(count) * terms.tail(count)));
+  return moved;
 }
 
 ToneLight followed_tone_light(const ColumnBundles& picture, const ToneLight& tone) {
   check(picture, tone);
-  return tone_of_picture(picture, Values(picture.rows(), 1.0), tone.harmonics, tone.frequency, steps_to_follow);
+  return tone_of_picture(picture, Values(picture.rows(), 1.0), tone, steps_to_follow);
 }
 
 }  // namespace ocisac

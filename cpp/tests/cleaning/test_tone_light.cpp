@@ -64,6 +64,37 @@ TEST_CASE("a tone is found in the rows and in the picture, and followed to anoth
   CHECK(largest_difference(again.light, first.row_light) < 0.05);
 }
 
+TEST_CASE("two lamps are found in the rows and in the picture, and followed") {
+  Boxes boxes;
+  const double other = 15.1;
+  const auto light_of = [&](double phase) {
+    std::vector<double> light;
+    for (std::size_t n = 0; n < rows; ++n)
+      light.push_back(0.65 * of_row(n, 0) +
+                      0.35 * (1 + 0.8 * std::cos(2 * std::numbers::pi * static_cast<double>(n) / other + phase)));
+    return light;
+  };
+  const auto lit = [&](const std::vector<double>& row_light) {
+    Boxes result;
+    for (std::size_t i = 0; i < result.light.size(); ++i)
+      result.light[i] *= (1 + 0.7 * (row_light[i / columns] - 1)) / (1 + 0.7 * (boxes.row_light[i / columns] - 1));
+    return result;
+  };
+  const std::vector<double> now = light_of(0), then = light_of(2);
+  const Boxes first = lit(now), second = lit(then);
+  const ColumnBundles picture(first.picture());
+  const std::optional<ToneLight> tone = find_tone_light(picture, picture.free(), 0.5);
+  REQUIRE(tone);
+  CHECK(tone->frequency == doctest::Approx(1 / period).epsilon(2e-3));
+  CHECK(tone->second == doctest::Approx(1 / other).epsilon(2e-3));
+  const auto correlation = [](const std::vector<double>& a, const std::vector<double>& b) {
+    return explained_share(a, b, std::vector<double>(a.size(), 1.0));
+  };
+  CHECK(correlation(fully_modulated_rows(now), fully_modulated_rows(tone->light)) > 0.97);
+  const ToneLight next = followed_tone_light(ColumnBundles(second.picture(), std::vector<double>(columns, 0.7)), *tone);
+  CHECK(correlation(fully_modulated_rows(then), fully_modulated_rows(next.light)) > 0.97);
+}
+
 TEST_CASE("rows that a tone explains less than asked for have none") {
   const Boxes boxes;
   const ColumnBundles picture(boxes.picture());

@@ -23,6 +23,8 @@ class ColumnBundles {
 
   [[nodiscard]] double depth(std::span<const double> rows) const;  // mean share of a row light of mean 1
   [[nodiscard]] double misfit(std::span<const double> rows, std::size_t lag) const;  // row_misfit with those shares
+  // Decrease of the misfit by division by the light, at its comparison_lag.
+  [[nodiscard]] double gain(std::span<const double> rows) const;
 
   [[nodiscard]] std::size_t rows() const { return rows_; }
 

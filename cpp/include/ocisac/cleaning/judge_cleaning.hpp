@@ -10,6 +10,8 @@
 
 namespace ocisac {
 
+constexpr double min_gain = 0.03;  // decrease of the misfit of rows; texture without a light gives less
+
 // Measured on one colour of a frame, or the mean of its colours.
 struct CleaningVerdict {
   double light_left = 0;      // swing of the row light in the columns after cleaning, over that before

@@ -14,11 +14,13 @@ struct ToneLight {
   std::vector<double> light;  // of each row: mean 1, the darkest one 0
   double frequency = 0;       // cycles per row
   std::size_t harmonics = 1;
+  double second = 0;  // cycles per row of the sine of a second lamp; 0: none
 };
 
 // Mean, harmonics and slow terms are fitted to the rows at the frequency found in them; none if they do not explain
 // `enough` of the rows' swing (no bound where it is empty). Periodic texture contributes to the rows too. It has few
-// edges, so the tone is then fitted to the picture itself, with harmonics where they are much likelier.
+// edges, so the tone is then fitted to the picture itself, with harmonics or the sine of a second lamp where
+// they are much likelier.
 // rows: (rows) estimated without a model (ColumnBundles::free), with their information.
 std::optional<ToneLight> find_tone_light(const ColumnBundles& picture, const RowLight& rows,
                                          std::optional<double> enough);
@@ -26,7 +28,7 @@ std::optional<ToneLight> find_tone_light(const ColumnBundles& picture, const Row
 // The tone, fitted to the picture again at a given frequency, cycles per row.
 ToneLight tone_light_at(const ColumnBundles& picture, const ToneLight& tone, double frequency);
 
-// The tone in another frame, of any phase; its frequency, one Gauss–Newton step from that of `tone`.
+// The tone in another frame, of any phase; its frequencies, one Gauss–Newton step from those of `tone`.
 ToneLight followed_tone_light(const ColumnBundles& picture, const ToneLight& tone);
 
 }  // namespace ocisac
