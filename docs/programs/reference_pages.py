@@ -132,6 +132,7 @@ Keys of the other commands:
 | `transmit` | `file`, `payload_bytes`, `number`, `line_code`, `block_bytes`, `codewords`, `codeword_data` |
 | | `chips`, `blocks`, `block_chips`; `levels` without `-o` |
 | `simulate` | `file`, `frames`, `rows`, `columns`, `dtype`, `row_time_s`, `exposure_s`; of a scene `error_bound_dn` |
+| `receive --sent` | also `errors`, `compared`, `missing`, `inserted`, `shift`, `inverted`, `chance` |
 | `demo` | `settings` (`kind`, `frequency_hz`, `exposure_s`, `theory`, `gain`, `gain_std`), `bits`, `text`, `picture` |
 
 """

@@ -35,7 +35,12 @@ from ocisac_fast.packets import (
     merge_receptions as merge_receptions,
     transmit as transmit,
 )
-from ocisac_fast.receiver import MultiReceiver as MultiReceiver, Receiver as Receiver, receive as receive
+from ocisac_fast.receiver import (
+    MultiReceiver as MultiReceiver,
+    Receiver as Receiver,
+    compare_bits as compare_bits,
+    receive as receive,
+)
 from ocisac_fast.scene import Scene as Scene
 from ocisac_fast.sensing import (
     background_light as background_light,

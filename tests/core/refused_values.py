@@ -237,6 +237,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "false_alarms": [0.0, NAN, 1.5], "min_cycles": [1.0, INF], "max_sources": [0],
         "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2))], "columns": [of(frames=np.full((64, 64), NAN))],
     },
+    "receiver.compare_bits": {"received": ["012", ["01", "2"]], "sent": ["", "0a", [0.5], [[0, 1]]]},
     "receiver.receive": {
         "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2, 2)), np.zeros((1, 4, 4, 0))],
         "columns": [of(frames=np.full((9, 4), NAN))], "chip_rate": [0.0, INF, 7.5e4], "colour": [1, -1],

@@ -151,6 +151,7 @@ VALID: dict[str, Any] = {
     "lights.SourceTracker.follow": (lambda: lights.SourceTracker(CAMERA), {"sources": [], "shape": (64, 8)}),
     "lights.SourceTracker": {"camera": CAMERA},
     "receiver.receive": FRAMES,
+    "receiver.compare_bits": {"received": "0110", "sent": "01101"},
     "receiver.FskReceiver.push": (lambda: receiver.FskReceiver(CAMERA, TONES), {"frame": SIGNAL[:, None]}),
     "receiver.FskReceiver": {"camera": CAMERA, "tones": TONES},
     "receiver.GainOptions": {},

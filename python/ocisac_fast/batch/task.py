@@ -18,7 +18,7 @@ from ocisac_fast.files import LightResponse, RecordingStream
 
 IN_STRETCHES = ("gain", "detect")  # each frame has an answer of its own
 # Output and input of a single call, and following from frame to frame, which stretches interrupt.
-_NOT_FOR_MANY = ("plot", "as_json", "csv", "table", "per_column", "marks", "pulses", "force", "search_every")
+_NOT_FOR_MANY = ("plot", "as_json", "csv", "table", "sent", "per_column", "marks", "pulses", "force", "search_every")
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from ocisac_fast.cli.pictures import (
     plot_option,
     rows_and_columns,
 )
+from ocisac_fast.cli.sent_files import ErrorCount
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, RATE, Quantity
 from ocisac_fast.core.regions import Region
@@ -45,6 +46,7 @@ from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 @click.option("--fsk", type=FREQUENCIES, help="Tones of CM-FSK, one per frame, such as 1kHz,1.2kHz.")
 @click.option("--gain", is_flag=True, help="Measure the gain of each light's tone too.")
 @click.option("--frequency", type=FREQUENCY, help="Frequency of that tone; default: estimated at detection.")
+@click.option("--sent", type=FILE_PATH, help="Bits that are sent over and over (.txt, .npy): count the errors.")
 @picture_options
 @plot_option("the combined column of the first frame with its chips")
 @writes("plot")
@@ -62,6 +64,7 @@ def receive(
     fsk: tuple[Quantity, ...] | None,
     gain: bool,
     frequency: Quantity | None,
+    sent: str | None,
     picture: PictureOptions,
     plot: str | None,
     as_json: bool,
@@ -76,6 +79,7 @@ def receive(
     """
     rate = picture.check_frequency("--chip-rate", chip_rate)
     every = []
+    errors = ErrorCount(sent)
     tones = tuple(picture.check_frequency("--fsk", tone) or 0.0 for tone in fsk or ())
     packets = packets or line_code not in (None, "none") or bool(tones)
     if frame_rate is not None and picture.row_time is None:
@@ -98,7 +102,7 @@ def receive(
         for file in files:
             try:
                 for facts in _received(file, picture, plot, rate, stream):
-                    named = {"file": file, **facts} if len(files) > 1 else facts
+                    named = ({"file": file} if len(files) > 1 else {}) | facts | errors.of(facts)
                     if as_json:
                         emit_json(named)
                     else:
@@ -119,6 +123,7 @@ def receive(
         emit_table(title, header, table, left=("flags", "bits", "payload"), spare=("rows per chip",))
     if stream is not None:
         emit_summary(stream.summary(), as_json)
+    errors.report(as_json)
     if stopped:
         raise KeyboardInterrupt
     if failed:

@@ -1,5 +1,6 @@
 """Frames to bits and payloads."""
 
+from ocisac_fast.receiver.bit_errors import BitErrors as BitErrors, compare_bits as compare_bits
 from ocisac_fast.receiver.blind import Received as Received, receive as receive
 from ocisac_fast.receiver.fsk import FskFrame as FskFrame, FskReceiver as FskReceiver
 from ocisac_fast.receiver.stream import (
