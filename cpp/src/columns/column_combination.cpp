@@ -333,6 +333,8 @@ CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
       result.saturated |= weight > 0 && frame.clipped[column] > kClippedShare;
     }
   }
+  for (std::size_t column = 0; column < frame.usable.size(); ++column)
+    result.left_out |= !frame.usable[column] && frame.clipped[column] > kClippedShare;
   result.noise = count > 1 ? std::sqrt(noise) : kNaN;
   result.quality = quality;
   return result;

@@ -506,6 +506,7 @@ Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame,
       }
       if (std::exchange(first, false)) best = std::move(received);
     }
+    if (std::ranges::none_of(columns, [](const auto& one) { return one.first.left_out; })) break;
   }
   return {std::move(best), {}, slope, {}};
 }

@@ -21,6 +21,7 @@ struct CombinedColumn {
   bool saturated = false;       // columns with saturated pixels had to be used, or no others exist
   // (rows) mean light of the columns with little of the common light; empty without such, and for followed frames
   std::vector<double> beside;
+  bool left_out = false;  // columns with saturated pixels were left out
 };
 
 enum class SaturatedColumns { leave_out, use };
