@@ -66,18 +66,6 @@ double share_of_errors(std::string_view method, double rows_per_chip, double len
 
 }  // namespace
 
-TEST_CASE("a search that gives nothing up is that of all sequences") {
-  for (const double length : {0.4, 1.0, 2.7, 5.0})
-    for (unsigned seed = 0; seed < 3; ++seed) {
-      const Frame frame(2.3, length, 0.2, 60, seed);
-      const ocisac::ChipEquations equations(frame.question, ocisac::kLongestReducedExposure);
-      const auto found = ocisac::search_reduced(equations, {1U << 20U, 1U << 20U, 1e9});
-      const auto all = ocisac::detect_sequence(frame.question);
-      CAPTURE(length);
-      for (std::size_t k = 0; k < all.size(); ++k) CHECK(std::abs(found[k] - all[k]) <= 1e-3 * (1 + std::abs(all[k])));
-    }
-}
-
 TEST_CASE("the reduced search finds the most likely sequence, with the same certainty of doubtful chips") {
   std::size_t doubtful = 0;
   for (unsigned seed = 0; seed < 6; ++seed) {

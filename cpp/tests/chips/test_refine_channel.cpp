@@ -5,13 +5,14 @@
 #include <random>
 #include <vector>
 
+#include "ocisac/chips/detect_chips.hpp"
 #include "ocisac/chips/preamble.hpp"
 #include "ocisac/chips/refine_channel.hpp"
-#include "plain_mlse.hpp"
 
 namespace {
 
 constexpr std::size_t kRows = 1080;
+const ocisac::DetectChips kDetect = ocisac::level_detector("mlse");
 
 // Random chips with a preamble, through an exposure, under light that falls by `fall` along the frame.
 struct Column {
@@ -71,7 +72,7 @@ TEST_CASE("from a preamble to the whole frame, clock and exposure at their bound
         REQUIRE(match.size() == 1);
         ocisac::RefineOptions options;
         options.known = {column.preamble, 0};
-        const auto found = ocisac::refine_channel(column.rows, match[0].channel, plain_mlse, options);
+        const auto found = ocisac::refine_channel(column.rows, match[0].channel, kDetect, options);
         REQUIRE(found);
         CHECK(found->settled);
         CHECK(found->even);
@@ -91,7 +92,7 @@ TEST_CASE("a light that falls to a third along the frame is followed") {
     const Column column(3, 4.0, exposure, 0.02, 0.66);
     const auto match = ocisac::find_preamble(column.rows, column.preamble, {.rows_per_chip = 4.0, .exposure_rows = {}});
     REQUIRE(match.size() == 1);
-    const auto found = ocisac::refine_channel(column.rows, match[0].channel, plain_mlse);
+    const auto found = ocisac::refine_channel(column.rows, match[0].channel, kDetect);
     REQUIRE(found);
     CHECK(column.errors(*found, column.start) == 0);
     CHECK(found->channel.swing_at(0, kRows) == doctest::Approx(100).epsilon(0.05));
@@ -104,7 +105,7 @@ TEST_CASE("without a preamble, from a nominal rate") {
     for (double rows_per_chip : {2.3, 5.1}) {
       const Column column(7, rows_per_chip, exposure, 0.03);
       const auto found = ocisac::find_channel(
-          column.rows, {.rows_per_chip = rows_per_chip, .exposure_rows = column.clock.exposure_rows}, plain_mlse);
+          column.rows, {.rows_per_chip = rows_per_chip, .exposure_rows = column.clock.exposure_rows}, kDetect);
       CAPTURE(exposure);
       CAPTURE(rows_per_chip);
       REQUIRE(found);
@@ -123,8 +124,8 @@ TEST_CASE("one chip per row, exposure one row, unknown phase") {
     CAPTURE(seed);
     const Column column(seed, 1.0, 1.0, 0.02);
     const auto found =
-        ocisac::find_channel(column.rows, {.rows_per_chip = 1.0, .exposure_rows = column.clock.exposure_rows},
-                             plain_mlse, {.exposure_known = true});
+        ocisac::find_channel(column.rows, {.rows_per_chip = 1.0, .exposure_rows = column.clock.exposure_rows}, kDetect,
+                             {.exposure_known = true});
     REQUIRE(found);
     const auto& clock = found->channel.clock;
     const auto shift = std::lround((540 - column.clock.phase) / column.clock.rows_per_chip -
@@ -135,9 +136,8 @@ TEST_CASE("one chip per row, exposure one row, unknown phase") {
 
 TEST_CASE("steady light has no channel") {
   const std::vector<double> steady(kRows, 7.0);
-  CHECK_FALSE(ocisac::find_channel(steady, {.rows_per_chip = 4.0, .exposure_rows = 8.0}, plain_mlse));
-  CHECK_FALSE(
-      ocisac::find_channel(std::span(steady).first(1), {.rows_per_chip = 4.0, .exposure_rows = 8.0}, plain_mlse));
+  CHECK_FALSE(ocisac::find_channel(steady, {.rows_per_chip = 4.0, .exposure_rows = 8.0}, kDetect));
+  CHECK_FALSE(ocisac::find_channel(std::span(steady).first(1), {.rows_per_chip = 4.0, .exposure_rows = 8.0}, kDetect));
 }
 
 TEST_CASE("noise that follows the light leaves the frame even, a clock lost in a part does not") {
@@ -150,7 +150,7 @@ TEST_CASE("noise that follows the light leaves the frame even, a clock lost in a
     const auto matches =
         ocisac::find_preamble(column.rows, column.preamble, {.rows_per_chip = 4.0, .exposure_rows = {}});
     REQUIRE(!matches.empty());
-    const auto found = ocisac::refine_channel(column.rows, matches.front().channel, plain_mlse);
+    const auto found = ocisac::refine_channel(column.rows, matches.front().channel, kDetect);
     REQUIRE(found);
     CHECK(column.errors(*found, column.start) == 0);
     CHECK(found->even);
@@ -158,7 +158,7 @@ TEST_CASE("noise that follows the light leaves the frame even, a clock lost in a
     // The last third comes from another light of the same kind.
     const Column other(seed + 100, 4.0, 3.0, 0.01);
     std::copy(other.rows.begin() + 720, other.rows.end(), column.rows.begin() + 720);
-    const auto lost = ocisac::refine_channel(column.rows, matches.front().channel, plain_mlse);
+    const auto lost = ocisac::refine_channel(column.rows, matches.front().channel, kDetect);
     CHECK((!lost || !lost->even));
   }
 }

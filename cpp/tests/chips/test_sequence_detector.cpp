@@ -9,13 +9,8 @@
 
 #include "ocisac/chips/detect_chips.hpp"
 #include "ocisac/chips/sequence_detector.hpp"
-#include "plain_mlse.hpp"
 
 namespace {
-
-std::vector<double> detect_levels(const ocisac::ChipQuestion& question) {
-  return ocisac::level_detector("mlse")(question);
-}
 
 // Random chips, and the rows that depend on them only.
 struct Frame {
@@ -30,15 +25,6 @@ struct Frame {
     ocisac::expose_chips({chips, 0}, question.clock, rows);
     for (double& row : rows) row += noise * std::normal_distribution<double>(0, 1)(random);
     question.rows = rows;
-  }
-
-  // Without the chips that affect only a few rows at the ends.
-  [[nodiscard]] std::size_t errors() const {
-    const auto found = detect_levels(question);
-    const auto edge = static_cast<std::size_t>(question.clock.exposure_rows / question.clock.rows_per_chip) + 2;
-    std::size_t wrong = 0;
-    for (std::size_t k = edge; k + edge < chips.size(); ++k) wrong += found[k] != chips[k];
-    return wrong;
   }
 };
 
@@ -85,23 +71,6 @@ TEST_CASE("the likelihood ratios are those of all sequences, known chips counted
           if (some_known && k >= 4 && k < 7) CHECK((found[k] > 0) == (known[k - 4] > 0.5));
         }
       }
-}
-
-TEST_CASE("the same chips as the plain search through the trellis") {
-  for (const double rows_per_chip : {1.0, 2.37, 5.0})
-    for (const double chips : {0.4, 1.0, 3.6, 6.0}) {
-      const Frame frame(rows_per_chip, chips * rows_per_chip, 0.03, 150, 3);
-      CAPTURE(rows_per_chip);
-      CAPTURE(chips);
-      CHECK(squares_of(frame, detect_levels(frame.question)) ==
-            doctest::Approx(squares_of(frame, plain_mlse(frame.question))).epsilon(1e-9));
-    }
-}
-
-TEST_CASE("long exposures are read without an error at little noise") {
-  CHECK(Frame(4.3, 7 * 4.3, 0.02, 270, 1).errors() == 0);
-  CHECK(Frame(4.7, 13.4 * 4.7, 0.01, 150, 2).errors() == 0);
-  CHECK(Frame(1.0, 1.0, 0.02, 1080, 3).errors() == 0);
 }
 
 TEST_CASE("the closest pair lies where the sum of squares says") {

@@ -46,12 +46,6 @@ TEST_CASE("a tone without noise is found to rounding, whatever the columns' phas
     }
 }
 
-TEST_CASE("a frequency within a few of its standard errors") {
-  const auto pixels = toned(500, 8, 0.0733, 0.5);
-  const auto found = ocisac::find_frequency(view(pixels, 500, 8), {});
-  CHECK(std::abs(found.frequency - 0.0733) < 4 * found.frequency_std);
-}
-
 TEST_CASE("a Gauss-Newton step leads to the least residual energy") {
   std::vector<double> signal;
   for (std::size_t n = 0; n < 100; ++n) {
