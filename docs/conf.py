@@ -24,10 +24,13 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "sphinx_click",
+    "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
     "formulas",
 ]
 html_theme = "furo"
+smartquotes = False  # two minus signs are an option, no dash
+copybutton_selector = "div:not(.highlight-output):not(.highlight-text) > div.highlight > pre"
 html_show_copyright = False
 html_math_renderer = "mathtext"
 html_title = "ocisac_fast"
@@ -65,6 +68,7 @@ sphinx_gallery_conf = {
     "download_all_examples": False,
     "show_signature": False,
     "min_reported_time": 1e9,
+    "write_computation_times": False,
     "matplotlib_animations": False,
     "image_srcset": ["2x"],
     "reference_url": {},

@@ -95,11 +95,13 @@ std::string base64(std::span<const std::uint8_t> bytes) {
   return text;
 }
 
-std::string light_line(const LightFrame& light, const Region& region, std::size_t rows, const Camera& camera) {
+std::string light_line(const LightFrame& light, const Region& region, std::size_t rows, const Camera& camera,
+                       std::optional<double> time) {
   Json line{{"frame", light.frame},
             {"source", light.source},
             {"rows", rows},
             {"region", {region.x, region.y, region.width, region.height}}};
+  if (time) line["time_s"] = *time;
   if (light.received) add_data(line, *light.received, camera);
   if (light.gain) add_gain(line, *light.gain);
   if (light.suggestion) line["suggested_exposure_s"] = light.suggestion->exposure;
@@ -110,6 +112,7 @@ std::string totals_line(const Totals& totals) {
   return text_of({{"totals",
                    {{"frames", totals.frames},
                     {"torn", totals.torn},
+                    {"missing", totals.missing},
                     {"received", totals.with_data},
                     {"bits", totals.bits},
                     {"payloads", totals.payloads},

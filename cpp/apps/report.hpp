@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -16,6 +17,7 @@ namespace ocisac::apps {
 struct Totals {
   std::size_t frames = 0;     // complete
   std::size_t torn = 0;       // skipped
+  std::size_t missing = 0;    // before them or between them, by --timestamps
   std::size_t with_data = 0;  // with detected chips
   std::size_t bits = 0;       // in these frames
   std::size_t blocks = 0;     // preambles with headers in these frames
@@ -29,8 +31,9 @@ struct Totals {
 
 // The line of a frame and light, with the keys of `ocisac receive --packets --json`. Numbers are the shortest text that
 // parses to the same value, null where not finite; bytes that are not UTF-8 become U+FFFD. `region`: in stored pixels.
-// `rows`: of the picture.
-std::string light_line(const LightFrame& light, const Region& region, std::size_t rows, const Camera& camera);
+// `rows`: of the picture. `time`: of the frame, s.
+std::string light_line(const LightFrame& light, const Region& region, std::size_t rows, const Camera& camera,
+                       std::optional<double> time = {});
 std::string totals_line(const Totals& totals);
 // Why no payload was received. `shown_rows`: rows of a frame.
 std::string no_payload_text(const Totals& totals, const PacketFormat& format, std::size_t shown_rows,

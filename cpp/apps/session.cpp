@@ -18,6 +18,7 @@
 #include "report.hpp"
 #include "stop_signal.hpp"
 #include "stream_fit.hpp"
+#include "timestamps.hpp"
 
 namespace ocisac::apps {
 
@@ -91,6 +92,7 @@ class Session {
         picture_(header.layout),
         receiver_(camera_, receiver_options(settings, header.layout, unpacked_)) {
     if (header.bytes == 0) format_check_.emplace(header.layout);  // raw
+    if (settings.timestamps) times_.emplace(*settings.timestamps, camera_.frame_time);
   }
 
   // Returns false after the reader of the output has gone.
@@ -99,10 +101,15 @@ class Session {
     if (totals_.frames == 0) first_ = began;
     if (const auto doubt = format_check_ ? format_check_->push(frame.bytes) : std::nullopt) write_warning(*doubt);
     const auto view = in_time_order(picture_.view(frame.bytes, unpacked_), settings_.scan_axis);
-    const auto lights = receiver_.push({&view, 1}, static_cast<std::int64_t>(frame.number));
+    const auto time = times_ ? times_->next() : std::nullopt;
+    if (times_ && !time)
+      throw std::invalid_argument("--timestamps: got fewer times than frames, allowed: one for each");
+    const auto lost = times_ ? times_->lost() : 0;
+    const auto lights = receiver_.push({&view, 1}, {static_cast<std::int64_t>(frame.number) + lost, time});
+    totals_.missing = static_cast<std::size_t>(lost);
     count(totals_, lights);
     rows_ = shape_of(view).rows;
-    const bool read = settings_.payload_alone ? write_payloads(lights) : write_lines(lights);
+    const bool read = settings_.payload_alone ? write_payloads(lights) : write_lines(lights, time);
     const double taken = seconds_now() - began;
     if (totals_.frames == 1)
       stats_.first_frame = taken;
@@ -124,11 +131,11 @@ class Session {
   [[nodiscard]] const Totals& totals() const { return totals_; }
 
  private:
-  bool write_lines(const std::vector<LightFrame>& lights) {
+  bool write_lines(const std::vector<LightFrame>& lights, std::optional<double> time) {
     std::string lines;
     for (const LightFrame& light : lights) {
       const Region region = to_stored(light.region, settings_.scan_axis, layout_.width, layout_.height);
-      lines += light_line(light, region, rows_, camera_);
+      lines += light_line(light, region, rows_, camera_, time);
     }
     return write_all(STDOUT_FILENO, lines);
   }
@@ -149,7 +156,8 @@ class Session {
   GrayPicture picture_;
   Receiver receiver_;
   std::optional<FormatCheck> format_check_;  // of raw frames
-  std::size_t rows_ = 0;                     // of the picture
+  std::optional<Timestamps> times_;
+  std::size_t rows_ = 0;  // of the picture
   Stats stats_;
   Totals totals_;
   double first_ = 0;

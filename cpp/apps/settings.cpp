@@ -23,9 +23,17 @@ constexpr double kMaxRowTime = 1;  // s; longer: a forgotten unit
 const std::map<std::string, double> kTimeUnits{{"s", 1}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
 const std::map<std::string, double> kFrequencyUnits{{"Hz", 1}, {"kHz", 1e3}, {"MHz", 1e6}};
 
+constexpr auto kFooter =
+    R"(Frames may be lost: packets are joined by the frames' numbers, or by --timestamps, and a block that is lost is sent again.
+Torn frames are left out and reported. A light that is lost is searched again; a gap is counted in frames_missing.
+
+Exit codes: 0 the input ended, its reader went, or SIGINT or SIGTERM came; 1 reading or writing failed;
+2 options or input without meaning; 3 --payload, and none came whole.)";
+
 // Options as text, before they are combined.
 struct Written {
   std::string size, format = "gray8", region, tone_curve = "linear", line_code = "manchester";
+  std::optional<Delimiter> delimiter;
   ChipOptions data;
   GainOptions gain;
   std::size_t stride = 0;
@@ -70,9 +78,14 @@ ToneCurve parse_tone_curve(const std::string& text) {
   return {.kind = ToneCurve::Kind::gamma, .gamma = power};
 }
 
+// Without descriptions, which --help would show as the parser's own.
 template <class Value>
-auto one_of(const std::map<std::string, Value>& values) {
-  return CLI::CheckedTransformer(values, CLI::ignore_case);
+CLI::Validator one_of(const std::map<std::string, Value>& values) {
+  return CLI::Validator(CLI::CheckedTransformer(values, CLI::ignore_case)).description("");
+}
+
+CLI::Validator with_unit(const std::map<std::string, double>& units) {
+  return CLI::Validator(CLI::AsNumberWithUnit(units)).description("");
 }
 
 // Names in any case; other texts stay as they are, for the message.
@@ -96,51 +109,74 @@ CLI::Validator whole() {
 
 void add_input_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_option("input", settings.input, "File or FIFO: raw frames, YUV4MPEG2 or PGM; - is standard input")
+      ->type_name("FILE")
       ->capture_default_str();
-  app.add_option("--size", written.size, "WIDTHxHEIGHT of raw frames, pixels");
+  app.add_option("--size", written.size, "Of raw frames, pixels; required for them")->type_name("WIDTHxHEIGHT");
   app.add_option("--format", written.format, "Of raw frames: " + std::string(pixel_format_names()))
+      ->type_name("NAME")
       ->transform(any_case({"gray", "yuv", "nv12", "yuyv"}))
       ->capture_default_str();
   app.add_option("--stride", written.stride, "Bytes from row to row of raw frames; dense when not given")
+      ->type_name("BYTES")
       ->check(whole());
-  app.add_option("--frames", settings.frames, "Stop after so many")->check(whole());
-  app.add_option("--region", written.region, "x,y,w,h of the light in stored pixels; detected when not given");
+  app.add_option("--timestamps", settings.timestamps, "Times of raw frames, ms, one a line (rpicam-vid --save-pts)")
+      ->type_name("FILE");
+  app.add_option("--frames", settings.frames, "Stop after so many")->type_name("N")->check(whole());
+  app.add_option("--region", written.region, "Box of the light in stored pixels; detected when not given")
+      ->type_name("x,y,w,h");
   app.add_option("--scan-axis", settings.scan_axis, "How rows go in time: y (down), -y (up), x (right) or -x (left)")
+      ->type_name("y|-y|x|-x")
       ->transform(one_of<ScanAxis>(
           {{"y", ScanAxis::down}, {"-y", ScanAxis::up}, {"x", ScanAxis::right}, {"-x", ScanAxis::left}}));
 }
 
 void add_camera_options(CLI::App& app, Settings& settings, Written& written) {
-  const auto time = CLI::AsNumberWithUnit(kTimeUnits);
-  app.add_option("--row-time", written.row_time, "Time from row to row, such as 22.2us")->transform(time);
-  app.add_option("--exposure", settings.camera.exposure, "Exposure time, such as 622us")->transform(time);
+  const auto time = with_unit(kTimeUnits);
+  app.add_option("--row-time", written.row_time, "Required: time from row to row, such as 22.2us")
+      ->type_name("TIME")
+      ->transform(time);
+  app.add_option("--exposure", settings.camera.exposure, "Exposure time, such as 622us")
+      ->type_name("TIME")
+      ->transform(time);
   app.add_option("--frame-rate", written.frame_rate, "Joins packets over frames; YUV4MPEG2 states it itself")
-      ->transform(CLI::AsNumberWithUnit(kFrequencyUnits));
+      ->type_name("HZ")
+      ->transform(with_unit(kFrequencyUnits));
   app.add_option("--tone-curve", written.tone_curve, "linear, srgb, gamma or gamma:POWER")
+      ->type_name("CURVE")
       ->transform(any_case({"linear", "srgb", "gamma"}))
       ->capture_default_str();
-  app.add_option("--dark-level", settings.dark_level, "DN of no light");
-  app.add_option("--white-level", settings.white_level, "DN of full light");
+  app.add_option("--dark-level", settings.dark_level, "DN of no light")->type_name("DN");
+  app.add_option("--white-level", settings.white_level, "DN of full light")->type_name("DN");
 }
 
 void add_light_options(CLI::App& app, Settings& settings, Written& written) {
-  const auto frequency = CLI::AsNumberWithUnit(kFrequencyUnits);
+  const auto frequency = with_unit(kFrequencyUnits);
   ChipOptions& data = written.data;
   GainOptions& gain = written.gain;
   app.add_option("--frequency", gain.frequency, "Of the tone, such as 500Hz; estimated when not given")
+      ->type_name("HZ")
       ->transform(frequency);
-  app.add_option("--waveform", gain.waveform, "tone or square")
+  app.add_option("--waveform", gain.waveform, "Of the tone")
+      ->type_name("tone|square")
       ->transform(one_of<WaveformShape>({{"tone", WaveformShape::tone}, {"square", WaveformShape::square}}));
-  app.add_option("--duty", gain.duty, "Bright share of a square wave")->capture_default_str();
-  app.add_option("--background", gain.background, "Light that is not the source's, DN above dark");
+  app.add_option("--duty", gain.duty, "Bright share of a square wave")->type_name("SHARE")->capture_default_str();
+  app.add_option("--background", gain.background, "Light that is not the source's, DN above dark")->type_name("DN");
   app.add_option("--sense", settings.light.sense_frequency, "Of the moving scene, for the suggested exposure")
+      ->type_name("HZ")
       ->transform(frequency);
-  app.add_option("--sources", settings.max_sources, "Lights, at most")->check(whole())->capture_default_str();
-  app.add_option("--chip-rate", data.chip_rate, "Chips a second; estimated when not given")->transform(frequency);
-  app.add_option("--line-code", written.line_code, "Of packets: none, manchester, 4b6b or 8b10b")
+  app.add_option("--sources", settings.max_sources, "Lights, at most")
+      ->type_name("N")
+      ->check(whole())
+      ->capture_default_str();
+  app.add_option("--chip-rate", data.chip_rate, "Chips a second; estimated when not given")
+      ->type_name("HZ")
+      ->transform(frequency);
+  app.add_option("--line-code", written.line_code, "Of packets: none, manchester, 4b6b, 8b10b")
+      ->type_name("CODE")
       ->transform(any_case({"none", "manchester", "4b6b", "8b10b"}))
       ->capture_default_str();
   app.add_option("--block-bytes", data.format.block_bytes, "Coded bytes of a packet's block")
+      ->type_name("N")
       ->check(whole())
       ->capture_default_str();
   app.add_flag("--lengthened", written.lengthened, "Packets with the lengthened preamble");
@@ -149,13 +185,15 @@ void add_light_options(CLI::App& app, Settings& settings, Written& written) {
 void add_output_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_flag("--no-bits", written.no_bits, "Gain only");
   app.add_flag("--no-gain", written.no_gain, "Bits and payload only");
-  app.add_flag("--payload", settings.payload_alone, "Write the payloads' bytes and nothing else to standard output");
-  app.add_option("--delimiter", settings.delimiter,
-                 "With --payload: newline after each, or its length before it (4 bytes, big-endian)")
+  app.add_flag("--payload", settings.payload_alone,
+               "Write the payloads and nothing else to standard output, each with a new line at its end");
+  app.add_option("--delimiter", written.delimiter,
+                 "With --payload: newline after each (default), its length before it (4 bytes, big-endian), none")
+      ->type_name("newline|length|none")
       ->transform(one_of<Delimiter>(
           {{"none", Delimiter::none}, {"newline", Delimiter::newline}, {"length", Delimiter::length}}));
   app.add_flag("--stats", settings.stats, "Latency and memory at the end, on standard error");
-  app.set_config("--config", "", "File of options, TOML: row-time = \"22.2us\"");
+  app.set_config("--config", "", "File of options, TOML: row-time = \"22.2us\"")->type_name("FILE");
   app.add_flag("--version", written.version, "Version, commit, SIMD targets, OpenCV");
 }
 
@@ -197,7 +235,8 @@ void complete(Settings& settings, Written written) {
   }
   settings.camera.tone_curve = parse_tone_curve(written.tone_curve);
   check(settings.camera);
-  require(settings.delimiter == Delimiter::none || settings.payload_alone, "--delimiter", "no --payload", "--payload");
+  require(!written.delimiter || settings.payload_alone, "--delimiter", "no --payload", "--payload");
+  settings.delimiter = written.delimiter.value_or(settings.delimiter);
   const bool no_gain = written.no_gain || settings.payload_alone;
   require(!written.no_bits || !no_gain, "--no-bits", "with --no-gain or --payload", "something to do");
   written.data.format.line_code = LineCode::named(written.line_code);
@@ -211,7 +250,9 @@ void complete(Settings& settings, Written written) {
 }  // namespace
 
 std::optional<Settings> read_settings(int argc, const char* const* argv) {
-  CLI::App app{"Gain, bits and payload of a modulated light in frames of a rolling-shutter camera, as JSON lines."};
+  CLI::App app{"Gain, bits and payload of a modulated light in frames of a rolling-shutter camera, as JSON lines.",
+               "ocisac-rx"};
+  app.footer(kFooter);
   app.option_defaults()->multi_option_policy(CLI::MultiOptionPolicy::TakeLast)->ignore_case();
   Settings settings;
   Written written;

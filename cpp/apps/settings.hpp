@@ -16,7 +16,8 @@ enum class Delimiter { none, newline, length };
 
 struct Settings {
   std::string input = "-";
-  std::optional<FrameLayout> raw;  // absent: from the stream's header
+  std::optional<FrameLayout> raw;         // absent: from the stream's header
+  std::optional<std::string> timestamps;  // file of the frames' times
   ScanAxis scan_axis = ScanAxis::down;
   std::optional<Region> region;  // stored pixels
   Camera camera;
@@ -24,7 +25,7 @@ struct Settings {
   LightOptions light;
   std::size_t max_sources = 8;
   bool payload_alone = false;
-  Delimiter delimiter = Delimiter::none;
+  Delimiter delimiter = Delimiter::newline;
   bool stats = false;
   std::optional<std::size_t> frames;  // stop after this number
 };

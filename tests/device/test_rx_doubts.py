@@ -1,5 +1,6 @@
 """ocisac-rx where a result is missing or the stream may not be what was stated: why, on standard error."""
 
+import json
 import subprocess
 
 import numpy as np
@@ -33,10 +34,13 @@ def packets():
 # Payloads
 
 
-def test_payloads_end_with_a_newline(receiver, packets):
-    done = run(receiver, packets, *PACKETS, "--frame-rate", "30", "--delimiter", "newline")
+@pytest.mark.parametrize(
+    ("options", "end"), [((), b"\n"), (("--delimiter", "newline"), b"\n"), (("--delimiter", "none"), b"")]
+)
+def test_payloads_end_with_a_newline_or_nothing(receiver, packets, options, end):
+    done = run(receiver, packets, *PACKETS, "--frame-rate", "30", *options)
     assert (done.returncode, done.stderr) == (0, b"")
-    assert set(done.stdout.split(PAYLOAD + b"\n")) == {b""}
+    assert set(done.stdout.split(PAYLOAD + end)) == {b""}
 
 
 def test_payloads_begin_with_their_length(receiver, packets):
@@ -48,6 +52,43 @@ def test_payloads_begin_with_their_length(receiver, packets):
 def test_a_delimiter_is_of_payloads_alone(receiver):
     done = run(receiver, b"", "--delimiter", "newline")
     assert (done.returncode, done.stderr) == (2, b"ocisac-rx: --delimiter: got no --payload, allowed: --payload\n")
+
+
+# Times
+
+
+def with_times(folder, times):
+    path = folder / "times.txt"
+    path.write_text("# timecode format v2\n" + "".join(f"{time:.3f}\n" for time in times))
+    return ("--timestamps", str(path))
+
+
+@pytest.mark.parametrize("rate", [(), ("--frame-rate", "30")])
+def test_times_join_frames_and_count_the_missing(receiver, packets, tmp_path, rate):
+    kept = [k for k in range(40) if k not in (3, 4, 11)]
+    frames = b"".join(packets[k * ROWS * COLUMNS : (k + 1) * ROWS * COLUMNS] for k in kept)
+    times = [5000.0 + 1000.0 * k / 30.0 for k in kept]
+    done = run(receiver, frames, *PACKETS[:-1], "--no-gain", *with_times(tmp_path, times), *rate)
+    *lines, last = map(json.loads, done.stdout.splitlines())
+    assert done.returncode == 0
+    assert [line["frame"] for line in lines] == kept
+    assert [line["time_s"] for line in lines] == pytest.approx([time / 1e3 for time in times], abs=1e-6)
+    assert [line["frames_missing"] for line in lines if line["frames_missing"]] == [2, 1]
+    assert last["totals"]["missing"] == 3
+    assert last["totals"]["payloads"] > 0
+
+
+@pytest.mark.parametrize(
+    ("times", "message"), [([0.0], "fewer times than frames"), ([10.0, 5.0, 20.0], "ascending times in ms, one a line")]
+)
+def test_times_without_meaning_are_refused(receiver, packets, tmp_path, times, message):
+    done = run(receiver, packets[: 3 * ROWS * COLUMNS], *PACKETS, *with_times(tmp_path, times))
+    assert done.returncode == 2
+    assert message in done.stderr.decode()
+    assert run(receiver, packets, *PACKETS, "--timestamps", str(tmp_path / "none")).returncode == 1
+
+
+# Why there is nothing
 
 
 @pytest.mark.parametrize(
