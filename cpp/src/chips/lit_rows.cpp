@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <vector>
 
 #include "chips/edges.hpp"
@@ -19,6 +20,7 @@ constexpr double kMinTurn = 0.15;      // of the span of the signal
 // Rows that are dark if as long: times the second longest run of the light, its longest (of a preamble), shortest runs.
 constexpr double kDarkRuns = 4, kMinDarkRuns = 1.5;
 constexpr double kDarkChips = 16;
+constexpr double kDarkChance = 0.01;  // of a run as long as the dark rows beyond a lamp
 constexpr std::size_t kMinTurns = 8;
 constexpr double kResolved = 4;  // rows, the shortest exposure whose edges differ from an outline of a row or two
 constexpr double kSharpShare = 0.5, kSlowShare = 2;  // of the exposure
@@ -98,8 +100,15 @@ LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& s
   const auto longest = static_cast<double>(runs.back());
   const auto second = static_cast<double>(runs[runs.size() - 2]);
   const double many = std::max(kDarkRuns * second, kDarkChips * static_cast<double>(lit.shortest));
+  // Runs of chips have geometric lengths; one dark ring of a lamp is longer. Chips like the one before, by the rule of
+  // succession
+  const double chips = std::accumulate(runs.begin(), runs.end(), 0.0) / static_cast<double>(lit.shortest);
+  const double alike =
+      1 - (static_cast<double>(runs.size()) + 1) / (std::max(chips, static_cast<double>(runs.size())) + 2);
+  const double rare = static_cast<double>(lit.shortest) * std::log(kDarkChance) / std::log(alike);
   const auto enough = [&](bool expected) {
-    return std::max(kMinDarkRuns * longest, expected || dark.expected ? 0.0 : many);
+    const double more = kMinDarkRuns * longest;
+    return expected || dark.expected ? std::min(more, rare) : std::max(more, many);
   };
   const std::size_t after = signal.size() - 1 - points[points.size() - 2], before = points[2];
   RowRange rows{0, signal.size()};

@@ -308,6 +308,13 @@ double agreement(std::span<const double> signal, const LightGroup& group) {
 
 namespace {
 
+// True if the light leaves both edges of the frame dark.
+bool has_sides(std::span<const double> weights, std::span<const double> clipped) {
+  const double lit = kNoLight * std::ranges::max(weights);
+  const auto is_dark = [&](std::size_t column) { return weights[column] < lit && clipped[column] <= kClippedShare; };
+  return is_dark(0) && is_dark(weights.size() - 1);
+}
+
 // Combination with weights a/v of the blocks. `factor`: model of the covariance of their swings.
 CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
   const std::size_t count = frame.blocks.begin.size();
@@ -337,6 +344,7 @@ CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
     result.left_out |= !frame.usable[column] && frame.clipped[column] > kClippedShare;
   result.noise = count > 1 ? std::sqrt(noise) : kNaN;
   result.quality = quality;
+  result.has_sides = has_sides(result.weights, frame.clipped);
   return result;
 }
 

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <complex>
 #include <iterator>
 #include <limits>
+#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -12,6 +14,7 @@
 #include "chips/chip_timing.hpp"
 #include "chips/lit_rows.hpp"
 #include "columns/lamp_slope.hpp"
+#include "columns/moving_mean.hpp"
 #include "core/check_interrupt.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/chips/channel_estimate.hpp"
@@ -20,6 +23,7 @@
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/frame_reading.hpp"
 #include "receiver/colour_streams.hpp"
+#include "receiver/lamp_rows.hpp"
 #include "receiver/rows_of_noise.hpp"
 #include "rows/verdict.hpp"
 
@@ -33,6 +37,10 @@ constexpr std::size_t kSureBlind = 12, kSureWithRate = 4;  // edges required for
 constexpr double kMinSnr = 2;                              // noise divided at its median has 1.8
 constexpr double kSameLight = 0.9;                         // cosine between the swings of a signal and of a light
 constexpr int kMaxShears = 3;
+constexpr double kDarkShare = 0.25;                            // of a bright chip of the lamp's width there
+constexpr std::size_t kSurelyPeriodic = 12, kFewPeriodic = 5;  // bits
+constexpr double kFrequencyStep = 0.002;                       // relative
+constexpr int kFrequencySteps = 50;
 constexpr double kInterpolated = 0.1;  // of the second differences of the other rows
 constexpr double kLowestTone = 300, kHighestTone = 3000,
                  kEvident = 60;                          // Hz; over its neighbourhood
@@ -60,6 +68,7 @@ struct Search {
   FrequencyRange range;
   std::optional<double> exposure_rows;  // rows
   std::size_t sure_edges;               // minimum number of edges for a reliable rate
+  bool among_lamps = false;             // above or below others: it ends between them
 };
 
 FrequencyRange search_range(const ReceiveOptions& options, const Camera& camera, std::size_t rows) {
@@ -70,6 +79,19 @@ FrequencyRange search_range(const ReceiveOptions& options, const Camera& camera,
     return {(1 - kRateTolerance) * frequency, std::min((1 + kRateTolerance) * frequency, 1 / kShortestChip)};
   }
   return {std::max(1 / kLongestChip, 4 / static_cast<double>(rows)), 1 / kShortestChip};
+}
+
+// 1 / variance of the relative levels about ±1 (the threshold is 0).
+double snr_of(std::span<const double> relative_levels) {
+  double variance = 0;
+  std::size_t count = 0;
+  for (double value : relative_levels) {
+    if (value == 0) continue;  // in rows that are not lit
+    variance += std::pow(std::abs(value) - 1, 2);
+    ++count;
+  }
+  variance /= static_cast<double>(std::max<std::size_t>(count, 1));
+  return std::min(1 / std::max(variance, 1e-300), kMaxSnr);
 }
 
 // State of the light between edges, sampled at each chip's centre.
@@ -135,42 +157,88 @@ std::optional<Decoded> detect_and_refine(std::span<const double> signal, const C
   return decoded;
 }
 
-// If every run is a multiple of n > 1 chips, the true chips are n times as long. Absent where n is 1 or there are too
-// few edges.
-std::optional<ChipTiming> slower_timing(const Decoded& decoded, const ChipTiming& timing, FrequencyRange range) {
-  std::ptrdiff_t shared = 0, first_edge = 0, last_edge = 0;
-  std::size_t edges = 0;
-  const auto& bits = decoded.detection.bits;
-  for (std::size_t k = 1; k < bits.size(); ++k) {
-    if (bits[k] == bits[k - 1]) continue;
-    const auto edge = decoded.grid.first + static_cast<std::ptrdiff_t>(k);
-    if (edges++ == 0)
-      first_edge = edge;
-    else
-      shared = std::gcd(shared, edge - last_edge);
-    last_edge = edge;
+// Frequency of a light of about frequency `near`, cycles per row: the largest transform of what remains of its moving
+// mean over a cycle. A lamp's profile, which is positive, moves no line.
+double frequency_near(std::span<const double> signal, double near) {
+  const auto slow = moving_mean(signal, static_cast<std::size_t>(std::lround(0.5 / near)));
+  const auto power = [&](int step) {
+    std::complex<double> sum = 0;
+    for (std::size_t n = 0; n < signal.size(); ++n)
+      sum += (signal[n] - slow[n]) *
+             std::polar(1.0, -2 * std::numbers::pi * near * (1 + step * kFrequencyStep) * static_cast<double>(n));
+    return std::norm(sum);
+  };
+  int best = 0;
+  double largest = 0;
+  for (int step = -kFrequencySteps; step <= kFrequencySteps; ++step)
+    if (const double here = power(step); here > largest) largest = here, best = step;
+  const double before = power(best - 1), after = power(best + 1), bend = before - 2 * largest + after;
+  return near * (1 + kFrequencyStep * (best + (bend < 0 ? 0.5 * (before - after) / bend : 0.0)));
+}
+
+// The chips of a light that repeats after `period` chips, by its frequency, which uses all rows, not its edges alone.
+// Runs of two chips each are one chip.
+Decoded by_frequency(std::span<const double> signal, std::optional<double> exposure_rows, Decoded found,
+                     std::size_t period) {
+  const auto& bits = found.detection.bits;
+  ChipClock clock = found.grid.clock;
+  const double near = 1 / (static_cast<double>(period) * clock.rows_per_chip);
+  std::size_t middle = found.grid.count / 2;
+  while (middle > 1 && bits[middle] == bits[middle - 1]) --middle;
+  clock.phase = found.grid.start(middle);
+  const bool twice = period == 4 && std::accumulate(bits.begin(), bits.begin() + 4, 0) == 2;
+  if (twice) period = 2;
+  clock.rows_per_chip = 1 / (static_cast<double>(period) * frequency_near(signal, near));
+  const ChipGrid grid = whole_chips(clock, signal.size());
+  std::vector<std::uint8_t> guess(grid.count);
+  for (std::size_t k = 0; k < grid.count; ++k) {
+    const double chip = (grid.centre(k) - found.grid.start(0)) / found.grid.clock.rows_per_chip;
+    guess[k] = bits[static_cast<std::size_t>(std::clamp(chip, 0.0, static_cast<double>(bits.size()) - 1))];
   }
-  if (edges < kSureBlind || shared < 2) return std::nullopt;
+  auto sliced = slice(signal, grid, exposure_rows, guess);
+  if (!sliced || snr_of(sliced->relative_levels) < kMinSnr) return found;
+  return {grid, std::move(*sliced), twice ? 2 * found.rows_per_chip_std : found.rows_per_chip_std};
+}
+
+// If every run between the first and the last edge, which may be the lamp's ends, is a multiple of n > 1 chips, the
+// true chips are n times as long, whatever rate was given. Absent where n is 1 or there are too few edges.
+std::optional<ChipTiming> slower_timing(const Decoded& decoded, const ChipTiming& timing) {
+  std::vector<std::ptrdiff_t> edges;
+  const auto& bits = decoded.detection.bits;
+  for (std::size_t k = 1; k < bits.size(); ++k)
+    if (bits[k] != bits[k - 1]) edges.push_back(decoded.grid.first + static_cast<std::ptrdiff_t>(k));
+  if (edges.size() < kSureBlind) return std::nullopt;
+  std::ptrdiff_t shared = 0;
+  for (std::size_t k = 2; k + 1 < edges.size(); ++k) shared = std::gcd(shared, edges[k] - edges[k - 1]);
   ChipTiming slower = timing;
-  const ChipClock& clock = decoded.grid.clock;
-  slower.lattice.clock.phase = clock.phase + static_cast<double>(first_edge) * clock.rows_per_chip;
-  slower.lattice.clock.rows_per_chip = static_cast<double>(shared) * clock.rows_per_chip;
+  ChipClock& clock = slower.lattice.clock;
+  clock.rows_per_chip = static_cast<double>(shared) * decoded.grid.clock.rows_per_chip;
+  if (shared < 2 || clock.rows_per_chip > kLongestChip) return std::nullopt;
+  clock.phase = decoded.grid.clock.phase + static_cast<double>(edges[1]) * decoded.grid.clock.rows_per_chip;
   slower.lattice.rows_per_chip_std = static_cast<double>(shared) * decoded.rows_per_chip_std;
-  if (slower.lattice.clock.rows_per_chip * range.lowest > 1) return std::nullopt;
   return slower;
 }
 
-// 1 / variance of the relative levels about ±1 (the threshold is 0).
-double snr_of(std::span<const double> relative_levels) {
-  double variance = 0;
-  std::size_t count = 0;
-  for (double value : relative_levels) {
-    if (value == 0) continue;  // in rows that are not lit
-    variance += std::pow(std::abs(value) - 1, 2);
-    ++count;
-  }
-  variance /= static_cast<double>(std::max<std::size_t>(count, 1));
-  return std::min(1 / std::max(variance, 1e-300), kMaxSnr);
+// The chips of a lamp whose end lies within the frame, `rows` high, end with a bright one: a dark chip beyond it looks
+// like no lamp.
+Decoded within(Decoded all, const RowRange& lit, std::size_t rows) {
+  SlicedChips& seen = all.detection;
+  const auto is_seen = [&](std::size_t chip, bool ends) {
+    const double row = all.grid.centre(chip);
+    return row >= static_cast<double>(lit.begin) - 0.5 && row <= static_cast<double>(lit.end) - 0.5 &&
+           (!ends || seen.bits[chip] != 0);
+  };
+  std::size_t first = 0, end = all.grid.count;
+  while (first < end && !is_seen(first, lit.begin > 0)) ++first;
+  while (end > first && !is_seen(end - 1, lit.end < rows)) --end;
+  const auto cut = [&](auto& values) {
+    values.erase(values.begin() + static_cast<std::ptrdiff_t>(end), values.end());
+    values.erase(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(first));
+  };
+  cut(seen.bits), cut(seen.dark), cut(seen.bright), cut(seen.relative_levels);
+  all.grid.first += static_cast<std::ptrdiff_t>(first);
+  all.grid.count = end - first;
+  return all;
 }
 
 // Chips of all rows: those without lit rows are compared with the nearest levels and get a relative level of 0.
@@ -202,7 +270,7 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure_ro
   received.snr = snr_of(decoded.detection.relative_levels);
   received.detection = std::move(decoded.detection);
   if (received.snr < kWeakSnr) received.flags |= flag::weak;
-  if (chip_period(received.detection.bits)) received.flags |= flag::periodic;
+  if (chip_period(received.detection.bits, kSurelyPeriodic)) received.flags |= flag::periodic;
   if (exposure_rows && *exposure_rows > kLongestSliced * received.rows_per_chip) received.flags |= flag::long_exposure;
 }
 
@@ -278,17 +346,25 @@ std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& 
   edges = search.edges;
   if (!search.timing) return std::nullopt;
   auto decoded = detect_and_refine(signal, *search.timing, what.exposure_rows);
-  const auto slower = decoded ? slower_timing(*decoded, *search.timing, what.range) : std::nullopt;
+  const auto slower = decoded ? slower_timing(*decoded, *search.timing) : std::nullopt;
   if (slower)
     if (auto again = detect_and_refine(signal, *slower, what.exposure_rows)) decoded = std::move(again);
   if (!decoded || snr_of(decoded->detection.relative_levels) < kMinSnr) return std::nullopt;
+  if (const auto period = chip_period(decoded->detection.bits, kFewPeriodic))
+    decoded = by_frequency(signal, what.exposure_rows, std::move(*decoded), *period);
   decoded->grid.clock.phase += static_cast<double>(begin);
-  return decoded;
+  auto seen = within(*decoded, lit.rows, column.signal.size());
+  if (seen.grid.count == 0) return std::nullopt;
+  // A lamp that does not fade may be idle in the dark rows.
+  if (!column.has_sides || (!what.among_lamps && ends_sharply(seen.detection)))
+    return spread_over(column.signal, std::move(*decoded));
+  return seen;
 }
 
 // Decodes one combination of columns; returns success. Otherwise the flags of `received` give the reason.
-bool decode(const CombinedColumn& column, const Search& what, Received& received, const DarkRows& dark = {}) {
+bool decode(const CombinedColumn& column, const Search& what, Received& received, DarkRows dark = {}) {
   check_interrupt();
+  dark.expected = dark.expected || column.has_sides;
   std::size_t edges = 0;
   const RowRange all{0, column.signal.size()};
   const auto lit = lit_rows(column.signal, column.noise, all, dark);
@@ -300,8 +376,9 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
     if (decoded) edges = of_lamp;
   } else if (decoded) {
     // Rows beyond the lamp that are no more uneven than its light is.
-    const auto fewer = lit_rows(column.signal, column.noise, all,
-                                {.texture = texture_of(decoded->detection), .most_noise = kMostNoise});
+    const auto fewer =
+        lit_rows(column.signal, column.noise, all,
+                 {.texture = texture_of(decoded->detection), .most_noise = kMostNoise, .expected = column.has_sides});
     std::size_t of_fewer = 0;
     if (is_part(fewer, lit))
       if (auto within = decode_rows(column, fewer, what, of_fewer); within && ends_sharply(within->detection)) {
@@ -318,7 +395,7 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   }
   // Edges of noise may outnumber those of the light.
   if (changes_of(decoded->detection) < what.sure_edges) received.flags |= flag::too_few_edges;
-  fill(received, spread_over(column.signal, std::move(*decoded)), what.exposure_rows);
+  fill(received, std::move(*decoded), what.exposure_rows);
   return true;
 }
 
@@ -472,19 +549,60 @@ bool decode_any(const CombinedColumn& column, const Search& what, double row_tim
   return better;
 }
 
+// Adds dark chips at the ends of a lamp whose outline is known to shine there: bright ones would show.
+void extend_to_outline(const AnyFramesView& colour, const CombinedColumn& column, const Search& what,
+                       Received& received) {
+  const ChipGrid seen{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
+  SlicedChips& detection = received.detection;
+  std::vector<std::size_t> bright;
+  for (std::size_t k = 0; k < seen.count; ++k)
+    if (detection.bits[k]) bright.push_back(static_cast<std::size_t>(std::max(seen.centre(k), 0.0)));
+  const auto outline = outline_of(colour, received.frame, column.weights, bright);
+  if (!outline) return;
+  const ChipGrid all = whole_chips(seen.clock, column.signal.size());
+  const auto values = chip_values(column.signal, all, what.exposure_rows);
+  // Dark chips of the lamp, from one end of those seen on.
+  const auto dark_beyond = [&](std::ptrdiff_t step) {
+    const std::size_t end = step < 0 ? 0 : seen.count - 1;
+    std::ptrdiff_t count = 0;
+    for (;; ++count) {
+      const std::ptrdiff_t chip = static_cast<std::ptrdiff_t>(end) + (count + 1) * step;
+      const auto at = static_cast<std::size_t>(chip - all.first);
+      if (chip < all.first || at >= all.count) break;
+      const double outer = all.start(step < 0 ? at : at + 1),
+                   share = outline->width(all.centre(at)) / outline->width(seen.centre(end));
+      const double swing = detection.bright[end] - detection.dark[end];
+      if (!(outline->width(outer) > 0) || values[at] - detection.dark[end] > kDarkShare * share * swing) break;
+    }
+    return static_cast<std::size_t>(count);
+  };
+  const std::size_t before = dark_beyond(-1), after = dark_beyond(1);
+  const auto widen = [&]<class T>(std::vector<T>& of_chips, T first, T last) {
+    of_chips.insert(of_chips.begin(), before, first);
+    of_chips.insert(of_chips.end(), after, last);
+  };
+  widen(detection.bits, std::uint8_t{0}, std::uint8_t{0});
+  widen(detection.relative_levels, -1.0, -1.0);
+  widen(detection.dark, detection.dark.front(), detection.dark.back());
+  widen(detection.bright, detection.bright.front(), detection.bright.back());
+  received.bits = std::string(before, '0') + received.bits + std::string(after, '0');
+  received.phase -= static_cast<double>(before) * received.rows_per_chip;
+}
+
 // One source and its signal; `signal` is empty where decoding failed.
 struct Source {
   Received received;
   std::vector<double> signal;
   double slope = 0;                       // of the light that all columns show
   std::vector<CombinedColumn> columns{};  // of each colour; empty where decoding failed
+  CombinedColumn best{};                  // of the columns, whether decoded or not
 };
 
 // The light of best quality in the `allowed` columns (empty: all).
 Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
                       const Search& what, std::span<const std::uint8_t> allowed) {
   Received best{.frame = frame};
-  double slope = 0;
+  CombinedColumn clearest;
   bool first = true;
   for (const auto saturated : {SaturatedColumns::leave_out, SaturatedColumns::use}) {
     std::vector<std::pair<CombinedColumn, std::size_t>> columns;
@@ -494,12 +612,13 @@ Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame,
       const bool half = is_interpolated(a.first.signal), other_half = is_interpolated(b.first.signal);
       return half != other_half ? other_half : a.first.quality > b.first.quality;
     });
-    if (first) slope = columns.front().first.slope;
+    if (first) clearest = columns.front().first;
     for (auto& [column, colour] : columns) {
       if (saturated == SaturatedColumns::use && !column.saturated) continue;  // tried already
       Received received{.frame = frame, .colour = colour};
       if (decode_any(column, what, camera.row_time, received)) {
-        Source source{std::move(received), column.signal, slope, {}};
+        if (column.has_sides) extend_to_outline(colours[colour], column, what, received);
+        Source source{std::move(received), column.signal, clearest.slope, {}, column};
         std::ranges::sort(columns, {}, [](const auto& one) { return one.second; });
         for (auto& one : columns) source.columns.push_back(std::move(one.first));
         return source;
@@ -508,7 +627,8 @@ Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame,
     }
     if (std::ranges::none_of(columns, [](const auto& one) { return one.first.left_out; })) break;
   }
-  return {std::move(best), {}, slope, {}};
+  const double slope = clearest.slope;
+  return {std::move(best), {}, slope, {}, std::move(clearest)};
 }
 
 // Share of the bits that differ where both have some; 1 where they overlap in less than half of the first.
@@ -572,23 +692,62 @@ std::vector<Received> receive_upright(std::span<const AnyFramesView> colours, st
   return sources;
 }
 
-// All lights of a frame, each from columns of its own where there are several; first the one that all columns show.
+// Lamps above each other, each from the rows around it; none where all rows may be those of one lamp.
+std::vector<Received> receive_above(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
+                                    const Search& what, const CombinedColumn& column, int shears) {
+  const auto lamps = rows_of_lamps(column.signal, column.noise);
+  if (lamps.size() < 2) return {};
+  Search of_lamp = what;
+  of_lamp.among_lamps = true;
+  std::vector<Received> sources;
+  for (const RowRange& rows : lamps) {
+    std::vector<AnyFramesView> views;
+    for (const auto& colour : colours)
+      views.push_back(part_of(colour, {0, rows.begin, shape_of(colour).columns, rows.size()}));
+    for (Received& received : receive_frame(views, frame, camera, of_lamp, shears)) {
+      if (received.bits.empty()) continue;
+      received.phase += static_cast<double>(rows.begin);
+      sources.push_back(std::move(received));
+    }
+  }
+  return sources;
+}
+
+// Chips on one clock, alike where both lamps are seen.
+bool is_one_lamp(const Received& a, const Received& b) {
+  const double chips = (b.phase - a.phase) / a.rows_per_chip;
+  return std::abs(a.rows_per_chip / b.rows_per_chip - 1) < kSameClock && std::abs(std::remainder(chips, 1.0)) < 0.25 &&
+         differing(a, b) < kDiffering;
+}
+
+// All lights of a frame, each from columns or rows of its own where there are several; first the one that all columns
+// show.
 std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
                                     const Search& what, int shears) {
   Source whole = receive_source(colours, frame, camera, what, {});
   if (whole.slope != 0 && shears < kMaxShears)
     return receive_upright(colours, frame, camera, what, whole.slope, shears + 1);
-  const auto lights = light_groups(colours[whole.received.colour], frame, camera.tone_curve);
-  std::vector<Received> sources;
-  for (const auto& light : lights) {
-    const bool seen = is_clean(whole) && agreement(whole.signal, light) >= kSameLight;
-    Source source = receive_source(colours, frame, camera, what, light.columns);
-    if (is_clean(source))
-      sources.insert(seen ? sources.begin() : sources.end(), std::move(source.received));
-    else if (seen)
-      sources.insert(sources.begin(), whole.received);
+  auto sources = receive_above(colours, frame, camera, what, whole.best, shears);
+  if (sources.size() < 2) {
+    sources.clear();
+    const auto lights = light_groups(colours[whole.received.colour], frame, camera.tone_curve);
+    std::vector<Received> periodic;
+    for (const auto& light : lights) {
+      const bool seen = is_clean(whole) && agreement(whole.signal, light) >= kSameLight;
+      Source source = receive_source(colours, frame, camera, what, light.columns);
+      const auto is_same = [&](const Received& other) { return is_one_lamp(other, source.received); };
+      const bool is_part = std::ranges::any_of(sources, is_same) || std::ranges::any_of(periodic, is_same);
+      if (is_part || source.received.bits.empty()) continue;
+      if (is_clean(source))
+        sources.insert(seen ? sources.begin() : sources.end(), std::move(source.received));
+      else if (seen)
+        sources.insert(sources.begin(), whole.received);
+      else if (chip_period(source.received.detection.bits, kFewPeriodic))
+        periodic.push_back(std::move(source.received));
+    }
+    std::ranges::move(periodic, std::back_inserter(sources));
+    if (lights.empty()) sources = streams_of(whole, frame, camera, what);
   }
-  if (lights.empty()) sources = streams_of(whole, frame, camera, what);
   if (sources.empty()) return {std::move(whole.received)};
   for (std::size_t k = 0; k < sources.size(); ++k) sources[k].source = k;
   return sources;

@@ -189,6 +189,8 @@ def _facts(result: Any, first_frame: int, shape: tuple[int, ...], camera: Camera
         "rows": rows_and_columns(shape, camera)[0],
         **facts_of(result, "bits rows_per_chip chip_rate_hz snr_db flags"),
         "scan_axis": camera.scan_axis,
+        "first_row": result.phase,
+        "end_row": result.phase + len(result.bits) * result.rows_per_chip,
     }
 
 

@@ -28,7 +28,9 @@ class Received(Result):
         frame: index of the frame.
         source: index of the source in the frame, the strongest first.
         colour: index of the colour used, or that shows the source best; 0 for grey frames.
-        bits: "0" and "1" in time order, 1 = bright; chips cut by the frame's edges are excluded.
+        bits: "0" and "1" in time order, 1 = bright; chips cut by the frame's edges are excluded. Of a
+            lamp whose sides and whose end are seen in the frame (it fades, has a round outline, or other lamps follow
+            above or below), chips of its rows alone; other dark rows at the ends may be those of an idle light.
         rows_per_chip: length of a chip in rows.
         rows_per_chip_std: its standard error.
         chip_rate: 1 / (rows_per_chip * row_time), Hz.
@@ -37,8 +39,8 @@ class Received(Result):
             makes of an edge, half an exposure after the light's edge. Chip k begins at ``phase + k * rows_per_chip``.
         snr: (half the swing)^2 over the variance of the chips about their levels, a plain ratio; at most 1e12.
         levels: (2, chips) light of a dark and of a bright chip at each chip, DN above dark; they follow the gradient.
-        relative_levels: (chips,) light of each chip: -1 at the dark level, 1 at the bright one; 0 in rows that the lamp
-            does not light, whose bits are guesses.
+        relative_levels: (chips,) light of each chip: -1 at the dark level, 1 at the bright one; 0 in rows in which no
+            light is seen, whose bits are guesses.
         weights: (columns,) share of each column in the signal, sum 1; 0 for columns that are not used.
         columns: indices of the columns with a weight above 0.
         flags: :class:`ocisac_fast.Flag`.
@@ -83,15 +85,18 @@ def receive(
             rows in time order. Any strides, no copy for uint8, uint16, float32 and float64.
         camera: row time (if unknown, rates are per row) and where known the exposure, tone curve, dark and white level.
             Exposures longer than a chip are flagged (LONG_EXPOSURE).
-        chip_rate: Hz, above 0 and at most half the row rate; searched within 3 %. None: estimated, from 2 to 64 rows
+        chip_rate: Hz, above 0 and at most half the row rate; searched within 3 %; where every run is a multiple of n
+            chips, the rate is an n-th of it. None: estimated, from 2 to 64 rows
             per chip and at least 4 chips per frame.
         colour: index of the colour to use. None: the one with the strongest light; where a single lamp sends streams of
             chips that differ from colour to colour, all of them, each a source.
 
     Returns:
         At least one :class:`Received` for each frame, in the order of the frames, the strongest source first. Several
-        sources are separated if they are side by side; a single one by its colours, which are unmixed blindly (camera
-        and lamp have other primaries). Further ones are returned only if their bits are certain.
+        sources are separated if they are side by side or above each other; a single one by its
+        colours, which are unmixed blindly (camera
+        and lamp have other primaries). Further ones are returned only if their bits are certain or
+        repeat every few chips (PERIODIC from 12 bits on).
 
     Raises:
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.

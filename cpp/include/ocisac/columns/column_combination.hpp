@@ -20,7 +20,8 @@ struct CombinedColumn {
   double slope = 0;             // columns per row, by lamp_slope; 0 where only some columns were asked for
   bool saturated = false;       // columns with saturated pixels had to be used, or no others exist
   // (rows) mean light of the columns with little of the common light; empty without such, and for followed frames
-  std::vector<double> beside;
+  std::vector<double> beside{};
+  bool has_sides = false;  // the light is within the frame's width: next to none of it at both its edges
   bool left_out = false;  // columns with saturated pixels were left out
 };
 

@@ -1,0 +1,99 @@
+"""Bits only from rows in which a lamp shines: round lamps, lamps above each other, lamps without data, idle light."""
+
+import numpy as np
+import pytest
+
+import ocisac_fast as ocisac
+from ocisac_fast import Camera, Chips, Flag, integrate_exposure
+
+ROWS, COLUMNS = 900, 500
+
+
+def rows_of(chips, pitch, exposure=0.0, start=0.0):
+    """Light of each row, from row ``start`` of the chips on; the ramp of chip k's edge has its middle at
+    k * pitch - start + exposure / 2."""
+    return integrate_exposure(Chips(chips, 1 / pitch), Camera(1.0, exposure), ROWS, start=start)[:, None]
+
+
+def disc(row, column, radius, *, ring=0.0):
+    """Brightness of a round lamp, which fades towards its edge and may have a dark ring."""
+    y, x = np.mgrid[:ROWS, :COLUMNS]
+    away = np.hypot(y - row, x - column) / radius
+    return (away < 1) * (1 - 0.7 * away**2) * (1 - ring * np.exp(-0.5 * ((away - 0.55) / 0.1) ** 2))
+
+
+def photographed(light, seed, noise=1.0):
+    random = np.random.default_rng(seed)
+    return np.clip(np.rint(light + noise * random.standard_normal(light.shape)), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_round_lamp_gives_its_chips_and_no_others(seed):
+    random = np.random.default_rng(seed)
+    pitch, radius = random.uniform(4, 8), random.uniform(190, 230)
+    row = random.uniform(0.35, 0.65) * ROWS
+    chips = random.integers(0, 2, 400)
+    exposure, start = 0.3 * pitch, random.uniform(1, 2) * pitch
+    light = rows_of(chips, pitch, exposure, start) * disc(row, 250, radius)
+    got = ocisac.receive(photographed(2 + 120 * light, seed), Camera(1.0))[0]
+    first = round((got.phase + start - exposure / 2) / pitch)
+    assert not got.flags
+    assert got.bits == "".join(map(str, chips[first : first + len(got.bits)]))
+    assert got.phase > row - radius - 1.2 * pitch
+    assert got.phase + len(got.bits) * got.rows_per_chip < row + radius + 1.2 * pitch
+    assert len(got.bits) >= 2 * radius / pitch - 7
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_lamps_above_each_other_are_strings_of_their_own(seed):
+    random = np.random.default_rng(seed)
+    pitches = random.permutation([5.1, 6.3]) * random.uniform(0.9, 1.2)
+    light, places = np.zeros((ROWS, COLUMNS)), []
+    for middle, pitch in zip((160, 740), pitches, strict=True):
+        chips = random.integers(0, 2, 400)
+        shape = np.abs(np.arange(ROWS) - middle) < 110
+        columns = np.exp(-0.5 * ((np.arange(COLUMNS) - random.uniform(230, 270)) / 30) ** 2)
+        light += rows_of(chips, pitch) * np.outer(shape, columns)
+        places.append((middle, pitch, chips))
+    found = ocisac.receive(photographed(2 + 120 * light, seed), Camera(1.0))
+    assert len(found) == 2
+    for got, (middle, pitch, chips) in zip(sorted(found, key=lambda one: one.phase), places, strict=True):
+        assert got.flags in (0, Flag.TOO_FEW_EDGES)
+        assert got.rows_per_chip == pytest.approx(pitch, rel=0.01)
+        first = round(got.phase / pitch)
+        bits = "".join(map(str, chips[first : first + len(got.bits)]))
+        assert got.bits[1:-1] == bits[1:-1]  # chips that the lamp's ends cut
+        assert got.phase > middle - 110 - pitch
+        assert got.phase + len(got.bits) * pitch < middle + 110 + pitch
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_lamp_with_a_dark_ring_is_one_periodic_light_of_its_frequency(seed):
+    random = np.random.default_rng(seed)
+    period, radius = random.uniform(12, 24), random.uniform(190, 230)
+    bright = (np.arange(ROWS) - random.uniform(0, period)) % period < period / 2
+    light = bright[:, None] * disc(random.uniform(0.35, 0.65) * ROWS, 250, radius, ring=random.uniform(0.7, 1))
+    (got,) = ocisac.receive(photographed(2 + 100 * light, seed), Camera(1.0))
+    assert got.flags & (Flag.PERIODIC | Flag.WEAK)  # weak: dark where the ring is
+    assert 2 * got.rows_per_chip == pytest.approx(period, rel=0.005)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_given_rate_of_twice_or_half_the_chips_gives_no_wrong_bits(seed):
+    random = np.random.default_rng(seed)
+    chips, pitch = random.integers(0, 2, 400), random.uniform(7, 9)
+    light = rows_of(chips, pitch, 0.3 * pitch) * np.exp(-0.5 * ((np.arange(COLUMNS) - 250) / 60) ** 2)
+    frame = photographed(2 + 100 * light, seed)
+    for share in (0.5, 1, 2):
+        got = ocisac.receive(frame, Camera(1.0), chip_rate=share / pitch)[0]
+        sent = "".join(map(str, chips))
+        assert (got.bits in sent and len(got.bits) > 0.9 * ROWS / pitch) or got.flags
+
+
+def test_light_that_fills_the_width_may_be_idle():
+    """A laser's spot without sides: dark rows before and after its packet are chips."""
+    chips = np.r_[np.zeros(40, int), np.random.default_rng(5).integers(0, 2, 60), np.zeros(50, int)]
+    light = rows_of(chips, 6.4, 3.0, 6.4) * np.ones(COLUMNS)
+    got = ocisac.receive(photographed(2 + 80 * light, 0), Camera(1.0))[0]
+    assert got.bits in "".join(map(str, chips))
+    assert len(got.bits) >= 140
