@@ -22,7 +22,7 @@ struct CombinedColumn {
   // (rows) mean light of the columns with little of the common light; empty without such, and for followed frames
   std::vector<double> beside{};
   bool has_sides = false;  // the light is within the frame's width: next to none of it at both its edges
-  bool left_out = false;  // columns with saturated pixels were left out
+  bool left_out = false;   // columns with saturated pixels were left out
 };
 
 enum class SaturatedColumns { leave_out, use };
