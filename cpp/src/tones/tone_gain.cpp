@@ -22,6 +22,7 @@
 #include "ocisac/light/exposure_response.hpp"
 #include "rows/fit.hpp"
 #include "rows/verdict.hpp"
+#include "tones/clipping.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
 #include "tones/streaming_fit.hpp"
@@ -434,7 +435,7 @@ void check_summed(const AnyFramesView& frames, const StreamingFit& fit, const Pi
 }
 
 void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context,
-                  const ToneGainView& result) {
+                  const ToneGainView& result, std::span<double> largest) {
   const StoredLight stored = stored_light(frames, context.camera->tone_curve);
   const bool bytes = holds_linear_bytes(frames, context.camera->tone_curve);
   const auto threads = static_cast<std::size_t>(context.options->threads);
@@ -459,6 +460,7 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
         write_result(context, context.tones[k], fitted_tone(fit, columns, k), peaks,
                      index_of(context, k, frame) + first + done, result);
     }
+    std::ranges::copy(sums.maximum, &largest[frame * context.shape.columns + first]);
   });
 }
 
@@ -548,10 +550,11 @@ std::vector<double> largest_samples(const AnyFramesView& frames, std::size_t fra
       frames);
 }
 
-// Gains of all columns by one model.
-void gains_of_model(const AnyFramesView& frames, Context context, const ToneGainView& result) {
+// Gains of all columns by one model; `largest`: sample of each column, (frames × columns).
+void gains_of_model(const AnyFramesView& frames, Context context, const ToneGainView& result,
+                    std::span<double> largest) {
   const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
-  if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
+  if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result, largest);
   check_samples(frames);
   const auto estimator = make_estimator(context);
   const double level = saturation_level(frames, context.camera->tone_curve);
@@ -561,12 +564,13 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
     auto estimates = estimator(frames, frame, first, count, context.camera->tone_curve);
-    const auto largest = largest_samples(frames, frame, first, count);
+    const auto samples = largest_samples(frames, frame, first, count);
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       take_off_background(context, frame, first, estimates[k].mean);
-      write_result(context, context.tones[k], estimates[k].fitted(), {largest, level},
+      write_result(context, context.tones[k], estimates[k].fitted(), {samples, level},
                    index_of(context, k, frame) + first, result);
     }
+    std::ranges::copy(samples, &largest[frame * columns + first]);
   });
 }
 
@@ -729,7 +733,8 @@ void fit_with_others(const AnyFramesView& frames, const Context& context, std::s
   with_others.others = others;
   const std::size_t columns = context.shape.columns;
   ToneGain found = empty_result(frequencies.size(), 1, columns);
-  gains_of_model(one, with_others, view_of(found));
+  std::vector<double> largest(columns);
+  gains_of_model(one, with_others, view_of(found), largest);
   const auto copy = [&](const auto& from, auto to, std::size_t tone) {
     std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(tone * columns), columns,
                 to.begin() + static_cast<std::ptrdiff_t>(index_of(context, tone, frame)));
@@ -751,60 +756,89 @@ void check_frame(const AnyFramesView& frames, const Context& context, std::size_
     flag_misfit(around, index_of(context, tone, frame), context.shape.columns, result);
 }
 
-// Number of samples of 0 in each column of a frame.
-std::vector<std::uint32_t> count_black(const AnyFramesView& frames, std::size_t frame) {
-  return std::visit(
-      [&]<class T>(const FramesView<const T>& view) {
-        std::vector<std::uint32_t> black(view.columns);
-        for (std::size_t row = 0; row < view.rows; ++row) {
-          const T* samples = &view(frame, row, 0);
-          if (view.column_stride == 1)
-            for (std::size_t i = 0; i < view.columns; ++i) black[i] += samples[i] == 0;
-          else
-            for (std::size_t i = 0; i < view.columns; ++i) black[i] += view(frame, row, i) == 0;
-        }
-        return black;
-      },
-      frames);
+// Flags columns in which more samples are at a pile than would shift the mean by its standard error: at k samples it is
+// shifted by at most 0.8 σ k/rows, less than σ/√rows for k below √rows. A few are chance, and noise below half a step
+// makes piles itself.
+void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t frame, const Pile& pile,
+               const ToneGainView& result) {
+  constexpr double kChance = 5, kThinsOut = 1.5, kRunsOfNoise = 0.25, kNoise = 4, kHalfStep = 0.5;
+  const auto counts = count_pile(frames, frame, pile);
+  const double allowed = kChance + 0.5 * std::sqrt(static_cast<double>(context.shape.rows));
+  const double step = std::abs(pile.beside - pile.level);
+  const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
+  constexpr Flags kSettled = flag::saturated | flag::unresolvable | flag::no_light | flag::weak;
+  for (std::size_t i = 0; i < context.shape.columns; ++i) {
+    const double at = counts.at[i];
+    const std::size_t index = index_of(context, 0, frame) + i;
+    if (result.flags[index] & kSettled || !(at > allowed && at > kThinsOut * counts.beside[i])) continue;
+    const double noise = result.gain[index] * result.mean[index] / std::sqrt(result.snr[index]);
+    if (is_linear && noise < kHalfStep * step) continue;
+    if (pile.level < pile.beside) {
+      // Where the lamp is off, samples are equal without noise there, too; noise alone does not reach far below.
+      const double off = context.camera->tone_curve.dark_level + background_of(context, frame, i);
+      const bool may_be_off = pile.level > 0 && (!is_linear || pile.level <= off + kHalfStep * step);
+      if (may_be_off && counts.runs[i] < kRunsOfNoise * at) continue;
+      if (is_linear && pile.level < off - kNoise * noise - kHalfStep * step) continue;
+    }
+    for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
+      result.flags[index_of(context, tone, frame) + i] |= flag::saturated;
+  }
 }
 
-constexpr double kBlackDepth = 1.5, kBlackNoise = 4, kHalfStep = 0.5;
-
-// Clipping at black loses the lower half of the noise. Columns whose light and noise cannot reach black are not
-// counted: light is at least mean − 1.5 Σ amplitudes, or that of the lamp when off.
-bool may_reach_black(const Context& context, std::size_t frame, std::size_t column, const ToneGainView& result) {
-  const std::size_t i = index_of(context, 0, frame) + column;
-  const double off = context.camera->tone_curve.dark_level + background_of(context, frame, column);
-  const double level = result.gain[i] * result.mean[i];
-  // x < 4σ + 1/2, with σ² = level²/snr, without roots and divisions.
-  const auto within_noise = [&](double x) {
-    const double above = x - kHalfStep;
-    return above < 0 || above * above * result.snr[i] < kBlackNoise * kBlackNoise * level * level;
-  };
-  if (!within_noise(off)) return false;
+// True if light of a column is not surely apart from black, or from its least and its largest sample, by its noise. A
+// square wave has crests that its fundamental does not tell.
+bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::size_t frame, std::size_t column,
+                    double largest, const ToneGainView& result) {
+  constexpr double kLargest = 1.2, kLeast = 0.8, kOfAll = 4, kHalfStep = 0.5;  // σ beyond the light
+  const ToneCurve& curve = context.camera->tone_curve;
+  if (curve.kind != ToneCurve::Kind::linear || context.options->waveform == WaveformShape::square) return true;
   double depth = 0;
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
     const std::size_t own = index_of(context, tone, frame) + column;
-    depth += kBlackDepth * context.ratio * result.gain[own] * result.mean[own];
+    depth += result.gain[own] * result.mean[own];
   }
-  return within_noise(result.mean[i] + off - depth);
+  const std::size_t start = index_of(context, 0, frame) + column;
+  const double level = result.gain[start] * result.mean[start], variance = level * level / result.snr[start];
+  const auto within = [variance](double x, double deviations) {
+    return x < 0 || x * x < deviations * deviations * variance;
+  };
+  const double off = curve.dark_level + background_of(context, frame, column), least = result.mean[start] - depth;
+  return within(least - kHalfStep, kOfAll) || within(least + off - kHalfStep, kOfAll) ||
+         within(largest - off - result.mean[start] - depth, kLargest) ||
+         within(least + off - least_of_some(frames, frame, column), kLeast);
 }
 
-void flag_black(const AnyFramesView& frames, const Context& context, std::size_t frame, const ToneGainView& result) {
-  const std::size_t columns = context.shape.columns, start = index_of(context, 0, frame);
-  constexpr Flags kSettled = flag::saturated | flag::unresolvable | flag::no_light | flag::weak;
-  const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
-  std::vector<std::size_t> suspects;
-  for (std::size_t i = 0; i < columns; ++i)
-    if (!(result.flags[start + i] & kSettled) && (!is_linear || may_reach_black(context, frame, i, result)))
-      suspects.push_back(i);
-  if (suspects.empty()) return;
-  const auto black = count_black(frames, frame);
-  // At k samples the mean is raised by at most 0.8 σ k/rows: less than its standard error σ/√rows for k below √rows.
-  const double allowed = 0.5 * std::sqrt(static_cast<double>(context.shape.rows));
-  for (const std::size_t i : suspects)
-    for (std::size_t tone = 0; black[i] > allowed && tone < context.tones.size(); ++tone)
-      result.flags[index_of(context, tone, frame) + i] |= flag::saturated;
+// Place of the largest of some 256 values times `sign`, the middle one of equals: columns at the edge of a lamp may
+// just reach a level at which others are clipped.
+std::size_t place_of_extreme(std::span<const double> values, double sign) {
+  const std::size_t step = values.size() / 256 + 1;
+  std::size_t first = 0, last = 0;
+  for (std::size_t i = step; i < values.size(); i += step) {
+    if (sign * values[i] > sign * values[first]) first = i;
+    if (values[i] == values[first]) last = i;
+  }
+  return values[last] == values[first] ? (first + last) / 2 : first;
+}
+
+// Clipping at either end, of samples of any type at any level, as the brightest and the darkest column show it.
+// `largest`: sample of each column, (frames × columns).
+void flag_clipped(const AnyFramesView& frames, const Context& context, std::span<const double> largest,
+                  const ToneGainView& result) {
+  const std::size_t columns = context.shape.columns;
+  for_each_block(context.shape.frames, context.options->threads, [&](std::size_t frame) {
+    const std::span<const double> tops = largest.subspan(frame * columns, columns);
+    const std::span<const double> means = result.mean.subspan(frame * columns, columns);
+    const auto piles_at = [&](std::size_t column) {
+      return may_be_clipped(frames, context, frame, column, tops[column], result) ? find_piles(frames, frame, column)
+                                                                                  : Piles{};
+    };
+    const std::size_t brightest = place_of_extreme(tops, 1), darkest = place_of_extreme(means, -1);
+    Piles piles = piles_at(brightest);
+    if (darkest != brightest)
+      if (const auto low = piles_at(darkest).low) piles.low = low;
+    for (const auto& pile : {piles.low, piles.high})
+      if (pile) flag_pile(frames, context, frame, *pile, result);
+  });
 }
 
 }  // namespace
@@ -817,12 +851,14 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
                const ToneGainOptions& options, const ToneGainView& result) {
   Context context = make_context(frames, camera, frequencies, options);
   check_room(result, frequencies.size() * context.shape.frames * context.shape.columns);
-  gains_of_model(frames, context, result);
-  if (options.method != GainMethod::fit || !options.robust) return;
-  for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
-    check_frame(frames, context, frame, result);
-    if (holds_integers(frames)) flag_black(frames, context, frame, result);
-  });
+  thread_local std::vector<double> largest;  // reused from call to call
+  largest.resize(context.shape.frames * context.shape.columns);
+  const std::span<double> of_columns = largest;
+  gains_of_model(frames, context, result, of_columns);
+  if (options.method == GainMethod::fit && options.robust)
+    for_each_block(context.shape.frames, options.threads,
+                   [&](std::size_t frame) { check_frame(frames, context, frame, result); });
+  flag_clipped(frames, context, of_columns, result);
 }
 
 ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,

@@ -9,7 +9,7 @@ class Flag(IntFlag):
     """Bits of a ``flags`` mask; 0: no condition applies."""
 
     SATURATED = 1 << 0
-    """Samples are at 98 % of white above dark or more: the gain may be too low or distorted."""
+    """Samples are at 98 % of white above dark or more, or pile up at a level: the gain may be too low or distorted."""
     NEAR_NULL = 1 << 1
     """The exposure suppresses the tone: |sinc(f T_e)| < 0.05."""
     WEAK = 1 << 2

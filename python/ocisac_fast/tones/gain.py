@@ -63,7 +63,7 @@ def tone_gain(
 
     Method ``"fit"`` solves mean + tone + harmonics by least squares at the exact frequency (cf. IEEE Std 1057).
     ``"robust"`` also fits other tones that the strongest columns of a frame show, such as mains hum or another lamp,
-    and flags distortion, rows that deviate and clipping at black (docs/explanation/tones.md). A clean frame of 1080 x
+    and flags distortion and rows that deviate (docs/explanation/tones.md). A clean frame of 1080 x
     1920 bytes takes 60 % longer, others many times as long.
     ``"dft"`` is the paper's: the DFT's bin nearest to the tone (eqs. 24-25, figure 8), biased unless the tone completes
     whole cycles in the frame (flag OFF_BIN); it is computed by OpenCV. Both assume a mean and a tone that are constant

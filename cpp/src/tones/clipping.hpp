@@ -1,0 +1,34 @@
+// Levels at which samples pile up because light is clipped there.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "ocisac/core/views.hpp"
+
+namespace ocisac {
+
+// The smallest or the largest value of some samples where more have it than the value beside it, as stored.
+struct Pile {
+  double level, beside;
+};
+
+// Lowest and highest pile of 128 rows of up to eight columns about `column`, or of more rows of fewer; absent where
+// values thin out, as noise does.
+struct Piles {
+  std::optional<Pile> low, high;
+};
+Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t column);
+
+// The least of 128 rows of two columns.
+double least_of_some(const AnyFramesView& frames, std::size_t frame, std::size_t column);
+
+// Samples of each column, (columns,): at the level, at the value beside it, and runs of rows at the level.
+struct PileCounts {
+  std::vector<std::uint32_t> at, beside, runs;
+};
+PileCounts count_pile(const AnyFramesView& frames, std::size_t frame, const Pile& pile);
+
+}  // namespace ocisac
