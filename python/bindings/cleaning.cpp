@@ -105,6 +105,12 @@ py::tuple run_push(Shared<StreamCleaner>& cleaner, const std::vector<py::array>&
   return tuple_of(colours, std::move(frame.stored), std::move(frame.light));
 }
 
+py::tuple run_again(Shared<StreamCleaner>& cleaner, const std::vector<py::array>& colours, std::size_t ago) {
+  const std::vector<AnyFramesView> views = scene_views(colours);
+  StreamCleaner::Frame frame = cleaner.call([&](const StreamCleaner& one) { return one.again(views, ago); });
+  return tuple_of(colours, std::move(frame.stored), std::move(frame.light));
+}
+
 }  // namespace
 
 void register_cleaning(py::module_& module) {
@@ -138,6 +144,7 @@ void register_cleaning(py::module_& module) {
            }),
            arg("camera"), arg("model"), arg("noise"), arg("toe"))
       .def("push", &run_push, arg("colours"), arg("time"))
+      .def("again", &run_again, arg("colours"), arg("ago"))
       .def("forget", [](Shared<StreamCleaner>& cleaner) { cleaner.call([](StreamCleaner& one) { one.forget(); }); });
   module.def("lifted_light", py::vectorize(&lifted_light), arg("stored"), arg("toe"), arg("white"));
 }

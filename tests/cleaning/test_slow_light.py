@@ -137,10 +137,13 @@ def test_the_command_takes_the_time_stamps_of_a_video(tmp_path: Path) -> None:
     with open_recording(tmp_path / "gaps.mkv", colour=False) as stored:
         rate = stored.frame_rate
         assert rate is not None
-        cleaner = VideoCleaner(Camera(1e-5, frame_time=1 / rate, white_level=255.0))
+        cleaner, sure = VideoCleaner(Camera(1e-5, frame_time=1 / rate, white_level=255.0)), 0
         for frame, number, cleaned in zip(stored, numbers, np.load(tmp_path / "clean.npy"), strict=True):
             values = np.rint(frame).astype(np.uint8)
-            np.testing.assert_array_equal(cleaned, cleaner.push(values, time=number / 30).frames)
+            done = cleaner.push(values, time=number / 30)
+            sure += not done.unchanged[0]
+            assert (cleaned == done.frames).all() == (not done.unchanged[0])  # others are cleaned once it is sure
+    assert sure >= 4
 
 
 def test_regular_stamps_change_nothing() -> None:

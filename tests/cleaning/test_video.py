@@ -125,3 +125,25 @@ def test_a_chip_light_is_found_in_every_frame() -> None:
         alone = remove_bands(stored, CAMERA, level="mean")
         assert done.model == alone.model == ("chips",)
         assert psnr(done.frames, clean) > psnr(alone.frames, clean) - 0.3
+
+
+def test_frames_before_a_slow_light_was_sure_are_cleaned_again() -> None:
+    camera = Camera(1e-5, frame_time=1 / 240)
+    picture = albedo(3, ROWS, COLUMNS)
+    frames = []
+    for k in range(6):
+        at = np.arange(ROWS) * 1e-5 + k / 240
+        frames.append(shown(1 + 0.3 * np.cos(2 * np.pi * 100 * at), picture, np.full(picture.shape, 70.0), k))
+    cleaner = VideoCleaner(camera, level="mean")
+    left = [k for k, (stored, _) in enumerate(frames) if cleaner.push(stored).unchanged[0]]
+    assert left
+    assert left[-1] < len(frames) - 1
+    for k in left:
+        stored, clean = frames[k]
+        done = cleaner.again(stored, len(frames) - 1 - k)
+        assert done.unchanged == ("",)
+        assert psnr(done.frames * (clean / done.frames.clip(1)).mean(), clean) > 32
+    other, _ = shown(np.ones(ROWS), albedo(4, ROWS, COLUMNS), np.full(picture.shape, 70.0), 0)
+    assert cleaner.again(other, 1).unchanged[0]
+    with pytest.raises(ValueError, match="ago"):
+        cleaner.again(stored, 0)

@@ -88,8 +88,7 @@ double left_with_toe(const Values& light, const Values& variance, const BandedPi
 
 // The toe of the first frame under chips, which are additive in light only: the candidate with the best fit, or 0.
 double find_toe(const StoredScene& scene) {
-  std::vector<BandedPicture> colours;
-  for (std::size_t k = 0; k < scene.colours(); ++k) colours.push_back(scene.picture(0, k));
+  const std::vector<BandedPicture> colours = scene.colours_of(0);
   const std::vector<std::size_t> alike = alike_colours(colours).front();
   Values light, variance;
   for (const std::size_t k : alike) {
@@ -112,18 +111,14 @@ double find_toe(const StoredScene& scene) {
 
 std::vector<ColourLights> lights_of(const StoredScene& scene, RowModel model) {
   std::vector<ColourLights> lights;
-  for (std::size_t frame = 0; frame < scene.frames(); ++frame) {
-    std::vector<BandedPicture> colours;
-    for (std::size_t k = 0; k < scene.colours(); ++k) colours.push_back(scene.picture(frame, k));
-    lights.push_back(find_colour_lights(colours, model));
-  }
+  for (std::size_t frame = 0; frame < scene.frames(); ++frame)
+    lights.push_back(find_colour_lights(scene.colours_of(frame), model));
   return lights;
 }
 
 std::vector<std::vector<BandedPicture>> pictures_of(const StoredScene& scene) {
-  std::vector<std::vector<BandedPicture>> frames(scene.frames());
-  for (std::size_t frame = 0; frame < frames.size(); ++frame)
-    for (std::size_t k = 0; k < scene.colours(); ++k) frames[frame].push_back(scene.picture(frame, k));
+  std::vector<std::vector<BandedPicture>> frames;
+  for (std::size_t frame = 0; frame < scene.frames(); ++frame) frames.push_back(scene.colours_of(frame));
   return frames;
 }
 

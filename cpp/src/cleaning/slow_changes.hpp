@@ -7,6 +7,12 @@
 namespace ocisac {
 
 constexpr std::size_t slowest_rows = 128;  // per cycle
+constexpr double slow_cycles = 2.5;        // in the picture, up to which bands of any length are like its shades
+
+// A tone, cycles per row, that is slower than that in one of the two.
+constexpr bool is_slow(double frequency, std::size_t rows) {
+  return frequency * static_cast<double>(slowest_rows) < 1 || frequency * static_cast<double>(rows) < slow_cycles;
+}
 
 // Number of cosines of the longer periods, with a constant.
 std::size_t slow_terms(std::size_t rows);

@@ -19,6 +19,7 @@ constexpr double colours_differ = 0.7;     // relative deviation of a colour's t
 constexpr double of_groups = 0.5;          // expected deviation of the terms of a group of columns: hardly a bound
 constexpr double min_level = 0.25, max_worse = 0.25;
 constexpr double least_move = 0.05;   // cycles from frame to frame
+constexpr double most_other = 0.5;    // of the difference of two frames of one scene
 constexpr double by_chance = 13.8;    // chi square of two terms that one in a thousand exceeds
 constexpr double least_light = 0.02;  // what a tone curve makes of dark rows may need an amplitude above 1
 constexpr const char* not_sure = "slow bands that the picture's own shades may be";
@@ -120,10 +121,18 @@ std::vector<SlowTone> in_frame(std::vector<SlowTone> tones, std::ptrdiff_t frame
   return tones;
 }
 
-// The frame and the one before differ less without the tones than with them, but for chance. `first`: the tones in the
-// frame of place 0.
-bool agrees(const CommonCourse& before, const CommonCourse& course, const std::vector<SlowTone>& first,
-            std::ptrdiff_t place) {
+// Chi square of the difference of two frames with the tones and without them; what chance may change it by.
+struct Difference {
+  double with = 0, without = 0, chance = 0;
+
+  [[nodiscard]] bool is_grown() const { return without >= with + chance; }
+  // By most of it: the frames are of one scene.
+  [[nodiscard]] bool is_less() const { return without + std::max(chance, most_other * with) <= with; }
+};
+
+// `first`: the tones in the frame of number `place`.
+Difference difference_of(const CommonCourse& before, const CommonCourse& course, const std::vector<SlowTone>& first,
+                         std::ptrdiff_t place) {
   const std::vector<double> then = modes_of_light(in_frame(first, before.place - place), course.modes.size());
   const std::vector<double> now = modes_of_light(in_frame(first, course.place - place), course.modes.size());
   double with = 0, without = 0;
@@ -132,7 +141,7 @@ bool agrees(const CommonCourse& before, const CommonCourse& course, const std::v
     with += square(change) / variance;
     without += square(change - now[k] + then[k]) / variance;
   }
-  return without < with + by_chance * static_cast<double>(first.size());
+  return {with, without, by_chance * static_cast<double>(first.size())};
 }
 
 }  // namespace
@@ -212,18 +221,31 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     const std::vector<SlowTone> tones = in_frame(first, courses[frame].place - courses[start].place);
     const SlowTone& main = tones.front();
     const bool is_sure = std::ranges::all_of(tones, [](const SlowTone& tone) { return tone.is_sure(); });
+    const bool is_other =
+        frame != start && difference_of(courses[frame - 1], courses[frame], first, courses[start].place).is_grown();
     result.push_back({tones_of_colours(courses[frame], of_colours[frame - earlier.courses.size()], tones), tones,
                       courses[frame], main.log_odds > std::log(likely) ? main.amplitude() : 0, verdict,
-                      !is_sure ? not_sure
-                      : frame == start || agrees(courses[frame - 1], courses[frame], first, courses[start].place)
-                          ? objection_to(verdict)
-                          : disagrees});
+                      !is_sure   ? not_sure
+                      : is_other ? disagrees
+                                 : objection_to(verdict)});
   }
   const bool is_other = std::ranges::any_of(result, [](const SlowLight& one) { return one.objection == disagrees; });
   if (!is_other || earlier.courses.empty()) return result;
   result = find_slow_lights(frames, camera, {{}, earlier.next});
   for (SlowLight& one : result) one.is_first = true;
   return result;
+}
+
+SlowLight slow_light_before(const std::vector<BandedPicture>& colours, const SlowLight& later, std::ptrdiff_t ago) {
+  FrameCourses found = courses_of(colours);
+  require(found.all.modes.size() == later.course.modes.size(), "colours", colours.front().rows, "as many rows");
+  found.all.place = later.course.place - ago;
+  SlowLight light = later;
+  light.common = in_frame(later.common, -ago);
+  light.tones = tones_of_colours(found.all, found.colours, light.common);
+  if (!difference_of(found.all, later.course, light.common, found.all.place).is_less()) light.objection = disagrees;
+  light.course = std::move(found.all);
+  return light;
 }
 
 }  // namespace ocisac

@@ -7,9 +7,11 @@
 #include <numbers>
 #include <numeric>
 
+#include "cleaning/slow_changes.hpp"
 #include "cleaning/slow_modes.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/linear_algebra.hpp"
+#include "ocisac/rows/tone_search.hpp"
 
 namespace ocisac {
 
@@ -32,15 +34,16 @@ constexpr std::array<double, 4> trends{0.5, 0.5, 0.1, 0.05};  // standard deviat
                                                               // vignettes, skies
 constexpr std::array<double, 3> sizes{0.05, 0.15, 0.5};       // expected of a tone's terms, one as likely as another
 constexpr std::size_t phase_steps = 16;
-constexpr std::array<double, 2> mains{100, 120};  // Hz
-constexpr double real_row_time = 1e-3;            // s; a larger one is no camera's, but a unit
+constexpr double real_row_time = 1e-3;  // s; a larger one is no camera's, but a unit
 constexpr std::size_t places_of_mode = 8;
 constexpr double turn = 2 * std::numbers::pi;
 constexpr double same_cycles = 1e-6;
 constexpr double near_cycles = 0.06, near_at_most = 0.25;  // between neighbouring tones: relative, and cycles
 constexpr int near_tones = 9;
 constexpr std::size_t most_tones = 3;
-constexpr double darkest = 0.02;  // light of a row of which a logarithm is taken
+constexpr double least_apart = 0.5;    // cycles between tones
+constexpr double step_of_mains = 0.1;  // rad; standard deviation of what mains and the clock differ by in a frame
+constexpr double darkest = 0.02;       // light of a row of which a logarithm is taken
 constexpr int most_iterations = 20;
 constexpr std::size_t parameters = 4;  // of a tone: its two terms, cycles and phase step
 
@@ -126,17 +129,17 @@ struct Frames {
   MatrixXd modes;                  // (modes × frames)
   MatrixXd slow;                   // (places × modes) cosines
   std::vector<double> places;      // of the frames, after the first
-  std::array<double, 2> mains;     // their cycles in the picture
+  std::vector<SlowTone> mains;     // cycles in the picture and phase step, if it is known; of no terms
   std::vector<Spread> still;       // of their mean
   std::vector<VectorXd> changing;  // inverse variances of the deviations from it; none for one frame
 };
 
-Frames frames_of(std::span<const CommonCourse> courses, const std::array<double, 2>& cycles_of_mains = {}) {
+Frames frames_of(std::span<const CommonCourse> courses, const std::vector<SlowTone>& mains = {}) {
   const auto count = static_cast<Index>(courses.front().modes.size()), number = static_cast<Index>(courses.size());
   Frames frames{MatrixXd(count, number),
                 slow_modes(places_of_mode * static_cast<std::size_t>(count), static_cast<std::size_t>(count)),
                 {},
-                cycles_of_mains,
+                mains,
                 {},
                 {}};
   VectorXd variance = VectorXd::Zero(count);
@@ -196,10 +199,9 @@ std::vector<double> all_steps(std::size_t frames) {
 }
 
 // Tones of every frequency and phase step; mains have half of the probability where the row time is known.
-std::vector<Tried> all_tones(std::size_t rows, const Camera& camera, std::size_t frames,
-                             const std::array<double, 2>& cycles_of_mains) {
+std::vector<Tried> all_tones(std::size_t rows, std::size_t frames, const std::vector<SlowTone>& mains) {
   const auto length = static_cast<double>(rows);
-  const double most = std::min(std::max(1.1 * length / slowest_period, 2.5), most_cycles);
+  const double most = std::min(std::max(1.1 * length / slowest_period, slow_cycles), most_cycles);
   const std::vector<double> steps = all_steps(frames);
   std::vector<Tried> tones;
   for (double cycles = least_cycles;; cycles += std::min(near_cycles * cycles, near_at_most)) {
@@ -207,14 +209,13 @@ std::vector<Tried> all_tones(std::size_t rows, const Camera& camera, std::size_t
     if (!(cycles < most)) break;
   }
   for (Tried& tone : tones) tone.prior = 1 / static_cast<double>(tones.size());
-  std::vector<std::size_t> seen;
-  for (std::size_t k = 0; k < mains.size(); ++k)
-    if (least_cycles < cycles_of_mains[k] && cycles_of_mains[k] < most) seen.push_back(k);
-  for (const std::size_t k : seen) {
-    std::vector<double> known = steps;
-    if (frames > 1 && camera.frame_time) known = {std::fmod(turn * mains[k] * *camera.frame_time, turn)};
+  std::vector<SlowTone> seen;
+  for (const SlowTone& tone : mains)
+    if (least_cycles < tone.cycles && tone.cycles < most) seen.push_back(tone);
+  for (const SlowTone& tone : seen) {
+    const std::vector<double> known = frames > 1 && tone.step ? std::vector{*tone.step} : steps;
     for (const double step : known)
-      tones.push_back({cycles_of_mains[k], step, 1 / static_cast<double>(known.size() * seen.size())});
+      tones.push_back({tone.cycles, step, 1 / static_cast<double>(known.size() * seen.size())});
   }
   for (Tried& tone : tones) tone.prior /= seen.empty() ? 1 : 2;
   return tones;
@@ -479,10 +480,15 @@ Fitted fitted(const Frames& frames, const std::vector<SlowTone>& start, const Ex
   VectorXd centre = first, hold(first.size());
   for (Index at = 0; at < first.size(); at += parameters) {
     if (expected.about_zero) centre.segment(at, 2).setZero();
-    const bool is_mains = std::ranges::any_of(
-        frames.mains, [&](double cycles) { return std::abs(cycles - first[at + 2]) < same_cycles; });
-    hold.segment(at, parameters) << expected.terms, expected.terms, is_mains ? fixed : std::max(expected.cycles, fixed),
-        std::max(expected.step, fixed);
+    double cycles = std::max(expected.cycles, fixed), step = std::max(expected.step, fixed);
+    for (const SlowTone& known : frames.mains) {
+      if (std::abs(known.cycles - first[at + 2]) >= same_cycles) continue;
+      cycles = fixed;
+      if (!known.step) continue;
+      centre[at + 3] -= std::remainder(first[at + 3] - *known.step, turn);
+      step = std::min(step, step_of_mains);
+    }
+    hold.segment(at, parameters) << expected.terms, expected.terms, cycles, step;
   }
   hold = hold.cwiseAbs2().cwiseInverse();
   VectorXd now = first;
@@ -558,10 +564,13 @@ std::vector<SlowTone> joined(const Frames& frames, std::vector<SlowTone> tones, 
 
 std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std::size_t rows, const Camera& camera,
                                       std::span<const SlowTone> near) {
-  std::array<double, 2> cycles_of_mains{};
-  for (std::size_t k = 0; k < mains.size() && camera.row_time < real_row_time; ++k)
-    cycles_of_mains[k] = mains[k] * camera.row_time * static_cast<double>(rows);
-  const Frames frames = frames_of(courses, cycles_of_mains);
+  std::vector<SlowTone> mains;
+  for (const double frequency : kMains) {
+    if (!(camera.row_time < real_row_time)) continue;
+    mains.emplace_back().cycles = frequency * camera.row_time * static_cast<double>(rows);
+    if (camera.frame_time) mains.back().step = std::fmod(turn * frequency * *camera.frame_time, turn);
+  }
+  const Frames frames = frames_of(courses, mains);
   std::vector<SlowTone> found;
   for (const SlowTone& tone : near) {
     SlowTone start = tone;
@@ -571,10 +580,13 @@ std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std
     start.variance = {};
     found = joined(frames, std::move(found), start, 1);
   }
-  const std::vector<Tried> tried = all_tones(rows, camera, courses.size(), cycles_of_mains);
+  std::vector<Tried> tried = all_tones(rows, courses.size(), mains);
   // A second one moves in several frames; in one it may be shades, or what a tone curve makes of the first one.
   const std::size_t most = courses.size() == 1 ? 1 : most_tones;
   while (found.size() < most && (near.empty() || courses.size() < most_slow_frames)) {
+    for (const SlowTone& own : found)
+      std::erase_if(tried, [&](const Tried& other) { return std::abs(other.cycles - own.cycles) < least_apart; });
+    if (tried.empty()) break;
     std::vector<SlowTone> more = joined(frames, found, likeliest(frames, without(frames, found), tried), tried.size());
     const bool is_sure = more.back().is_sure();
     if (is_sure || found.empty()) found = std::move(more);

@@ -204,8 +204,10 @@ double StoredScene::burnt() const {
   return lifted_light(linear_light(curve_, burnt_share * top, top), toe_, white_);
 }
 
-BandedPicture StoredScene::pictures(std::size_t colour) const {
-  return {light_[colour], variance_[colour], frames_, rows_, pixels_ / rows_};
+std::vector<BandedPicture> StoredScene::colours_of(std::size_t frame) const {
+  std::vector<BandedPicture> result;
+  for (std::size_t colour = 0; colour < colours(); ++colour) result.push_back(picture(frame, colour));
+  return result;
 }
 
 template <class Sample>

@@ -184,6 +184,21 @@ StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours, std
   return *std::move(found);
 }
 
+StreamCleaner::Frame StreamCleaner::again(const std::vector<AnyFramesView>& colours, std::size_t ago) const {
+  require(ago > 0, "ago", ago, "1 or more");
+  StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
+  SceneLight light = left_alone(stored, "no slow light in the frames after it");
+  if (slow_ && compares_with(stored.rows()) && !has_equal_rows(stored)) {
+    SlowLight own = slow_light_before(stored.colours_of(0), *slow_, static_cast<std::ptrdiff_t>(ago));
+    light.unchanged = own.objection;
+    if (own.objection.empty()) {
+      light = light_of_slow(stored, {std::move(own)});
+      keep_highlights(stored, light, rise_);
+    }
+  }
+  return {std::move(stored), std::move(light)};
+}
+
 void StreamCleaner::forget() {
   before_.reset();
   forget_slow();
@@ -195,7 +210,7 @@ void StreamCleaner::forget() {
 
 void StreamCleaner::forget_slow() {
   earlier_ = {};
-  slow_.clear();
+  slow_.reset();
 }
 
 // A whole number, 1 without time stamps; none if those do not tell: time stands still, goes back, begins or ends, or is
@@ -226,7 +241,7 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
   if (!compares_with(stored.rows())) earlier_ = {};
   SceneLight light = find_scene_light(stored, camera_, options_.model, options_.toe.has_value(), {}, earlier_);
   before_.reset();
-  slow_.clear();
+  slow_.reset();
   rise_ = light.rise.empty() ? 1 : light.rise.front();
   if (!light.slow.empty()) {
     keep_slow(light);
@@ -252,9 +267,9 @@ void StreamCleaner::keep_slow(const SceneLight& light) {
   if (light.slow.back().is_first) earlier_.courses.clear();
   earlier_.courses.push_back(light.slow.back().course);
   earlier_.next = light.slow.back().course.place + 1;
-  slow_.clear();
+  slow_.reset();
   if (!light.unchanged.empty()) return;
-  slow_ = light.slow.back().common;
+  slow_ = light.slow.back();
   rise_ = light.rise.front();
 }
 
@@ -263,12 +278,11 @@ bool StreamCleaner::compares_with(std::size_t rows) const {
 }
 
 std::optional<StreamCleaner::Frame> StreamCleaner::slowly(const std::vector<AnyFramesView>& colours) {
-  if (slow_.empty() || !compares_with(shape_of(colours.front()).rows)) return {};
+  if (!slow_ || !compares_with(shape_of(colours.front()).rows)) return {};
   StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
   if (has_equal_rows(stored)) return {};
-  std::vector<std::vector<BandedPicture>> frame(1);
-  for (std::size_t colour = 0; colour < colours.size(); ++colour) frame.front().push_back(stored.picture(0, colour));
-  std::vector<SlowLight> slow = find_slow_lights(frame, camera_, earlier_, slow_);
+  const std::vector<std::vector<BandedPicture>> frame{stored.colours_of(0)};
+  std::vector<SlowLight> slow = find_slow_lights(frame, camera_, earlier_, slow_->common);
   if (!slow.back().objection.empty()) return {};
   SceneLight light = light_of_slow(stored, std::move(slow));
   keep_highlights(stored, light, rise_);

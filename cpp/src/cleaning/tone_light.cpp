@@ -152,7 +152,7 @@ std::optional<ToneLight> with_second(const RowLight& rows, double frequency) {
   const FoundFrequency found = frequency_of(left);
   if (!std::isfinite(found.frequency) || (found.flags & flag::no_tone) != 0) return {};
   const double apart = std::abs(found.frequency - frequency) * static_cast<double>(left.size());
-  if (found.frequency * slowest_rows < 1 || apart < 1) return {};
+  if (is_slow(found.frequency, left.size()) || apart < 1) return {};
   tone.second = found.frequency;
   return tone;
 }
@@ -199,7 +199,7 @@ std::optional<ToneLight> find_tone_light(const ColumnBundles& picture, const Row
   if (!std::isfinite(found.frequency) || ((found.flags & flag::no_tone) != 0 && enough)) return {};
   const ToneLight tone{{}, found.frequency, found.harmonics};
   const Values waves = waves_of(tone);
-  if (waves.empty() || found.frequency * slowest_rows < 1) return {};  // slower ones are slow lights, or shades
+  if (waves.empty() || is_slow(found.frequency, picture.rows())) return {};  // slow lights, or shades
   const OfRows fit = fitted_to_rows(rows, waves);
   const auto is_enough = [&](const Values& explained) {
     return !enough || explained_share(rows.light, explained, rows.information) >= *enough;

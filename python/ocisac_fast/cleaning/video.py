@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Callable
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -63,11 +64,30 @@ class VideoCleaner:
         Raises:
             ValueError: a wrong shape or type; the message gives what is allowed.
         """
+        return self._cleaned(frame, lambda colours: self._stream.push(colours, time))
+
+    @checked
+    def again(self, frame: npt.ArrayLike, ago: int) -> CleanedFrames:
+        """Clean a frame before the last one, which :meth:`push` left as it is, under a slow light found since.
+
+        Args:
+            frame: its pixels.
+            ago: number of frames from it to the last one that was pushed, missing ones counted; 1 or more.
+
+        Returns:
+            :class:`CleanedFrames` of it: unchanged where the last frame has no slow light, or another one.
+
+        Raises:
+            ValueError: a wrong shape or type; the message gives what is allowed.
+        """
+        return self._cleaned(frame, lambda colours: self._stream.again(colours, ago))
+
+    def _cleaned(self, frame: npt.ArrayLike, found: Callable[[list[npt.NDArray[Any]]], Any]) -> CleanedFrames:
         stack = stacked(frame, "frame", self._camera.scan_axis)
         if len(stack) != 1:
             raise ValueError(f"frame: got {len(stack)} frames, allowed: one")
-        found = estimate_of(stack, self._stream.push(colours_of(stack), time))
-        return collected([finished(found, self._camera, self._task)], self._camera, np.ndim(frame))
+        estimate = estimate_of(stack, found(colours_of(stack)))
+        return collected([finished(estimate, self._camera, self._task)], self._camera, np.ndim(frame))
 
     def forget(self) -> None:
         """Clean the next frame as a picture."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import signal
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -17,13 +18,14 @@ from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, cropped, json_option, picture_options, select, stack
 from ocisac_fast.cli.units import RATE, Quantity
 from ocisac_fast.files import open_recording, write_frames
-from ocisac_fast.files.recording import FileError, Frame, RecordingStream
+from ocisac_fast.files.recording import KEPT_FRAMES, FileError, Frame, RecordingStream
 from ocisac_fast.files.video_writing import USUAL_CRF
 
 if TYPE_CHECKING:
-    from ocisac_fast.cleaning import VideoCleaner
+    from ocisac_fast.cleaning import CleanedFrames, VideoCleaner
 
 _LOSSY = ("h264", "hevc")
+_WAITING = KEPT_FRAMES - 1  # unchanged frames that wait for what the next ones show
 _HEADER = (
     "frame", "light", "frequency or chip rate", "share", "toe", "saturated", "too dark", "light left", "texture",
     "remark",
@@ -168,6 +170,8 @@ class _Cleaner:
         self._stop = stop
         self._as_json = as_json
         self._video: VideoCleaner | None = None
+        self._read = 0
+        self._unsure: list[tuple[int, Frame, CleanedFrames]] = []
 
     def frames(self, stored: Iterable[Frame]) -> Iterator[Frame]:
         camera: Camera | None = None
@@ -185,11 +189,13 @@ class _Cleaner:
             if self._options["still"]:
                 waiting.append(view)
                 continue
-            yield from self._cleaned([view], camera)
+            yield from self._carried(view, camera) if self._is_carried else self._together([view], camera)
+        if camera is not None:
+            yield from self._decided(camera)
         if waiting and camera is not None:
             if any(view.shape != waiting[0].shape for view in waiting):
                 raise ValueError("--still: frames of different sizes")
-            yield from self._cleaned(waiting, camera)
+            yield from self._together(waiting, camera)
         if self._is_source:
             raise _Unchanged
 
@@ -211,16 +217,40 @@ class _Cleaner:
         text += "".join(f", {number} unchanged: {reason}" for reason, number in self.reasons.most_common())
         return f"{text}; {target} is not written" if self._is_source else text
 
-    def _cleaned(self, views: list[Frame], camera: Camera) -> Iterator[Frame]:
-        from ocisac_fast.cleaning import Mark, VideoCleaner, remove_bands
+    def _carried(self, view: Frame, camera: Camera) -> Iterator[Frame]:
+        """The next frame of a film; unchanged ones wait for some frames, which may show a slow light."""
+        from ocisac_fast.cleaning import VideoCleaner
 
-        if self._is_carried:
-            options = {name: value for name, value in self._options.items() if name != "still"}
-            self._video = self._video or VideoCleaner(camera, **options)
-            time = self._stream.time_of(len(self.facts))
-            done = self._video.push(stack(views), time=None if time is None else float(time))
-        else:
-            done = remove_bands(stack(views), camera, **self._options)
+        options = {name: value for name, value in self._options.items() if name != "still"}
+        video = self._video = self._video or VideoCleaner(camera, **options)
+        time, rate = self._stream.time_of(self._read), self._stream.frame_rate
+        place = self._read if time is None or not rate else round(time * Fraction(rate))
+        self._read += 1
+        done = video.push(stack([view]), time=None if time is None else float(time))
+        if done.unchanged[0]:
+            if len(self._unsure) == _WAITING:
+                _, first, rejected = self._unsure.pop(0)
+                yield from self._results([first], rejected, camera)
+            self._unsure.append((place, view, done))
+            return
+        yield from self._decided(camera, lambda then, before: video.again(stack([before]), place - then))
+        yield from self._results([view], done, camera)
+
+    def _decided(self, camera: Camera, again: Callable[[int, Frame], CleanedFrames] | None = None) -> Iterator[Frame]:
+        """The frames that wait; ``again`` cleans them, by their places, under what a later one has shown."""
+        unsure, self._unsure = self._unsure, []
+        for place, view, rejected in unsure:
+            done = again(place, view) if again is not None else rejected
+            yield from self._results([view], rejected if done.unchanged[0] else done, camera)
+
+    def _together(self, views: list[Frame], camera: Camera) -> Iterator[Frame]:
+        from ocisac_fast.cleaning import remove_bands
+
+        yield from self._results(views, remove_bands(stack(views), camera, **self._options), camera)
+
+    def _results(self, views: list[Frame], done: CleanedFrames, camera: Camera) -> Iterator[Frame]:
+        from ocisac_fast.cleaning import Mark
+
         for k, (frame, marks) in enumerate(zip(done.frames, done.marks, strict=True)):
             facts = self._picture.in_units(
                 {

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from types import TracebackType
 from typing import Any
@@ -18,6 +19,7 @@ from ocisac_fast.core.checks import checked
 from ocisac_fast.core.results import Result
 
 Frame = npt.NDArray[Any]
+KEPT_FRAMES = 4  # of a video, as they were decoded
 
 
 class FileError(ValueError):
@@ -139,7 +141,7 @@ class VideoFormat:
         time_base: unit of the time stamps, s.
         pixel_aspect: width of a pixel over its height; None: not stated.
         display_matrix: turn and reflection for display, 9 numbers, once a frame was read; None: not stated.
-        last: the frame read last, and its decoded picture.
+        decoded: the frames read last, and their decoded pictures.
     """
 
     path: Any
@@ -152,7 +154,7 @@ class VideoFormat:
     time_base: Fraction
     pixel_aspect: Fraction | None
     display_matrix: tuple[int, ...] | None = None
-    last: tuple[Frame, Any] | None = None
+    decoded: deque[tuple[Frame, Any]] = field(default_factory=lambda: deque(maxlen=KEPT_FRAMES))
 
 
 @dataclass(frozen=True, slots=True)

@@ -112,9 +112,9 @@ class _Writer:
 
     def picture(self, frame: Frame, count: int, time: Fraction | None) -> Any:
         """The frame, converted to the stream's format, with its time stamp; a frame of the source as it was decoded."""
-        last = None if self._source is None else self._source.last
-        if last is not None and last[0] is frame and last[1].format.name == self.stream.pix_fmt:
-            picture = last[1]
+        decoded = () if self._source is None else self._source.decoded
+        picture = next((picture for values, picture in decoded if values is frame), None)
+        if picture is not None and picture.format.name == self.stream.pix_fmt:
             picture.pict_type = 0  # the encoder chooses
         else:
             picture = pyav().VideoFrame.from_ndarray(np.ascontiguousarray(frame), format=self._array_format)

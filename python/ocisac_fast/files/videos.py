@@ -246,8 +246,8 @@ def _frames(
             stamps.append(frame.pts)
             if count == 1 and (turn := frame.side_data.get("DISPLAYMATRIX")) is not None:
                 form.display_matrix = struct.unpack("=9i", bytes(turn))
-            form.last = values(frame), frame
-            yield form.last[0]
+            form.decoded.append((values(frame), frame))
+            yield form.decoded[-1][0]
     except av.FFmpegError as error:
         if count == 0:
             raise FileError("no frame that can be decoded") from error

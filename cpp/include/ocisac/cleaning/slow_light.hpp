@@ -84,4 +84,8 @@ struct EarlierFrames {
 std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames, const Camera& camera,
                                         const EarlierFrames& earlier = {}, std::span<const SlowTone> near = {});
 
+// The slow light of a frame `ago` frames before one of known light; `colours`: its pictures. It has an objection where
+// the two frames do not differ less without it, but for chance.
+SlowLight slow_light_before(const std::vector<BandedPicture>& colours, const SlowLight& later, std::ptrdiff_t ago);
+
 }  // namespace ocisac

@@ -39,7 +39,7 @@ class StoredScene {
 
   // Linear light of one colour of one frame, or of all frames; neighbouring columns of large frames are averaged.
   [[nodiscard]] BandedPicture picture(std::size_t frame, std::size_t colour) const;
-  [[nodiscard]] BandedPicture pictures(std::size_t colour) const;
+  [[nodiscard]] std::vector<BandedPicture> colours_of(std::size_t frame) const;
   // Linear light of one stored pixel.
   [[nodiscard]] double light_at(std::size_t frame, std::size_t colour, std::size_t row, std::size_t column) const;
 

@@ -36,6 +36,9 @@ class StreamCleaner {
   // result. `time`: s.
   Frame push(std::vector<AnyFramesView> colours, std::optional<double> time = {});
 
+  // A frame `ago` frames before the last one, which was left as it is, under the slow light that has been found since.
+  [[nodiscard]] Frame again(const std::vector<AnyFramesView>& colours, std::size_t ago) const;
+
   void forget();  // cleans the next frame as a picture
 
  private:
@@ -63,10 +66,10 @@ class StreamCleaner {
   Camera camera_;
   StreamOptions options_;
   std::optional<Before> before_;
-  EarlierFrames earlier_;       // while no other light is found
-  std::vector<SlowTone> slow_;  // of the frame before, where they are removed
-  std::size_t unlit_ = 0;       // frames without a light since the last one with it
-  double rise_ = 1;             // of the frame before: no frame is raised further, so that brightness stays
+  EarlierFrames earlier_;          // while no other light is found
+  std::optional<SlowLight> slow_;  // of the frame before, where it is removed
+  std::size_t unlit_ = 0;          // frames without a light since the last one with it
+  double rise_ = 1;                // of the frame before: no frame is raised further, so that brightness stays
   std::optional<double> time_, frame_time_;  // of the last frame, and from frame to frame, s
   double frames_ = 0;                        // that frame_time_ is the mean of, where the camera's is unknown
 };
