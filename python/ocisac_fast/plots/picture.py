@@ -111,10 +111,12 @@ def _figure(path: FilePath | None, size: tuple[float, float], figure: Figure | N
             figure = pyplot.figure(figsize=size, layout="constrained")
         elif figure is None:
             figure = matplotlib.figure.Figure(figsize=size, layout="constrained")
+        is_interactive = matplotlib.is_interactive()  # notebooks say so with their first figure
         yield figure
         if path is not None:
             with atomic_path(path) as temporary:
                 figure.savefig(temporary, dpi=120)
+    matplotlib.interactive(is_interactive)
 
 
 def figure_of(axes: Axes) -> Figure:

@@ -66,7 +66,7 @@ def compare_bits(
     Args:
         received: bits as ``"0"`` and ``"1"``, a :class:`Received`, or several of either, such as all frames; each is
             aligned by itself, counts are added up, ``shift`` and ``inverted`` are those of the first, ``chance`` is the
-            largest.
+            largest of those with bits.
         sent: ``"0"`` and ``"1"``, or an array of 0 and 1 such as ``transmit(payload).chips``; at least one.
         repeat: the sent bits are sent over and over.
 
@@ -85,7 +85,7 @@ def compare_bits(
         sum(one.missing for one in found),
         sum(one.inserted for one in found),
         (found[0].shift, found[0].inverted),
-        max(one.chance for one in found),
+        max((one.chance for one in found if one.compared), default=1.0),
     )
 
 
