@@ -207,6 +207,23 @@ def test_rows_displaced_by_a_stabiliser_are_received():
     assert result.payload.data == b"displaced"
 
 
+@pytest.mark.parametrize("share", [0.3, 0.5])
+def test_frames_that_show_a_share_of_the_one_before_are_received(share):
+    """y_k = (1 - share)·s_k + share·y_(k-1), as after noise reduction over time; the first frame shows none."""
+    light, shown = Light(b"before", seed=17), None
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    for index in range(10):
+        now = light.frame(index)
+        shown = now if shown is None else (1 - share) * now + share * shown
+        result = receiver.push(shown)
+        assert result.outcome == "received"
+        assert result.flags == 0
+        if result.payload is not None:
+            break
+    assert result.payload is not None
+    assert result.payload.data == b"before"
+
+
 @pytest.mark.parametrize(
     ("texture", "spot", "light", "tone", "most"),
     [

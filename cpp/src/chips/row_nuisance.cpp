@@ -72,8 +72,9 @@ std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const
   append_slow_light(basis, rows, slow_terms(signal.size(), nuisance));
   const Index first_tone = matrix_of(basis, rows).cols();
   for (const double tone : nuisance.tones)
-    append_tones(basis, rows, harmonics_of(tone, exposed.empty() ? 1 : kToneHarmonics));
+    append_tones(basis, rows, harmonics_of(tone, exposed.empty() ? nuisance.harmonics : kToneHarmonics));
   rows.weights.clear();
+  if (!nuisance.before.empty()) append_course(basis, rows, nuisance.before, 0);
   const Index others = matrix_of(basis, rows).cols();
   if (!exposed.empty()) append_course(basis, rows, exposed, kSwingDegree);
   const auto model = matrix_of(basis, rows);

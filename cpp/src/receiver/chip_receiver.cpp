@@ -126,6 +126,7 @@ ChipFrame ChipReceiver::explain(CombinedColumn column, std::int64_t frame, std::
   rows.signal = learned ? without_profile(column.signal, learned->profile, lit)
                         : std::vector<double>(lit_signal.begin(), lit_signal.end());
   rows.recent = history_.rows_of_all(lit.begin, lit.size());
+  rows.before = rows_before(history_.frames.back(), learned, lit);
   rows.may_search = search_.is_due();
   rows.effort = reader_.effort(state_, lit.size());
   rows.effort_of_others = {.rows = kOthersEffort * rows.effort.rows};

@@ -48,18 +48,24 @@ std::vector<RowNuisance> RowReader::other_nuisances(const FrameRows& frame, cons
   const double highest = kHighestTone / state.rows_per_chip.value_or(1 / kHighestTone);
   std::vector<RowNuisance> nuisances;
   if (fit && plain && fit->squares < (1 - kMinSlow) * plain->squares) {
-    for (const double mains : kMains) nuisances.push_back({0, {mains * row_time}, scale});
+    for (const double mains : kMains)
+      for (const std::size_t harmonics : {1, 3}) nuisances.push_back({0, {mains * row_time}, scale, harmonics});
     nuisances.push_back({slow, {}, scale});
   }
   if (fit && slow < highest) {
     const auto tone = strongest_tone(without_slow_light(frame.recent, slow), signal.size(), slow, highest);
     if (tone.prominence > kProminent) nuisances.push_back({0, {tone.frequency}, scale});
   }
+  if (!frame.before.empty() && state.model.nuisance.before.empty()) {
+    nuisances.push_back(state.model.nuisance);
+    nuisances.back().before = frame.before;
+  }
   // In order of Schwarz's criterion.
   std::vector<std::pair<double, std::size_t>> order;
   for (std::size_t k = 0; k < nuisances.size(); ++k) {
     const auto rows = static_cast<double>(signal.size());
-    const auto unknowns = 2 * nuisances[k].tones.size() + static_cast<std::size_t>(2 * rows * nuisances[k].slow);
+    const auto unknowns = 2 * nuisances[k].tones.size() * nuisances[k].harmonics +
+                          static_cast<std::size_t>(2 * rows * nuisances[k].slow) + !nuisances[k].before.empty();
     const auto left = remove_nuisance(signal, nuisances[k]);
     if (left) order.emplace_back(schwarz_criterion(left->squares, signal.size(), unknowns), k);
   }

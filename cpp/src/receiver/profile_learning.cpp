@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "receiver/reading_verdict.hpp"
@@ -250,6 +251,7 @@ void FrameHistory::keep(KeptFrame now, std::size_t first_row_of_now) {
     profile.reset();
   }
   first_row = first_row_of_now;
+  if (!frames.empty()) now.before = frames.back().signal;
   if (frames.size() == kKeptFrames) frames.pop_front();
   now.lamp = now.signal;
   frames.push_back(std::move(now));
@@ -267,6 +269,16 @@ bool FrameHistory::compares_rows(bool can_move) const {
 std::size_t FrameHistory::doubtful() const {
   return static_cast<std::size_t>(
       std::ranges::count_if(frames, [](const KeptFrame& kept) { return kept.verdict < Verdict::sure; }));
+}
+
+std::vector<double> rows_before(const KeptFrame& kept, const std::optional<LearnedProfile>& learned, RowRange rows) {
+  if (kept.before.empty()) return {};
+  const auto seen = std::span(kept.before).subspan(rows.begin, rows.size());
+  std::vector<double> before =
+      learned ? without_profile(kept.before, learned->profile, rows) : std::vector<double>(seen.begin(), seen.end());
+  const double mean = std::accumulate(before.begin(), before.end(), 0.0) / static_cast<double>(before.size());
+  for (double& row : before) row -= mean;
+  return before;
 }
 
 std::vector<std::span<const double>> FrameHistory::rows_of_all(std::size_t begin, std::size_t rows) const {
@@ -308,7 +320,9 @@ std::optional<FrameReading> read_kept(const RowReader& reader, const LearnedProf
   rows.signal = without_profile(kept.signal, learned.profile, learned.rows);
   rows.first_row = first_row + learned.rows.begin;
   rows.time = kept.time;
-  auto reading = reader.read_with(state.model, rows, state);
+  SignalModel model = state.model;
+  if (!model.nuisance.before.empty()) model.nuisance.before = rows_before(kept, learned, learned.rows);
+  auto reading = reader.read_with(model, rows, state);
   kept.exposed.clear();
   kept.verdict.reset();
   if (!reading) return reading;

@@ -351,6 +351,7 @@ void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) cons
 }
 
 RowsRead RowReader::read(FrameRows& frame, LightState before) const {
+  if (!before.model.nuisance.before.empty()) before.model.nuisance.before = frame.before;
   RowsRead best{.reading = read_with(before.model, frame, before), .state = std::move(before)};
   auto& reading = best.reading;
   LightState& state = best.state;

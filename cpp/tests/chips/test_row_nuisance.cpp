@@ -41,6 +41,30 @@ TEST_CASE("tones and slow light are fitted out beside chips to the last digit, a
   CHECK(!ocisac::remove_nuisance(std::vector<double>(10, 1.0), {0.5, {0.1}}));
 }
 
+TEST_CASE("a share of the frame before is fitted out beside chips") {
+  std::mt19937 random(7);
+  std::vector<double> exposed, before, light, signal;
+  for (std::size_t row = 0; row < 900; ++row) {
+    if (row % 6 == 0) exposed.resize(exposed.size() + 6, static_cast<double>(random() & 1U));
+    if (row % 6 == 0) before.resize(before.size() + 6, static_cast<double>(random() & 1U));
+    light.push_back(30 + 80 * exposed[row]);
+    signal.push_back(light[row] + 0.35 * before[row]);
+  }
+  const auto beside = ocisac::remove_nuisance(signal, {.before = before}, exposed);
+  REQUIRE(beside);
+  double off = 0;
+  for (std::size_t row = 0; row < 900; ++row) off = std::max(off, std::abs(beside->rest[row] - light[row]));
+  CHECK(off < 1e-8);
+}
+
+TEST_CASE("as many harmonics of rectified mains are fitted out before chips are known as are asked for") {
+  std::vector<double> signal;
+  for (std::size_t row = 0; row < 1080; ++row)
+    signal.push_back(std::abs(std::sin(0.5 * kTurn * 0.00222 * static_cast<double>(row))));
+  CHECK(ocisac::remove_nuisance(signal, {0, {0.00222}})->squares / 1080 > 2e-3);
+  CHECK(ocisac::remove_nuisance(signal, {0, {0.00222}, {}, 3})->squares / 1080 < 5e-4);
+}
+
 TEST_CASE("steps of the tones' frequencies beside chips lead to those that the rows have") {
   std::mt19937 random(5);
   std::normal_distribution<double> noise(0, 0.5);

@@ -12,22 +12,25 @@ namespace ocisac {
 
 // Model of row n, without noise:
 //
-//   y_n = constant + Σ_k a_k·cos(πk(n + ½)/rows) + Σ_tone Σ_h (b·cos 2πhfn + c·sin 2πhfn) + (u + v·x + w·x²)·s_n
+//   y_n = constant + Σ_k a_k·cos(πk(n + ½)/rows) + Σ_tone Σ_h (b·cos 2πhfn + c·sin 2πhfn) + (u + v·x + w·x²)·s_n +
+//   a·before_n
 //
 // k up to 2·rows·slow, at most 160: light that varies more slowly than `slow`; h = 1 … kToneHarmonics below half a
 // cycle per row; s_n: the exposed chips, where known, with a swing that varies along the frame, x = −1 … 1.
 struct RowNuisance {
-  double slow = 0;            // cycles per row; 0: none
-  std::vector<double> tones;  // cycles per row
+  double slow = 0;              // cycles per row; 0: none
+  std::vector<double> tones{};  // cycles per row
   // (rows) q_n, by which slow light and tones are multiplied; empty: 1. Rows of a lamp are divided by its profile, the
   // light of other lamps beside it has none.
   std::vector<double> scale{};
+  std::size_t harmonics = 1;     // h of each tone that are fitted while the chips are unknown
+  std::vector<double> before{};  // (rows) of the frame before, a share of which is seen, of mean 0; empty: none
 
-  [[nodiscard]] bool empty() const { return slow == 0 && tones.empty(); }
+  [[nodiscard]] bool empty() const { return slow == 0 && tones.empty() && before.empty(); }
 };
 
-inline constexpr std::size_t kToneHarmonics =
-    7;  // in 44 random lamps with PWM, 3 leave more than noise in 74 % of the frames, 7 in 28 %
+// 3 of 44 random lamps' PWM leave more than noise in 74 % of the frames, 7 in 28 %; rectified mains needs 12.
+inline constexpr std::size_t kToneHarmonics = 12;
 
 struct NuisanceFit {
   std::vector<double> rest;  // (rows) the signal minus slow light and tones
@@ -37,8 +40,8 @@ struct NuisanceFit {
   double moved_by_steps = 0;  // root mean square of the change of the rows by these steps
 };
 
-// Least squares; `exposed`: s_n, empty for unknown chips. Then only h = 1 is fitted, since each term also removes a
-// part of the chips. Absent where the rows do not determine it.
+// Least squares; `exposed`: s_n, empty for unknown chips. Then only the first harmonics are fitted, since each term
+// also removes a part of the chips. Absent where the rows do not determine it.
 std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const RowNuisance& nuisance,
                                            std::span<const double> exposed = {});
 

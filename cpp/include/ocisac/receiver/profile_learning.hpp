@@ -28,6 +28,7 @@ struct KeptFrame {
   std::int64_t number;
   double time;  // on the tracker's clock, in frames
   std::vector<double> signal, exposed{};
+  std::vector<double> before{};      // the signal of the frame before; empty: none
   std::vector<double> lamp{};        // the signal less slow light and tones beside the chips
   bool bright = false;               // its columns show a common light
   bool counted = false;              // its place in the stream is stated
@@ -69,6 +70,9 @@ struct FrameHistory {
 
   static constexpr std::size_t kMinFrames = 8;  // to learn from
 };
+
+// Those rows of the frame before, of mean 0, less a profile; empty: none.
+std::vector<double> rows_before(const KeptFrame& kept, const std::optional<LearnedProfile>& learned, RowRange rows);
 
 // A kept frame read again with the state's model, less a profile. `rows`: its rows, when it was read, and the effort.
 std::optional<FrameReading> read_kept(const RowReader& reader, const LearnedProfile& learned, const LightState& state,

@@ -65,6 +65,7 @@ struct FrameRows {
   bool may_search = true;                         // a search for the clock is allowed if tracking fails
   SearchEffort effort{}, effort_of_others{};      // of models other than the last frame's
   std::vector<std::span<const double>> recent{};  // the same rows of recent frames
+  std::vector<double> before{};                   // the same rows of the frame before, of mean 0; empty: none
   bool may_follow = true;                         // the clock of earlier frames is worth a try
   std::optional<bool> is_noise{};                 // the rows show no light; absent: not examined
 };
