@@ -207,6 +207,17 @@ def test_rows_displaced_by_a_stabiliser_are_received():
     assert result.payload.data == b"displaced"
 
 
+def test_bright_rows_of_a_defective_sensor_are_left_out():
+    light, payloads = Light(b"defects", seed=19, noise=0.01), set()
+    hot = 70 * (np.random.default_rng(3).random(1080) < 0.03)
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    for index in range(12):
+        result = receiver.push(light.frame(index) + hot)
+        if result.payload is not None:
+            payloads.add(result.payload.data)
+    assert payloads == {b"defects"}
+
+
 @pytest.mark.parametrize("share", [0.3, 0.5])
 def test_frames_that_show_a_share_of_the_one_before_are_received(share):
     """y_k = (1 - share)·s_k + share·y_(k-1), as after noise reduction over time; the first frame shows none."""

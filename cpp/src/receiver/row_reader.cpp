@@ -36,6 +36,11 @@ constexpr std::array kSlownesses{1.0, 0.6};  // chips; initial rise and fall, ri
 constexpr double kMaxWrongExposure = 2;      // ratio; a stated one is believed so far
 constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
 
+constexpr double kHeavyTails = 10;   // kurtosis
+constexpr double kFarOff = 7;        // median magnitudes: 5 standard deviations of white noise
+constexpr double kSteep = 10;        // the difference of rows in a part of an exposure, standard deviations of the rows
+constexpr double kLongExposure = 6;  // rows, beyond which a single row shows no light of its own
+
 constexpr double kMinCorrelatedRows = 2;  // of a chip or an exposure: shorter light may be as white as noise
 
 double mean_of(std::span<const double> signal) {
@@ -47,6 +52,38 @@ double variance_of(std::span<const double> signal) {
   double squares = 0;
   for (const double value : signal) squares += (value - mean) * (value - mean);
   return squares / static_cast<double>(signal.size());
+}
+
+// True where single rows hold most of the differences from those beside them: the kurtosis is far from that of noise.
+bool has_spikes(std::span<const double> signal) {
+  double squares = 0, fourths = 0;
+  for (std::size_t n = 1; n + 1 < signal.size(); ++n) {
+    const double difference = 2 * signal[n] - signal[n - 1] - signal[n + 1], square = difference * difference;
+    squares += square;
+    fourths += square * square;
+  }
+  return fourths * static_cast<double>(signal.size()) > kHeavyTails * squares * squares;
+}
+
+// Defects of the sensor: rows that differ from the median of those nearby by far more than most do, and by more than
+// light does that is exposed for so many rows.
+std::vector<double> without_spikes(std::span<const double> signal, double exposure_rows) {
+  constexpr std::size_t kNearby = 2;  // rows either side
+  std::vector<double> smooth(signal.begin(), signal.end()), off(signal.size());
+  for (std::size_t n = kNearby; n + kNearby < signal.size(); ++n) {
+    std::array<double, 2 * kNearby + 1> near;
+    std::ranges::copy(signal.subspan(n - kNearby, near.size()), near.begin());
+    std::ranges::nth_element(near, near.begin() + kNearby);
+    smooth[n] = near[kNearby];
+    off[n] = std::abs(signal[n] - smooth[n]);
+  }
+  std::vector<double> sorted = off;
+  std::ranges::nth_element(sorted, sorted.begin() + std::ssize(sorted) / 2);
+  const double most =
+      std::max(kFarOff * sorted[sorted.size() / 2], kSteep * std::sqrt(variance_of(smooth)) / exposure_rows);
+  for (std::size_t n = 0; n < off.size(); ++n)
+    if (off[n] <= most) smooth[n] = signal[n];
+  return smooth;
 }
 
 // Slow light and tones beside chips that are not known yet: their mean is that of a similar frame. Its trend along the
@@ -352,6 +389,9 @@ void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) cons
 
 RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   if (!before.model.nuisance.before.empty()) before.model.nuisance.before = frame.before;
+  const double exposure_rows = before.model.exposure_rows.value_or(0.0);
+  if (exposure_rows > kLongExposure && has_spikes(frame.signal))
+    frame.signal = without_spikes(frame.signal, exposure_rows);
   RowsRead best{.reading = read_with(before.model, frame, before), .state = std::move(before)};
   auto& reading = best.reading;
   LightState& state = best.state;
