@@ -95,8 +95,9 @@ web: build $(VENV)/.requirements-web
 	@scripts/system-packages web
 	@echo '==> WebAssembly and page'
 	@scripts/build-web $(bin)/python
-	@echo '==> tests of the page in Chromium'
-	@OCISAC_SITE=$(CURDIR)/build/web/site $(bin)/python -m pytest tests/web $(PYTEST_ARGS)
+	@echo '==> tests of the page, and of the documentation if it is built, in Chromium'
+	@OCISAC_SITE=$(CURDIR)/build/web/site $(if $(wildcard build/docs/html/index.html),OCISAC_DOCS=$(CURDIR)/build/docs/html) \
+	  $(bin)/python -m pytest tests/web $(PYTEST_ARGS)
 
 chart: build $(VENV)/.requirements-studies
 	@$(study).chart --directory docs/measured --text docs/measured/accuracy.md
