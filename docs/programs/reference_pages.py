@@ -127,8 +127,10 @@ Keys of the other commands:
 |---|---|
 | `exposure` | `exposure_s`, `objective` (s), `method` |
 | `exposure --avoid` | `exposure_s`, `modulation`, `holds`, `null_s`, `gain`, `objective`, `lights` |
-| `flicker` | `frequency_hz`, `duty`, `exposure_s`, `modulation_index`, `detection_index`, `mitigation_probability`, `missed` |
-| `lamp` | `frequencies_hz`, `best_hz`, `modulation`, `holds`, `always_from_hz`, `no_missed_pulse_from_hz`, `chip_rates_from_hz` |
+| `flicker` | `frequency_hz`, `duty`, `exposure_s`, `modulation_index`, `detection_index` |
+| | `mitigation_probability`, `missed` |
+| `lamp` | `frequencies_hz`, `best_hz`, `modulation`, `holds`, `always_from_hz` |
+| | `no_missed_pulse_from_hz`, `chip_rates_from_hz` |
 | `transmit` | `file`, `payload_bytes`, `number`, `line_code`, `block_bytes`, `codewords`, `codeword_data` |
 | | `chips`, `blocks`, `block_chips`; `levels` without `-o` |
 | `simulate` | `file`, `frames`, `rows`, `columns`, `dtype`, `row_time_s`, `exposure_s`; of a scene `error_bound_dn` |

@@ -49,10 +49,10 @@ def test_build_tells_its_commit_compiler_and_opencv() -> None:
     assert re.match(r"\d+\.\d+\.\d+|none, Eigen's FFT$", _core.opencv_version())
 
 
-def test_package_is_marked_as_typed_and_ships_the_stub_of_its_extension() -> None:
+def test_package_is_marked_as_typed_and_ships_the_stub_of_its_names() -> None:
     files = importlib.resources.files(ocisac_fast)
     assert (files / "py.typed").is_file()
-    assert "def version() -> str" in (files / "_core.pyi").read_text()
+    assert "from ocisac_fast.camera import Camera as Camera" in (files / "__init__.pyi").read_text()
 
 
 @pytest.mark.parametrize("first", ["cv2", "ocisac_fast"])

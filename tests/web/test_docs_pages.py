@@ -1,4 +1,4 @@
-"""The documentation in Chromium, at the widths of a phone and of a screen, light and dark: nothing is wider than the page.
+"""The documentation in Chromium, at the widths of a phone and a screen, light and dark: nothing is wider than the page.
 
 ``make docs`` builds the pages; OCISAC_DOCS is their folder.
 """

@@ -145,7 +145,8 @@ def fsk_demodulate(
     if not largest <= 1e100:
         raise ValueError(f"column: got {largest}, allowed: finite numbers of at most 1e100")
     given = None if amplitude is None else float(amplitude)
-    return FskSymbol(*_core.fsk_demodulate(camera._handle, list(fsk_tones(tones)), rows.astype(np.float64), given))
+    signal = rows.astype(np.float64).tolist()
+    return FskSymbol(*_core.fsk_demodulate(camera._handle, list(fsk_tones(tones)), signal, given))
 
 
 @checked
