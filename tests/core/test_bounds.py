@@ -66,6 +66,7 @@ LONG_CALLS = {
     "find_channel": "chips.find_channel(random.random(60_000), rows_per_chip=5.0)",
     "detect_sources": "for _ in range(50): detect_sources(noise, Camera(1e-5))",
     "remove_bands": "remove_bands(wave + random.random((8, 700, 700)), Camera(1e-5), still=True, light=wave[:, 0])",
+    "remove_bands, many rows": "remove_bands(random.integers(0, 255, (400_000, 2), np.uint8), Camera(1e-6))",
     "receive": "receive(np.convolve(random.random(400_000), np.ones(7))[:, None], Camera(1e-5))",
     "equalize": "tones.equalize(chips_seen, Camera(1e-5, 5e-5), method='wiener')",
     "integrate_exposure": "integrate_exposure(product, Camera(1e-5, 1e-3), 40_000_000)",

@@ -144,9 +144,13 @@ def _name(path: str | os.PathLike[str]) -> str:
 
 @contextlib.contextmanager
 def _named(name: str) -> Iterator[None]:
-    """Prefix error messages with the file's name."""
+    """Prefix error messages with the file's name; errors of the system have it as theirs."""
     try:
         yield
+    except OSError as error:
+        if error.filename is not None or error.errno is None:
+            raise
+        raise OSError(error.errno, error.strerror, name) from error
     except FileError as error:
         message = str(error)
         raise FileError(message if message.startswith(f"{name}: ") else f"{name}: {message}") from error.__cause__
