@@ -203,10 +203,28 @@ void count_phase_from(Tone& tone, double middle, Flags flags) {
   tone.flags |= flags;
 }
 
+// One square wave: two may have harmonics on each other's aliases. Without an exposure: that of a row.
+FoldedHarmonics folded_harmonics_of(const Context& context, std::optional<double> exposure_cycles = {}) {
+  const auto& options = *context.options;
+  const Tone& tone = context.tones[0];
+  if (options.waveform != WaveformShape::square || context.tones.size() > 1 || options.method != GainMethod::fit)
+    return {};
+  return folded_harmonics(context.shape.rows, tone.cycles_per_row, options.duty,
+                          exposure_cycles.value_or(tone.cycles_per_row));
+}
+
+std::optional<double> exposure_cycles_of(const Context& context) {
+  const auto& exposure = context.camera->exposure;
+  return exposure ? std::optional(context.tones[0].frequency * *exposure) : std::nullopt;
+}
+
 std::vector<int> harmonics_of(const Context& context, const Tone& tone) {
   const auto& options = *context.options;
-  return options.waveform == WaveformShape::square ? square_wave_harmonics(tone.cycles_per_row, options.duty)
-                                                   : std::vector<int>{1};
+  if (options.waveform != WaveformShape::square) return {1};
+  auto harmonics = square_wave_harmonics(tone.cycles_per_row, options.duty);
+  const auto folded = folded_harmonics_of(context, exposure_cycles_of(context)).orders;
+  harmonics.insert(harmonics.end(), folded.begin(), folded.end());
+  return harmonics;
 }
 
 Estimator fit_estimator(Context& context) {
@@ -761,7 +779,7 @@ void check_frame(const AnyFramesView& frames, const Context& context, std::size_
 // makes piles itself.
 void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t frame, const Pile& pile,
                const ToneGainView& result) {
-  constexpr double kChance = 5, kThinsOut = 1.5, kRunsOfNoise = 0.25, kNoise = 4, kHalfStep = 0.5;
+  constexpr double kChance = 5, kThinsOut = 1.25, kRunsOfNoise = 0.25, kNoise = 4, kHalfStep = 0.5;
   const auto counts = count_pile(frames, frame, pile);
   const double allowed = kChance + 0.5 * std::sqrt(static_cast<double>(context.shape.rows));
   const double step = std::abs(pile.beside - pile.level);
@@ -820,6 +838,28 @@ std::size_t place_of_extreme(std::span<const double> values, double sign) {
   return values[last] == values[first] ? (first + last) / 2 : first;
 }
 
+// x of 0 … 1 with sinc(x) = gain.
+double exposure_cycles_of_gain(double gain) {
+  double low = 0, high = 1;
+  for (int step = 0; step < 40; ++step) (sinc((low + high) / 2) > gain ? low : high) = (low + high) / 2;
+  return low;
+}
+
+// Flags gains that harmonics on mean or fundamental may bias by half a standard error. An exposure that is not known is
+// that of a light of full depth with the largest of the gains.
+void flag_folded(const Context& context, const ToneGainView& result) {
+  if (context.options->waveform != WaveformShape::square || result.gain.empty()) return;
+  auto exposure_cycles = exposure_cycles_of(context);
+  if (!exposure_cycles) {
+    double largest = 0;
+    for (const double gain : result.gain) largest = gain > largest ? gain : largest;
+    exposure_cycles = exposure_cycles_of_gain(largest);
+  }
+  const double error = folded_harmonics_of(context, exposure_cycles).error;
+  for (std::size_t i = 0; error > 0 && i < result.gain.size(); ++i)
+    if (error * result.gain[i] > 0.5 * result.gain_std[i]) result.flags[i] |= flag::harmonics_dropped;
+}
+
 // Clipping at either end, of samples of any type at any level, as the brightest and the darkest column show it.
 // `largest`: sample of each column, (frames × columns).
 void flag_clipped(const AnyFramesView& frames, const Context& context, std::span<const double> largest,
@@ -858,6 +898,7 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
   if (options.method == GainMethod::fit && options.robust)
     for_each_block(context.shape.frames, options.threads,
                    [&](std::size_t frame) { check_frame(frames, context, frame, result); });
+  flag_folded(context, result);
   flag_clipped(frames, context, of_columns, result);
 }
 
@@ -899,6 +940,7 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
     for (std::size_t k = 0; k < context.tones.size(); ++k)
       flag_misfit(around, k * context.shape.frames + frame, 1, result);
   });
+  flag_folded(context, result);
 }
 
 ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,

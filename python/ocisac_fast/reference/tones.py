@@ -61,12 +61,23 @@ def _tone_gain(
     estimate = _dft if method == "dft" else _fit
     ratio = 1.0 if waveform == "tone" else 2 * np.sinc(duty)
     harmonics_of = _only_fundamental if waveform == "tone" else _square_harmonics(duty)
+    folds = waveform == "square" and method == "fit" and tones.size == 1
+    cycles, known = float(tones[0] * camera.row_period), camera.exposure is not None
+    exposure_cycles = float(tones[0] * camera.exposure) if camera.exposure is not None else cycles
+    if folds:
+        harmonics_of = _with_folded(harmonics_of, _folded(light.shape[1], cycles, duty, exposure_cycles)[0])
     results = []
     for frame, b, s in zip(light, ambient, saturated, strict=True):
         fits = zip(tones, estimate(frame, tones * camera.row_period, harmonics_of), strict=True)
         gains = [_gain(parts, flags, f, camera, ratio, b, s, whole_numbers) for f, (parts, flags) in fits]
         results.append([np.stack(values) for values in zip(*gains, strict=True)])
     arrays = [np.stack(values, axis=1) for values in zip(*results, strict=True)]  # (tones, frames, columns)
+    if folds:
+        if not known:
+            exposure_cycles = _exposure_cycles_of_gain(float(np.nanmax(arrays[0], initial=0.0)))
+        error = _folded(light.shape[1], cycles, duty, exposure_cycles)[1]
+        with np.errstate(invalid="ignore"):
+            arrays[-1][error * arrays[0] > 0.5 * arrays[1]] |= np.uint32(Flag.HARMONICS_DROPPED)
     out_shape = np.shape(frequency) + shape[:-2] + (() if pooled else shape[-1:] * (len(shape) > 1))
     return ToneGain(*(values.reshape(out_shape) for values in arrays))
 
@@ -100,6 +111,41 @@ def _square_harmonics(duty: float) -> Any:
         return [1, *(h for h in above if h * cycles_per_row < 0.5 and abs(np.sinc(h * duty)) > 1e-9)]
 
     return harmonics
+
+
+def _with_folded(harmonics_of: Any, folded: list[int]) -> Any:
+    return lambda cycles_per_row: [*harmonics_of(cycles_per_row), *folded]
+
+
+def _exposure_cycles_of_gain(gain: float) -> float:
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if np.sinc(middle) > gain else (low, middle)
+    return low
+
+
+def _folded(rows: int, cycles: float, duty: float, exposure_cycles: float) -> tuple[list[int], float]:
+    """Orders above half the row rate that are fitted at their aliases, and the gain's relative error by the others."""
+    taken = np.array([0.0, rows / 2, *(h * cycles * rows for h in _square_harmonics(duty)(cycles))])
+    exposed = max(abs(float(np.sinc(exposure_cycles))), 1e-9)
+    orders: list[int] = []
+    squares = 0.0
+    for order in range(2, 128 if cycles < 0.5 else 0):
+        size = abs(float(np.sinc(order * duty) / np.sinc(duty) * np.sinc(order * exposure_cycles))) / exposed
+        if order * cycles < 0.5 or size < 1e-4:
+            continue
+        at = abs(order * cycles - round(order * cycles)) * rows
+        near = np.abs(taken - at) < 1.5
+        if near[3:].any():
+            continue
+        if size >= 0.005 and not near.any() and 8 * (taken.size + 1) <= rows and len(orders) < 8:
+            taken = np.append(taken, at)
+            orders.append(order)
+        else:
+            leaks = [1.0 / max(1.0, np.pi * abs(at - other)) for other in (cycles * rows, 0.0)]
+            squares += size**2 / 2 * (leaks[0] ** 2 + (2 * abs(np.sinc(duty)) * exposed * leaks[1]) ** 2)
+    return orders, float(np.sqrt(squares))
 
 
 def _phase(cycles_per_row: float, rows: npt.ArrayLike) -> FloatArray:
