@@ -71,7 +71,7 @@ py::object find_again(const KnownLight& light, const py::array& frame,
   return found ? as_tuple(*found) : py::object(py::none());
 }
 
-// Row time (s), its standard error (s) and the tone as of find(). Bounds: cycles per row.
+// Row time (s), its standard error (s), the tone as of find() and the light's probability. Bounds: cycles per row.
 py::tuple row_time_of(const py::array& columns, double frequency, const Bounds& bounds, const std::string& waveform,
                       bool select_columns) {
   const AnyFramesView view = any_view(columns);
@@ -80,7 +80,7 @@ py::tuple row_time_of(const py::array& columns, double frequency, const Bounds& 
   FrequencySearch search = search_of(per_row, bounds, waveform, select_columns);
   search.saturation = saturation_level(view, per_row.tone_curve);
   const Calibration result = unlocked([&] { return calibrate(view, frequency, search); });
-  return py::make_tuple(result.row_time, result.row_time_std, tuple_of(result.found));
+  return py::make_tuple(result.row_time, result.row_time_std, tuple_of(result.found), result.probability);
 }
 
 std::size_t colour_of(const std::vector<py::array>& colours, const Camera& camera, const Bounds& bounds,

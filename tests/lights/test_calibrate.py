@@ -114,3 +114,10 @@ def test_frequencies_without_meaning_are_refused(frequency):
 def test_no_channels_are_refused():
     with pytest.raises(ValueError, match="colours: got 0 colours"):
         oc.pick_colour([], PER_ROW)
+
+
+def test_a_frame_of_more_than_a_second_is_flagged():
+    columns = 100.0 + 50.0 * tone(0.02, 800, 1.0)[:, np.newaxis] * np.ones(40)
+    columns += np.random.default_rng(1).normal(0, 1, columns.shape)
+    assert not oc.calibrate(columns, 1000.0).flags
+    assert oc.calibrate(columns, 1.0).flags == Flag.MODEL_MISFIT

@@ -11,6 +11,7 @@
 
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_blocks.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/lights/detect_sources.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
@@ -30,6 +31,7 @@ constexpr double even_snr = 6;           // of a tone over the whole frame: outl
 constexpr double lit_share = 0.02;       // of the columns: fewer may be a line of text
 constexpr double outline_cycles = 3;     // in the frame: the outline of a lamp resembles fewer
 constexpr double likely = 0.575;         // probability of a light
+constexpr double longest_frame = 1;      // s
 
 // Energy of the pixels that a tone with its first harmonics explains, DN².
 double explained_energy(const AnyFramesView& frames, double frequency) {
@@ -68,12 +70,15 @@ bool answered(const FoundFrequency& found) {
   return (found.flags & (flag::no_tone | flag::at_bound | flag::few_cycles)) == 0;
 }
 
+bool is_narrow(const ToneColumns& columns) {
+  return static_cast<double>(std::ranges::count(columns.used, 1)) <
+         lit_share * static_cast<double>(columns.used.size());
+}
+
 // True if the tone explains the whole frame.
 bool is_everywhere(const FoundFrequency& found, const Shape& shape) {
-  const auto used = static_cast<double>(std::ranges::count(found.columns.used, 1));
   return answered(found) && found.snr >= even_snr &&
-         found.frequency * static_cast<double>(shape.rows) >= outline_cycles &&
-         used >= lit_share * static_cast<double>(shape.columns);
+         found.frequency * static_cast<double>(shape.rows) >= outline_cycles && !is_narrow(found.columns);
 }
 
 // Without a lower bound, frequencies of at least two cycles in the frame are searched first, lower ones only if no tone
@@ -91,20 +96,27 @@ FoundFrequency find_in_frame(const AnyFramesView& frames, const FrequencySearch&
 
 }  // namespace
 
-FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencySearch& search) {
+namespace {
+
+struct Lamp {
+  FoundFrequency found;
+  double probability = kNaN;  // of its light; NaN: a tone of the whole frame
+};
+
+Lamp find_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   FoundFrequency whole = find_in_frame(frames, search);
-  if (is_everywhere(whole, shape_of(frames))) return whole;
+  if (is_everywhere(whole, shape_of(frames))) return {std::move(whole)};
   const auto lamp = strongest_lamp(frames, search);
   if (!lamp) {
     if (answered(whole)) whole.flags |= flag::model_misfit;
-    return whole;
+    return {std::move(whole)};
   }
   const LightSource& light = *lamp;
   const bool contested = answered(whole) && !agree(whole.frequency, whole.frequency_std, light);
   if (contested &&
       explained_energy(frames, whole.frequency) > explained_energy(part_of(frames, light.box), light.frequency)) {
     whole.flags |= flag::model_misfit;
-    return whole;
+    return {std::move(whole)};
   }
   // The columns of the box among those of the frame.
   const ToneColumns own = tone_columns(part_of(frames, light.box), light.frequency, search.saturation);
@@ -113,9 +125,15 @@ FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencyS
   ToneColumns all{std::vector<std::uint8_t>(columns), std::vector<double>(columns), own.saturated};
   std::ranges::copy(own.used, all.used.begin() + first);
   std::ranges::copy(own.strength, all.strength.begin() + first);
-  const bool doubtful = contested || (light.probability < likely && !answered(whole));
+  const bool doubtful = contested || light.probability < likely || is_narrow(all);
   const Flags flags = (own.saturated ? flag::saturated : 0) | (doubtful ? flag::model_misfit : 0);
-  return {light.frequency, light.frequency_std, light.snr, harmonics, flags, std::move(all)};
+  return {{light.frequency, light.frequency_std, light.snr, harmonics, flags, std::move(all)}, light.probability};
+}
+
+}  // namespace
+
+FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencySearch& search) {
+  return find_lamp(frames, search).found;
 }
 
 std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencySearch& search) {
@@ -137,9 +155,11 @@ std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencyS
 
 Calibration calibrate(const AnyFramesView& frames, double frequency, const FrequencySearch& search) {
   require_positive("frequency", frequency);
-  FoundFrequency found = find_lamp_frequency(frames, search);
+  Lamp lamp = find_lamp(frames, search);
+  FoundFrequency& found = lamp.found;
   const double row_time = found.frequency / frequency, row_time_std = found.frequency_std / frequency;
-  return {row_time, row_time_std, std::move(found)};
+  if (row_time * static_cast<double>(shape_of(frames).rows) > longest_frame) found.flags |= flag::model_misfit;
+  return {row_time, row_time_std, std::move(found), lamp.probability};
 }
 
 }  // namespace ocisac

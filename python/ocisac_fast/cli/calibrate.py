@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import Any
 
 import click
@@ -12,11 +11,13 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cli.columns import frequency_waveform, one_colour, some_columns
-from ocisac_fast.cli.doubts import warn_of_texture
-from ocisac_fast.cli.output import emit_facts, emit_json, facts_of, flag_names, quantity, with_spread
+from ocisac_fast.cli.doubts import warn_of_calibration, warn_of_texture
+from ocisac_fast.cli.output import emit_facts, emit_json, facts_of, flag_names, number, quantity, with_spread
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, open_pictures, picture_options
 from ocisac_fast.cli.units import FREQUENCY, SHARES, Quantity
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.files.recording import FileError
 
 
 @click.command(short_help="Row time of a camera, from a light of known frequency.")
@@ -35,9 +36,9 @@ def calibrate(
 ) -> None:
     """Measure the row time T_r with a light of known frequency in FILE (a picture, a video, a .npy array, or -).
 
-    All frames that fit into 64 MiB are used together. With --pulses the light is lit at most once per frame; each FILE
-    is a video at one duty, all of one camera and exposure, and all frames are used. Two or more duties give T_r at any
-    exposure.
+    All frames that fit into 64 MiB are used together; without a light there is no answer. With --pulses the light is
+    lit at most once per frame; each FILE is a video at one duty, all of one camera and exposure, and all frames are
+    used. Two or more duties give T_r at any exposure.
     """
     unknown = dataclasses.replace(picture, row_time=None, exposure=None)  # the row time is estimated
     if pulses is not None:
@@ -54,17 +55,24 @@ def calibrate(
     per_row = dataclasses.replace(camera, row_time=1.0, exposure=None)
     result = measure(columns, float(frequency), waveform=waveform)
     found, flags = result.found, flag_names(result.flags)
-    if math.isfinite(found.cycles_per_row):
-        warn_of_texture(columns[..., some_columns(found.columns.used)], per_row, found.cycles_per_row)
+    if not found.cycles_per_row > 0.0 or Flag.NO_TONE in result.flags:
+        raise FileError(f"{files[0]}: no light that varies along the rows was found: --region x,y,w,h within the lamp")
+    warn_of_texture(columns[..., some_columns(found.columns.used)], per_row, found.cycles_per_row)
+    if Flag.MODEL_MISFIT in result.flags:
+        warn_of_calibration(result.row_time * columns.shape[1])
+    cycles = found.cycles_per_row * columns.shape[1]
     if as_json:
-        facts = {**facts_of(result, "row_time_s row_time_std_s"), "frames": len(columns), "scan_axis": axis}
-        emit_json({**facts, "rows": columns.shape[1], "columns": int(found.columns.used.sum()), "flags": flags})
+        facts = {**facts_of(result, "row_time_s row_time_std_s probability"), "frames": len(columns), "scan_axis": axis}
+        facts |= {"rows": columns.shape[1], "columns": int(found.columns.used.sum()), "cycles": cycles}
+        emit_json({**facts, "flags": flags})
         return
     emit_facts(
         "",
         {
             "row time": with_spread(result.row_time, result.row_time_std, "s"),
             "cycles per row": with_spread(found.cycles_per_row, found.cycles_per_row_std, ""),
+            "cycles in the frame": number(cycles, ""),
+            "probability of the light": number(result.probability, ""),
             **({"scan axis": axis} if picture.names(axis) else {}),
             "frames": f"{len(columns)} of {columns.shape[1]} rows",
             "columns": f"{found.columns.used.sum()} of {columns.shape[2]}",

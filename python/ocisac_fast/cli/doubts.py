@@ -44,6 +44,12 @@ def warn_of_texture(frames: Frame, camera: Camera, frequency: float) -> None:
         _warn("the tone is at the same rows in all frames: a texture, or a light in step with the frames")
 
 
+def warn_of_calibration(seconds: float) -> None:
+    """Warn that the tone of a calibration may be no light's; ``seconds``: of a frame's rows."""
+    too_long = f" (a frame would last {seconds:.3g} s: is the frequency in kHz?)" if seconds > 1.0 else ""
+    _warn(f"the tone may be no light's{too_long}: give --region x,y,w,h within the lamp")
+
+
 def warn_of_gain(facts: dict[str, Any], whole_picture: bool) -> bool:
     """Warn if the gain of a recording is probably biased, and return True then; ``facts`` as in its JSON object."""
     if whole_picture and "model_misfit" in facts["flags"]:

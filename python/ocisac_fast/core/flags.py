@@ -28,7 +28,7 @@ class Flag(IntFlag):
     ILL_CONDITIONED = 1 << 8
     """The terms of the model are nearly collinear over the rows."""
     HARMONICS_DROPPED = 1 << 9
-    """Harmonics were omitted from the model: too many for the rows, at the frequency of another tone, or on the gain."""
+    """Harmonics were omitted: too many for the rows, at the frequency of another tone, or they bias the gain."""
     NO_TONE = 1 << 10
     """Frequency search: no periodic component exceeds the noise; the estimate is the best candidate, or NaN."""
     AT_BOUND = 1 << 11

@@ -26,12 +26,15 @@ class Calibration(Result):
         row_time_std: its standard error in seconds, for an exact frequency.
         found: the estimated tone, in cycles per row.
         flags: those of ``found``.
+        probability: of the light, as of :class:`LightSource`; NaN where a tone explains the whole frame, or where no
+            light was found.
     """
 
     row_time: float
     row_time_std: float
     found: FoundFrequency
     flags: Flag
+    probability: float
 
 
 @checked
@@ -49,8 +52,9 @@ def calibrate(
     A tone that explains the whole frame is used as :func:`find_frequency` finds it. Otherwise the frequency is that of
     the light, among those that :func:`detect_sources` finds, that explains most of the picture, measured in its box:
     the outline of a lamp, text and drawn lines bias a tone over the whole frame. ``MODEL_MISFIT`` is set where light
-    and whole frame disagree, where the light's probability is below 0.58, and where a tone that explains a part of the
-    frame, or less than three cycles of it, is no light: it may be an outline.
+    and whole frame disagree, where the light's probability is below 0.58, where it is in less than a fiftieth of the
+    columns, as text is, where a tone that explains a part of the frame, or less than three cycles of it, is no light
+    (it may be an outline), and where a frame would last longer than a second (a frequency in kHz).
 
     Args:
         columns: as for :func:`find_frequency`; the columns that show the light are selected among them.
@@ -69,9 +73,9 @@ def calibrate(
     """
     array = as_columns(columns, scan_axis=scan_axis)
     per_row = None if bounds is None else (bounds[0] * frequency, bounds[1] * frequency)
-    row_time, row_time_std, values = _core.calibrate(array, frequency, per_row, waveform, select)
+    row_time, row_time_std, values, probability = _core.calibrate(array, frequency, per_row, waveform, select)
     found = found_of(values, 1.0)
-    return Calibration(row_time=row_time, row_time_std=row_time_std, found=found, flags=found.flags)
+    return Calibration(row_time, row_time_std, found, found.flags, probability)
 
 
 @checked

@@ -12,7 +12,8 @@ namespace ocisac {
 // stripes do. Unless a tone of three cycles or more explains the whole frame (snr of 6), the lights that
 // detect_sources() finds in the first frame are therefore measured in their boxes: the one that explains the largest
 // energy of the pixels, those of a probability of 1/2 or more first. If a tone of the whole frame contradicts it, the
-// larger energy wins, with the flag model_misfit, which also marks an improbable light and a tone without any light.
+// larger energy wins, with the flag model_misfit, which also marks a light of a probability below 0.58 or in less than a
+// fiftieth of the columns, as text has, and a tone without any light.
 // Frequencies below two cycles are searched if there is nothing else, or where the search has a lower bound.
 FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencySearch& search);
 
@@ -24,9 +25,11 @@ struct Calibration {
   double row_time;      // s
   double row_time_std;  // s
   FoundFrequency found;
+  double probability;  // of the light; NaN where a tone explains the whole frame, or there is no light
 };
 
 // T_r = (cycles per row) / frequency, for a lamp whose `frequency` (Hz, above 0) is below half the row rate.
+// model_misfit also marks frames that would last longer than a second, as with a frequency in kHz.
 Calibration calibrate(const AnyFramesView& frames, double frequency, const FrequencySearch& search);
 
 }  // namespace ocisac
