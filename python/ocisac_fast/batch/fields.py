@@ -112,6 +112,8 @@ FIELDS: Mapping[str, tuple[Field, ...]] = {
         Field("colour", "int64", "", "index of the colour that shows the light best; null: there is one only"),
         Field("rows", "int64", "", "rows of the camera in the picture"),
         Field("region", "[int64]", "px", "x, y, width, height of the light"),
+        Field("first_row", "float64", "rows", "row at which the first chip begins"),
+        Field("end_row", "float64", "rows", "row at which the last chip ends"),
         Field("bits", "string", "", "chips in time order, 1 = bright"),
         Field("rows_per_chip", "float64", "rows", "rows per chip"),
         Field("chip_rate_hz", "float64", "Hz", "chips per second"),
