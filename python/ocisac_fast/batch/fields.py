@@ -155,6 +155,8 @@ FIELDS: Mapping[str, tuple[Field, ...]] = {
     "calibrate": (
         Field("row_time_s", "float64", "s", "row time"),
         Field("row_time_std_s", "float64", "s", "its standard error"),
+        Field("probability", "float64", "", "probability that the tone is a light"),
+        Field("cycles", "float64", "", "cycles of the light in a frame"),
         Field("frames", "int64", "", "frames used"),
         *_SIZE,
         _FLAGS,
