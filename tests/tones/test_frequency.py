@@ -334,3 +334,29 @@ def test_few_cycles_and_bounds_are_flagged():
 def test_frequencies_without_meaning_are_refused(frequency):
     with pytest.raises(ValueError, match="frequency: got"):
         oc.tone_columns(np.ones(20), PER_ROW, frequency)
+
+
+@pytest.mark.parametrize("duty", [0.1, 0.2, 0.3])
+def test_faint_pulses_in_wide_frames_have_their_fundamental(duty):
+    """A light of half the noise in 64 columns: its third harmonic alone was cheaper for each of them."""
+    for seed in range(10):
+        random = np.random.default_rng([seed, 5])
+        frequency = random.uniform(4000, 7000)
+        wave = oc.SquareWave(frequency, phase=random.uniform(0, 6), duty=duty)
+        light = oc.integrate_exposure(wave, Camera(22.2e-6, exposure=20e-6), np.arange(1080))[:, None]
+        columns = 50 + 0.5 * light + random.standard_normal((1080, 64))
+        found = oc.find_frequency(columns, Camera(22.2e-6))
+        assert found.frequency == pytest.approx(frequency, abs=5 * found.frequency_std)
+        assert not found.flags
+
+
+def test_a_fundamental_weaker_than_half_of_its_harmonic_is_in_doubt():
+    row = 2 * np.pi * 0.02 * np.arange(1080)
+    noise = np.random.default_rng(1).normal(0, 1, 1080)
+    for size in (8, 10, 14):
+        light = 100 + size * np.cos(row) + 30 * np.cos(2 * row + 1)
+        assert oc.find_frequency(light + noise, PER_ROW).flags == Flag.MODEL_MISFIT
+    strong = oc.find_frequency(100 + 20 * np.cos(row) + 30 * np.cos(2 * row + 1) + noise, PER_ROW)
+    assert (strong.frequency, strong.flags) == (pytest.approx(0.02, rel=1e-3), 0)
+    alone = oc.find_frequency(100 + 30 * np.cos(2 * row + 1) + noise, PER_ROW)
+    assert (alone.frequency, alone.flags) == (pytest.approx(0.04, rel=1e-3), 0)

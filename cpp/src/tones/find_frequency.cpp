@@ -217,6 +217,36 @@ double coarse_frequency(const UnitSignals& signals, const Range& range) {
   return best.frequency;
 }
 
+// The fundamental of which `frequency` is a harmonic, or itself. Each of many parts pays for the harmonics of its
+// model, which a faint light does not repay; combined, it does.
+double fundamental_of(const Signals& combined, double frequency, const Range& range) {
+  constexpr int kHighest = 5;
+  const UnitSignals signals(combined.samples, combined.rows);
+  if (signals.signals().count() == 0) return frequency;
+  Candidate best = judged(signals.prepared(), frequency, range, kInfinity);
+  for (int order = 2; order <= kHighest && frequency / order >= range.lower; ++order) {
+    const Candidate candidate = judged(signals.prepared(), frequency / order, range, best.misfit);
+    if (candidate.misfit < best.misfit) best = candidate;
+  }
+  return std::isnan(best.frequency) ? frequency : best.frequency;
+}
+
+// True if half or a third of the frequency is there, too, too weak for a fundamental (min_share).
+bool has_weak_fundamental(const Signals& combined, double frequency, const Range& range) {
+  constexpr double kLeastShare = 0.05;
+  const PeriodicSignals signals(combined.samples, combined.rows);
+  for (const double order : {2.0, 3.0}) {
+    if (frequency / order < range.lower) continue;
+    const auto model = periodic_model(frequency / order, combined.rows, compared_harmonics);
+    const PeriodicFit fit = fit_periodic(signals, model, frequency / order);
+    if (fit.harmonic_energy[0] >= kLeastShare * sum(fit.harmonic_energy) &&
+        fit.harmonic_energy[0] * static_cast<double>((combined.rows - model.parameters()) * combined.count()) >
+            chance_energy(2 * combined.count()) * fit.total_residual())
+      return true;
+  }
+  return false;
+}
+
 FittedModel refined(const PeriodicSignals& signals, PeriodicModel model, double frequency, const Range& range) {
   FittedModel final;
   final.fit = refine_periodic(signals, model, frequency, range.lower, range.upper);
@@ -357,21 +387,30 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const Range range = resolvable(search, rows);
   const UnitSignals parts(blocks.signals, blocks.rows);
   const Sighting sighting = look(blocks, parts, range);
-  const double coarse = sighting.frequency;
-  if (std::isnan(coarse)) return nothing_found(blocks);
+  if (std::isnan(sighting.frequency)) return nothing_found(blocks);
 
-  const auto model = periodic_model(coarse, blocks.rows, compared_harmonics);
-  const PeriodicFit all = parts.fit(model, coarse);
-  const auto used = search.select_columns && sighting.in_parts ? tone_blocks(blocks, all)
-                                                               : std::vector<std::uint8_t>(blocks.blocks, 1);
-  CombinedTone combined = combined_signals(blocks, used, model, all);
-  const Signals signals{std::move(combined.signals), blocks.rows};
+  PeriodicFit all;
+  std::vector<std::uint8_t> used;
+  std::size_t per_frame = 1;
+  const auto combined = [&](double frequency) {
+    const auto model = periodic_model(frequency, blocks.rows, compared_harmonics);
+    all = parts.fit(model, frequency);
+    used = search.select_columns && sighting.in_parts ? tone_blocks(blocks, all)
+                                                      : std::vector<std::uint8_t>(blocks.blocks, 1);
+    CombinedTone tone = combined_signals(blocks, used, model, all);
+    per_frame = tone.per_frame;
+    return Signals{std::move(tone.signals), blocks.rows};
+  };
+  Signals signals = combined(sighting.frequency);
+  const double coarse = fundamental_of(signals, sighting.frequency, range);
+  if (std::abs(coarse - sighting.frequency) * rows > 1) signals = combined(coarse);
   const FittedModel final = final_fit(PeriodicSignals(signals.samples, signals.rows), coarse, range, search.harmonics);
-  const double std = frequency_std(signals.samples, signals.rows, combined.per_frame, final.model, final.fit.frequency);
+  const double std = frequency_std(signals.samples, signals.rows, per_frame, final.model, final.fit.frequency);
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);
   if (final.fit.frequency <= range.lower || final.fit.frequency >= range.upper) flags |= flag::at_bound;
   if (!sighting.in_parts && !sighting.in_sum) flags |= flag::no_tone;
+  if (has_weak_fundamental(signals, final.fit.frequency, range)) flags |= flag::model_misfit;
   const double noise = final.noise_power * rows * static_cast<double>(signals.count());
   return {final.fit.frequency,          std,   sum(final.fit.periodic_energy) / noise,
           final.model.harmonics.back(), flags, std::move(columns)};

@@ -29,7 +29,7 @@ struct FoundFrequency {
   double frequency_std;   // its standard error, from the residual
   double snr;             // power of the periodic part over that of the residual, of the fitted signals
   std::size_t harmonics;  // the highest one in the final fit
-  Flags flags;            // saturated, few_cycles, no_tone, at_bound
+  Flags flags;  // saturated, few_cycles, no_tone, at_bound; model_misfit: half or a third of the frequency shows, too
   ToneColumns columns;
 };
 
