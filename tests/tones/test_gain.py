@@ -413,3 +413,24 @@ def test_a_square_wave_without_a_cycle_takes_no_time():
     found = ocisac.tone_gain(columns, Camera(1.0), 1e-12, waveform="square")
     assert time.process_time() - began < 1
     assert np.all(found.flags & Flag.FEW_CYCLES)
+
+
+@pytest.mark.parametrize("rows_per_cycle", [4, 5, 6, 8, 10, 12, 8.0001])
+def test_rounding_of_phases_that_come_again_is_flagged(rows_per_cycle):
+    """Coherent sampling: the same few levels are rounded again and again; noise of 0.1 steps."""
+    random = np.random.default_rng(1)
+    angle = 2 * np.pi * np.arange(1080)[:, None] / rows_per_cycle + random.uniform(0, 2 * np.pi, 200)
+    stored = 100 + 67.5 * np.cos(angle) + 0.1 * random.standard_normal(angle.shape)
+    found = ocisac.tone_gain(np.rint(stored).astype(np.uint8), Camera(1.0), 1 / rows_per_cycle)
+    quantised = (found.flags & Flag.QUANTISED) != 0
+    wrong = np.abs(found.gain - 0.675) > 3 * found.gain_std
+    assert wrong.sum() > 100
+    assert quantised[wrong].mean() > 0.98
+
+
+@pytest.mark.parametrize("rows_per_cycle", [8, 8.05, 7.3, 64])
+def test_noise_of_half_a_step_is_not_flagged_as_rounding(rows_per_cycle):
+    random = np.random.default_rng(1)
+    angle = 2 * np.pi * np.arange(1080)[:, None] / rows_per_cycle + random.uniform(0, 2 * np.pi, 200)
+    stored = 100 + 67.5 * np.cos(angle) + 0.6 * random.standard_normal(angle.shape)
+    assert not ocisac.tone_gain(np.rint(stored).astype(np.uint8), Camera(1.0), 1 / rows_per_cycle).flags.any()

@@ -86,14 +86,35 @@ Flags exposure_flags(const Camera& camera, double frequency) {
   return std::abs(sinc(frequency * *camera.exposure)) < kNearNull ? flag::near_null : 0;
 }
 
+// Rows after which the tone's phases come again, and by how many cycles they drift in the frame.
+struct Recurrence {
+  double rows, drift;
+};
+
+// Those that drift less than all shorter ones.
+std::vector<Recurrence> recurrences_of(double cycles_per_row, std::size_t rows) {
+  constexpr int kMost = 64;
+  std::vector<Recurrence> found;
+  for (int period = 1; period <= kMost; ++period) {
+    const double cycles = cycles_per_row * period;
+    const double drift = std::abs(cycles - std::nearbyint(cycles)) / period * static_cast<double>(rows);
+    if (found.empty() || drift < found.back().drift) found.push_back({static_cast<double>(period), drift});
+  }
+  return found;
+}
+
 // If the noise is below half a step, rounding is a function of the light instead of noise. Bound of the resulting
-// amplitude error, in steps: RMS over the position of the light between two codes, from Widrow's series, with <J1²(x)>
-// = 1/(πx).
-double rounding_pull(double amplitude, double noise_variance) {
-  constexpr double scale = 0.1111;                                  // √(ζ(3)/π⁴)
+// amplitude error, in steps: RMS over the position of the light between two codes, 1/π of a step at each of the levels
+// that rows see. A sine has as many as Widrow's series says, with <J1²(x)> = 1/(πx); phases that come again as many as
+// there are of them, times the levels through which they drift.
+double rounding_pull(double amplitude, double noise_variance, std::span<const Recurrence> recurrences) {
+  constexpr double kLevelsOfStep = 8.21;  // π²/ζ(3)
+  double levels = kLevelsOfStep * std::max(amplitude, 0.1);
+  for (const auto& [rows, drift] : recurrences) levels = std::min(levels, rows * (1 + 4 * amplitude * drift));
   const bool on_two_codes = amplitude < 1 && noise_variance < 0.3;  // changes between two codes resemble noise
-  const double noise = on_two_codes ? 0 : std::max(noise_variance - 1.0 / 12, 0.0);
-  return scale / std::sqrt(std::max(amplitude, 0.1)) * std::exp(-2 * std::numbers::pi * std::numbers::pi * noise);
+  const double of_rounding = (1 + 1.8 / std::sqrt(levels)) / 12;    // two standard deviations of few levels' above 1/12
+  const double noise = on_two_codes ? 0 : std::max(noise_variance - of_rounding, 0.0);
+  return std::exp(-2 * std::numbers::pi * std::numbers::pi * noise) / (std::numbers::pi * std::sqrt(levels));
 }
 
 double background_of(const Context& context, std::size_t frame, std::size_t column) {
@@ -126,12 +147,13 @@ void take_off_background(const Context& context, std::size_t frame, std::size_t 
 
 // True if the amplitude error of column i by rounding may exceed that by noise. From a noise variance of 1 on it is
 // below 10⁻⁸ of a step.
-bool is_quantised(const kernels::FittedTone& estimates, std::size_t i, double amplitude) {
+bool is_quantised(const kernels::FittedTone& estimates, std::size_t i, double amplitude,
+                  std::span<const Recurrence> recurrences) {
   const double noise = estimates.noise_variance[i];
   const double cosine = estimates.cosine[i] * estimates.cosine[i];
   const double sine = estimates.sine[i] * estimates.sine[i];
   const double radial = noise * (cosine * estimates.variance_cosine + sine * estimates.variance_sine) / (cosine + sine);
-  return rounding_pull(amplitude, noise) > std::sqrt(radial);
+  return rounding_pull(amplitude, noise, recurrences) > std::sqrt(radial);
 }
 
 // Largest sample of each column, (columns,), and the level from which it is saturated.
@@ -154,6 +176,8 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
   for (std::size_t i = 0; i < count; ++i)
     result.flags[first + i] = tone.flags | (peaks.samples[i] >= peaks.saturated ? flag::saturated : 0);
   if (!any && !(tone.flags & flag::unresolvable)) return;
+  std::vector<Recurrence> recurrences;
+  if (context.whole_numbers) recurrences = recurrences_of(tone.cycles_per_row, context.shape.rows);
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t index = first + i;
     Flags& flags = result.flags[index];
@@ -163,7 +187,7 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
     else if (remarks[i] == kernels::kWeakTone)
       flags |= flag::weak;
     else if (remarks[i] == kernels::kLittleNoise && context.whole_numbers &&
-             is_quantised(estimates, i, result.gain[index] * context.ratio * estimates.mean[i]))
+             is_quantised(estimates, i, result.gain[index] * context.ratio * estimates.mean[i], recurrences))
       flags |= flag::quantised;
   }
 }

@@ -69,7 +69,7 @@ def _tone_gain(
     results = []
     for frame, b, s in zip(light, ambient, saturated, strict=True):
         fits = zip(tones, estimate(frame, tones * camera.row_period, harmonics_of), strict=True)
-        gains = [_gain(parts, flags, f, camera, ratio, b, s, whole_numbers) for f, (parts, flags) in fits]
+        gains = [_gain(parts, flags, f, camera, ratio, b, s, whole_numbers, len(frame)) for f, (parts, flags) in fits]
         results.append([np.stack(values) for values in zip(*gains, strict=True)])
     arrays = [np.stack(values, axis=1) for values in zip(*results, strict=True)]  # (tones, frames, columns)
     if folds:
@@ -223,10 +223,18 @@ def _dft(frame: FloatArray, cycles: FloatArray, _harmonics_of: Any) -> Any:
         yield (mean, line.real, -line.imag, noise, np.diag([1 / rows, 2 / rows, 2 / rows])), flags
 
 
-def _rounding_pull(amplitude: FloatArray, noise: FloatArray) -> FloatArray:
-    """RMS bias of an amplitude by rounding, in steps (Widrow's series, RMS over the position between two codes)."""
-    own = np.where((amplitude < 1) & (noise < 0.3), 0.0, np.maximum(noise - 1 / 12, 0))
-    return np.asarray(0.1111 / np.sqrt(np.maximum(amplitude, 0.1)) * np.exp(-2 * np.pi**2 * own))
+def _rounding_pull(amplitude: FloatArray, noise: FloatArray, cycles: float, rows: int) -> FloatArray:
+    """RMS bias of an amplitude by rounding, in steps (Widrow's series, RMS over the position between two codes).
+
+    Phases that come again after some rows see fewer levels than a sine has.
+    """
+    levels = 8.21 * np.maximum(amplitude, 0.1)
+    for period in range(1, 65):
+        drift = abs(cycles * period - np.rint(cycles * period)) / period * rows
+        levels = np.minimum(levels, period * (1 + 4 * amplitude * drift))
+    own = np.maximum(noise - (1 + 1.8 / np.sqrt(levels)) / 12, 0)
+    own = np.where((amplitude < 1) & (noise < 0.3), 0.0, own)
+    return np.asarray(np.exp(-2 * np.pi**2 * own) / (np.pi * np.sqrt(levels)))
 
 
 def _gain(
@@ -238,6 +246,7 @@ def _gain(
     ambient: FloatArray,
     saturated: Any,
     whole_numbers: bool,
+    rows: int,
 ) -> tuple[FloatArray, ...]:
     """Gain, its standard error by the delta method, phase, mean, signal-to-noise ratio and flags of each column."""
     mean, a, b, noise, covariance = parts
@@ -270,7 +279,7 @@ def _gain(
     masks[~unknown & weak] |= np.uint32(Flag.WEAK)
     if whole_numbers:
         with np.errstate(invalid="ignore"):
-            pulled = _rounding_pull(amplitude, noise) > np.sqrt(radial)
+            pulled = _rounding_pull(amplitude, noise, frequency * camera.row_period, rows) > np.sqrt(radial)
         masks[~unknown & ~weak & pulled] |= np.uint32(Flag.QUANTISED)
     values = [np.where(unknown, np.nan, x) for x in (gain, std, phase)]
     return (*values, mean, np.where(unknown, np.nan, snr), masks)
