@@ -109,7 +109,8 @@ def clean(
     if not cleaner.facts:
         raise click.ClickException(f"{source}: no frame in it")
     if not as_json:
-        emit_table("", _HEADER, [_row(facts, picture.in_hertz) for facts in cleaner.facts], left=("remark",))
+        rows = [_row(facts, picture.in_hertz) for facts in cleaner.facts]
+        emit_table("", _HEADER, rows, left=("remark",), spare=("toe", "saturated", "too dark"))
         if cleaner.reasons or len(cleaner.facts) > 1:
             emit_summary(cleaner.summary(target), as_json=False)
     if stop:

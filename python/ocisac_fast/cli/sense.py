@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 _BOX = ("x", "y", "width", "height")
 _HEADER = ("region", "kind", *_BOX, "frequency", "f_x v", "gain", "theory", "speed", "SNR", "flags")
+_SPARE = ("theory", "SNR", "f_x v", "height", "width", "y", "x")
 _KEYS = (
     "kind frequency_hz frequency_std_hz motion_frequency_hz motion_frequency_std_hz motion_candidates_hz direction "
     "gain gain_std frames_gain frames_gain_std theory contrast contrast_range mean background_given speed_m_s "
@@ -110,7 +111,7 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
         emit_json({"frames": len(kept), "rows": rows, "columns": columns, "regions": facts, "scan_axis": axis})
         return
     table = [_row(k, one, picture) for k, one in enumerate(facts)]
-    emit_table(f"scan axis {axis}" if picture.names(axis) else "", _HEADER, table, left=("kind", "flags"))
+    emit_table(f"scan axis {axis}" if picture.names(axis) else "", _HEADER, table, left=("kind", "flags"), spare=_SPARE)
 
 
 def _read_unlit(file: str, picture: PictureOptions, max_frames: int) -> Frame:
