@@ -6,6 +6,7 @@
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/rows/basis.hpp"
+#include "ocisac/rows/dense_fit.hpp"
 #include "ocisac/tones/equalize.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/projection.hpp"
@@ -205,6 +206,28 @@ py::array_t<double> design_of(std::size_t rows, const std::vector<double>& cycle
   return out;
 }
 
+py::array_t<double> matrix_of(const std::vector<double>& values, std::size_t rows) {
+  py::array_t<double> out({rows, values.size() / rows});
+  std::ranges::copy(values, out.mutable_data());
+  return out;
+}
+
+// The product of two matrices in this thread: threads of NumPy's BLAS wait for each other in small ones, 40 times as
+// long as the arithmetic.
+py::array_t<double> product_of(const Doubles& a, const Doubles& b) {
+  if (a.ndim() != 2 || b.ndim() != 2) refuse("product", "other shapes", "two matrices");
+  const auto rows = static_cast<std::size_t>(a.shape(0)), columns = static_cast<std::size_t>(b.shape(1));
+  return matrix_of(dense_product(span_of(a), rows, span_of(b), columns), rows);
+}
+
+// Pseudo-inverse (parameters, rows) of a design (rows, parameters), covariance of the parameters, and the condition.
+py::tuple fit_of_design(const Doubles& design) {
+  if (design.ndim() != 2) refuse("design", "another shape", "a matrix");
+  const DenseFit fit = dense_fit(span_of(design), static_cast<std::size_t>(design.shape(0)));
+  const auto parameters = static_cast<std::size_t>(design.shape(1));
+  return py::make_tuple(matrix_of(fit.weights, parameters), matrix_of(fit.covariance, parameters), fit.condition);
+}
+
 EqualizerMethod equalizer_method(const std::string& name) {
   if (name == "inverse") return EqualizerMethod::inverse;
   if (name == "wiener") return EqualizerMethod::wiener;
@@ -259,6 +282,8 @@ void register_tones(py::module_& module) {
       "amplitude_spectrum", [](const Doubles& signal) { return array_of(amplitude_spectrum(span_of(signal))); },
       arg("signal"));
   module.def("tone_design", &design_of, arg("rows"), arg("cycles_per_row"), arg("trend_degree"));
+  module.def("product", &product_of, arg("a"), arg("b"));
+  module.def("linear_fit", &fit_of_design, arg("design"));
   module.def("equalize", &run_equalize, arg("columns"), arg("camera"), arg("method"), arg("noise"), arg("max_boost"),
              arg("threads"), arg("out"));
   module.def(

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast._core import linear_fit, product
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 
@@ -37,6 +38,7 @@ class Model:
         design: (rows, parameters): Legendre polynomials, then ``shape`` times cosine and sine of each harmonic, then of
             each other tone, phases from the middle row.
         weights: its pseudo-inverse.
+        covariance: of the parameters, for noise of variance 1.
         steering: harmonics that estimate the frequency; those below the noise would add spurious information.
         slope: derivative of ``design`` by ``cycles`` for these harmonics.
         first: index of the fundamental's cosine.
@@ -48,6 +50,7 @@ class Model:
     shape: Float64s
     design: Float64s
     weights: Float64s
+    covariance: Float64s
     steering: tuple[int, ...]
     slope: Float64s
     first: int
@@ -55,12 +58,7 @@ class Model:
     @property
     def stiffening(self) -> Float64s:
         """(rows, parameters): ``slope`` projected onto the complement of ``design``."""
-        return self.slope - self.design @ (self.weights @ self.slope)
-
-    @property
-    def covariance(self) -> Float64s:
-        """Covariance of the parameters for noise of variance 1."""
-        return self.weights @ self.weights.T
+        return np.asarray(self.slope - product(self.design, product(self.weights, self.slope)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +127,7 @@ def make_model(
         lever = 2.0 * np.pi * harmonic * from_middle if harmonic in steering else np.zeros(rows)
         slope[:, cosine] = -lever * design[:, cosine + 1]
         slope[:, cosine + 1] = lever * design[:, cosine]
-    return Model(cycles, tones, tuple(harmonics), shape, design, pseudo_inverse(design), steering, slope, first)
+    return Model(cycles, tones, tuple(harmonics), shape, design, *pseudo_inverse(design), steering, slope, first)
 
 
 def with_tones_shaped_by_light(columns: Columns, model: Model, background: float, others: Sequence[float]) -> Model:
@@ -165,13 +163,14 @@ def with_harmonics_above_noise(fitted: Fitted, others: Sequence[float]) -> Model
     return make_model(len(model.design), model.cycles, model.harmonics, others, model.first - 1, steering, model.shape)
 
 
-def pseudo_inverse(design: Float64s) -> Float64s:
-    """Pseudo-inverse by QR, or by singular values if the columns of the design are nearly collinear."""
-    q, r = np.linalg.qr(design)
-    scale = np.abs(np.diagonal(r))
-    if design.shape[0] < design.shape[1] or scale.min() < 1e-9 * scale.max():
-        return np.asarray(np.linalg.pinv(design))
-    return np.asarray(np.linalg.solve(r, q.T))
+def pseudo_inverse(design: Float64s) -> tuple[Float64s, Float64s]:
+    """Pseudo-inverse and its product with its transpose, by QR, or by singular values if the columns of the design are
+    nearly collinear."""
+    weights, covariance, condition = linear_fit(design)
+    if design.shape[0] >= design.shape[1] and condition < 1e9:
+        return weights, covariance
+    weights = np.linalg.pinv(design)
+    return weights, weights @ weights.T
 
 
 class Columns:
@@ -205,7 +204,7 @@ class Columns:
                 stored = frame.astype(np.float32) @ of_frame.T.astype(np.float32)
                 yield stored.astype(np.float64) - self.camera.dark_level * of_frame.sum(axis=1)
             else:
-                yield linear_light(frame, self.camera) @ of_frame.T
+                yield product(linear_light(frame, self.camera), of_frame.T)
 
     def project(self, weights: Float64s, tones: Sequence[float]) -> tuple[Float64s, Float64s]:
         """(frames, outputs, columns) weighted sums over the rows, and (frames, columns) sums of squares.
@@ -217,19 +216,23 @@ class Columns:
             self._sums, self._squares = self._read(self._basis.T, limbs=2)
             self._pairs = _pairs(self._sums)
         within = self._within_basis(weights)
-        return self._read(weights) if within is None else (within @ self._sums, self._squares)
+        if within is None:
+            return self._read(weights)
+        return np.stack([product(within, sums) for sums in self._sums]), self._squares
 
     def products(self, weights: Float64s, tones: Sequence[float]) -> Float64s:
         """(outputs, outputs) products of pairs of the sums of ``project``, summed over frames and columns."""
         within = self._within_basis(weights)
-        return _pairs(self.project(weights, tones)[0]) if within is None else within @ self._pairs @ within.T
+        if within is None:
+            return _pairs(self.project(weights, tones)[0])
+        return product(product(within, self._pairs), within.T)
 
     def _within_basis(self, weights: Float64s) -> Float64s | None:
         """The weights in terms of the basis; None where it does not contain them."""
         if self._basis is None:
             return None
-        within = np.asarray(weights @ self._basis)
-        rest = np.linalg.norm(weights - within @ self._basis.T, axis=1)
+        within = product(weights, self._basis)
+        rest = np.linalg.norm(weights - product(within, self._basis.T), axis=1)
         return within if bool((rest <= _NEAR * np.linalg.norm(weights, axis=1)).all()) else None
 
     def _read(self, weights: Float64s, limbs: int = 3) -> tuple[Float64s, Float64s]:
@@ -244,13 +247,14 @@ class Columns:
         else:
             for frame in self.frames:
                 light = linear_light(frame, self.camera)
-                sums.append(weights @ light)
+                sums.append(product(weights, light))
                 squares.append(np.einsum("nk,nk->k", light, light))
         return np.stack(sums), np.stack(squares)
 
 
 def _pairs(sums: Float64s) -> Float64s:
-    return np.asarray((sums @ sums.swapaxes(1, 2)).sum(axis=0))
+    flat = sums.swapaxes(0, 1).reshape(sums.shape[1], -1)
+    return product(flat, flat.T)
 
 
 def _waves(tones: int) -> int:
@@ -275,8 +279,8 @@ def _basis(rows: int, tones: Sequence[float]) -> Float64s:
 def fit(columns: Columns, model: Model, cycles_std: float = 0.0) -> Fitted:
     """Fit amplitudes and noise of every column at the model's frequency."""
     parameters, squares = columns.project(model.weights, model.tones)
-    gram = model.design.T @ model.design
-    explained = np.einsum("jpk,jpk->jk", parameters, gram @ parameters)
+    gram = product(model.design.T, model.design)
+    explained = np.stack([np.einsum("pk,pk->k", one, product(gram, one)) for one in parameters])
     spare = columns.rows - model.design.shape[1]
     noise = np.maximum(squares - explained, 0.0) / spare if spare > 0 else np.full_like(squares, np.nan)
     return Fitted(model, parameters, noise, cycles_std)
@@ -294,7 +298,7 @@ def refine(columns: Columns, model: Model, others: Sequence[float]) -> Model:
         away = best.stiffening
         products = columns.products(np.vstack([best.weights, away.T]), best.tones)
         unknowns = len(best.weights)
-        stiffness = float((products[:unknowns, :unknowns] * (away.T @ away)).sum())
+        stiffness = float((products[:unknowns, :unknowns] * product(away.T, away)).sum())
         step = float(products[:unknowns, unknowns:].trace()) / stiffness if stiffness > 0 else 0.0
         step = min(max(step, -reach), reach)
         best = make_model(rows, best.cycles + step, best.harmonics, others, best.first - 1, best.steering, best.shape)
@@ -309,12 +313,12 @@ def frequency_std(columns: Columns, fitted: Fitted) -> float:
     model = fitted.model
     away, design = model.stiffening, model.design
     spread = 0.0
-    stiffness = -float(fitted.noise.sum() * np.einsum("np,nq,pq->", away, away, model.covariance))  # bias by noise
+    stiffness = -float(fitted.noise.sum() * (product(away.T, away) * model.covariance).sum())  # bias by noise
     for light, parameters in zip(columns.across(fitted.parameters), fitted.parameters, strict=True):
-        products = parameters @ parameters.T
-        force = np.einsum("np,np->n", away, light - design @ products)  # on the residual of a row
+        products = product(parameters, parameters.T)
+        force = np.einsum("np,np->n", away, light - product(design, products))  # on the residual of a row
         spread += float(force @ force)
-        stiffness += float(np.einsum("np,np->", away @ products, away))
+        stiffness += float((product(away, products) * away).sum())
     rows, unknowns = design.shape
     if not (stiffness > 0.0 and rows > unknowns):
         return float("nan")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast._core import product
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.sensing.fit import Columns, Fitted, fit, make_model
@@ -68,7 +69,7 @@ def pooled_gain(fitted: Fitted, ambient: Ambient) -> PooledGain:
 def _by_cycles(fitted: Fitted, by: Float64s) -> float:
     """Half the derivative of gain^2 by the frequency, whose error is independent of the other errors."""
     model = fitted.model
-    follow = (-model.weights @ model.slope)[[0, model.first, model.first + 1]]
+    follow = -product(model.weights[[0, model.first, model.first + 1]], model.slope)
     return float(np.einsum("ajk,ap,jpk->", by, follow, fitted.parameters))
 
 
