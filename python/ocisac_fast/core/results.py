@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _WIDTH, _LINES, _VALUE = 80, 12, 48  # characters, lines, and characters of one value
 _FEW = 4  # elements of an array that are shown
+_MANY = 1_000_000  # elements of which the range is not sought
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _VALUE
 
@@ -103,8 +104,9 @@ def _array_text(array: np.ndarray[Any, Any]) -> str:
     if array.ndim <= 1 and array.size <= _FEW:
         return np.array2string(array, precision=6, separator=", ", max_line_width=_VALUE).replace("\n", "")
     size = "×".join(map(str, array.shape))
-    known = array[np.isfinite(array)] if array.dtype.kind == "f" else array
-    if known.size and array.dtype.kind in "uif":
+    has_range = array.size <= _MANY and array.dtype.kind in "uif"
+    known = array[np.isfinite(array)] if has_range else array[:0]
+    if known.size:
         return f"<{size} {array.dtype}, {known.min():.4g} to {known.max():.4g}>"
     return f"<{size} {array.dtype}>"
 
