@@ -218,6 +218,29 @@ def test_bright_rows_of_a_defective_sensor_are_left_out():
     assert payloads == {b"defects"}
 
 
+@pytest.mark.parametrize("share", [0.03, 0.08])
+def test_rows_pulled_inwards_by_a_lens_correction_are_received(share):
+    """The phase is that of the rows as shown; once found, the displacement serves the frames after it."""
+    light, finer, payloads = Light(b"a lens", seed=23), 20, set()
+    fine = Camera(ROW_TIME / finer, light.camera.exposure)
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    row = np.arange(1080)
+    read = row + share * 540 * ((row - 539.5) / 540) ** 3
+    for index in range(18):
+        start = light.start + index * FRAME_TIME - 60 * ROW_TIME
+        rows = ocisac.integrate_exposure(light.waveform, fine, finer * 1200, start=start)
+        result = receiver.push(
+            20 + 100 * rows[np.rint(finer * (read + 60)).astype(int)] + light.random.standard_normal(1080)
+        )
+        if result.payload is not None:
+            payloads.add(result.payload.data)
+        if result.flags == 0:
+            edge = np.interp(result.phase, row, read) * ROW_TIME - light.camera.exposure / 2
+            chips = (light.start + index * FRAME_TIME + edge) * CHIP_RATE
+            assert abs(chips - round(chips)) < 0.2
+    assert payloads == {b"a lens"}
+
+
 @pytest.mark.parametrize("share", [0.3, 0.5])
 def test_frames_that_show_a_share_of_the_one_before_are_received(share):
     """y_k = (1 - share)·s_k + share·y_(k-1), as after noise reduction over time; the first frame shows none."""

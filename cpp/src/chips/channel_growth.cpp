@@ -57,7 +57,10 @@ std::optional<RefinedChannel> grow(const IterationContext& context, const Channe
     const bool whole = range.size() == context.signal.size();
     settling += whole;
     settled = whole && iteration->chips == last;
-    if (context.options.warped) warp = fit_warp(even_rows, warp, iteration->chips.known(), iteration->channel);
+    if (context.options.warped) {
+      warp = fit_warp(even_rows, warp, iteration->chips.known(), iteration->channel);
+      set_rate(start.clock.rows_per_chip, warp, iteration->channel.clock);
+    }
     channel = std::move(iteration->channel);
     last = std::move(iteration->chips);
   }

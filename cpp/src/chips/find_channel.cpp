@@ -45,13 +45,16 @@ std::pair<double, double> first_levels(std::span<const double> part, double expo
   return {mean - 0.5 * swing, swing};
 }
 
-std::vector<RowRange> search_parts(std::span<const double> signal, double length) {
+// Where rows are displaced, those in the middle of the picture are so least.
+std::vector<RowRange> search_parts(std::span<const double> signal, double length, bool warped) {
   const auto size = std::min(static_cast<std::size_t>(length), signal.size());
   std::vector<std::pair<double, RowRange>> parts;
   for (std::size_t begin = 0; begin + size <= signal.size(); begin += std::max<std::size_t>(size / 2, 1)) {
     double change = 0;
     for (std::size_t n = begin + 1; n < begin + size; ++n) change += std::pow(signal[n] - signal[n - 1], 2);
-    parts.push_back({-change, {begin, begin + size}});
+    const double off = std::abs(static_cast<double>(begin) + 0.5 * static_cast<double>(size) -
+                                0.5 * static_cast<double>(signal.size()));
+    parts.push_back({warped ? off : -change, {begin, begin + size}});
   }
   std::ranges::stable_sort(parts, {}, [](const auto& part) { return part.first; });
   std::vector<RowRange> best;
@@ -101,7 +104,7 @@ std::vector<Start> guesses(const IterationContext& context, const ChannelSearch&
   const double rates = std::ceil(std::max(0.5 * chips * search.tolerance / kSearchSlack, 1.0));
   const double phases = std::ceil(0.5 / kSearchSlack);
   std::vector<Start> found;
-  for (const RowRange& part : search_parts(context.signal, chips * search.rows_per_chip))
+  for (const RowRange& part : search_parts(context.signal, chips * search.rows_per_chip, context.options.warped))
     for (double i = 0; i < rates; ++i)
       for (double j = 0; j < phases; ++j) {
         const double period = search.rows_per_chip * (1 + search.tolerance * ((2 * i + 1) / rates - 1));

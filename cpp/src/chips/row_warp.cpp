@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "columns/moving_mean.hpp"
 #include "rows/exposed_chips.hpp"
@@ -62,6 +63,24 @@ std::vector<double> warped(std::span<const double> even_rows, const RowWarp& war
     picture[n] = between_rows(even_rows, row + between_rows(warp, row + warp[n]));
   }
   return picture;
+}
+
+double picture_row(double even_row, const RowWarp& warp) {
+  return warp.empty() ? even_row : even_row - between_rows(warp, even_row);
+}
+
+void set_rate(double rows_per_chip, RowWarp& warp, ChipClock& clock) {
+  const double scale = rows_per_chip / clock.rows_per_chip;
+  const double middle = 0.5 * (static_cast<double>(warp.size()) - 1);
+  RowWarp scaled(warp.size());
+  for (std::size_t m = 0; m < scaled.size(); ++m) {
+    const auto row = static_cast<double>(m);
+    const double before = middle + (row - middle) / scale;
+    scaled[m] = row - before + between_rows(warp, before);
+  }
+  warp = std::move(scaled);
+  clock.phase = middle + scale * (clock.phase - middle);
+  clock.rows_per_chip = rows_per_chip;
 }
 
 RowWarp smooth_displacement(std::span<const double> observed, std::span<const double> slopes,

@@ -44,7 +44,8 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   for (std::size_t k = 0; k < whole.count; ++k) {
     const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - reading.first;
     if (at < 0 || at >= static_cast<std::ptrdiff_t>(llr.size())) continue;
-    if (result.bits.empty()) result.phase = whole.start(k) + static_cast<double>(rows.first_row);
+    if (result.bits.empty())
+      result.phase = picture_row(whole.start(k), reading.warp) + static_cast<double>(rows.first_row);
     result.llr.push_back(llr[static_cast<std::size_t>(at)]);
     result.bits += result.llr.back() > 0 ? '1' : '0';
   }

@@ -180,6 +180,7 @@ SearchEffort RowReader::effort(const LightState& state, std::size_t rows) const 
 
 void LightState::accept(const FrameReading& reading, std::span<const double> signal) {
   channel = reading.channel;
+  if (reading.verdict == Verdict::fits && !reading.warp.empty()) warp = reading.warp;
   mean = mean_of(signal);
   variance = variance_of(signal);
 }
@@ -338,9 +339,26 @@ std::optional<FrameReading> RowReader::search_exposures(std::span<const double> 
   return best;
 }
 
+// Rows that are displaced as those of an earlier frame, and about so.
+std::optional<FrameReading> RowReader::read_as_displaced_before(const SignalModel& model, FrameRows& frame,
+                                                                const LightState& state) const {
+  if (!model.warped || state.warp.size() != frame.signal.size()) return std::nullopt;
+  SignalModel even_model = model;
+  even_model.warped = false;
+  FrameRows even = frame;
+  even.signal = unwarped(frame.signal, state.warp);
+  even.may_search = false;
+  auto reading = read_with(even_model, even, state);
+  if (!reading || reading->verdict < Verdict::sure) return std::nullopt;
+  reading->warp = state.warp;
+  if (reading->nuisance.empty()) reading = refine_warp(frame.signal, *reading, model.exposure_known, &frame.effort);
+  return reading->verdict == Verdict::fits ? reading : std::nullopt;
+}
+
 // Alternates estimates of chips and nuisance until the chips converge.
 std::optional<FrameReading> RowReader::read_with(const SignalModel& model, FrameRows& frame,
                                                  const LightState& state) const {
+  if (auto reading = read_as_displaced_before(model, frame, state)) return reading;
   auto reading = follow_beside(model, frame, state);
   if (!reading) {
     const auto fit = model.nuisance.empty() ? std::nullopt : remove_nuisance(frame.signal, model.nuisance);

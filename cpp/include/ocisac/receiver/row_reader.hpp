@@ -42,6 +42,7 @@ struct LightState {
   bool fits = false;                         // that frame left no more than noise
   double mean = 1, variance = 0;             // of its rows
   SignalModel model{};                       // that explained it
+  RowWarp warp{};                            // of the last frame that was displaced and fitted: a lens's stays
   std::vector<double> scale_beside{};        // that of slow light and tones beside the chips, RowNuisance::scale
   double relative_noise = 0;                 // max of the last frame's and of the decayed earlier values
   BackOff other_models{.shortest = 1, .longest = 16};
@@ -109,6 +110,8 @@ class RowReader {
 
  private:
   bool shows_no_light(std::span<const double> signal, FrameRows& frame, const LightState& state) const;
+  std::optional<FrameReading> read_as_displaced_before(const SignalModel& model, FrameRows& frame,
+                                                       const LightState& state) const;
   [[nodiscard]] SignalModel given_model(std::optional<double> exposure) const;
   [[nodiscard]] std::vector<RowNuisance> other_nuisances(const FrameRows& frame, const LightState& state) const;
   [[nodiscard]] std::vector<SignalModel> other_models(const FrameRows& frame, const LightState& state,
