@@ -59,8 +59,16 @@ def exposure(
     With --avoid: the shortest T without bands of other lights; with --comm too, the one of largest Y; with
     --keep, the shortest that keeps the gain.
     """
+    shared: dict[str, Any] = {"weights": weights, "bounds": bounds}
     if avoid is not None:
-        _avoid(comm, sense, method, weights, bounds, step, avoid, below, near, keep, plot, front, as_json)
+        _check_avoiding(method, comm, sense, keep, front)
+        from ocisac_fast.exposure import flicker_free_exposure
+
+        more = {"near": near, "step": step, "f_comm": comm, "f_sense": sense, "min_gain": keep}
+        found = flicker_free_exposure(avoid, below, **more, **shared)  # type: ignore[arg-type]
+        if plot is not None or front is not None:
+            _draw_avoiding(avoid, below, comm, plot, front, {"found": found, "bounds": bounds})
+        _report(found, avoid, as_json)
         return
     from ocisac_fast.exposure import best_exposure
 
@@ -72,16 +80,14 @@ def exposure(
             raise click.UsageError(f"{name}: needs --avoid")
     assert comm is not None
     assert sense is not None
-    best = best_exposure(comm, sense, method=method, weights=weights, bounds=bounds, step=step)
+    best = best_exposure(comm, sense, method=method, step=step, **shared)
     exposure_time, objective = float(best.exposure), float(best.objective)
-    if plot is not None:
-        from ocisac_fast.plots import plot_exposure
+    if plot is not None or front is not None:
+        from ocisac_fast.plots import plot_exposure, plot_front
 
-        plot_exposure(comm, sense, path=plot, weights=weights, bounds=bounds)
-    if front is not None:
-        from ocisac_fast.plots import plot_front
-
-        plot_front(comm, sense, path=front, weights=weights, bounds=bounds)
+        for path, draw in ((plot, plot_exposure), (front, plot_front)):
+            if path is not None:
+                draw(comm, sense, path=path, **shared)
     if as_json:
         emit_json({"exposure_s": exposure_time, "objective": objective, "method": method})
         return
@@ -89,47 +95,27 @@ def exposure(
     emit_facts("", facts)
 
 
-def _avoid(
-    comm: Quantity | None,
-    sense: Quantity | None,
-    method: str,
-    weights: tuple[float, float],
-    bounds: tuple[float, float] | None,
-    step: Quantity | None,
-    avoid: tuple[FlickeringLight, ...],
-    below: float,
-    near: Quantity | None,
-    keep: float | None,
-    plot: str | None,
-    front: str | None,
-    as_json: bool,
-) -> None:
-    from ocisac_fast.exposure import flicker_free_exposure
-
+def _check_avoiding(method: str, comm: Any, sense: Any, keep: float | None, front: str | None) -> None:
     if method != "exact":
         raise click.UsageError(f"--method: got {method}, allowed: exact with --avoid")
     if comm is None and (sense is not None or keep is not None or front is not None):
         raise click.UsageError("--comm: needed by --sense, --keep and --front")
-    found = flicker_free_exposure(
-        avoid,
-        below,
-        near=near,
-        bounds=bounds,
-        step=step,
-        f_comm=comm,
-        f_sense=sense,
-        min_gain=keep,
-        weights=weights,
-    )
+
+
+def _draw_avoiding(
+    avoid: tuple[FlickeringLight, ...],
+    below: float,
+    comm: Quantity | None,
+    plot: str | None,
+    front: str | None,
+    found: dict[str, Any],
+) -> None:
+    from ocisac_fast.plots import plot_flicker_front, plot_modulation
+
     if plot is not None:
-        from ocisac_fast.plots import plot_modulation
-
-        plot_modulation(avoid, below, path=plot, found=found, bounds=bounds)
+        plot_modulation(avoid, below, path=plot, **found)
     if front is not None and comm is not None:
-        from ocisac_fast.plots import plot_flicker_front
-
-        plot_flicker_front(comm, avoid, below, path=front, found=found, bounds=bounds)
-    _report(found, avoid, as_json)
+        plot_flicker_front(comm, avoid, below, path=front, **found)
 
 
 def _report(found: FlickerFreeExposure, avoid: tuple[FlickeringLight, ...], as_json: bool) -> None:

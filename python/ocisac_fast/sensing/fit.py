@@ -169,8 +169,8 @@ def pseudo_inverse(design: Float64s) -> tuple[Float64s, Float64s]:
     weights, covariance, condition = linear_fit(design)
     if design.shape[0] >= design.shape[1] and condition < 1e9:
         return weights, covariance
-    weights = np.linalg.pinv(design)
-    return weights, weights @ weights.T
+    inverse: Float64s = np.asarray(np.linalg.pinv(design), np.float64)
+    return inverse, inverse @ inverse.T
 
 
 class Columns:
