@@ -13,6 +13,7 @@ import test_grammar
 import ocisac_fast
 from ocisac_fast import Camera, Flag, receive, tone_gain
 from ocisac_fast.core.results import Result
+from ocisac_fast.exposure import ExposureReason
 from ocisac_fast.receiver import Received
 
 RESULTS = sorted(
@@ -92,6 +93,7 @@ def test_tables_escape_names_of_files():
 def test_flags_are_texts_by_name_and_numbers_by_a_form():
     assert str(Flag.WEAK | Flag.ALIASED) == f"{Flag.WEAK | Flag.ALIASED}" == "weak, aliased"
     assert str(Flag(0)) == "none"
+    assert str(ExposureReason.FIRST | ExposureReason.CEILING) == "first, ceiling"
     assert f"{Flag.TOO_FEW_EDGES:d}" == "131072"
     assert "flags=saturated, near_null" in repr(with_values(ocisac_fast.tones.ToneGain, 0.0))
 

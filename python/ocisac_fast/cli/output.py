@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import enum
-import functools
 import json
 import math
 import os
@@ -18,6 +16,7 @@ import click
 import numpy as np
 
 from ocisac_fast.cli.text import is_utf8, printable
+from ocisac_fast.core.flags import Flag, Named
 
 _SURROGATES = re.compile("[\ud800-\udfff]")  # Python's representation of file name bytes that are not UTF-8
 _AS_THEY_ARE = (int, bool, type(None))
@@ -268,13 +267,6 @@ def facts_of(result: Any, keys: str) -> dict[str, Any]:
     return facts | {key: made[key](value) for key, value in facts.items() if key in made}
 
 
-def flag_names(flags: enum.IntFlag | int) -> list[str]:
-    """Lower-case names of the bits that are set."""
-    from ocisac_fast.core import Flag
-
-    return list(_names_of(flags if isinstance(flags, enum.IntFlag) else Flag(int(flags))))
-
-
-@functools.lru_cache
-def _names_of(flags: enum.IntFlag) -> tuple[str, ...]:
-    return tuple(str(bit.name).lower() for bit in type(flags) if bit in flags)
+def flag_names(flags: Named | int) -> list[str]:
+    """Lower-case names of the bits that are set; a number is a mask of ``Flag``."""
+    return (flags if isinstance(flags, Named) else Flag(int(flags))).names()

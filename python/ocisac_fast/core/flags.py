@@ -2,10 +2,31 @@
 
 from __future__ import annotations
 
+import functools
 from enum import IntFlag
 
 
-class Flag(IntFlag):
+class Named(IntFlag):
+    """Bits that print by their names."""
+
+    def __str__(self) -> str:
+        """The names of the bits that are set, ``weak, aliased``; ``none``."""
+        return ", ".join(self.names()) or "none"
+
+    def __format__(self, form: str) -> str:
+        return format(int(self) if form[-1:] in "bcdoxXn" and form else str(self), form)
+
+    def names(self) -> list[str]:
+        """The bits that are set, in lower case."""
+        return list(_names(self))
+
+
+@functools.lru_cache
+def _names(flags: Named) -> tuple[str, ...]:
+    return tuple(str(bit.name).lower() for bit in type(flags) if bit in flags)
+
+
+class Flag(Named):
     """Bits of a ``flags`` mask; 0: no condition applies."""
 
     SATURATED = 1 << 0
@@ -55,14 +76,3 @@ class Flag(IntFlag):
     AMBIGUOUS_KIND = 1 << 27
     """``sense``: a modulated light, a moving texture and a still texture cannot be distinguished here. ``receive``: the
     next frame shows the same rows; a picture that stands still, or a light in step with the frames."""
-
-    def __str__(self) -> str:
-        """The names of the bits that are set, ``weak, aliased``; ``none``."""
-        return ", ".join(self.names()) or "none"
-
-    def __format__(self, form: str) -> str:
-        return format(int(self) if form[-1:] in "bcdoxXn" and form else str(self), form)
-
-    def names(self) -> list[str]:
-        """The bits that are set, in lower case."""
-        return [bit.name.lower() for bit in Flag if bit in self and bit.name]

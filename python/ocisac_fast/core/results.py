@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ocisac_fast.core.flags import Flag
+from ocisac_fast.core.flags import Flag, Named
 
 if TYPE_CHECKING:
     import pandas
@@ -96,7 +96,7 @@ def _text(value: Any) -> str:
         return text if len(text) <= _VALUE else f"{len(value)} of {type(value[0]).__name__}"
     if isinstance(value, (str, bytes)) and len(value) > _VALUE:
         return f"{value[: _VALUE // 2]!r}… of {len(value)}"
-    text = " ".join((str(value) if isinstance(value, Flag) else _SHORT.repr(value)).split())
+    text = " ".join((str(value) if isinstance(value, Named) else _SHORT.repr(value)).split())
     return text if len(text) <= _VALUE else f"{text[: _VALUE - 1]}…"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
@@ -12,13 +11,14 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.core.checks import InnerShare, ShareAboveZero, ShareBelowOne, checked, checked_class
+from ocisac_fast.core.flags import Named
 from ocisac_fast.core.results import Result
 from ocisac_fast.exposure.choice import BestExposure
 
 _NAN = math.nan
 
 
-class ExposureReason(enum.IntFlag):
+class ExposureReason(Named):
     """Reasons for the choice of an exposure; several may apply."""
 
     FIRST = 1 << 0
