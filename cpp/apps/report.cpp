@@ -50,6 +50,8 @@ void add_packet(Json& line, const StretchReport& stretch) {
   line["packet_cut"] = stretch.cut;
   line["packet_doubtful"] = stretch.doubtful;
   line["packet_share"] = stretch.share;
+  line["packet_inverted"] = stretch.inverted;
+  line["packet_lack"] = lack_name(stretch.lack);
   if (!stretch.payload) return;
   const auto& bytes = stretch.payload->bytes;
   line["packet"] = stretch.payload->number;

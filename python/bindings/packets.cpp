@@ -55,7 +55,8 @@ py::tuple stretch_tuple(const StretchReport& report) {
   if (report.payload)
     payload = py::make_tuple(as_bytes(report.payload->bytes), report.payload->number, report.payload->corrected);
   return py::make_tuple(std::string(outcome_name(report.outcome)), report.blocks, report.bytes, report.cut,
-                        report.doubtful, report.violations, report.share, payload);
+                        report.doubtful, report.violations, report.share, payload, report.inverted,
+                        std::string(lack_name(report.lack)));
 }
 
 py::tuple symbol_tuple(const FskSymbol& symbol) {

@@ -29,8 +29,8 @@ class Film:
         light = ocisac.integrate_exposure(self.waveform, camera, 1080, start=self.start + time)
         return gain * (20 + 100 * exposure / EXPOSURE * (light + 0.02 * self.random.standard_normal(1080)))
 
-    def receiver(self, frame_time=FRAME_TIME, exposure=EXPOSURE):
-        return Receiver(Camera(ROW_TIME, exposure, frame_time=frame_time), chip_rate=CHIP_RATE, format=self.format)
+    def receiver(self, frame_time=FRAME_TIME, exposure=EXPOSURE, row_time=ROW_TIME):
+        return Receiver(Camera(row_time, exposure, frame_time=frame_time), chip_rate=CHIP_RATE, format=self.format)
 
 
 def frames_until_payload(results, most=40):
@@ -166,3 +166,67 @@ def test_means_of_neighbours_between_frames_raise_nothing(seed):
     for pixels in itertools.chain.from_iterable(zip(frames, between, strict=False)):
         payload = receiver.push(pixels).payload
         assert payload is None or payload.data == PAYLOAD
+
+
+@pytest.mark.parametrize("told", [0.75, 0.8, 0.95, 1.05, 1.25])
+@pytest.mark.parametrize("block_bytes", [8, 16])
+def test_a_wrong_frame_time_is_learned_from_the_headers(told, block_bytes):
+    for seed in range(3):
+        film = Film(seed, block_bytes=block_bytes)
+        receiver = film.receiver(frame_time=told * FRAME_TIME)
+        results = (receiver.push(film.frame(index * FRAME_TIME)) for index in itertools.count())
+        assert frames_until_payload(results) <= 18
+
+
+@pytest.mark.parametrize("told", [0.95, 0.98, 1.02, 1.05])
+def test_a_wrong_row_time_is_found_by_preambles(told):
+    for seed in range(3):
+        film = Film(seed)
+        receiver = film.receiver(row_time=told * ROW_TIME)
+        results = (receiver.push(film.frame(index * FRAME_TIME)) for index in itertools.count())
+        assert frames_until_payload(results) <= 20
+
+
+@pytest.mark.parametrize(("late", "block_bytes", "most"), [(0.1, 8, 18), (0.5, 4, 18)])
+def test_frames_of_varying_times_are_placed_by_headers(late, block_bytes, most):
+    for seed in range(3):
+        film = Film(seed, block_bytes=block_bytes)
+        receiver = film.receiver()
+        times = np.cumsum(FRAME_TIME * film.random.uniform(1, 1 + late, 40))
+        assert frames_until_payload(receiver.push(film.frame(time)) for time in times) <= most
+
+
+@pytest.mark.parametrize("numbered", [False, True])
+def test_frames_that_are_all_given_twice_take_half_the_frame_time(numbered):
+    film = Film(4)
+    receiver = film.receiver(frame_time=FRAME_TIME / 2)
+    frames = (pixels for index in itertools.count() for pixels in [film.frame(index * FRAME_TIME)] * 2)
+    results = (receiver.push(pixels, number=k if numbered else None) for k, pixels in enumerate(frames))
+    assert frames_until_payload(results) <= 30
+
+
+@pytest.mark.parametrize(
+    ("pause", "shown", "most"),
+    [*((pause, shown, 14) for pause in (1, 10) for shown in ("dark", "bright", "toggling")), (100, "toggling", 22)],
+)
+def test_pauses_of_the_sender_between_blocks_are_learned(pause, shown, most):
+    film = Film(7)
+    blocks = ocisac.transmit(PAYLOAD, format=film.format).chips.reshape(-1, 302)
+    between = {"dark": np.zeros(pause), "bright": np.ones(pause), "toggling": np.arange(pause) % 2}[shown]
+    film.waveform = ocisac.Chips(
+        np.concatenate([np.append(block, between) for block in blocks]), CHIP_RATE, repeat=True
+    )
+    receiver = film.receiver()
+    results = (receiver.push(film.frame(index * FRAME_TIME)) for index in itertools.count())
+    assert frames_until_payload(results) <= most
+
+
+@pytest.mark.parametrize("line_code", ["manchester", "4b6b", "8b10b"])
+def test_an_inverted_light_is_read_and_said_to_be(line_code):
+    film = Film(9, line_code=line_code)
+    receiver = film.receiver()
+    results = [receiver.push(140 - film.frame(index * FRAME_TIME)) for index in range(15)]
+    assert frames_until_payload(results) <= 14
+    assert results[-1].stretch.inverted
+    assert results[-1].stretch.lack == "none"
+    assert all(result.outcome == "received" for result in results)

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <limits>
+#include <map>
 #include <numbers>
 #include <numeric>
 #include <optional>
@@ -12,6 +14,7 @@
 #include "core/softplus.hpp"
 #include "ocisac/core/require.hpp"
 #include "packets/reed_solomon.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -21,14 +24,23 @@ constexpr std::size_t kNumberBytes = 1, kChecksumBytes = 4;
 constexpr std::size_t kUsualData = 85, kMaxData = 170;   // bytes of a codeword of 255
 constexpr std::size_t kMinBlocks = 4, kMaxBlocks = 256;  // each digit of the length has a block
 constexpr unsigned kHeaderMask = 0x5AA5;
-constexpr double kSureBit = 2;                           // nats: a byte with a smaller |llr| is an erasure
-constexpr double kMaxSoftBit = 60;                       // nats
-constexpr std::ptrdiff_t kMaxSlip = 2;                   // chips
-constexpr std::size_t kMaxDoubtful = 8;                  // stretches
-constexpr std::size_t kMaxWaiting = 131072;              // chips
-constexpr double kSureChip = 6;                          // nats; bounds what one chip says of a place
-constexpr double kMinPlaceVariance = 0.01;               // chips²
-constexpr double kPlaceErrors = 4, kMaxPlaces = 24;      // standard errors, chips: places compared, on either side
+constexpr double kSureBit = 2;                       // nats: a byte with a smaller |llr| is an erasure
+constexpr double kMaxSoftBit = 60;                   // nats
+constexpr std::ptrdiff_t kMaxSlip = 2;               // chips
+constexpr std::size_t kMaxDoubtful = 8;              // stretches
+constexpr std::size_t kMaxWaiting = 131072;          // chips
+constexpr double kSureChip = 6;                      // nats; bounds what one chip says of a place
+constexpr double kMinPlaceVariance = 0.01;           // chips²
+constexpr double kPlaceErrors = 4, kMaxPlaces = 24;  // standard errors, chips: places compared, on either side
+constexpr std::size_t kHeadersKept = 16;
+constexpr double kVarianceOfMedian = 0.455;  // median of the square of a normal variate
+constexpr double kLooseWalk = 2;             // chips² from header to header, over the square of their number
+constexpr std::size_t kHeadersOfRate = 4;
+constexpr double kEvenWalk = 1;                          // chips² from header to header
+constexpr double kWholePause = 0.1;                      // chips; errors of a pause by two headers
+constexpr double kSteadyClock = 2;                       // nats
+constexpr double kHeadersMissed = 5;                     // expected since the last one
+constexpr std::size_t kUnplaced = 12;                    // stretches
 constexpr double kSlipChance = 1e-4, kElsewhere = 1e-3;  // probabilities of each slip of a chip or two; of any place
 constexpr double kSurePlace = 0.99;                      // probability
 constexpr double kExpected = 0.5;                        // probability of the expected header: a sure one outweighs it
@@ -144,6 +156,17 @@ class ChipEvidence {
     if (!words_[at]) words_[at] = code_.evidence(llr().subspan(at, length));
     return *words_[at];
   }
+  // Of a pause of the sender: dark, bright, toggling or anything else.
+  [[nodiscard]] double of_pause(std::ptrdiff_t begin, std::ptrdiff_t end) const {
+    constexpr std::array patterns{0b00U, 0b11U, 0b01U, 0b10U};
+    double most = 0;
+    for (const unsigned pattern : patterns) {
+      double sum = -std::log(static_cast<double>(patterns.size()));
+      for (std::ptrdiff_t k = begin; k < end; ++k) sum += of_chip(k, (pattern >> ((k - begin) % 2) & 1U) != 0);
+      most = std::max(most, sum);
+    }
+    return most;
+  }
 
  private:
   const LineCode& code_;
@@ -230,6 +253,19 @@ std::optional<BlockSighting> read_block(std::size_t chip, const BlockChance& cha
   return BlockSighting{chip, decision.header >> 8U, decision.header >> 7U & 1U, decision.header >> 4U & 7U};
 }
 
+// Evidence that chips before a block are a pause, with words before it, rather than words.
+double pause_evidence(std::span<const double> llr, std::size_t block, std::size_t pause, const LineCode& code) {
+  ChipEvidence chips(llr, code);
+  const auto word = static_cast<std::ptrdiff_t>(code.chips_per_word()), end = static_cast<std::ptrdiff_t>(block);
+  const auto of_words_before = [&](std::ptrdiff_t chip) {
+    double sum = 0;
+    while ((chip -= word) >= 0) sum += chips.of_word(chip);
+    return sum;
+  };
+  const std::ptrdiff_t begin = end - static_cast<std::ptrdiff_t>(pause);
+  return chips.of_pause(begin, end) + of_words_before(begin) - of_words_before(end);
+}
+
 // `chance_at`: of a block that begins at a chip.
 template <class ChanceAt>
 std::vector<BlockSighting> read_blocks(std::span<const double> llr, const PacketFormat& format, ChanceAt&& chance_at) {
@@ -253,6 +289,13 @@ std::vector<BlockSighting> on_one_clock(const std::vector<BlockSighting>& seen, 
 }
 
 std::ptrdiff_t modulo(std::ptrdiff_t value, std::ptrdiff_t period) { return (value % period + period) % period; }
+
+// The blocks of a light of the other polarity.
+std::vector<BlockSighting> turned_blocks(std::span<const double> llr, const PacketFormat& format) {
+  std::vector<double> turned(llr.size());
+  std::ranges::transform(llr, turned.begin(), std::negate{});
+  return find_blocks(turned, format);
+}
 
 // Difference around a cycle, at most half of it.
 double difference(double a, double b, std::ptrdiff_t period) {
@@ -355,7 +398,8 @@ void PacketAssembler::lose_clock() {
   origin_.reset();
   doubtful_.reset();
   end_.reset();
-  last_.reset();
+  headers_.clear();
+  joined_.clear();
 }
 
 void PacketAssembler::restart() {
@@ -372,7 +416,25 @@ void PacketAssembler::start_packet() {
   layout_.reset();
   origin_.reset();
   doubtful_.reset();
+  joined_.clear();
   soft_bits_.clear();
+}
+
+// The light has the other polarity: what was read of headers before was read wrong.
+void PacketAssembler::turn() {
+  inverted_ = !inverted_;
+  const auto turn_chips = [](std::vector<double>& chips) {
+    for (double& chip : chips) chip = -chip;
+  };
+  turn_chips(tail_);
+  for (Stretch& stretch : waiting_) {
+    turn_chips(stretch.llr);
+    stretch.blocks.clear();
+  }
+  parity_ = {};
+  digits_ = {};
+  headers_.clear();
+  start_packet();
 }
 
 void PacketAssembler::read_header(const BlockSighting& sighting) {
@@ -389,48 +451,165 @@ void PacketAssembler::find_layout() {
     if (digit.count == 0) return;
     length = length << 3 | digit.value;
   }
-  if (length < 1 || length > longest_payload(format_)) return;
-  layout_ = packet_layout(length, format_);
+  if (length >= 1 && length <= longest_payload(format_)) use_layout(length);
+}
+
+void PacketAssembler::use_layout(std::size_t payload_bytes) {
+  layout_ = packet_layout(payload_bytes, format_);
   soft_bits_.assign(8 * layout_->coded_bytes(), 0);
+}
+
+// Where headers with some digit of the length are never seen: the payload of one of the lengths that the others allow,
+// if what waits is enough for it. Lengths of as many codewords have their bytes at the same places.
+std::optional<Payload> PacketAssembler::try_lengths() {
+  if (waiting_.size() < kUnplaced || headers_.size() < kHeadersOfRate) return std::nullopt;
+  const std::size_t bytes = waiting_chips_ / format_.line_code.chips_per_byte();
+  std::optional<PacketAssembler> trial;
+  std::vector<double> reliability;
+  for (std::size_t length = 1; length + kNumberBytes + kChecksumBytes <= bytes && length <= longest_payload(format_);
+       ++length) {
+    bool allowed = true;
+    for (std::size_t digit = 0; digit < digits_.size(); ++digit)
+      allowed = allowed && (digits_[digit].count == 0 || digits_[digit].value == (length >> (9 - 3 * digit) & 7U));
+    if (!allowed) continue;
+    const PacketLayout layout = packet_layout(length, format_);
+    if (!trial || trial->layout_->codewords != layout.codewords) {
+      trial = *this;
+      trial->use_layout(length);
+      StretchReport unused;
+      trial->place_waiting(unused);
+      reliability = trial->reliabilities();
+    }
+    trial->layout_ = layout;
+    auto payload = trial->decode(reliability);
+    if (!payload) continue;
+    for (std::size_t digit = 0; digit < digits_.size(); ++digit)
+      trial->digits_[digit].change(static_cast<unsigned>(length >> (9 - 3 * digit) & 7U));
+    std::ranges::fill(trial->soft_bits_, 0.0F);
+    trial->joined_.clear();
+    *this = std::move(*trial);
+    return payload;
+  }
+  return std::nullopt;
+}
+
+// The pause between blocks that two pairs of headers show, where the chips before the later one, the last ones, are a
+// pause rather than words. Chips that may be either follow a steady clock.
+void PacketAssembler::learn_pause(const Header& header) {
+  if (headers_.empty()) return;
+  const Header& last = headers_.back();
+  auto blocks = static_cast<std::ptrdiff_t>(header.block) - static_cast<std::ptrdiff_t>(last.block);
+  if (layout_) blocks = modulo(blocks, static_cast<std::ptrdiff_t>(layout_->blocks));
+  if (blocks <= 0 || header.slips > last.slips) return;
+  const double pause = (header.chip - last.chip) / static_cast<double>(blocks) - static_cast<double>(block_chips_);
+  const double whole = std::nearbyint(pause);
+  unsigned shown = 0;
+  if (whole > 0 && std::abs(pause - whole) < kWholePause) {
+    const auto chip = static_cast<std::size_t>(header.chip - header.place);
+    const double evidence = pause_evidence(tail_, chip, static_cast<std::size_t>(whole), format_.line_code);
+    if (evidence >= (drift_ || scatter_ > kMinPlaceVariance ? 0 : -kSteadyClock)) shown = static_cast<unsigned>(whole);
+  }
+  pauses_.change(shown);
+  if (pauses_.count < 2 || pauses_.value == pause_) return;
+  pause_ = pauses_.value;
+  drift_.reset();
+  origin_.reset();
+  joined_.clear();
+  std::ranges::fill(soft_bits_, 0.0F);
+}
+
+// The drift and walk of the clock from its headers, less those of jumps: medians.
+void PacketAssembler::learn_drift() {
+  struct Step {
+    double time, moved, chips;  // between stretches; of the origin; sent
+  };
+  std::vector<Step> steps;
+  for (std::size_t k = 1; k < headers_.size(); ++k) {
+    const Header &before = headers_[k - 1], &after = headers_[k];
+    const double blocks = static_cast<double>(after.block) - static_cast<double>(before.block);
+    const double moved = difference(after.chip - before.chip, blocks * static_cast<double>(period()), cycle());
+    if (after.time > before.time)
+      steps.push_back({after.time - before.time, moved, after.place - before.place - moved});
+  }
+  if (steps.size() < 2) return;
+  const auto median_of = [&](auto&& value) {
+    std::vector<double> values;
+    for (const Step& step : steps) values.push_back(value(step));
+    return median(std::move(values));
+  };
+  const double time = median_of([](const Step& step) { return step.time; });
+  const double rate = median_of([](const Step& step) { return step.moved / step.time; });
+  const double walk =
+      median_of([&](const Step& step) { return std::pow(step.moved - rate * step.time, 2) / step.time; });
+  const double chips = median_of([](const Step& step) { return step.chips / step.time; });
+  const auto count = static_cast<double>(steps.size());
+  drift_ = {rate, walk / kVarianceOfMedian + kLooseWalk / (count * count * time), chips, steps.size(), time};
+}
+
+std::optional<double> PacketAssembler::take_rate() {
+  if (!drift_ || !waiting_.empty() || drift_->headers < kHeadersOfRate || drift_->walk * drift_->step > kEvenWalk)
+    return std::nullopt;
+  const double chips = drift_->chips;
+  lose_clock();
+  drift_.reset();
+  scatter_ = 0;
+  return chips;
 }
 
 // The blocks in the last chips, the first of them at this place of the clock: those that the last header expects there
 // are more probable.
-std::vector<BlockSighting> PacketAssembler::seen_blocks(double first, const PlaceErrors& errors) {
-  const double any = 1 / static_cast<double>(block_chips_);
-  if (!last_) return read_blocks(tail_, format_, [any](std::size_t) { return BlockChance{any}; });
+std::vector<BlockSighting> PacketAssembler::seen_blocks(double place, const PlaceErrors& errors) const {
+  const double any = 1 / static_cast<double>(period());
+  if (headers_.empty()) return read_blocks(tail_, format_, [any](std::size_t) { return BlockChance{any}; });
+  const Header& last = headers_.back();
+  const double elapsed = place - last.chip - (drift_ ? drift_->rate * (errors.time.value_or(place) - last.time) : 0.0);
   const double scatter = std::max(errors.scatter * errors.scatter, scatter_);
-  const double deviation = std::sqrt(std::max(slips_ - last_->slips + scatter, kMinPlaceVariance));
+  const double walk = drift_ ? drift_->walk * std::abs(errors.time.value_or(place) - last.time) : slips_ - last.slips;
+  const double deviation = std::sqrt(std::max(walk + scatter, kMinPlaceVariance));
   const std::size_t certain =
       std::max((ReedSolomon::kLength + format_.block_bytes - 1) / format_.block_bytes, kMinBlocks);
   return read_blocks(tail_, format_, [&](std::size_t chip) {
-    const double since = (first + static_cast<double>(chip) - last_->chip) * any, blocks = std::nearbyint(since);
+    const double since = (elapsed + static_cast<double>(chip)) * any, blocks = std::nearbyint(since);
     const double off = (since - blocks) / (any * deviation);
     const double density = std::exp(-0.5 * off * off) / (deviation * std::sqrt(2 * std::numbers::pi));
-    const double number = static_cast<double>(last_->block) + blocks;
-    if (!layout_ && number >= static_cast<double>(certain)) return BlockChance{any};  // the cycle may have ended
+    const double number = static_cast<double>(last.block) + blocks;
+    if (number < 0 || (!layout_ && number >= static_cast<double>(certain))) return BlockChance{any};
     auto block = static_cast<std::size_t>(number);
-    if (layout_) block %= layout_->blocks;
+    if (layout_) block %= layout_->blocks;  // else the cycle may have ended
     const double expected = kExpected * std::min(density, 1.0);
-    return BlockChance{any + expected, expected, static_cast<unsigned>(block), last_->parity};
+    return BlockChance{any + expected, expected, static_cast<unsigned>(block), last.parity};
   });
 }
 
-// The blocks whose headers end in a stretch.
+// The blocks whose headers end in a stretch, of either polarity.
 PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span<const double> llr,
                                                  const PlaceErrors& errors) {
   if (end_ != first) tail_.clear();
   end_ = first + static_cast<std::ptrdiff_t>(llr.size());
   const std::ptrdiff_t blocks_first = first - static_cast<std::ptrdiff_t>(tail_.size());
-  tail_.insert(tail_.end(), llr.begin(), llr.end());
+  for (const double chip : llr) tail_.push_back(inverted_ ? -chip : chip);
   slips_ += errors.slip * errors.slip;
   const double place = static_cast<double>(blocks_first) + errors.offset;
-  auto blocks = on_one_clock(seen_blocks(place, errors), block_chips_);
+  auto blocks = on_one_clock(seen_blocks(place, errors), period());
   if (!blocks.empty()) {
-    const BlockSighting& last = blocks.back();
-    last_ = {place + static_cast<double>(last.chip), last.block, last.parity, slips_};
+    polarity_.change(inverted_);
+  } else if (auto turned = on_one_clock(turned_blocks(tail_, format_), period()); !turned.empty()) {
+    polarity_.change(!inverted_);
+    if ((polarity_.value != 0) != inverted_) {
+      turn();
+      blocks = std::move(turned);
+    }
   }
-  Stretch stretch{first, epoch_, {llr.begin(), llr.end()}, blocks_first, std::move(blocks), errors, slips_, {}};
+  for (const BlockSighting& block : blocks) {
+    const Header header{
+        errors.time.value_or(place), place, place + static_cast<double>(block.chip), block.block, block.parity, slips_};
+    learn_pause(header);
+    if (!headers_.empty() && headers_.back().place == place) headers_.pop_back();
+    headers_.push_back(header);
+  }
+  if (headers_.size() > kHeadersKept) headers_.pop_front();
+  const auto own = tail_.end() - std::ssize(llr);
+  Stretch stretch{first, epoch_, {own, tail_.end()}, blocks_first, std::move(blocks), errors, slips_, {}};
   const std::size_t kept = preamble_chips(format_.preamble).size() + header_chips(format_) - 1;
   if (tail_.size() > kept) tail_.erase(tail_.begin(), tail_.end() - static_cast<std::ptrdiff_t>(kept));
   return stretch;
@@ -447,47 +626,64 @@ void PacketAssembler::keep(Stretch stretch) {
 
 std::ptrdiff_t PacketAssembler::origin_by(const Stretch& stretch, const BlockSighting& sighting) const {
   return stretch.blocks_first + static_cast<std::ptrdiff_t>(sighting.chip) -
-         static_cast<std::ptrdiff_t>(sighting.block * block_chips_);
+         static_cast<std::ptrdiff_t>(sighting.block * period());
+}
+
+// Variance of the clock between a stretch and the origin.
+double PacketAssembler::walk_since(const Stretch& stretch, const Origin& origin) const {
+  return drift_ ? drift_->walk * std::abs(stretch.time() - origin.time) : std::abs(stretch.slips - origin.slips);
 }
 
 // Variance of a stretch's place about the one by the origin.
 double PacketAssembler::place_variance(const Stretch& stretch, const Origin& origin) const {
-  return origin.variance + std::abs(stretch.slips - origin.slips) +
+  return origin.variance + walk_since(stretch, origin) +
          std::max(stretch.errors.scatter * stretch.errors.scatter, scatter_);
 }
 
-// Updates the origin from the headers of a stretch; false at their first disagreement with it.
-bool PacketAssembler::follow(Stretch& stretch) {
-  const auto cycle = static_cast<std::ptrdiff_t>(layout_->cycle_chips());
+// The origin, where the clock has drifted to until a stretch.
+double PacketAssembler::origin_at(const Stretch& stretch, const Origin& origin) const {
+  return origin.chip + (drift_ ? drift_->rate * (stretch.time() - origin.time) : 0.0);
+}
+
+// Updates the origin from the headers of a stretch, until one disagrees with it; `breaks`: as the last one did, about
+// another origin.
+PacketAssembler::Agreement PacketAssembler::follow(Stretch& stretch) {
   for (const auto& sighting : stretch.blocks) {
-    if (sighting.parity != parity_.value || sighting.block >= layout_->blocks) return false;
+    if (sighting.parity != parity_.value || sighting.block >= layout_->blocks) return Agreement::disagrees;
     stretch.origin = origin_by(stretch, sighting);
     const double seen = static_cast<double>(*stretch.origin) + stretch.errors.offset;
     const double own = stretch.errors.scatter * stretch.errors.scatter;
     const double variance = origin_ ? place_variance(stretch, *origin_) : 0;
-    const double off = origin_ ? difference(seen, origin_->chip, cycle) : 0;
+    const double off = origin_ ? difference(seen, origin_at(stretch, *origin_), cycle()) : 0;
     const double allowed = static_cast<double>(kMaxSlip) + 0.5 + kPlaceErrors * std::sqrt(variance);
-    if (!origin_ || (std::abs(off) > allowed && doubtful_ &&
-                     std::abs(difference(seen, static_cast<double>(*doubtful_), cycle)) <= allowed)) {
-      origin_ = {seen, std::max(own, scatter_), stretch.slips};
-    } else if (std::abs(off) > allowed) {
+    const bool contradicts = origin_ && std::abs(off) > allowed;
+    if (contradicts && !doubtful_) {
       doubtful_ = *stretch.origin;
-      return false;
+      return Agreement::disagrees;
+    }
+    if (contradicts && std::abs(difference(seen, static_cast<double>(*doubtful_), cycle())) > allowed) {
+      doubtful_ = *stretch.origin;
+      return Agreement::breaks;
+    }
+    if (contradicts) take_back();
+    if (!origin_ || contradicts) {
+      origin_ = {seen, std::max(own, scatter_), stretch.time(), stretch.slips};
     } else {
-      const double walk = origin_->variance + std::abs(stretch.slips - origin_->slips);
+      const double walk = origin_->variance + walk_since(stretch, *origin_);
       const double gain = std::max(walk, kMinPlaceVariance) / std::max(variance, kMinPlaceVariance);
       scatter_ = kScatterKept * scatter_ + (1 - kScatterKept) * std::max(off * off - walk, 0.0);
-      origin_ = {origin_->chip + gain * off, std::max(1 - gain, 0.0) * walk, stretch.slips};
+      origin_ = {origin_at(stretch, *origin_) + gain * off, std::max(1 - gain, 0.0) * walk, stretch.time(),
+                 stretch.slips};
     }
     doubtful_.reset();
   }
-  return true;
+  return Agreement::agrees;
 }
 
 // Uses the first chip, before the stretch or in it, of each block that a stretch at a place of the cycle has a part of.
 template <class UseBlock>
 void PacketAssembler::for_blocks(std::size_t chips, std::ptrdiff_t place, UseBlock&& use) const {
-  const auto length = static_cast<std::ptrdiff_t>(block_chips_), end = static_cast<std::ptrdiff_t>(chips);
+  const auto length = static_cast<std::ptrdiff_t>(period()), end = static_cast<std::ptrdiff_t>(chips);
   auto block = static_cast<std::size_t>(place / length);
   for (std::ptrdiff_t start = -(place % length); start < end; start += length) {
     use(start, block);
@@ -517,35 +713,47 @@ double PacketAssembler::evidence(Evidence& chips, std::ptrdiff_t place) const {
     std::ptrdiff_t chip = start;
     for (const std::uint8_t bright : chips_of_block(bits, format_)) sum += chips.of_chip(chip++, bright != 0);
     for (; chip + word <= end; chip += word) sum += chips.of_word(chip);
+    if (pause_ > 0)
+      sum += chips.of_pause(start + static_cast<std::ptrdiff_t>(block_chips_),
+                            start + static_cast<std::ptrdiff_t>(period()));
   });
   return sum;
 }
 
-// The place in the cycle of a stretch without headers; absent where several places, or none, may be right.
-std::optional<std::ptrdiff_t> PacketAssembler::likely_place(const Stretch& stretch, const Origin& origin) const {
-  const auto cycle = static_cast<std::ptrdiff_t>(layout_->cycle_chips());
-  const double deviation = std::sqrt(std::max(place_variance(stretch, origin), kMinPlaceVariance));
-  const double expected = static_cast<double>(stretch.first) + stretch.errors.offset - origin.chip;
-  const double nearest = std::nearbyint(expected);
-  const double reach = std::clamp(std::ceil(kPlaceErrors * deviation), static_cast<double>(kMaxSlip), kMaxPlaces);
-  ChipEvidence evidence_of(stretch.llr, format_.line_code);
-  std::vector<std::pair<double, double>> places;  // ln of the probability, chip
-  for (double chip = nearest - reach; chip <= nearest + reach; ++chip) {
-    const double errors = (chip - expected) / deviation;
-    const double slip = std::abs(chip - nearest) <= static_cast<double>(kMaxSlip) ? kSlipChance : 0.0;
-    const double prior = std::exp(-0.5 * errors * errors) / (deviation * std::sqrt(2 * std::numbers::pi)) + slip;
-    const auto place = modulo(static_cast<std::ptrdiff_t>(chip), cycle);
-    places.emplace_back(std::log(std::max(prior, 1e-300)) + evidence(evidence_of, place), chip);
+// The place in the cycle of a stretch without headers, by the origins before and after it; absent where several places,
+// or none, may be right.
+std::optional<std::ptrdiff_t> PacketAssembler::likely_place(const Stretch& stretch,
+                                                            std::span<const Origin> origins) const {
+  double weights = 0;
+  for (const Origin& origin : origins) weights += 1 / std::max(place_variance(stretch, origin), kMinPlaceVariance);
+  std::map<std::ptrdiff_t, double> priors;  // of places
+  for (const Origin& origin : origins) {
+    const double variance = std::max(place_variance(stretch, origin), kMinPlaceVariance);
+    const double deviation = std::sqrt(variance), weight = 1 / (variance * weights);
+    const double expected = stretch.place() - origin_at(stretch, origin);
+    const double nearest = std::nearbyint(expected);
+    const double most = drift_ ? 0.5 * static_cast<double>(period()) : kMaxPlaces;
+    const double reach = std::clamp(std::ceil(kPlaceErrors * deviation), static_cast<double>(kMaxSlip), most);
+    for (double chip = nearest - reach; chip <= nearest + reach; ++chip) {
+      const double errors = (chip - expected) / deviation;
+      const double slip = std::abs(chip - nearest) <= static_cast<double>(kMaxSlip) ? kSlipChance : 0.0;
+      priors[modulo(static_cast<std::ptrdiff_t>(chip), cycle())] +=
+          weight * (std::exp(-0.5 * errors * errors) / (deviation * std::sqrt(2 * std::numbers::pi)) + slip);
+    }
   }
+  ChipEvidence evidence_of(stretch.llr, format_.line_code);
+  std::vector<std::pair<double, std::ptrdiff_t>> places;  // ln of the probability
+  for (const auto& [place, prior] : priors)
+    places.emplace_back(std::log(std::max(prior, 1e-300)) + evidence(evidence_of, place), place);
   const double elsewhere = std::log(kElsewhere) + format_.line_code.evidence_anywhere(evidence_of.llr());
   const auto most = std::ranges::max_element(places);
   double all = std::exp(std::min(elsewhere - most->first, 700.0));
-  for (const auto& [logarithm, chip] : places) all += std::exp(logarithm - most->first);
+  for (const auto& [logarithm, place] : places) all += std::exp(logarithm - most->first);
   if (1 < kSurePlace * all) return std::nullopt;
-  return modulo(static_cast<std::ptrdiff_t>(most->second), cycle);
+  return most->second;
 }
 
-void PacketAssembler::place_block(std::span<const double> chips, std::size_t block, StretchReport& report) {
+void PacketAssembler::place_block(std::span<const double> chips, std::size_t block, float sign, StretchReport& report) {
   const std::size_t byte_chips = format_.line_code.chips_per_byte();
   const auto body = chips.subspan(preamble_chips(format_.preamble).size() + kHeaderBytes * byte_chips);
   for (std::size_t byte = 0; byte < format_.block_bytes; ++byte) {
@@ -560,40 +768,82 @@ void PacketAssembler::place_block(std::span<const double> chips, std::size_t blo
     for (std::size_t bit = 0; bit < 8; ++bit) {
       const bool inverted = (whitening(position) >> (7 - bit) & 1U) != 0;
       const double llr = std::clamp(decoded.llr[bit], -kMaxSoftBit, kMaxSoftBit);
-      soft[bit] += static_cast<float>(inverted ? -llr : llr);
+      soft[bit] += sign * static_cast<float>(inverted ? -llr : llr);
     }
   }
 }
 
+void PacketAssembler::add(const Stretch& stretch, std::ptrdiff_t place, float sign, StretchReport& report) {
+  for_blocks(stretch.llr.size(), place, [&](std::ptrdiff_t start, std::size_t block) {
+    place_block(block_at(stretch.llr, start), block, sign, report);
+  });
+}
+
+// Stretches that were placed since the last header have no place: the next one contradicts the clock.
+void PacketAssembler::take_back() {
+  StretchReport unused;
+  for (const Joined& joined : joined_) add(joined.stretch, joined.place, -1, unused);
+  joined_.clear();
+}
+
 void PacketAssembler::place_waiting(StretchReport& report) {
   std::erase_if(waiting_, [&](const Stretch& stretch) { return stretch.epoch != epoch_; });  // its clock is gone
-  doubtful_.reset();  // only another stretch may confirm a doubtful header
   std::vector<bool> agrees;
   std::vector<std::optional<Origin>> origins;  // for each stretch, by the headers up to it
-  for (Stretch& stretch : waiting_) {
-    agrees.push_back(follow(stretch));
-    origins.push_back(origin_);
+  const auto follow_all = [&] {
+    doubtful_.reset();  // only another stretch may confirm a doubtful header
+    agrees.clear();
+    origins.clear();
+    bool breaks = false;
+    for (Stretch& stretch : waiting_) {
+      const Agreement agreement = follow(stretch);
+      breaks = breaks || agreement == Agreement::breaks;
+      agrees.push_back(agreement == Agreement::agrees);
+      origins.push_back(origin_);
+    }
+    return breaks;
+  };
+  if (drift_) learn_drift();
+  if (follow_all()) {
+    take_back();
+    learn_drift();
+    if (drift_) {
+      origin_.reset();
+      scatter_ = 0;
+    }
+    follow_all();
   }
   if (!origin_) return;
-  for (std::size_t k = waiting_.size(); k-- > 1;) {  // or by the next ones, where the clock jumped in between
-    const auto slips = [&](const Origin& origin) { return std::abs(waiting_[k - 1].slips - origin.slips); };
-    if (!origins[k - 1] || slips(*origins[k]) < slips(*origins[k - 1])) origins[k - 1] = origins[k];
-  }
-  const auto cycle = static_cast<std::ptrdiff_t>(layout_->cycle_chips());
+  std::optional<Origin> next;
   std::deque<Stretch> still;
+  std::vector<std::optional<std::ptrdiff_t>> places(waiting_.size());
+  for (std::size_t k = waiting_.size(); k-- > 0;) {
+    const Stretch& stretch = waiting_[k];
+    if (!agrees[k]) continue;
+    if (stretch.origin) {
+      places[k] = modulo(stretch.first - *stretch.origin, cycle());
+      next = origins[k];
+      continue;
+    }
+    std::vector<Origin> about;
+    if (origins[k]) about.push_back(*origins[k]);
+    if (next) about.push_back(*next);
+    if (!about.empty()) places[k] = likely_place(stretch, about);
+  }
   for (std::size_t k = 0; k < waiting_.size(); ++k) {
     Stretch& stretch = waiting_[k];
-    std::optional<std::ptrdiff_t> place;
-    if (agrees[k])
-      place = stretch.origin ? modulo(stretch.first - *stretch.origin, cycle) : likely_place(stretch, *origins[k]);
-    if (place)
-      for_blocks(stretch.llr.size(), *place, [&](std::ptrdiff_t start, std::size_t block) {
-        place_block(block_at(stretch.llr, start), block, report);
-      });
-    else
+    if (!places[k]) {
       still.push_back(std::move(stretch));
+      continue;
+    }
+    add(stretch, *places[k], 1, report);
+    if (stretch.origin)
+      joined_.clear();
+    else
+      joined_.push_back({std::move(stretch), *places[k]});
   }
   while (still.size() > kMaxDoubtful) still.pop_front();
+  if (joined_.size() > kMaxDoubtful) joined_.erase(joined_.begin());
   waiting_ = std::move(still);
   waiting_chips_ = 0;
   for (const auto& stretch : waiting_) waiting_chips_ += stretch.llr.size();
@@ -609,7 +859,7 @@ std::vector<double> PacketAssembler::reliabilities() const {
   return result;
 }
 
-std::optional<Payload> PacketAssembler::decode(std::span<const double> reliability) {
+std::optional<Payload> PacketAssembler::decode(std::span<const double> reliability) const {
   const ReedSolomon code(layout_->codeword_data);
   std::vector<std::uint8_t> data(layout_->codewords * layout_->codeword_data);
   Payload payload;
@@ -635,6 +885,18 @@ std::optional<Payload> PacketAssembler::decode(std::span<const double> reliabili
   return payload;
 }
 
+Lack PacketAssembler::lack_after(const StretchReport& report, std::span<const double> llr) {
+  const auto sure = std::ranges::count_if(llr, [](double chip) { return std::abs(chip) >= kSureBit; });
+  if (2 * static_cast<std::size_t>(sure) < llr.size()) return Lack::none;
+  const std::size_t start = preamble_chips(format_.preamble).size() + header_chips(format_);
+  headers_missed_ = report.blocks > 0 ? 0.0
+                    : llr.size() >= start
+                        ? headers_missed_ + static_cast<double>(llr.size() - start + 1) / static_cast<double>(period())
+                        : headers_missed_;
+  unplaced_ = report.outcome == StretchOutcome::waiting ? unplaced_ + 1 : 0;
+  return headers_missed_ >= kHeadersMissed ? Lack::header : unplaced_ >= kUnplaced ? Lack::place : Lack::none;
+}
+
 StretchReport PacketAssembler::push(std::ptrdiff_t first, std::span<const double> llr, const PlaceErrors& errors) {
   for (double value : llr) require(!std::isnan(value), "llr", value, "numbers");
   require_not_negative("scatter", errors.scatter);
@@ -650,10 +912,16 @@ StretchReport PacketAssembler::push(std::ptrdiff_t first, std::span<const double
     for (const auto& sighting : stretch.blocks) read_header(sighting);
     keep(std::move(stretch));
     if (!layout_) find_layout();
-    if (layout_) place_waiting(report);
+    if (layout_)
+      place_waiting(report);
+    else
+      report.payload = try_lengths();
     if (!waiting_.empty() && waiting_.back().first == first) report.outcome = StretchOutcome::waiting;
+    report.lack = lack_after(report, llr);
   }
-  if (!layout_) return report;
+  report.inverted = inverted_;
+  if (report.payload) report.share = 1;
+  if (!layout_ || report.payload) return report;
 
   const auto reliability = reliabilities();
   std::size_t scarcest = ReedSolomon::kLength;
@@ -665,8 +933,10 @@ StretchReport PacketAssembler::push(std::ptrdiff_t first, std::span<const double
   if (report.bytes + report.cut + report.doubtful == 0 || scarcest < layout_->codeword_data) return report;
   report.payload = decode(reliability);
   // More than twice the needed symbols that do not decode come from more than one packet.
-  if (report.payload || scarcest >= std::min(2 * layout_->codeword_data + 40, ReedSolomon::kLength))
+  if (report.payload || scarcest >= std::min(2 * layout_->codeword_data + 40, ReedSolomon::kLength)) {
     std::ranges::fill(soft_bits_, 0.0F);
+    joined_.clear();
+  }
   return report;
 }
 
@@ -687,6 +957,15 @@ std::string_view outcome_name(StretchOutcome outcome) {
     case StretchOutcome::unreadable: break;
   }
   return "unreadable";
+}
+
+std::string_view lack_name(Lack lack) {
+  switch (lack) {
+    case Lack::header: return "header";
+    case Lack::place: return "place";
+    case Lack::none: break;
+  }
+  return "none";
 }
 
 }  // namespace ocisac

@@ -223,11 +223,11 @@ void ChipReceiver::read(ChipFrame& frame) {
   read_again(frame, none, std::move(state));
 }
 
-// An uncounted frame with the last one's chips at their place is the same.
+// A frame with the last one's chips at their place is the same; not counted, it took no time.
 bool ChipReceiver::repeats_last(const ReceivedFrame& result) {
-  const bool same = !counted_ && result.bits == last_bits_ && !(result.flags & flag::periodic) &&
+  const bool same = result.bits == last_bits_ && !(result.flags & flag::periodic) &&
                     std::abs(result.phase - last_phase_) < kSamePhase * result.rows_per_chip;
-  repeats_ += same;
+  repeats_ += same && !counted_;
   last_bits_ = result.bits;
   last_phase_ = result.phase;
   return same;
@@ -260,7 +260,11 @@ void ChipReceiver::count_chips(ChipFrame& frame) {
                                   : counted_ ? kUnknownJump
                                              : kAnyJump};
   }
+  frame.place_errors.time = frame.rows.time;
+  // No chip is seen before the last one of the frame before, whatever the frame time says.
+  if (predicted) count_base_ += std::max(end_chip_ - (frame.first_chip + count_base_ + after), std::ptrdiff_t{0});
   frame.first_chip += count_base_ + after;
+  end_chip_ = frame.first_chip + std::ssize(frame.reading->llr);
 }
 
 void ChipReceiver::place(ChipFrame& frame) {
@@ -299,6 +303,10 @@ ReceivedFrame ChipReceiver::decode(ChipFrame frame) {
     std::vector<double> weights = code_weights(*frame.reading);
     agree_with_code(weights, reader_.options().format);
     result.stretch = assembler_.push(frame.first_chip, weights, frame.place_errors);
+    if (const auto chips = state_.tracker ? assembler_.take_rate() : std::nullopt) {
+      reader_.set_frame_rows(*chips * frame.reading->channel.clock.rows_per_chip);
+      state_.tracker = reader_.new_tracker(last_stamp_.has_value());
+    }
   }
   // A frame that repeats the last one has its time, too.
   if (result.stretch && result.stretch->outcome == StretchOutcome::repeated && !history_.frames.empty() &&

@@ -216,7 +216,7 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
   if (seen >= kMinChipsSeen) {
     const auto matches = find_preamble(signal, search.preamble,
                                        {.rows_per_chip = search.rows_per_chip,
-                                        .tolerance = search.tolerance,
+                                        .tolerance = search.preamble_tolerance,
                                         .exposure_rows = search.exposure_rows,
                                         .max_exposure_chips = std::min(kLongestPreambleExposure, chips - kMinChipsSeen),
                                         .max_matches = kPreamblesTried});

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <functional>
 #include <limits>
 #include <span>
 
@@ -24,14 +25,17 @@ constexpr int kHalvings = 30;
 constexpr double kSureErrors = 0.05;           // chips in a frame
 constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
-// Words that violate the code, at the place of words with the fewest.
+// Words that violate the code, at the place of words and with the polarity of the light with the fewest.
 double violations(std::span<const double> llr, const LineCode& code) {
   std::ptrdiff_t fewest = std::numeric_limits<std::ptrdiff_t>::max();
   const std::size_t chips = code.chips_per_word();
-  for (std::size_t skipped = 0; skipped < chips; ++skipped) {
-    const auto words = llr.subspan(skipped, (llr.size() - skipped) / chips * chips);
-    fewest = std::min(fewest, std::ranges::count(code.decode(words).violations, 1));
-  }
+  std::vector<double> turned(llr.size());
+  std::ranges::transform(llr, turned.begin(), std::negate{});
+  for (const auto sent : {llr, std::span<const double>(turned)})
+    for (std::size_t skipped = 0; skipped < chips; ++skipped) {
+      const auto words = sent.subspan(skipped, (sent.size() - skipped) / chips * chips);
+      fewest = std::min(fewest, std::ranges::count(code.decode(words).violations, 1));
+    }
   return static_cast<double>(fewest);
 }
 

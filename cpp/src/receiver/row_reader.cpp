@@ -15,13 +15,14 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kFrameTimeError = 1e-4;   // relative standard error of a nominal frame time
-constexpr double kSurePrediction = 0.15;   // chips; max standard error at which a predicted phase is used alone
-constexpr double kSameExposure = 0.1;      // chips; a change by which a predicted phase is not sure
-constexpr double kBrighter = 0.08;         // relative, of the mean from frame to frame: exposure or gain changed
-constexpr double kMinVariance = 0.25;      // of a frame's rows over that of the last one with the same light
-constexpr double kNarrowTolerance = 2e-3;  // relative, of a rate estimated from frames
-constexpr double kWideTolerance = 0.02;    // relative, of a nominal rate
+constexpr double kFrameTimeError = 1e-4;    // relative standard error of a nominal frame time
+constexpr double kSurePrediction = 0.15;    // chips; max standard error at which a predicted phase is used alone
+constexpr double kSameExposure = 0.1;       // chips; a change by which a predicted phase is not sure
+constexpr double kBrighter = 0.08;          // relative, of the mean from frame to frame: exposure or gain changed
+constexpr double kMinVariance = 0.25;       // of a frame's rows over that of the last one with the same light
+constexpr double kNarrowTolerance = 2e-3;   // relative, of a rate estimated from frames
+constexpr double kWideTolerance = 0.02;     // relative, of a nominal rate
+constexpr double kRowTimeTolerance = 0.08;  // the same where a preamble shows it: the row time may be wrong
 constexpr double kAsNoisy = 1.2, kMaxNoiseRatio = 2;  // ratio to the last frame
 constexpr double kLittleNoise = 0.06;                 // relative to the swing: excludes a lost clock in any part
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 7000;
@@ -137,7 +138,7 @@ RowReader::RowReader(const Camera& camera, ChipOptions options) : camera_(camera
 
 std::optional<ClockTracker> RowReader::new_tracker(bool stamped) const {
   if (!stamped && !camera_.frame_time) return std::nullopt;
-  const double rows = camera_.frame_time.value_or(1.0) / camera_.row_time;
+  const double rows = frame_rows_.value_or(camera_.frame_time.value_or(1.0) / camera_.row_time);
   return ClockTracker(TrackerOptions{.frame_rows = rows, .frame_rows_std = kFrameTimeError * rows});
 }
 
@@ -289,7 +290,8 @@ std::optional<FrameReading> RowReader::search(std::span<const double> signal, co
                          .exposure_rows = model.exposure_rows,
                          .preamble = preamble_,
                          .effort = &frame.effort,
-                         .warped = model.warped};
+                         .warped = model.warped,
+                         .preamble_tolerance = is_tracked ? kNarrowTolerance : kRowTimeTolerance};
   if (!model.exposure_rows && !is_tracked) return search_exposures(signal, what);
   auto reading = search_frame(signal, what);
   if (!reading || !model.exposure_rows || model.exposure_known || !reading->warp.empty()) return reading;

@@ -833,3 +833,133 @@ TEST_CASE("payloads of all lengths and numbers come back, whatever the format") 
     CHECK(payload->corrected == 0);
   }
 }
+
+TEST_CASE("frames of a wrong frame time, or of times that vary, are joined by their headers") {
+  const Sender sender(80);
+  for (const double longer : {-0.25, -0.05, 0.001, 0.02, 0.25}) {
+    CAPTURE(longer);
+    PacketAssembler assembler(sender.format);
+    std::optional<ocisac::Payload> payload;
+    std::size_t frames = 0, wrong = 0;
+    for (; frames < 24 && !payload; ++frames) {  // of 150 chips, every 200
+      const auto place = static_cast<std::size_t>(std::lround(200 * (1 + longer) * static_cast<double>(frames)));
+      const auto told = static_cast<std::ptrdiff_t>(200 * frames);
+      const auto report = assembler.push(told, sender.soft(1000 + place, 150), {.time = static_cast<double>(frames)});
+      payload = report.payload;
+      wrong += report.violations;
+    }
+    REQUIRE(payload);
+    CHECK(payload->bytes == sender.payload);
+    CHECK(payload->corrected == 0);
+    CHECK(wrong == 0);
+    CHECK(frames <= 15);  // 13 with the right time
+  }
+  std::mt19937 random(5);
+  for (const double walk : {3.0, 20.0, 40.0}) {
+    CAPTURE(walk);
+    PacketAssembler assembler(sender.format);
+    std::optional<ocisac::Payload> payload;
+    double place = 1000;
+    std::size_t frames = 0;
+    for (; frames < 32 && !payload; ++frames) {
+      const auto told = static_cast<std::ptrdiff_t>(200 * frames);
+      payload = assembler.push(told, sender.soft(static_cast<std::size_t>(place), 150)).payload;
+      place += 200 + std::uniform_real_distribution(0.0, walk)(random);
+    }
+    REQUIRE(payload);
+    CHECK(payload->bytes == sender.payload);
+    CHECK(frames <= 28);
+  }
+}
+
+TEST_CASE("pauses between blocks are learned, whatever they show") {
+  const Sender sender(80);
+  for (const std::size_t pause : {1U, 2U, 10U, 100U})
+    for (const int shown : {0, 1, 2}) {  // dark, bright, toggling
+      CAPTURE(pause);
+      CAPTURE(shown);
+      Soft cycle;
+      for (std::size_t block = 0; block < sender.chips.size() / kBlock; ++block) {
+        const auto chips = sender.blocks(block, 1);
+        cycle.insert(cycle.end(), chips.begin(), chips.end());
+        for (std::size_t k = 0; k < pause; ++k)
+          cycle.push_back((shown == 2 ? k % 2 != 0 : shown == 1) ? kSure : -kSure);
+      }
+      PacketAssembler assembler(sender.format);
+      std::optional<ocisac::Payload> payload;
+      std::size_t frames = 0;
+      for (; frames < 30 && !payload; ++frames) {
+        Soft seen;
+        for (std::size_t k = 0; k < 190; ++k) seen.push_back(cycle[(777 + 267 * frames + k) % cycle.size()]);
+        payload = assembler.push(static_cast<std::ptrdiff_t>(267 * frames), seen).payload;
+      }
+      REQUIRE(payload);
+      CHECK(payload->bytes == sender.payload);
+      CHECK(payload->corrected == 0);
+      CHECK(frames <= (pause == 100 ? 24 : 16));
+    }
+}
+
+TEST_CASE("light that is dark for 1 is read as well, and said to be") {
+  for (const char* code : {"none", "manchester", "4b6b", "8b10b"}) {
+    CAPTURE(code);
+    const Sender sender(80, 0, format_of(code));
+    for (const bool inverted : {false, true}) {
+      PacketAssembler assembler(sender.format);
+      std::optional<ocisac::Payload> payload;
+      for (std::size_t frame = 0; frame < 30 && !payload; ++frame) {
+        auto seen = sender.soft(267 * frame, 190);
+        if (inverted) flip(seen, 0, seen.size());
+        const auto report = assembler.push(static_cast<std::ptrdiff_t>(267 * frame), seen);
+        payload = report.payload;
+        CHECK((report.inverted == inverted || report.blocks == 0));
+      }
+      REQUIRE(payload);
+      CHECK(payload->bytes == sender.payload);
+      CHECK(payload->corrected == 0);
+    }
+  }
+}
+
+TEST_CASE("chips that a clock placed, which a header contradicts, are taken back") {
+  const Sender sender(80);
+  PacketAssembler assembler = after_four_blocks(sender);
+  // The sender has jumped by a block: words that are placed as those of block 4, and two headers that contradict.
+  const auto words = sender.soft(5 * kBlock + kStart, 8 * kByte);
+  auto report = assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(kStart), words);
+  CHECK(report.outcome == StretchOutcome::placed);
+  CHECK(report.share == doctest::Approx(40 / 85.0));
+  assembler.push(place_of_block(5), sender.blocks(6, 1));
+  report = assembler.push(place_of_block(6), sender.blocks(7, 1));
+  CHECK(report.share <= 48 / 85.0);
+  for (std::size_t block = 8; block < 15 && !report.payload; ++block)
+    report = assembler.push(place_of_block(block - 1), sender.blocks(block, 1));
+  REQUIRE(report.payload);
+  CHECK(report.payload->bytes == sender.payload);
+  CHECK(report.payload->corrected == 0);
+}
+
+TEST_CASE("certain chips without a payload say what they lack") {
+  using ocisac::Lack;
+  std::mt19937 random(3);
+  const auto lack_after = [&](const Sender& sender, auto&& chips) {
+    PacketAssembler assembler(sender.format);
+    Lack lack = Lack::none;
+    for (std::size_t frame = 0; frame < 24; ++frame)
+      lack = assembler.push(static_cast<std::ptrdiff_t>(267 * frame), chips(frame)).lack;
+    return lack;
+  };
+  const Sender sender(80), other(80, 0, format_of("manchester", 4));
+  const auto right = [&](std::size_t frame) { return sender.soft(267 * frame, 190); };
+  CHECK(lack_after(sender, right) == Lack::none);
+  const auto words = [&](std::size_t) {
+    Soft chips;
+    for (std::size_t k = 0; k < 190; ++k) chips.push_back(random() % 2 != 0 ? kSure : -kSure);
+    return chips;
+  };
+  CHECK(lack_after(sender, words) == Lack::header);
+  const auto doubtful = [&](std::size_t) { return Soft(190, 0.5); };
+  CHECK(lack_after(sender, doubtful) == Lack::none);
+  const auto one_block = [&](std::size_t) { return sender.soft(0, 150); };  // one digit of the length
+  CHECK(lack_after(sender, one_block) == Lack::place);
+}

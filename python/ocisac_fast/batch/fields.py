@@ -130,6 +130,8 @@ FIELDS: Mapping[str, tuple[Field, ...]] = {
         Field("packet_cut", "int64", "", "bytes cut by the frame's edges"),
         Field("packet_doubtful", "int64", "", "bytes in doubt"),
         Field("packet_share", "float64", "", "share of the bytes that a payload needs"),
+        Field("packet_inverted", "bool", "", "the light is dark for 1"),
+        Field("packet_lack", "string", "", "what the chips lack for a payload"),
         Field("packet", "int64", "", "number of the completed packet"),
         Field("payload", "string", "", "its payload as text"),
         Field("payload_base64", "string", "", "its payload"),

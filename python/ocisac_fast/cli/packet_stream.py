@@ -183,7 +183,7 @@ def _packet_facts(received: Any) -> dict[str, Any]:
     """Missing frames, the packet's result for this frame, and the completed payload."""
     facts: dict[str, Any] = {"frames_missing": received.missing}
     if received.stretch is not None:
-        names = ("outcome", "blocks", "bytes", "cut", "doubtful", "share")
+        names = ("outcome", "blocks", "bytes", "cut", "doubtful", "share", "inverted", "lack")
         facts |= {f"packet_{name}": getattr(received.stretch, name) for name in names}
     if received.payload is not None:
         payload = received.payload.data

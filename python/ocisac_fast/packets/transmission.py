@@ -106,6 +106,10 @@ class Stretch(Result):
         violations: words that are not in the line code, of the stretches placed now.
         share: received share of the bytes needed, minimum over the codewords; from 1 on decoding is possible.
         payload: the payload if it was completed now.
+        inverted: True if the light is dark for 1, as the last header shows.
+        lack: what certain chips lack for a payload: "none", or only more of them; "header": five would have been seen
+            since the last one (another format, or other light); "place": of the last twelve stretches none has one, or
+            the packet's length is not known.
     """
 
     outcome: str
@@ -116,13 +120,14 @@ class Stretch(Result):
     violations: int
     share: float
     payload: Payload | None
+    inverted: bool
+    lack: str
 
     @classmethod
     def _of(cls, values: tuple[Any, ...]) -> Stretch:
         """Convert the core's values."""
-        outcome, blocks, seen, cut, doubtful, violations, share, payload = values
-        whole = None if payload is None else Payload(*payload)
-        return cls(outcome, blocks, seen, cut, doubtful, violations, share, whole)
+        *counts, payload, inverted, lack = values
+        return cls(*counts, None if payload is None else Payload(*payload), inverted, lack)
 
 
 @checked

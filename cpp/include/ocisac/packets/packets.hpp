@@ -76,6 +76,16 @@ enum class StretchOutcome {
 // placed, waiting, …
 std::string_view outcome_name(StretchOutcome outcome);
 
+// What stretches of sure chips lack for a payload, other than more of them.
+enum class Lack {
+  none,
+  header,  // five would have been seen since the last one
+  place,   // of the last twelve stretches none has one, or the packet's length is not known
+};
+
+// none, header, place
+std::string_view lack_name(Lack lack);
+
 struct Payload {
   std::vector<std::uint8_t> bytes;
   unsigned number = 0;        // of the packet
@@ -90,20 +100,25 @@ struct StretchReport {
   std::size_t doubtful = 0;        // coded bytes with a bit that is not sure, of the stretches placed now
   std::size_t violations = 0;      // words that are none of the line code, of the stretches placed now
   double share = 0;                // of the bytes needed that are there, by the scarcest codeword; 1: may be decoded
+  bool inverted = false;           // the light is dark for 1, as the last header shows
+  Lack lack = Lack::none;          // of what many stretches have been without
   std::optional<Payload> payload;  // whole, its CRC-32 right
 };
 
 // Doubt about a stretch's place on the chip clock, in chips.
 struct PlaceErrors {
-  double offset = 0;   // of the expected place from the given one
-  double scatter = 0;  // standard error of the expected place, of this stretch alone: frame starts jitter
-  double slip = 0;     // standard error of a jump of the clock since the last stretch
+  double offset = 0;             // of the expected place from the given one
+  double scatter = 0;            // standard error of the expected place, of this stretch alone: frame starts jitter
+  double slip = 0;               // standard error of a jump of the clock since the last stretch
+  std::optional<double> time{};  // in any unit, with which a wrong clock drifts; absent: the place
 };
 
 // Assembles payloads from stretches of soft chips, each placed on a chip clock. Stretches with a header have their
-// place from it; others from the last headers and, where some places are possible, from the preamble, the header and
-// the line code that are expected there. Memory is bounded: the soft bits of one cycle and 2^17 chips whose place is
-// not yet known.
+// place from it; others from the headers before and after them and, where some places are possible, from the preamble,
+// the header and the line code that are expected there. Where two headers in a row are not where the clock has them,
+// its drift and walk are learned from the headers, which place their neighbours then; so is a pause between blocks.
+// What was placed by the clock and a header contradicts is taken back. Headers of either polarity are found. Memory is
+// bounded: the soft bits of one cycle and 2^17 chips whose place is not yet known.
 class PacketAssembler {
  public:
   explicit PacketAssembler(PacketFormat format);
@@ -115,6 +130,10 @@ class PacketAssembler {
 
   // The clock has jumped: the packet's symbols stay; the next header restores the place.
   void lose_clock();
+
+  // Chips per unit of the stretches' times, once headers have shown that a clock that ran wrong runs evenly, and no
+  // stretch waits for it. The clock restarts with that rate.
+  std::optional<double> take_rate();
 
   // All stretches come again, read otherwise: forgets their chips and their clock, not what headers say of the packet.
   void restart();
@@ -129,17 +148,33 @@ class PacketAssembler {
     PlaceErrors errors;
     double slips;                          // variance of the clock's jumps up to here, chips²
     std::optional<std::ptrdiff_t> origin;  // by its headers
+
+    [[nodiscard]] double place() const { return static_cast<double>(first) + errors.offset; }
+    [[nodiscard]] double time() const { return errors.time.value_or(place()); }
   };
   // Chip at which a block 0 began, by the last headers: its estimate and variance, chips².
   struct Origin {
-    double chip, variance, slips;  // slips: of the last stretch that changed it
+    double chip, variance;
+    double time, slips;  // of the last stretch that changed it
   };
-  // The last block whose header was read: its place on the clock, and the variance of the clock's jumps up to there.
-  struct LastBlock {
-    double chip;
+  // The last header of a stretch: its block's place on the clock, and the variance of the clock's jumps up to there.
+  struct Header {
+    double time, place, chip;  // of the stretch; of the block
     unsigned block, parity;
     double slips;
   };
+  // Of a clock that headers contradict: shift of the origin in chips, and its variance in chips², per unit of time.
+  struct Drift {
+    double rate, walk;
+    double chips;         // sent per unit of time
+    std::size_t headers;  // between which it was learned
+    double step;          // time from one to the next
+  };
+  struct Joined {
+    Stretch stretch;
+    std::ptrdiff_t place;  // in the cycle
+  };
+  enum class Agreement { agrees, disagrees, breaks };
   struct Vote {
     unsigned value = 0;
     int count = 0;
@@ -147,24 +182,37 @@ class PacketAssembler {
   };
 
   Stretch search(std::ptrdiff_t first, std::span<const double> llr, const PlaceErrors& errors);
-  [[nodiscard]] std::vector<BlockSighting> seen_blocks(double first, const PlaceErrors& errors);
+  [[nodiscard]] std::vector<BlockSighting> seen_blocks(double place, const PlaceErrors& errors) const;
+  void turn();
   void keep(Stretch stretch);
   void read_header(const BlockSighting& sighting);
   void start_packet();
-  void place_waiting(StretchReport& report);
   void find_layout();
+  void use_layout(std::size_t payload_bytes);
+  std::optional<Payload> try_lengths();
+  void learn_pause(const Header& header);
+  void learn_drift();
+  [[nodiscard]] Lack lack_after(const StretchReport& report, std::span<const double> llr);
+  [[nodiscard]] std::size_t period() const { return block_chips_ + pause_; }
+  [[nodiscard]] std::ptrdiff_t cycle() const { return static_cast<std::ptrdiff_t>(layout_->blocks * period()); }
   [[nodiscard]] std::ptrdiff_t origin_by(const Stretch& stretch, const BlockSighting& sighting) const;
+  [[nodiscard]] double walk_since(const Stretch& stretch, const Origin& origin) const;
   [[nodiscard]] double place_variance(const Stretch& stretch, const Origin& origin) const;
-  bool follow(Stretch& stretch);
-  [[nodiscard]] std::optional<std::ptrdiff_t> likely_place(const Stretch& stretch, const Origin& origin) const;
+  [[nodiscard]] double origin_at(const Stretch& stretch, const Origin& origin) const;
+  Agreement follow(Stretch& stretch);
+  void place_waiting(StretchReport& report);
+  void add(const Stretch& stretch, std::ptrdiff_t place, float sign, StretchReport& report);
+  void take_back();
+  [[nodiscard]] std::optional<std::ptrdiff_t> likely_place(const Stretch& stretch,
+                                                           std::span<const Origin> origins) const;
   template <class Evidence>
   [[nodiscard]] double evidence(Evidence& chips, std::ptrdiff_t place) const;
   template <class UseBlock>
   void for_blocks(std::size_t chips, std::ptrdiff_t place, UseBlock&& use) const;
   [[nodiscard]] std::vector<double> block_at(std::span<const double> llr, std::ptrdiff_t start) const;
-  void place_block(std::span<const double> chips, std::size_t block, StretchReport& report);
+  void place_block(std::span<const double> chips, std::size_t block, float sign, StretchReport& report);
   [[nodiscard]] std::vector<double> reliabilities() const;
-  std::optional<Payload> decode(std::span<const double> reliability);
+  [[nodiscard]] std::optional<Payload> decode(std::span<const double> reliability) const;
 
   PacketFormat format_;
   std::size_t block_chips_;
@@ -175,7 +223,15 @@ class PacketAssembler {
   std::optional<Origin> origin_;
   std::optional<std::ptrdiff_t> doubtful_;  // origin by a header that disagrees
   double scatter_ = 0, slips_ = 0;          // variances about the origin by headers; of jumps so far, chips²
-  std::optional<LastBlock> last_;
+  std::deque<Header> headers_;              // the last ones on this clock
+  std::optional<Drift> drift_;              // absent: headers are where the clock has them
+  Vote pauses_;
+  std::size_t pause_ = 0;              // chips between blocks
+  Vote polarity_;                      // 1: dark for 1
+  bool inverted_ = false;              // so are the chips received; they are kept as they were sent
+  double headers_missed_ = 0;          // that would have been seen since the last one
+  std::size_t unplaced_ = 0;           // stretches in a row
+  std::vector<Joined> joined_;         // placed by the clock, since the last header
   std::optional<std::ptrdiff_t> end_;  // chip after the last stretch
   std::vector<double> tail_;           // its last chips, in which a block may have begun
   std::deque<Stretch> waiting_;

@@ -95,6 +95,7 @@ class ChipReceiver {
   std::string last_bits_;
   double last_phase_ = 0;
   std::ptrdiff_t count_base_ = 0;                // chips that the tracker counted before it restarted
+  std::ptrdiff_t end_chip_ = 0;                  // after those of the last frame
   std::size_t lost_ = 0;                         // consecutive frames without chips
   BackOff search_{.shortest = 1, .longest = 8};  // for the clock
 };

@@ -87,6 +87,8 @@ class RowReader {
   [[nodiscard]] const ChipOptions& options() const { return options_; }
   [[nodiscard]] SearchEffort effort(const LightState& state, std::size_t rows) const;
 
+  // Rows from the beginning of a frame to that of the next, other than frame time and row time say.
+  void set_frame_rows(double rows) { frame_rows_ = rows; }
   // `stamped`: frames have times, so that the frame time need not be known.
   [[nodiscard]] std::optional<ClockTracker> new_tracker(bool stamped) const;
   // The state before the first frame; the tracker keeps the camera's frame time.
@@ -129,6 +131,7 @@ class RowReader {
   Camera camera_;
   ChipOptions options_;
   std::vector<double> preamble_;
+  std::optional<double> frame_rows_{};
 };
 
 }  // namespace ocisac
