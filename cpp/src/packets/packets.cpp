@@ -787,7 +787,13 @@ void PacketAssembler::take_back() {
 }
 
 void PacketAssembler::place_waiting(StretchReport& report) {
-  std::erase_if(waiting_, [&](const Stretch& stretch) { return stretch.epoch != epoch_; });  // its clock is gone
+  std::erase_if(waiting_, [&](const Stretch& stretch) {  // where the clock is gone, headers alone have a place
+    if (stretch.epoch == epoch_) return false;
+    if (!stretch.blocks.empty() && stretch.blocks.back().parity == parity_.value &&
+        stretch.blocks.back().block < layout_->blocks)
+      add(stretch, modulo(stretch.first - origin_by(stretch, stretch.blocks.back()), cycle()), 1, report);
+    return true;
+  });
   std::vector<bool> agrees;
   std::vector<std::optional<Origin>> origins;  // for each stretch, by the headers up to it
   const auto follow_all = [&] {

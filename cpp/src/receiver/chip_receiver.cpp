@@ -30,6 +30,7 @@ RowRange sharp_rows(const CombinedColumn& column, const RowRange& region) {
 constexpr double kBrightLight = 10;     // power of the columns' common light over its noise
 constexpr double kUnknownJump = 2;      // chips; standard error of the count where the clock jumped
 constexpr double kAnyJump = 1e6;        // the same where frames may be missing
+constexpr int kAlternating = 2;         // frames in a row
 constexpr double kSamePhase = 0.1;      // chips
 constexpr double kNoiseKept = 0.9;      // decay per frame: noise varies where the light fills only some of the rows
 constexpr double kOthersEffort = 0.5;   // of a frame's: the effort for each of the other models
@@ -92,8 +93,23 @@ double ChipReceiver::time_of(std::int64_t frame, const FrameStamp& stamp) {
     assembler_.lose_clock();
   }
   last_stamp_ = stamp.time;
-  counted_ = stamp.time || stamp.number;
   return stamp.time ? *stamp.time / reader_.camera().frame_time.value_or(1.0) : static_cast<double>(frame - repeats_);
+}
+
+// A frame shows nothing new and took no time, where it is not counted. Where each second one does, the film is of half
+// its rate, if the clock does not say that it is not.
+void ChipReceiver::pass_idle(std::int64_t frame, bool is_mean) {
+  means_ = is_mean;
+  const std::int64_t gap = frame - std::exchange(last_idle_, frame);
+  alternating_ = gap == 2 ? alternating_ + 1 : 0;
+  idle_gap_ = gap;
+  if (counted_) return;
+  ++repeats_;
+  if (alternating_ < kAlternating || !state_.tracker || state_.tracker->is_steady()) return;
+  const Camera& camera = reader_.camera();
+  reader_.set_frame_rows(2 * camera.frame_time.value_or(1.0) / camera.row_time);
+  state_.tracker = reader_.new_tracker(false);
+  alternating_ = std::numeric_limits<int>::min();  // once
 }
 
 // As bright as with the exposure and the gain of the first frame that states them.
@@ -113,13 +129,16 @@ ChipFrame ChipReceiver::explain(CombinedColumn column, std::int64_t frame, std::
   ChipFrame now{.result = nothing_received(frame)};
   if (column.saturated) now.result.flags |= flag::saturated;
   FrameRows& rows = now.rows;
-  rows.time = time_of(frame, stamp);
   history_.keep({.number = frame,
-                 .time = rows.time,
+                 .time = 0,
                  .signal = column.signal,
                  .bright = column.quality > kBrightLight,
                  .counted = counted_},
                 first_row);
+  counted_ = stamp.time || stamp.number;
+  if (const auto mean = history_.drop_mean()) pass_idle(*mean, true);
+  now.may_be_mean = means_ && frame - last_idle_ == idle_gap_;
+  rows.time = history_.frames.back().time = time_of(frame, stamp);
   const auto& learned = history_.profile;
   const RowRange lit = learned ? learned->rows : sharp_rows(column, region);
   rows.first_row = first_row + lit.begin;
@@ -181,6 +200,12 @@ void ChipReceiver::read_again(ChipFrame& frame, const LearnedProfile& profile, L
 }
 
 void ChipReceiver::read(ChipFrame& frame) {
+  if (frame.may_be_mean) {  // of which no chips are to be had
+    FrameRows followed = frame.rows;
+    followed.may_search = false;
+    const auto reading = reader_.read_with(state_.model, followed, state_);
+    if (!reading || reading->verdict != Verdict::fits) return;
+  }
   RowsRead read = reader_.read(frame.rows, std::move(state_));
   state_ = std::move(read.state);
   frame.reading = std::move(read.reading);
@@ -227,7 +252,7 @@ void ChipReceiver::read(ChipFrame& frame) {
 bool ChipReceiver::repeats_last(const ReceivedFrame& result) {
   const bool same = result.bits == last_bits_ && !(result.flags & flag::periodic) &&
                     std::abs(result.phase - last_phase_) < kSamePhase * result.rows_per_chip;
-  repeats_ += same && !counted_;
+  if (same) pass_idle(result.frame, false);
   last_bits_ = result.bits;
   last_phase_ = result.phase;
   return same;
@@ -287,6 +312,8 @@ void ChipReceiver::place(ChipFrame& frame) {
 void ChipReceiver::lose(ChipFrame& frame) {
   const bool paused = !search_.is_due();
   frame.result.flags |= flag::no_signal;
+  frame.result.outcome = FrameOutcome::no_signal;
+  if (frame.may_be_mean) return;
   frame.result.outcome = paused ? FrameOutcome::unsearched : FrameOutcome::no_signal;
   if (!paused && !frame.rows.is_noise.value_or(false)) search_.fail();
   if (++lost_ < kForgotten) return;

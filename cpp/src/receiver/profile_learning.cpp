@@ -315,6 +315,17 @@ std::int64_t FrameHistory::drop_given_again() {
   return dropped;
 }
 
+std::optional<std::int64_t> FrameHistory::drop_mean() {
+  if (frames.size() < 3) return std::nullopt;
+  const auto between = frames.end() - 2;
+  if (std::prev(between)->number + 1 != between->number || between->number + 1 != frames.back().number ||
+      !is_mean(std::prev(between)->signal, between->signal, frames.back().signal))
+    return std::nullopt;
+  const KeptFrame mean = *between;
+  frames.erase(between);
+  return mean.verdict ? std::nullopt : std::optional(mean.number);
+}
+
 std::optional<FrameReading> read_kept(const RowReader& reader, const LearnedProfile& learned, const LightState& state,
                                       std::size_t first_row, KeptFrame& kept, FrameRows& rows) {
   rows.signal = without_profile(kept.signal, learned.profile, learned.rows);

@@ -13,6 +13,7 @@ namespace ocisac {
 
 namespace {
 
+constexpr double kOfMean = 0.05;   // of the squares: other chips leave 0.75
 constexpr double kMuchLess = 0.5;  // of the squares: those of as many chips as a frame has are alike
 
 std::vector<double> difference(std::span<const double> a, std::span<const double> b) {
@@ -37,6 +38,13 @@ double usual_squares(std::span<const std::span<const double>> frames, std::size_
 }
 
 }  // namespace
+
+bool is_mean(std::span<const double> before, std::span<const double> frame, std::span<const double> after) {
+  const auto apart = difference(after, before);
+  auto rest = difference(frame, before);
+  for (std::size_t n = 0; n < rest.size(); ++n) rest[n] -= 0.5 * apart[n];
+  return squares_about_mean(rest) < kOfMean * squares_about_mean(apart) && !is_noise(apart);
+}
 
 std::vector<std::uint8_t> repeated_frames(std::span<const std::span<const double>> frames) {
   std::vector<std::uint8_t> repeated(frames.size());

@@ -1,4 +1,4 @@
-// Frames that were given twice.
+// Frames that were given twice or made of others.
 #pragma once
 
 #include <cstdint>
@@ -10,5 +10,8 @@ namespace ocisac {
 // 1 for each frame whose rows show what those of the frame before it showed: they differ by noise, and by much less
 // than from those of other frames, which have other chips. Steady light has none.
 std::vector<std::uint8_t> repeated_frames(std::span<const std::span<const double>> frames);
+
+// The rows of a frame are the means of those before and after it, which differ.
+bool is_mean(std::span<const double> before, std::span<const double> frame, std::span<const double> after);
 
 }  // namespace ocisac

@@ -291,7 +291,9 @@ std::optional<FrameReading> RowReader::search(std::span<const double> signal, co
                          .preamble = preamble_,
                          .effort = &frame.effort,
                          .warped = model.warped,
-                         .preamble_tolerance = is_tracked ? kNarrowTolerance : kRowTimeTolerance};
+                         .preamble_tolerance = is_tracked      ? kNarrowTolerance
+                                               : state.channel ? kWideTolerance
+                                                               : kRowTimeTolerance};
   if (!model.exposure_rows && !is_tracked) return search_exposures(signal, what);
   auto reading = search_frame(signal, what);
   if (!reading || !model.exposure_rows || model.exposure_known || !reading->warp.empty()) return reading;

@@ -48,6 +48,9 @@ class ClockTracker {
   // Time of the last update; absent before the first.
   [[nodiscard]] std::optional<double> last_frame() const { return started_ ? std::optional(frame_) : std::nullopt; }
 
+  // The last update was where it was expected.
+  [[nodiscard]] bool is_steady() const { return steady_ > 0; }
+
   void reset();
 
  private:

@@ -56,6 +56,10 @@ struct FrameHistory {
   // Returns the number.
   std::int64_t drop_given_again();
 
+  // Removes the frame before the current one where it is the mean of its neighbours, as a film of another frame rate
+  // has them between its frames. Returns its number where no chips were read in it.
+  std::optional<std::int64_t> drop_mean();
+
   // True while a profile is learned or used: the next frame's columns should be weighted as the last one's.
   // `can_move`: the light need not stay where it is, which only a doubt about its chips is worth.
   [[nodiscard]] bool compares_rows(bool can_move) const;
