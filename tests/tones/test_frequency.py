@@ -360,3 +360,25 @@ def test_a_fundamental_weaker_than_half_of_its_harmonic_is_in_doubt():
     assert (strong.frequency, strong.flags) == (pytest.approx(0.02, rel=1e-3), 0)
     alone = oc.find_frequency(100 + 30 * np.cos(2 * row + 1) + noise, PER_ROW)
     assert (alone.frequency, alone.flags) == (pytest.approx(0.04, rel=1e-3), 0)
+
+
+def test_changes_from_frame_to_frame_tell_a_light_of_few_cycles_over_a_still_picture():
+    errors = []
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        rows, row_time, frame_time = 480, 58.3e-6, 1 / 30
+        frequency = random.uniform(35, 130)
+        if abs(frequency * frame_time - round(frequency * frame_time)) < 0.06:
+            continue  # in step with the frames: it stands still
+        texture = 60 * np.exp(np.cumsum(random.standard_normal((rows, 40)), axis=0) / np.sqrt(rows))
+        times = np.arange(8)[:, None] * frame_time + np.arange(rows) * row_time
+        light = 1 + 0.1 * np.cos(2 * np.pi * frequency * times + random.uniform(0, 6))
+        stored = texture * light[..., None] + 2 * random.standard_normal((8, rows, 40))
+        pixels = np.clip(np.rint(stored), 0, 255).astype(np.uint8)
+        found = oc.find_frequency(pixels, Camera(row_time, frame_time=frame_time))
+        errors.append((found.frequency - frequency) / found.frequency_std)
+        assert found.frequency == pytest.approx(frequency, rel=1e-3)
+        assert not found.flags & (Flag.FEW_CYCLES | Flag.AT_BOUND | Flag.NO_TONE)
+        still = np.clip(np.rint(texture + 2 * random.standard_normal((8, rows, 40))), 0, 255).astype(np.uint8)
+        assert oc.find_frequency(still, Camera(row_time, frame_time=frame_time)).flags
+    assert np.sqrt(np.mean(np.square(errors))) < 2

@@ -14,7 +14,14 @@ from ocisac_fast.cli.columns import frequency_waveform, one_colour, some_columns
 from ocisac_fast.cli.doubts import warn_of_calibration, warn_of_texture
 from ocisac_fast.cli.output import emit_facts, emit_json, facts_of, flag_names, number, quantity, with_spread
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, open_pictures, picture_options
+from ocisac_fast.cli.pictures import (
+    FILE_PATH,
+    PictureOptions,
+    frame_rate_option,
+    json_option,
+    open_pictures,
+    picture_options,
+)
 from ocisac_fast.cli.units import FREQUENCY, SHARES, Quantity
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.files.recording import FileError
@@ -25,6 +32,7 @@ from ocisac_fast.files.recording import FileError
 @click.option("--frequency", type=FREQUENCY, required=True, help="Frequency of the light, below half the row rate.")
 @click.option("--pulses", type=SHARES, help="Duty of a lamp lit once per frame, one for each FILE: 5%,10%.")
 @picture_options
+@frame_rate_option
 @writes()
 @json_option
 def calibrate(
@@ -57,7 +65,9 @@ def calibrate(
     found, flags = result.found, flag_names(result.flags)
     if not found.cycles_per_row > 0.0 or Flag.NO_TONE in result.flags:
         raise FileError(f"{files[0]}: no light that varies along the rows was found: --region x,y,w,h within the lamp")
-    warn_of_texture(columns[..., some_columns(found.columns.used)], per_row, found.cycles_per_row)
+    lit = columns[..., some_columns(found.columns.used)]
+    advance = None if camera.frame_time is None else float(frequency) * camera.frame_time
+    warn_of_texture(lit, dataclasses.replace(per_row, frame_time=None), found.cycles_per_row, advance)
     if Flag.MODEL_MISFIT in result.flags:
         warn_of_calibration(result.row_time * columns.shape[1])
     cycles = found.cycles_per_row * columns.shape[1]

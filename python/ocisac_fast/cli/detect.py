@@ -8,12 +8,14 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 from ocisac_fast.cli.output import emit_json, emit_table, facts_of, number, progress, quantity, rate
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import (
     FILE_PATH,
     PictureOptions,
+    frame_rate_option,
     grey_of,
     json_option,
     open_pictures,
@@ -54,6 +56,7 @@ _KEYS = (
     help="Frames between searches for new lights; lights found are followed. 1: search every frame by itself.",
 )
 @picture_options
+@frame_rate_option
 @plot_option("the first frame with the boxes of its lights")
 @writes("plot")
 @json_option
@@ -88,13 +91,18 @@ def detect(
             title = f"{title}, scan axis {found['scan_axis']}".removeprefix(", ")
         rows = [_row(source, found["sources"], picture) for source in found["sources"]]
         if rows or header:
-            emit_table(title, _HEADER, rows, left=("remark",), spare=_SPARE)
+            emit_table(title, picture.headings(_HEADER), rows, left=("remark",), spare=picture.headings(_SPARE))
         header, last = False, found
         for source in found["sources"]:
             seen.setdefault(source["light"], []).append(source)
     if last.get("frame", 0) > 0:
         rows = [_summary(every, picture) for _, every in sorted(seen.items())]
-        emit_table(f"lights of {last['frame'] + 1} frames", _SUMMARY, rows, spare=("data", "first x", "first y"))
+        emit_table(
+            f"lights of {last['frame'] + 1} frames",
+            picture.headings(_SUMMARY),
+            rows,
+            spare=("data", "first x", "first y"),
+        )
 
 
 def detected_lights(
@@ -131,7 +139,10 @@ def detected_lights(
 
 def _facts(source: LightSource, seen: dict[str, Any], picture: PictureOptions) -> dict[str, Any]:
     box = picture.in_picture(source.region)._asdict()
-    return picture.in_units({**box, **facts_of(source, _KEYS), **seen})
+    facts = facts_of(source, _KEYS)
+    if picture.waveform == "square":
+        facts |= {name: facts[name] / (2.0 * np.sinc(picture.duty)) for name in ("gain", "gain_std")}
+    return picture.in_units({**box, **facts, **seen})
 
 
 def _row(source: dict[str, Any], every: list[dict[str, Any]], picture: PictureOptions) -> list[str]:

@@ -18,12 +18,13 @@ _LEAST_SPREAD = 1e-3  # of the largest mean: columns that are alike tell no line
 _COHERENT = 0.5  # of 1: all columns in phase; texture: about 0
 _STILL = 0.995  # the same of the frames
 _FEWEST_FRAMES = 4
+_STEP = 0.1  # cycles over all frames, by which a light in step turns
 _LARGE_SHARE = 0.05  # of the light
 _SURE = 10.0  # standard errors
 
 
-def warn_of_texture(frames: Frame, camera: Camera, frequency: float) -> None:
-    """Warn if the tone of (frames, rows, columns) is not that of a light.
+def warn_of_texture(frames: Frame, camera: Camera, frequency: float, advance: float | None = None) -> None:
+    """Warn if the tone of (frames, rows, columns) is not that of a light; ``advance``: its cycles a frame, where known.
 
     A light has one phase in all columns of a frame, and another phase in the next frame unless its period divides the
     frame time; a texture has neither.
@@ -41,7 +42,13 @@ def warn_of_texture(frames: Frame, camera: Camera, frequency: float) -> None:
     pooled = tone_gain(frames, camera, frequency, pooled=True)
     significant = pooled.gain > _SIGNIFICANT * pooled.gain_std
     if significant.all() and _resultant(pooled.phase, np.ones(len(frames))) > _STILL:
-        _warn("the tone is at the same rows in all frames: a texture, or a light in step with the frames")
+        apart = None if advance is None else abs(advance - round(advance))
+        if apart is None:
+            _warn("the tone is at the same rows in all frames: a texture, or a light in step with the frames")
+        elif apart * len(frames) > _STEP:
+            _warn(f"the tone is at the same rows in all frames: a texture; a light turns by {apart:.2g} cycles a frame")
+        else:
+            _warn("the tone is at the same rows in all frames, as a light is at a whole number of cycles a frame")
 
 
 def warn_of_calibration(seconds: float) -> None:

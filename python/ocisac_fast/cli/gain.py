@@ -29,7 +29,15 @@ from ocisac_fast.cli.output import (
     with_spread,
 )
 from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, json_option, open_pictures, picture_options, plot_option
+from ocisac_fast.cli.pictures import (
+    FILE_PATH,
+    PictureOptions,
+    frame_rate_option,
+    json_option,
+    open_pictures,
+    picture_options,
+    plot_option,
+)
 from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
 from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
@@ -49,6 +57,7 @@ from ocisac_fast.light.response import exposure_response
     help="Write the gain of every column and frame to a CSV file.",
 )
 @picture_options
+@frame_rate_option
 @plot_option("the spectrum with the fitted tone, and the column before and after equalisation")
 @writes("plot", "per_column")
 @json_option
@@ -97,7 +106,7 @@ def gain(
         "",
         {
             "frequency": rate(light.frequency, light.frequency_std, picture.in_hertz),
-            "gain": with_spread(mean["gain"], mean["gain_std"], "", 5),
+            picture.gain_name: with_spread(mean["gain"], mean["gain_std"], "", 5),
             "theory |sinc(f T_e)|": quantity(facts["theory"], "", 5),
             "signal-to-noise ratio": number(facts["snr_db"], "dB", 4),
             "mean": number(mean["mean"], "DN"),

@@ -10,7 +10,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import click
@@ -18,7 +18,7 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_note, is_collected, table_of_objects
-from ocisac_fast.cli.units import ROW_TIME, TIME, ParameterType, Quantity
+from ocisac_fast.cli.units import RATE, ROW_TIME, TIME, ParameterType, Quantity
 from ocisac_fast.core.arrays import as_frames
 from ocisac_fast.core.checks import one_of, shown
 from ocisac_fast.core.regions import Region
@@ -89,11 +89,13 @@ class PictureOptions:
     dark_level: float | None
     white_level: float | None
     raw: str | None = None
+    frame_rate: Quantity | None = None  # of commands with `frame_rate_option`
 
     @classmethod
     def taken_from(cls, arguments: dict[str, Any]) -> PictureOptions:
         """Remove the common options from a command's arguments."""
-        return cls(**{field.name: arguments.pop(field.name) for field in dataclasses.fields(cls)})
+        names = (field.name for field in dataclasses.fields(cls) if field.name != "frame_rate")
+        return cls(**{name: arguments.pop(name) for name in names})
 
     def camera(self, stream: RecordingStream, usual: Mapping[str, str] | None = None) -> Camera:
         """The camera from the options, else from the file; without a row time if none is given.
@@ -109,8 +111,10 @@ class PictureOptions:
             camera.gamma,
         )
         stated = {"dark_level": self.dark_level, "white_level": self.white_level, "scan_axis": self.scan_axis}
-        changes = {name: value for name, value in stated.items() if value not in (None, "auto")}
-        return dataclasses.replace(camera, tone_curve=curve, gamma=gamma, **changes)  # type: ignore[arg-type]
+        changes: dict[str, Any] = {name: value for name, value in stated.items() if value not in (None, "auto")}
+        if self.frame_rate is not None:
+            changes["frame_time"] = 1.0 / float(self.frame_rate)
+        return dataclasses.replace(camera, tone_curve=curve, gamma=gamma, **changes)
 
     def camera_for(
         self,
@@ -159,6 +163,15 @@ class PictureOptions:
                 stacklevel=2,
             )
         return dataclasses.replace(camera, scan_axis=found.axis)
+
+    @property
+    def gain_name(self) -> str:
+        """Heading of gains: that of the fundamental of the waveform, which is a tone where none is given."""
+        return "gain (tone)" if self.waveform == "tone" else "gain"
+
+    def headings(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Headings of a table with gains."""
+        return tuple(self.gain_name if name == "gain" else name for name in names)
 
     def names(self, axis: str) -> bool:
         """True if tables are to name ``axis``: it was found, and rows do not run down as mostly."""
@@ -386,6 +399,17 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
     ]
     for option in reversed(options):
         wrapped = option(wrapped)
+    return wrapped
+
+
+def frame_rate_option(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--frame-rate``, which sets the frame time of the picture's camera; below `picture_options`."""
+
+    @click.option("--frame-rate", type=RATE, help="Frame rate of the recording; default: from the file.")
+    @functools.wraps(function)
+    def wrapped(*, picture: PictureOptions, frame_rate: Quantity | None, **arguments: Any) -> Any:
+        return function(picture=dataclasses.replace(picture, frame_rate=frame_rate), **arguments)
+
     return wrapped
 
 

@@ -111,7 +111,13 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
         emit_json({"frames": len(kept), "rows": rows, "columns": columns, "regions": facts, "scan_axis": axis})
         return
     table = [_row(k, one, picture) for k, one in enumerate(facts)]
-    emit_table(f"scan axis {axis}" if picture.names(axis) else "", _HEADER, table, left=("kind", "flags"), spare=_SPARE)
+    emit_table(
+        f"scan axis {axis}" if picture.names(axis) else "",
+        picture.headings(_HEADER),
+        table,
+        left=("kind", "flags"),
+        spare=_SPARE,
+    )
 
 
 def _read_unlit(file: str, picture: PictureOptions, max_frames: int) -> Frame:

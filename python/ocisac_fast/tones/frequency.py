@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -81,7 +82,8 @@ def find_frequency(
 
     over all columns k with one f. The trend is a constant below 2 cycles in the frame, a line below 4, else a
     parabola. Frames wider than 64 columns are first summed in up to 64 groups of neighbours. Stored values are not
-    linearised, since a tone curve preserves the period.
+    linearised, since a tone curve preserves the period. Where a frame has less than two cycles, or no tone, and the
+    camera has a frame time, the changes from frame to frame tell the frequency of four frames or more.
 
     The standard error comes from the residual and allows noise that neighbouring columns share, that grows with the
     light, or that is correlated from row to row (speckle, text). In white noise the error of f is at the Cramer-Rao
@@ -105,7 +107,12 @@ def find_frequency(
             half the row rate, or an unknown waveform.
     """
     array = as_columns(columns, scan_axis=camera.scan_axis)
-    return found_of(_core.find_frequency(array, camera._handle, bounds, waveform, select), camera.row_period)
+    found = found_of(_core.find_frequency(array, camera._handle, bounds, waveform, select), camera.row_period)
+    few = Flag.FEW_CYCLES | Flag.AT_BOUND | Flag.NO_TONE
+    times = camera.frame_time is not None and camera.row_time is not None and bounds is None
+    if times and found.flags & few and array.ndim == 3 and len(array) >= _FEWEST_FRAMES:
+        return _over_frames(array, camera.in_time_order, found)
+    return found
 
 
 def found_of(values: CoreFound, row_period: float) -> FoundFrequency:
@@ -142,3 +149,70 @@ def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None
     if frequency is None:
         return find_frequency(columns, camera).columns
     return ToneColumns(*_core.tone_columns(as_columns(columns, scan_axis=camera.scan_axis), camera._handle, frequency))
+
+
+_SEEN_FRAMES = 64  # together, at most
+_FEWEST_FRAMES = 4
+_EXPLAINED = 0.3  # share of what changes from frame to frame
+_APART = 0.2  # of the largest: another frequency that explains more leaves doubt
+
+
+def _over_frames(frames: npt.NDArray[np.generic], camera: Camera, found: FoundFrequency) -> FoundFrequency:
+    """Frequency of what changes from frame to frame, of less than four cycles a frame; ``found`` where nothing does.
+
+    What stands still is fitted with the light, one tone at the times j T_f + n T_r of all rows. The standard error is
+    that of the jackknife over (up to 16 groups of) frames: textures under the light are no white residual.
+    """
+    assert camera.frame_time is not None
+    light = np.asarray(frames[:_SEEN_FRAMES], np.float64).mean(axis=2)
+    count, rows = light.shape
+    of_frame, of_row = np.arange(count) * camera.frame_time, np.arange(rows) * camera.row_period
+    lasts = count * camera.frame_time
+    grid = np.arange(2.0 / lasts, min(4.0 / (rows * camera.row_period), 0.25 / camera.row_period), 0.1 / lasts)
+    changes = light - light.mean(axis=0)
+    if not changes.any() or grid.size == 0:
+        return found
+    turns = np.exp(-2j * np.pi * np.outer(grid, of_frame))
+    lines = ((np.exp(-2j * np.pi * np.outer(grid, of_row)) @ changes.T) * turns).sum(axis=1)
+    seen = 1.0 - np.abs(turns.mean(axis=1)) ** 2  # of a tone's energy, beside the mean over the frames
+    power = np.where(seen > 0.5, np.abs(lines) ** 2 / np.maximum(seen, 0.5), 0.0)
+    best = int(power.argmax())
+
+    def refined(kept: npt.NDArray[np.intp]) -> tuple[float, float]:
+        """Frequency in some frames, and the share of their changes that it explains."""
+        own = light[kept] - light[kept].mean(axis=0)
+        places = grid[best] + np.linspace(-0.5, 0.5, 21) / lasts
+        shares = np.empty(places.size)
+        for place, frequency in enumerate(places):
+            wave = np.exp(2j * np.pi * frequency * (of_frame[kept, None] + of_row))
+            wave = wave - wave.mean(axis=0)
+            parts = np.stack([wave.real.ravel(), wave.imag.ravel()])
+            products = (parts * own.ravel()).sum(axis=1)
+            gram = np.array([[(one * other).sum() for other in parts] for one in parts])
+            shares[place] = products @ np.linalg.solve(gram, products) / (own**2).sum()
+        top = min(max(int(shares.argmax()), 1), places.size - 2)
+        low, middle, high = shares[top - 1 : top + 2]
+        bend = low - 2.0 * middle + high
+        step = 0.5 * (low - high) / bend if bend < 0.0 else 0.0
+        return float(places[top] + step * (places[1] - places[0])), float(middle)
+
+    every = np.arange(count)
+    frequency, share = refined(every)
+    others = power[np.abs(grid - grid[best]) > 1.5 / lasts]
+    if share < _EXPLAINED or others.max(initial=0.0) > (1.0 - _APART) * power[best]:
+        return found
+    groups = min(count, 16)
+    without = [refined(every[every * groups // count != group])[0] for group in range(groups)]
+    std = math.sqrt((groups - 1) * float(np.var(without)))
+    cycles = camera.row_period
+    return replace(
+        found,
+        frequency=frequency,
+        frequency_std=std,
+        cycles_per_row=frequency * cycles,
+        cycles_per_row_std=std * cycles,
+        snr=share / max(1.0 - share, 1e-12),
+        harmonics=1,
+        columns=replace(found.columns, used=np.ones_like(found.columns.used)),
+        flags=found.flags & Flag.SATURATED,
+    )
