@@ -492,3 +492,10 @@ def test_a_shaking_camera_and_a_wrong_row_time_are_within_the_standard_error(see
     slow = ocisac.sense_region(irregular(3, starts, seed=seed), off)
     assert abs(slow.motion_frequency - 350.2) < 4 * slow.motion_frequency_std
     assert slow.flags & Flag.AMBIGUOUS_MOTION
+
+
+def test_a_frame_time_shorter_than_the_rows_take_is_flagged():
+    frames = lamp(4, 400, 24, 700.0)
+    for frame_time, flagged in ((FRAME_TIME, False), (300 * ROW_TIME, True), (1e-3, True)):
+        found = ocisac.sense_region(frames, camera(frame_time=frame_time), 700.0)
+        assert bool(found.flags & Flag.MODEL_MISFIT) == flagged

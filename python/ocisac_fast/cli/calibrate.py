@@ -67,8 +67,8 @@ def calibrate(
         raise FileError(f"{files[0]}: no light that varies along the rows was found: --region x,y,w,h within the lamp")
     lit = columns[..., some_columns(found.columns.used)]
     advance = None if camera.frame_time is None else float(frequency) * camera.frame_time
-    warn_of_texture(lit, dataclasses.replace(per_row, frame_time=None), found.cycles_per_row, advance)
-    if Flag.MODEL_MISFIT in result.flags:
+    still = warn_of_texture(lit, dataclasses.replace(per_row, frame_time=None), found.cycles_per_row, advance)
+    if not still and Flag.MODEL_MISFIT in result.flags:
         warn_of_calibration(result.row_time * columns.shape[1])
     cycles = found.cycles_per_row * columns.shape[1]
     if as_json:

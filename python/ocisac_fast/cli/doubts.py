@@ -23,8 +23,10 @@ _LARGE_SHARE = 0.05  # of the light
 _SURE = 10.0  # standard errors
 
 
-def warn_of_texture(frames: Frame, camera: Camera, frequency: float, advance: float | None = None) -> None:
-    """Warn if the tone of (frames, rows, columns) is not that of a light; ``advance``: its cycles a frame, where known.
+def warn_of_texture(frames: Frame, camera: Camera, frequency: float, advance: float | None = None) -> bool:
+    """Warn if the tone of (frames, rows, columns) is not that of a light, and return True then.
+
+    ``advance``: its cycles a frame, where known.
 
     A light has one phase in all columns of a frame, and another phase in the next frame unless its period divides the
     frame time; a texture has neither.
@@ -36,12 +38,13 @@ def warn_of_texture(frames: Frame, camera: Camera, frequency: float, advance: fl
     amplitude = (found.gain * found.mean)[significant]
     if amplitude.size >= _FEWEST_COLUMNS and _resultant(found.phase[significant], amplitude) < _COHERENT:
         _warn("columns show the tone at different phases: probably a texture, not a light")
-        return
+        return True
     if len(frames) < _FEWEST_FRAMES:
-        return
+        return False
     pooled = tone_gain(frames, camera, frequency, pooled=True)
     significant = pooled.gain > _SIGNIFICANT * pooled.gain_std
-    if significant.all() and _resultant(pooled.phase, np.ones(len(frames))) > _STILL:
+    is_still = bool(significant.all()) and _resultant(pooled.phase, np.ones(len(frames))) > _STILL
+    if is_still:
         apart = None if advance is None else abs(advance - round(advance))
         if apart is None:
             _warn("the tone is at the same rows in all frames: a texture, or a light in step with the frames")
@@ -49,6 +52,7 @@ def warn_of_texture(frames: Frame, camera: Camera, frequency: float, advance: fl
             _warn(f"the tone is at the same rows in all frames: a texture; a light turns by {apart:.2g} cycles a frame")
         else:
             _warn("the tone is at the same rows in all frames, as a light is at a whole number of cycles a frame")
+    return is_still
 
 
 def warn_of_calibration(seconds: float) -> None:

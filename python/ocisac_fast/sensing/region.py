@@ -89,7 +89,8 @@ class SensedRegion(Result):
         spatial_frequency, spatial_frequency_std: of the texture along the motion, 1/m; std 0 for a given value.
         background_given: True if a background was given; otherwise a light's gain is its share of the light times
             |sinc|.
-        flags: of :class:`ocisac_fast.Flag`.
+        flags: of :class:`ocisac_fast.Flag`; MODEL_MISFIT also where the frame time is shorter than the rows or the
+            exposure take.
     """
 
     kind: Kind
@@ -254,6 +255,9 @@ def measure(
     )
     theory, theory_flags = _theory(light_frequency, camera)
     flags |= gains.pop("flags") | theory_flags | _column_flags(region, camera, fitted, tones)
+    reading = max(region.shape[1] * camera.row_period, camera.exposure or 0.0)
+    if len(region) > 1 and camera.frame_time is not None and camera.frame_time < reading:
+        flags |= Flag.MODEL_MISFIT  # frames that are given twice, or a frame time that is wrong
     return dataclasses.replace(
         blank,
         frequency=fitted.model.cycles / camera.row_period,
