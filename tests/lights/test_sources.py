@@ -49,20 +49,6 @@ def nearest(sources, row, column):
     return min(sources, key=lambda s: abs(s.y + s.height / 2 - row) + abs(s.x + s.width / 2 - column))
 
 
-def assert_same(found, expected):
-    """Everything that is told of every light."""
-    assert len(found) == len(expected)
-    for one, other in zip(found, expected, strict=True):
-        for field in dataclasses.fields(one):
-            a, b = getattr(one, field.name), getattr(other, field.name)
-            if field.name == "phase":
-                assert abs(np.angle(np.exp(1j * (a - b)))) < 1e-4
-            elif isinstance(a, float):
-                assert a == pytest.approx(b, rel=1e-4, abs=1e-7), field.name
-            else:
-                assert a == b, field.name
-
-
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
 def test_lights_are_found_with_box_frequency_and_gain(dtype):
     camera = Camera(ROW_TIME, exposure=3e-5, white_level=255.0) if np.dtype(dtype).kind == "f" else CAMERA
@@ -81,19 +67,17 @@ def test_lights_are_found_with_box_frequency_and_gain(dtype):
 
 
 # Lamps of four cycles whose outline once biased the frequency; a round one whose sides were missing in the box.
-@example(seed=11814, dtype=np.uint8, transposed=False, reverse=False, rows=250)
-@example(seed=273, dtype=np.uint8, transposed=False, reverse=False, rows=250)
-@example(seed=320, dtype=np.uint8, transposed=False, reverse=False, rows=250)
+@example(seed=11814, dtype=np.uint8, rows=250)
+@example(seed=273, dtype=np.uint8, rows=250)
+@example(seed=320, dtype=np.uint8, rows=250)
 @settings(max_examples=4 * settings.default.max_examples // 25)
 @given(
     seed=st.integers(0, 2**32 - 1),
     dtype=st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]),
-    transposed=st.booleans(),
-    reverse=st.booleans(),
     rows=st.sampled_from([193, 250, 331]),
 )
-def test_numbers_are_those_of_the_lamps_in_any_array(seed, dtype, transposed, reverse, rows):
-    """Two lamps apart; frequency, gain, phase and mean by truth; the layout in memory changes nothing."""
+def test_numbers_are_those_of_the_lamps(seed, dtype, rows):
+    """Two lamps apart; frequency, gain, phase and mean by truth."""
     picture, random = scene(rows, 330, seed)
     lamps = []
     for left in (20, 190):
@@ -103,11 +87,7 @@ def test_numbers_are_those_of_the_lamps_in_any_array(seed, dtype, transposed, re
         add_lamp(picture, *lamps[-1])
     frame = stored(picture, dtype)
     camera = CAMERA if np.dtype(dtype).kind == "u" else Camera(ROW_TIME, exposure=3e-5, white_level=255.0)
-    view = np.asfortranarray(frame) if transposed else frame
-    if reverse:  # a view of samples that lie in memory from the last to the first
-        view = np.ascontiguousarray(view[::-1, ::-1])[::-1, ::-1]
-    sources = detect_sources(view, camera)
-    assert_same(sources, detect_sources(frame.copy(), camera))
+    sources = detect_sources(frame, camera)
     assert len(sources) == 2
     full = 256.0 if dtype == np.uint16 else 1.0
     apart = abs(sources[0].frequency - sources[1].frequency)
@@ -282,7 +262,7 @@ def test_frames_are_looked_at_one_by_one():
     assert [s.frame for s in sources] == [0, 0, 0, 2, 2, 2]
     of_frame = [dataclasses.replace(s, frame=0, probability=0.0) for s in sources if s.frame == 2]
     alone = [dataclasses.replace(s, probability=0.0) for s in detect_sources(frames[2], CAMERA)]
-    assert_same(sorted(of_frame, key=lambda s: s.x), sorted(alone, key=lambda s: s.x))
+    assert sorted(of_frame, key=lambda s: s.x) == sorted(alone, key=lambda s: s.x)
 
 
 def frames_of(phases, swing=60.0):
@@ -391,13 +371,6 @@ def test_a_mirrored_light_is_told_from_a_second_light():
     light = integrate_exposure(SquareWave(8000.0), CAMERA, 480, start=0.4 / 8000.0)  # another clock
     picture[230:275, 430:475] += 60.0 * light[230:275, None]
     assert [s.reflection_of for s in detect_sources(stored(picture), CAMERA)] == [None, None]
-
-
-def test_neighbours_of_other_frequencies_are_kept_apart():
-    picture, _ = scene()
-    add_lamp(picture, 200, 200, 28, SquareWave(8000.0))
-    add_lamp(picture, 200, 262, 28, SquareWave(11000.0))
-    assert sorted(round(s.frequency, -3) for s in detect_sources(stored(picture), CAMERA)) == [8000.0, 11000.0]
 
 
 def textures():
