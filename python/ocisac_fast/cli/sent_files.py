@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 from collections.abc import Sequence
 from typing import Any
@@ -10,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.cli.output import emit_facts
+from ocisac_fast.packets.fsk import FskTransmission
+from ocisac_fast.packets.transmission import Transmission
 
 
 def read_bits(path: str) -> npt.NDArray[np.int64]:
@@ -63,32 +66,77 @@ class ErrorCount:
 _ERRORS = ("errors", "compared", "missing", "inserted", "shift", "inverted", "chance")
 
 
-def npy_bytes(values: npt.ArrayLike) -> bytes:
-    """A .npy file."""
-    buffer = io.BytesIO()
-    np.save(buffer, values)
-    return buffer.getvalue()
+@dataclasses.dataclass(frozen=True)
+class Sent:
+    """A transmission as files have it: ``values`` of an ``index``, and for C ``stored`` bytes as ``ocisac_NAME``."""
+
+    text: str
+    array: npt.NDArray[Any]
+    index: str
+    column: str
+    values: Sequence[object]
+    name: str
+    stored: Sequence[object]
+    comment: Sequence[str]
+    definitions: Sequence[str]
+
+    def file(self, suffix: str, rate: float | None) -> bytes:
+        """The bytes of a file of a kind in ``SUFFIXES``; ``rate``: of the values, Hz, if it is known."""
+        if suffix == ".npy":
+            buffer = io.BytesIO()
+            np.save(buffer, self.array)
+            return buffer.getvalue()
+        lines = {".txt": self._text, ".csv": self._csv, ".h": self._header}[suffix](rate)
+        return "\n".join(lines).encode() + b"\n"
+
+    def _text(self, _: float | None) -> list[str]:
+        return [self.text]
+
+    def _csv(self, rate: float | None) -> list[str]:
+        places = [str(k if rate is None else k / rate) for k in range(len(self.values))]
+        rows = [f"{place},{value}" for place, value in zip(places, self.values, strict=True)]
+        return [f"{self.index if rate is None else 'time_s'},{self.column}", *rows]
+
+    def _header(self, rate: float | None) -> list[str]:
+        guard, many = f"OCISAC_{self.name.upper()}_H", len(self.stored)
+        rows = [f"    {', '.join(map(str, self.stored[k : k + 20]))}," for k in range(0, many, 20)]
+        noted = [] if rate is None else [f"#define OCISAC_{self.index.upper()}_RATE_HZ {float(rate)!r}"]
+        lines = [
+            "/* " + "\n   ".join(self.comment) + " */",
+            f"#ifndef {guard}",
+            f"#define {guard}",
+            "#include <stdint.h>",
+        ]
+        lines += [*noted, *self.definitions, f"static const uint8_t ocisac_{self.name}[{many}] = {{", *rows]
+        return [*lines, "};", "#endif"]
 
 
-def csv_bytes(index: str, column: str, values: Sequence[object], rate: float | None) -> bytes:
-    """One value per line after its index (named ``index``) or, for a known rate, its time in seconds."""
-    if rate is None:
-        lines = [f"{index},{column}", *(f"{k},{value}" for k, value in enumerate(values))]
-    else:
-        lines = [f"time_s,{column}", *(f"{k / rate!r},{value}" for k, value in enumerate(values))]
-    return "\n".join(lines).encode() + b"\n"
+SUFFIXES = (".txt", ".npy", ".csv", ".h")
 
 
-def c_header_bytes(name: str, values: Sequence[str], comment: Sequence[str], definitions: Sequence[str]) -> bytes:
-    """A C header with ``definitions`` and the bytes ``values`` as ``ocisac_NAME``."""
-    guard = f"OCISAC_{name.upper()}_H"
-    rows = [", ".join(values[k : k + 20]) for k in range(0, len(values), 20)]
-    lines = ["/* " + "\n   ".join(comment) + " */"]
-    lines += [f"#ifndef {guard}", f"#define {guard}", "#include <stdint.h>", *definitions]
-    lines += [
-        f"static const uint8_t ocisac_{name}[{len(values)}] = {{",
-        *(f"    {row}," for row in rows),
-        "};",
-        "#endif",
-    ]
-    return "\n".join(lines).encode() + b"\n"
+def sent_chips(sent: Transmission) -> Sent:
+    """The chips of a packet, for C eight in a byte, the first one most significant."""
+    chips = sent.chips.tolist()
+    comment = (
+        f"A packet of {len(sent.payload)} bytes: send the chips one after the other, over and over.",
+        "Chip k: ocisac_chips[k >> 3] >> (7 - (k & 7)) & 1, 1 = bright.",
+    )
+    packed = [f"0x{byte:02x}" for byte in np.packbits(sent.chips).tolist()]
+    count = (f"#define OCISAC_CHIP_COUNT {len(chips)}UL",)
+    return Sent("".join(map(str, chips)), sent.chips, "chip", "level", chips, "chips", packed, comment, count)
+
+
+def sent_tones(sent: FskTransmission) -> Sent:
+    """The tones of a packet, as indices from 0."""
+    symbols = sent.symbols.tolist()
+    comment = (
+        f"A packet of {len(sent.payload)} bytes: send a tone for each symbol, one after the other, over and over.",
+        "Symbol k: ocisac_tones_hz[ocisac_symbols[k]].",
+    )
+    definitions = (
+        f"#define OCISAC_SYMBOL_COUNT {len(symbols)}UL",
+        f"static const double ocisac_tones_hz[{len(sent.tones)}] = {{{', '.join(map(repr, sent.tones))}}};",
+    )
+    tones = [sent.tones[symbol] for symbol in symbols]
+    text = " ".join(map(str, symbols))
+    return Sent(text, sent.symbols, "symbol", "tone_hz", tones, "symbols", symbols, comment, definitions)

@@ -3,54 +3,18 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
-from ocisac_fast.cli.fsk_files import SYMBOL_WRITERS, symbols_text
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
 from ocisac_fast.cli.outputs import writes
 from ocisac_fast.cli.pictures import FILE_PATH, json_option
-from ocisac_fast.cli.sent_files import c_header_bytes, csv_bytes, npy_bytes
+from ocisac_fast.cli.sent_files import SUFFIXES, Sent, sent_chips, sent_tones
 from ocisac_fast.cli.units import FREQUENCIES, RATE, Quantity
 from ocisac_fast.packets.fsk import fsk_transmit
-from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat, Transmission, transmit as transmit_payload
-
-_Writer = Callable[[Any, float | None], bytes]
-
-
-def _text(sent: Transmission, _: float | None) -> bytes:
-    return "".join(map(str, sent.chips.tolist())).encode() + b"\n"
-
-
-def _npy(sent: Transmission, _: float | None) -> bytes:
-    return npy_bytes(sent.chips)
-
-
-def _csv(sent: Transmission, chip_rate: float | None) -> bytes:
-    return csv_bytes("chip", "level", sent.chips.tolist(), chip_rate)
-
-
-def _c_header(sent: Transmission, chip_rate: float | None) -> bytes:
-    """Chips packed eight per byte, the first one most significant."""
-    packed = [f"0x{byte:02x}" for byte in np.packbits(sent.chips).tolist()]
-    rate = [] if chip_rate is None else [f"#define OCISAC_CHIP_RATE_HZ {chip_rate!r}"]
-    comment = [
-        f"A packet of {len(sent.payload)} bytes: send the chips one after the other, over and over.",
-        "Chip k: ocisac_chips[k >> 3] >> (7 - (k & 7)) & 1, 1 = bright.",
-    ]
-    return c_header_bytes("chips", packed, comment, [*rate, f"#define OCISAC_CHIP_COUNT {len(sent.chips)}UL"])
-
-
-_WRITERS: dict[str, _Writer] = {
-    ".txt": _text,
-    ".npy": _npy,
-    ".csv": _csv,
-    ".h": _c_header,
-}
+from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat, transmit as transmit_payload
 
 
 @click.command(short_help="Chips that carry a payload.")
@@ -96,7 +60,7 @@ def transmit(
         return
     if frame_rate is not None:
         raise click.UsageError("--frame-rate: only with --fsk")
-    writer = _writer(output, _WRITERS)
+    suffix = _suffix(output)
     sent = transmit_payload(
         _payload(file, text),
         format=PacketFormat(
@@ -117,17 +81,8 @@ def transmit(
         "codewords": sent.codewords,
         "codeword_data": sent.codeword_data,
     }
-    if output is not None:
-        Path(output).write_bytes(writer(sent, chip_rate))
-    if as_json:
-        levels = {} if output is not None else {"levels": _text(sent, None).decode().strip()}
-        emit_json({"file": output, **facts, **levels})
-    elif output is None:
-        click.echo(_text(sent, None), nl=False)
-    else:
-        size = f"{sent.blocks} blocks of {sent.block_chips} chips"
-        duration = {} if chip_rate is None else {"one cycle": quantity(len(sent.chips) / chip_rate, "s")}
-        emit_facts("", {"file": output, "payload": f"{len(sent.payload)} bytes", "cycle": size, **duration})
+    size = f"{sent.blocks} blocks of {sent.block_chips} chips"
+    _write(sent_chips(sent), facts, size, chip_rate, output, suffix, as_json)
 
 
 def _transmit_tones(
@@ -140,7 +95,7 @@ def _transmit_tones(
     output: str | None,
     as_json: bool,
 ) -> None:
-    writer = _writer(output, SYMBOL_WRITERS)
+    suffix = _suffix(output)
     sent = fsk_transmit(payload, tones, block_bytes=block_bytes, preamble=preamble, number=number)
     facts = {
         "payload_bytes": len(sent.payload),
@@ -149,23 +104,30 @@ def _transmit_tones(
         "symbols": len(sent.symbols),
         "block_bytes": sent.block_bytes,
     }
+    size = f"{len(sent.symbols)} symbols of {len(sent.tones)} tones"
+    _write(sent_tones(sent), facts, size, frame_rate, output, suffix, as_json)
+
+
+def _write(
+    sent: Sent, facts: dict[str, Any], size: str, rate: float | None, output: str | None, suffix: str, as_json: bool
+) -> None:
     if output is not None:
-        Path(output).write_bytes(writer(sent, frame_rate))
+        Path(output).write_bytes(sent.file(suffix, rate))
     if as_json:
-        emit_json({"file": output, **facts, **({} if output is not None else {"sequence": sent.symbols.tolist()})})
+        shown = {"levels": sent.text} if sent.name == "chips" else {"sequence": sent.array.tolist()}
+        emit_json({"file": output, **facts, **({} if output is not None else shown)})
     elif output is None:
-        click.echo(symbols_text(sent), nl=False)
+        click.echo(sent.text)
     else:
-        duration = {} if frame_rate is None else {"one cycle": quantity(len(sent.symbols) / frame_rate, "s")}
-        size = f"{len(sent.symbols)} symbols of {len(sent.tones)} tones"
-        emit_facts("", {"file": output, "payload": f"{len(sent.payload)} bytes", "cycle": size, **duration})
+        duration = {} if rate is None else {"one cycle": quantity(len(sent.values) / rate, "s")}
+        emit_facts("", {"file": output, "payload": f"{facts['payload_bytes']} bytes", "cycle": size, **duration})
 
 
-def _writer(output: str | None, writers: dict[str, _Writer]) -> _Writer:
+def _suffix(output: str | None) -> str:
     suffix = ".txt" if output is None else Path(output).suffix.lower()
-    if suffix not in writers:
-        raise ValueError(f"--output: got {output}, allowed: a file that ends in {', '.join(writers)}")
-    return writers[suffix]
+    if suffix not in SUFFIXES:
+        raise ValueError(f"--output: got {output}, allowed: a file that ends in {', '.join(SUFFIXES)}")
+    return suffix
 
 
 def _payload(file: str | None, text: str | None) -> bytes:
