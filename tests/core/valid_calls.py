@@ -47,6 +47,12 @@ def tracked() -> chips.TrackedClock:
     return found
 
 
+def pushed_cleaner() -> cleaning.VideoCleaner:
+    cleaner = cleaning.VideoCleaner(CAMERA)
+    cleaner.push(FRAME)
+    return cleaner
+
+
 FRAMES = {"frames": FRAME, "camera": CAMERA}
 COLUMNS = {"columns": FRAME, "camera": CAMERA}
 TONES = [2e3, 4e3, 6e3, 8e3]
@@ -161,6 +167,7 @@ VALID: dict[str, Any] = {
     "receiver.Receiver": {"camera": CAMERA},
     "cleaning.CleaningOptions": {},
     "cleaning.VideoCleaner.push": (lambda: cleaning.VideoCleaner(CAMERA), {"frame": FRAME}),
+    "cleaning.VideoCleaner.again": (pushed_cleaner, {"frame": FRAME, "ago": 1}),
     "cleaning.VideoCleaner.forget": (lambda: cleaning.VideoCleaner(CAMERA), {}),
     "cleaning.VideoCleaner": {"camera": CAMERA},
     "cleaning.remove_bands": FRAMES,
