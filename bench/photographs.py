@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
-"""Lights found in photographs without modulated light: every one is false.
+"""Lights found in photographs without modulated light, where every one is false, and lamps put into them.
 
-The photographs are those of a folder, or the sample pictures of scikit-image where it is installed. Every one is
-searched with its rows read out down and across, as it is and at half its size.
+Every photograph of a folder, or every sample picture of scikit-image where it is installed, is searched with its rows
+read out down and across. False lights are counted for several `false_alarms`; then each picture gets lamps
+(light_probability.lamp), and of all lights reported at 0.9 and more the share of lamps is counted. Sources and
+licences of the pictures that were measured: docs/explanation/lights.md.
 
-usage: bench/photographs.py [--photographs FOLDER] [--json]
+usage: bench/photographs.py [--photographs FOLDER] [--every N] [--lamps] [--json]
 """
 
 from __future__ import annotations
@@ -13,7 +15,9 @@ import argparse
 import importlib.util
 import json
 import pathlib
+from collections.abc import Iterator
 
+import light_probability
 import numpy as np
 
 from ocisac_fast import Camera, detect_sources
@@ -28,6 +32,8 @@ SAMPLES = (
 )  # fmt: skip
 CAMERA = Camera(1e-5, exposure=2e-5)
 MIN_SIZE = 160  # pixels, rows and columns
+RATES = (1.0, 0.1, 0.01)  # false alarms a picture, the highest first
+MOST_LAMPS, SURE = 3, 0.9
 
 
 def add_option(parser: argparse.ArgumentParser) -> None:
@@ -54,15 +60,54 @@ def read(folder: pathlib.Path | None) -> list[np.ndarray]:
     return pictures
 
 
+def looks(pictures: list[np.ndarray]) -> Iterator[np.ndarray]:
+    """Each picture with its rows down, and across."""
+    for picture in pictures:
+        yield picture
+        yield np.ascontiguousarray(picture.T)
+
+
+def false_lights(pictures: list[np.ndarray]) -> dict[str, float]:
+    """False lights at each of RATES, beside the number asked for: the rate times the pictures looked at."""
+    counts = dict.fromkeys(RATES, 0)
+    for look in looks(pictures):
+        for rate in RATES:
+            found = len(detect_sources(look, CAMERA, false_alarms=rate))
+            counts[rate] += found
+            if found == 0:  # nor at a lower rate
+                break
+    asked = {f"asked_at_{rate}": 2 * len(pictures) * rate for rate in RATES}
+    return {f"false_at_{rate}": count for rate, count in counts.items()} | asked
+
+
+def sure_lights(pictures: list[np.ndarray]) -> dict[str, float]:
+    """Lights reported at SURE and more where lamps were put in, and the share of them that are lamps."""
+    reported = lamps = 0
+    for seed, look in enumerate(looks(pictures)):
+        random = np.random.default_rng(seed)
+        picture = look.astype(np.float64)
+        truth = [light_probability.lamp(random, picture, False) for _ in range(random.integers(0, MOST_LAMPS + 1))]
+        frame = np.clip(np.rint(picture + random.standard_normal(picture.shape)), 0, 255).astype(np.uint8)
+        for light in detect_sources(frame, CAMERA, false_alarms=RATES[0]):
+            if light.probability < SURE or light.reflection_of is not None:
+                continue
+            box = light.x, light.y, light.width, light.height
+            reported += 1
+            lamps += light_probability.is_light(box, light.frequency, truth, light.carries_data)
+    return {"reported": reported, "lamps_share": lamps / max(reported, 1)}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add_option(parser)
+    parser.add_argument("--every", type=int, default=1, help="every N-th photograph alone")
+    parser.add_argument("--lamps", action="store_true", help="put lamps into the photographs as well")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    pictures = read(options.photographs)
-    looks = [view for one in pictures for whole in (one, one.T) for view in (whole, whole[::2, ::2])]
-    found = [len(detect_sources(np.ascontiguousarray(look), CAMERA)) for look in looks]
-    report = {"photographs": len(pictures), "looks": len(looks), "false_lights": sum(found)}
+    pictures = read(options.photographs)[:: options.every]
+    report = {"photographs": len(pictures), "looks": 2 * len(pictures), **false_lights(pictures)}
+    if options.lamps:
+        report |= sure_lights(pictures)
     print(json.dumps(report) if options.json else report)
 
 

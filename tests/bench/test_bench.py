@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import peers
 import pytest
+from PIL import Image
 
 BENCH = Path(__file__).parents[2] / "bench"
 
@@ -98,3 +99,23 @@ def test_lights_found_are_told_from_what_is_none(monkeypatch):
     assert sum(hits) == sum(true) >= 3
     moved = [{**light, "row": light["row"] + 300.0} for light in truth]
     assert not any(light_scenes.judge(found, moved)[1])
+
+
+def write_pictures(folder):
+    """A picture of noise, and one with a disk of bars, which looks like a lamp."""
+    random = np.random.default_rng(0)
+    noise = 90.0 + 3.0 * random.standard_normal((2, 260, 320))
+    y, x = np.ogrid[:260, :320]
+    noise[1] += np.where(np.hypot(y - 130, x - 160) < 60, 60.0 * np.sin(2 * np.pi * y / 13.0), 0.0)
+    for k, picture in enumerate(noise):
+        Image.fromarray(np.clip(np.rint(picture), 0, 255).astype(np.uint8)).save(folder / f"{k}.png")
+
+
+def test_false_lights_of_photographs_and_of_bursts_of_them_are_counted(tmp_path):
+    write_pictures(tmp_path)
+    report = json.loads(printed("photographs.py", "--photographs", str(tmp_path), "--lamps", "--json"))
+    assert (report["looks"], report["false_at_0.01"], report["asked_at_0.1"]) == (4, 1, 0.4)
+    assert report["reported"] >= 1
+    report = json.loads(printed("films.py", str(tmp_path), "--bursts", "--frames", "3", "--no-clean", "--json"))
+    assert report["films"]["0"] == {"frames": 3, "with_lights": 0, "answers_with_bits": 0, "changed": 0}
+    assert report["frames"] == 6

@@ -17,7 +17,7 @@ namespace {
 constexpr double kMinRows = 24;                           // of a box
 constexpr double kMinPeriodic = 0.4;                      // fraction of the swing common to the columns
 constexpr double kClear = 0.83, kClearPeriodic = 0.9;     // of a lamp: a few cycles suffice
-constexpr double kFalseAlarms = 0.02;                     // default
+constexpr double kFalseAlarms = 0.02;                     // at which the odds required are given
 constexpr double kToneOdds = 3, kDataOdds = 9;            // required at that rate; few photographs resemble data
 constexpr double kEdgeEvidence = 0.5;                     // nats
 constexpr double kDataTexture = 0.3;                      // relative to the bound for a tone
@@ -28,7 +28,8 @@ constexpr double kTurnedPictures = 0.001;                 // share of pictures w
 constexpr double kCloth = 1e-3, kKnownCloth = 0.1;        // prior times probability of a number of its clocks
 constexpr double kBand = 0.2, kFrequencies = 4.5;         // of ln f: around a clock; of all lamps
 constexpr double kTexture = 0.1;                          // odds
-constexpr double kWholeRows = 1.0, kFaintPattern = 0.03;  // prior times density; max depth
+constexpr double kWholeRows = 3.0, kFaintPattern = 0.02;  // prior times density of depths, mean depth
+constexpr double kUnevenPattern = 0.05;                   // cycles along the box
 constexpr double kLargestSpread = 0.03, kLargestOwnSpread = 0.015;  // max relative standard error of a frequency
 
 double with_odds(double probability, double factor) {
@@ -103,13 +104,14 @@ double tilt_odds(const RefinedLight& light) {
   return std::min(((1 - kTurnedPictures) * level + kTurnedPictures * tilted) / (0.5 * level + 0.5 * tilted), 1.0);
 }
 
-// A faint pattern of 2, 4 or 8 whole rows is the camera's, or that of its compression.
+// A faint pattern of whole rows is the camera's, that of its colour filter, of a picture at another size, or of the
+// blocks of its compression, whose errors differ from place to place.
 double pattern_odds(const RefinedLight& light) {
-  if (light.depth > kFaintPattern) return 1;
-  const double spread = std::max(light.frequency_std / light.frequency, 1e-4);
-  double camera = 0;
-  for (const int rows : {2, 4, 8}) camera += normal(std::log(light.frequency * rows), spread);
-  return 1 / (1 + kWholeRows * camera);
+  const double spread =
+      std::hypot(light.frequency_std, kUnevenPattern / static_cast<double>(light.box.height)) / light.frequency;
+  double pattern = 0;
+  for (const int rows : {2, 3, 4, 8, 16}) pattern += normal(std::log(light.frequency * rows), spread);
+  return 1 / (1 + kWholeRows * std::exp(-light.depth / kFaintPattern) * pattern);
 }
 
 // Cloth and moiré have many tones in a narrow band, each a little different; the lamps of a scene send on few clocks,

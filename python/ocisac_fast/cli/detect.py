@@ -43,7 +43,7 @@ _KEYS = (
 @click.option(
     "--false-alarms",
     type=float,
-    default=0.02,
+    default=0.01,
     show_default=True,
     help="Max. expected number in a picture without a light; up to 1.",
 )

@@ -76,7 +76,7 @@ def detect_sources(
     frames: npt.ArrayLike,
     camera: Camera,
     *,
-    false_alarms: float = 0.02,
+    false_alarms: float = 0.01,
     min_cycles: float = 2.5,
     max_sources: int = 64,
     frame: int | None = None,

@@ -14,7 +14,7 @@
 namespace ocisac {
 
 struct DetectOptions {
-  double false_alarms = 0.02;    // max expected number of false detections in a picture without a light; (0, 1]
+  double false_alarms = 0.01;    // max expected number of false detections in a picture without a light; (0, 1]
   double min_cycles = 2.5;       // in a light's box; at least 2
   std::size_t max_sources = 64;  // number of lights returned per picture, the strongest
   std::optional<std::size_t> frame = {};  // the frame searched, the others are only compared; absent: all are searched
