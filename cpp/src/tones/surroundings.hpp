@@ -18,6 +18,7 @@ struct Surroundings {
   std::vector<double> tones;  // cycles per row of additive tones, to be fitted with the lights
   bool inseparable = false;   // one of them is within one cycle per frame of a light
   double distortion = 0;      // amplitude of harmonics that fit neither waveform nor exposure, over the light's
+  double unevenness = 0;      // of the tone over the rows: see unevenness(); other columns may have more
 };
 
 // One harmonic: a·cos + b·sin over the rows counted from the middle, as a − jb.

@@ -743,17 +743,18 @@ Surroundings surroundings_of(const Context& context, const TestedColumn& column)
   Surroundings around = surroundings(column.light, lights_of(context));
   Context with_others = context;
   with_others.others = around.tones;
-  around.distortion = std::max(around.distortion,
-                               unevenness_of(with_others, ColumnFit::of(with_others, column.light), column.background));
+  around.unevenness = unevenness_of(with_others, ColumnFit::of(with_others, column.light), column.background);
   return around;
 }
 
-// Flags columns that the distortion may bias by half a standard error.
+// Flags columns that the distortion may bias by half a standard error, all of them where unevenness may do so in one:
+// rain is not in all columns alike.
 void flag_misfit(const Surroundings& around, std::size_t first, std::size_t count, const ToneGainView& result) {
-  if (!around.inseparable && around.distortion == 0) return;
+  const auto biases = [&](double misfit, std::size_t i) { return misfit * result.gain[i] > 0.5 * result.gain_std[i]; };
+  bool all = around.inseparable;
+  for (std::size_t i = first; i < first + count; ++i) all = all || biases(around.unevenness, i);
   for (std::size_t i = first; i < first + count; ++i)
-    if (around.inseparable || around.distortion * result.gain[i] > 0.5 * result.gain_std[i])
-      result.flags[i] |= flag::model_misfit;
+    if (all || biases(around.distortion, i)) result.flags[i] |= flag::model_misfit;
 }
 
 // The options for one frame of those for many.
