@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Random scenes under zero to two lamps, as films of a few frames, cleaned by VideoCleaner: it must never do harm.
+"""Random scenes under zero to two lamps, as films of a few frames, cleaned as `ocisac clean` does: it must never harm.
 
-Bands of 20 to 2,000 rows a cycle, 480p to 4K, still, panned or shaken, 8-bit sRGB with noise of 1.5 DN, a lamp that
-lights all alike or some parts more. For each scene, over its frames: the least and the median gain of PSNR to the scene
+Bands of 20 to 2,000 rows a cycle, 480p to 4K, still, panned or shaken, noise of 1.5 DN of 255, a lamp that lights all
+alike or some parts more; sRGB, a third of the films HLG; half of them coded: H.264 or HEVC of 8 or 10 bits, limited
+range, crf 18 to 28. For each scene, over its frames: the least and the median gain of PSNR to the scene
 without bands (peak 255, one gain for all colours), how far it is behind that of the true light divided out, the largest
 growth of the cast (DN), of the share of burnt pixels (254 or more) and of the amplitude of the row means of
 ln(picture/truth) at the lights' own frequencies; and which limit is broken.
 
-usage: bench/cleaning_scenes.py [--first SEED] [--count N] [--largest ROWS]
+usage: bench/cleaning_scenes.py [--first SEED] [--count N] [--largest ROWS] [--plain]
 """
 
 from __future__ import annotations
@@ -15,9 +16,13 @@ from __future__ import annotations
 import argparse
 import collections
 import json
+import pathlib
+import tempfile
 import time
+from fractions import Fraction
 from typing import Any
 
+import av
 import cleaning as bands
 import numpy as np
 import numpy.typing as npt
@@ -25,10 +30,13 @@ import numpy.typing as npt
 from ocisac_fast import Camera
 from ocisac_fast.camera.linear_light import linear_light, stored_values
 from ocisac_fast.cleaning import VideoCleaner
+from ocisac_fast.files import read_frames
 
 Array = npt.NDArray[Any]
 SIZES = ((480, 640), (600, 800), (720, 1280), (1080, 1440), (1080, 1920), (2160, 3840))
-FRAMES, FRAME_TIME, BYTES = 4, 1 / 30, np.dtype(np.uint8)
+FRAMES, FRAME_TIME, BYTES = 6, 1 / 30, np.dtype(np.uint8)
+WAITING = 3  # unchanged frames that `ocisac clean` holds
+TRANSFERS = {"srgb": 13, "hlg": 18}  # numbers of ITU-T H.273
 CHROMA = np.array([[-0.1146, -0.3854, 0.5], [0.5, -0.4542, -0.0458]])  # BT.709
 LIMITS = {"least_gain_db": -0.1, "cast": 1.0, "burnt": 0.002, "swing": 1e-3, "behind_db": 1.5}
 
@@ -54,7 +62,7 @@ def reflectance(rows: int, columns: int, random: np.random.Generator) -> Array:
     return np.clip(picture, 0.02, 0.95)
 
 
-def film(seed: int, largest: int) -> tuple[dict[str, Any], Camera, Array, list[tuple[Array, Array, Array]]]:
+def film(seed: int, largest: int, curve: str) -> tuple[dict[str, Any], Camera, Array, list[tuple[Array, Array, Array]]]:
     """Facts of the scene; the camera; rows a cycle of the lamps; stored and true frames, and the light's factor."""
     random = np.random.default_rng(seed)
     sizes = [size for size in SIZES if size[0] <= largest]
@@ -67,7 +75,7 @@ def film(seed: int, largest: int) -> tuple[dict[str, Any], Camera, Array, list[t
     ways = np.rint(ways - ways.min(axis=0)).astype(int)
     picture = reflectance(rows + ways[:, 0].max(), columns + ways[:, 1].max(), random)
     picture *= 0.8 * 255 * random.uniform(0.5, 1.0) / picture.max()
-    camera = Camera(FRAME_TIME / rows * random.uniform(0.5, 0.98), frame_time=FRAME_TIME, tone_curve="srgb")
+    camera = Camera(FRAME_TIME / rows * random.uniform(0.5, 0.98), frame_time=FRAME_TIME, tone_curve=curve)
     periods = period / np.array([1.0, random.uniform(1.3, 2.2)])[:lamps]
     depths = random.uniform(0.08, 0.45, lamps) * (1.0 if lamps < 2 else 0.6)
     y, x = np.mgrid[-1 : 1 : picture.shape[0] * 1j, -1 : 1 : picture.shape[1] * 1j]
@@ -88,6 +96,32 @@ def film(seed: int, largest: int) -> tuple[dict[str, Any], Camera, Array, list[t
     return {**facts, "motion": motion, "is_even": is_even}, camera, periods, frames
 
 
+def coded(frames: Array, curve: str, random: np.random.Generator) -> tuple[str, Array]:
+    """How a film of frames (frames, rows, columns, colours) was coded, and what is decoded from it, of 8 bits."""
+    codec, depth = ("libx264", "libx265")[random.integers(2)], (8, 10)[random.integers(2)]
+    crf, pixels = int(random.integers(18, 29)), "yuv420p" if depth == 8 else "yuv420p10le"
+    with tempfile.TemporaryDirectory() as folder:
+        path = pathlib.Path(folder) / "film.mp4"
+        with av.open(str(path), "w") as container:
+            options = {"crf": str(crf), "preset": "veryfast", "x265-params": "log-level=none"}
+            stream = container.add_stream(codec, rate=Fraction(1 / FRAME_TIME).limit_denominator(), options=options)
+            stream.height, stream.width = frames.shape[1:3]
+            stream.pix_fmt = pixels
+            context = stream.codec_context
+            context.color_primaries, context.colorspace, context.color_range = 1, 1, 1
+            context.color_trc = TRANSFERS[curve]
+            for frame in frames:
+                shown = av.VideoFrame.from_ndarray(frame, format="rgb24")
+                shown = shown.reformat(format=pixels, dst_colorspace="ITU709", dst_color_range="MPEG")
+                container.mux(stream.encode(shown))
+            container.mux(stream.encode(None))
+        found = read_frames(path, colour=True)
+    if found.response.tone_curve != curve:
+        raise RuntimeError(f"read as {found.response.tone_curve}, written as {curve}")
+    values = found.frames / (257 if found.frames.dtype == np.uint16 else 1)
+    return f"{codec} {depth} bit crf {crf}", np.rint(values).astype(np.uint8)
+
+
 def figures(frame: Array, truth: Array, periods: Array, camera: Camera) -> Array:
     """PSNR, dB; cast, DN; share of burnt pixels; amplitude of the row means of ln(picture/truth) at the frequencies."""
     values = frame.astype(float)
@@ -104,17 +138,40 @@ def figures(frame: Array, truth: Array, periods: Array, camera: Camera) -> Array
     )
 
 
-def measured(seed: int, largest: int) -> dict[str, Any]:
-    facts, camera, periods, frames = film(seed, largest)
-    cleaner = VideoCleaner(camera)
-    changes, behind, unchanged, seconds = [], [], 0, []
-    for stored, truth, left in frames:
+def cleaned(camera: Camera, frames: list[Array]) -> tuple[list[Array], int, list[float]]:
+    """The frames as `ocisac clean` writes them; how many are unchanged; processor time of each, s."""
+    cleaner, done, waiting, unchanged, seconds = VideoCleaner(camera), list(frames), list[int](), 0, list[float]()
+    for k, stored in enumerate(frames):
         begun = time.process_time()
-        done = cleaner.push(stored[None])
+        found = cleaner.push(stored[None])
+        if found.unchanged[0]:
+            waiting.append(k)
+        else:
+            done[k] = found.frames[0]
+            for before in waiting[-WAITING:]:
+                again = cleaner.again(frames[before][None], k - before)
+                done[before] = again.frames[0]
+                unchanged += bool(again.unchanged[0])
+            unchanged += len(waiting[:-WAITING])
+            waiting.clear()
         seconds.append(round(time.process_time() - begun, 2))
-        unchanged += bool(done.unchanged[0])
-        known = stored_values(linear_light(stored, camera) / left, camera, BYTES)
-        before, after, oracle = (figures(one, truth, periods, camera) for one in (stored, done.frames[0], known))
+    return done, unchanged + len(waiting), seconds
+
+
+def measured(seed: int, largest: int, plain: bool = False) -> dict[str, Any]:
+    random = np.random.default_rng([seed, 1])
+    curve = "srgb" if plain or random.random() < 0.67 else "hlg"
+    facts, camera, periods, frames = film(seed, largest, curve)
+    stored, truths, lefts = zip(*frames, strict=True)
+    code = "none"
+    if not plain and random.random() < 0.5:
+        code, decoded = coded(np.stack(stored), curve, random)
+        stored = tuple(decoded)
+    done, unchanged, seconds = cleaned(camera, list(stored))
+    changes, behind = [], []
+    for one, result, truth, left in zip(stored, done, truths, lefts, strict=True):
+        known = stored_values(linear_light(one, camera) / left, camera, BYTES)
+        before, after, oracle = (figures(values, truth, periods, camera) for values in (one, result, known))
         changes.append(after - before)
         behind.append((oracle - after)[0])
     gains, cast, burnt, swing = np.array(changes).T
@@ -122,6 +179,7 @@ def measured(seed: int, largest: int) -> dict[str, Any]:
     values |= {"cast": cast.max(), "burnt": burnt.max(), "swing": swing.max()}
     broken = [k for k, limit in LIMITS.items() if (values[k] < limit if limit < 0 else values[k] > limit)]
     rounded = {key: round(float(value), 4) for key, value in values.items()}
+    facts |= {"curve": curve, "coded": code}
     return {**facts, **rounded, "unchanged": unchanged, "seconds": seconds, "broken": broken}
 
 
@@ -130,10 +188,11 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--largest", type=int, default=2160, help="rows of the largest frames")
+    parser.add_argument("--plain", action="store_true", help="sRGB, not coded")
     options = parser.parse_args()
     broken: collections.Counter[str] = collections.Counter()
     for seed in range(options.first, options.first + options.count):
-        found = measured(seed, options.largest)
+        found = measured(seed, options.largest, options.plain)
         broken.update(found["broken"])
         print(json.dumps(found), flush=True)
     print(json.dumps({"scenes": options.count, "broken": dict(broken)}))

@@ -20,6 +20,7 @@ using Values = std::vector<double>;
 
 constexpr std::size_t most_groups = 12;   // of columns, whose agreement gives the variance of their common course
 constexpr std::size_t most_columns = 64;  // bundles
+constexpr std::size_t most_cells = 16;    // along each axis
 constexpr double texture = 0.03;          // relative difference of neighbouring blocks
 constexpr std::array<std::size_t, 4> lags{1, 2, 4, 8};  // blocks
 constexpr int steps = 12, wide_steps = 6;  // of the robust fit; those with a larger texture, so that bands are not
@@ -148,7 +149,7 @@ std::size_t mode_count(std::size_t rows) {
   return std::max(std::min<std::size_t>(24, rows / 4), static_cast<std::size_t>(std::ceil(3 * cycles)));
 }
 
-CommonCourse common_course(const BandedPicture& picture) {
+CommonCourse common_course(const BandedPicture& picture, const CommonCourse* of_all) {
   check(picture, Values(picture.rows, 1.0));
   require(picture.frames == 1 && picture.rows >= 4, "rows", picture.rows, "4 or more, of one frame");
   const std::size_t count = mode_count(picture.rows);
@@ -156,18 +157,31 @@ CommonCourse common_course(const BandedPicture& picture) {
                 picture.columns,
                 {picture.light.begin(), picture.light.end()},
                 {picture.variance.begin(), picture.variance.end()}};
-  blocks = merged_down(blocks, std::max<std::size_t>(1, picture.rows / (4 * count)));
-  blocks = merged_along(blocks, blocks_of(picture.columns, most_columns));
+  const std::size_t height = std::max<std::size_t>(1, picture.rows / (4 * count));
+  const std::size_t width = blocks_of(picture.columns, most_columns);
+  blocks = merged_along(merged_down(blocks, height), width);
   const Differences all = differences_of(blocks, count);
   Eigen::VectorXd modes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
+  if (of_all != nullptr)
+    modes = Eigen::Map<const Eigen::VectorXd>(of_all->modes.data(), static_cast<Eigen::Index>(count));
   Values weights;
-  for (int step = 0; step < steps; ++step) {
+  for (int step = of_all != nullptr ? wide_steps : 0; step < steps; ++step) {
     check_interrupt();
     weights = weights_of(all, modes, texture * std::max(1, wide_steps - step));
     modes = solved(all.design, evidence_of(all, weights, 0, all.columns));
   }
-  CommonCourse course{values_of(modes), {}, {}};
+  CommonCourse course{.modes = values_of(modes), .variance = {}, .groups = {}};
+  if (of_all != nullptr) {
+    course.variance = of_all->variance;
+    return course;
+  }
   compare_groups(all, weights, course);
+  const std::size_t down = blocks_of(blocks.rows, most_cells), across = blocks_of(blocks.columns, most_cells);
+  const Blocks cells = merged_along(merged_down(blocks, down), across);
+  const double least = darkest * std::max(mean_of_known(cells), 1e-100);
+  for (const double light : cells.light) course.cells.push_back(std::log(std::max(light, least)));
+  course.cell_rows = height * down;
+  course.cell_columns = width * across;
   return course;
 }
 

@@ -38,19 +38,6 @@ ColumnBundles sum_of(std::span<const BandedPicture> colours, std::span<const std
   return ColumnBundles({light, variance, 1, first.rows, first.columns});
 }
 
-double correlation(const Values& a, const Values& b) {
-  const auto count = static_cast<double>(a.size());
-  const double mean_a = std::accumulate(a.begin(), a.end(), 0.0) / count;
-  const double mean_b = std::accumulate(b.begin(), b.end(), 0.0) / count;
-  double aa = 0, ab = 0, bb = 0;
-  for (std::size_t n = 0; n < a.size(); ++n) {
-    aa += (a[n] - mean_a) * (a[n] - mean_a);
-    ab += (a[n] - mean_a) * (b[n] - mean_b);
-    bb += (b[n] - mean_b) * (b[n] - mean_b);
-  }
-  return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
-}
-
 // Colours of similar course: their sum, and the index of their light.
 struct Group {
   ColumnBundles picture;
@@ -80,6 +67,19 @@ void fit_tones(std::span<const BandedPicture> colours, double frequency, ColourL
 }
 
 }  // namespace
+
+double correlation(std::span<const double> a, std::span<const double> b) {
+  const auto count = static_cast<double>(a.size());
+  const double mean_a = std::accumulate(a.begin(), a.end(), 0.0) / count;
+  const double mean_b = std::accumulate(b.begin(), b.end(), 0.0) / count;
+  double aa = 0, ab = 0, bb = 0;
+  for (std::size_t n = 0; n < a.size(); ++n) {
+    aa += (a[n] - mean_a) * (a[n] - mean_a);
+    ab += (a[n] - mean_a) * (b[n] - mean_b);
+    bb += (b[n] - mean_b) * (b[n] - mean_b);
+  }
+  return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
+}
 
 std::string_view name_of(RowModel model) {
   switch (model) {

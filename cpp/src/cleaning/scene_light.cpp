@@ -19,9 +19,10 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr std::size_t most_judged_columns = 256;  // of a picture
-constexpr double much_left = 0.25;                // of the bands' swing: another light is searched
-constexpr double min_left = 0.125;                // lower bound of a light that is a divisor
+constexpr std::size_t most_judged_columns = 256;               // of a picture
+constexpr double left_by_chips = 0.125, level_of_lines = 0.5;  // chips on some columns that leave more are its lines
+constexpr double much_left = 0.25;                             // of the bands' swing: another light is searched
+constexpr double min_left = 0.125;                             // lower bound of a light that is a divisor
 constexpr std::size_t whole_pixels =
     1U << 19U;  // of a picture under chips up to which every pixel has a share of its own
 constexpr double blocks_of_shares =
@@ -156,12 +157,21 @@ SceneLight with_shares(const StoredScene& scene, std::vector<ColourLights> light
   return result;
 }
 
-// Full light of a colour above its mean. Where each colour has one share, that which lifts all pixels by one factor:
-// that of the colour whose light varies least, so that the picture keeps its colours.
+// The shares of the colours are alike but for a factor.
+bool are_alike(std::span<const KeptShares> shares) {
+  return std::ranges::all_of(shares, [&](const KeptShares& own) {
+    for (std::size_t i = 0; i < own.share.size(); ++i)
+      if (std::abs(own.share[i] * shares[0].share[0] - shares[0].share[i] * own.share[0]) > 1e-9) return false;
+    return true;
+  });
+}
+
+// Full light of a colour above its mean. Where the shares of the colours are alike, that which lifts pixels by one
+// factor: that of the colour whose light varies least, so that the picture keeps its colours.
 double highest_lift(const ColourLights& lights, std::span<const KeptShares> shares, std::size_t colour) {
   const auto lift_of = [&](std::size_t k) { return lights.lights[lights.of_colour[k]].full - 1; };
   const double own = shares[colour].share.front();
-  if (!(own > 0) || !std::ranges::all_of(shares, &KeptShares::is_one)) return lift_of(colour);
+  if (!(own > 0) || !are_alike(shares)) return lift_of(colour);
   double least = HUGE_VAL;
   for (std::size_t k = 0; k < shares.size(); ++k) least = std::min(least, shares[k].share.front() * lift_of(k));
   return least / own;
@@ -285,7 +295,13 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
   for (const SlowLight& frame : slow)
     for (std::size_t k = 0; k < colours; ++k) depths[k] = std::clamp(swing_of(frame.tones[k]), depths[k], deepest);
   SceneLight result;
-  for (const double depth : depths) result.shares.push_back({{depth}, rows, scene.columns()});
+  const SlowLight& last = slow.back();
+  for (const double depth : depths) {
+    result.shares.push_back({{depth}, rows, scene.columns()});
+    if (last.shares.empty()) continue;
+    result.shares.back() = {last.shares, last.course.cell_rows, last.course.cell_columns * scene.merged()};
+    for (double& share : result.shares.back().share) share = std::min(share * depth, deepest);
+  }
   for (std::size_t frame = 0; frame < slow.size(); ++frame) {
     ColourLights lights;
     for (std::size_t k = 0; k < colours; ++k) {
@@ -344,6 +360,9 @@ SceneLight estimated(StoredScene& scene, const Camera& camera, RowModel model, b
   SceneLight found = with_shares(scene, std::move(lights));
   const CleaningVerdict mean = mean_verdict(found.verdicts);
   if (given.empty()) found.unchanged = objection_to(mean);
+  const bool are_lines = mean.light_left > left_by_chips && mean.level < level_of_lines;
+  if (found.unchanged.empty() && model == RowModel::automatic && main == RowModel::chips && are_lines)
+    found.unchanged = "chips on some of the columns that explain these in part";
   if (is_slow) {
     SceneLight other = light_of_slow(scene, slow);
     const ModelledLight& first = found.lights.front().lights.front();

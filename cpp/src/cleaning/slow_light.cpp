@@ -5,6 +5,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "cleaning/slow_shares.hpp"
 #include "cleaning/slow_tones.hpp"
 #include "core/check_interrupt.hpp"
 #include "ocisac/core/require.hpp"
@@ -40,10 +41,11 @@ CommonCourse under_others(CommonCourse course, std::span<const double> modes, st
   return course;
 }
 
-// The tones of each colour: those of all, and what the colour's course differs by.
+// The tones of each colour: those of all, and what the colour's course differs by; less than a cycle of that is like a
+// shade of the colour.
 std::vector<std::vector<SlowTone>> tones_of_colours(const CommonCourse& all, std::span<const CommonCourse> colours,
                                                     const std::vector<SlowTone>& tones) {
-  if (colours.size() == 1) return {tones};
+  if (colours.size() == 1 || tones.front().cycles < 1) return std::vector(colours.size(), tones);
   const std::vector<double> common = modes_of_light(tones, all.modes.size());
   std::vector<std::vector<SlowTone>> found;
   for (const CommonCourse& own : colours) {
@@ -98,11 +100,9 @@ struct FrameCourses {
 
 FrameCourses courses_of(const std::vector<BandedPicture>& colours) {
   require(!colours.empty(), "colours", 0, "at least one");
-  FrameCourses result;
-  for (const BandedPicture& colour : colours) result.colours.push_back(common_course(colour));
   if (colours.size() == 1) {
-    result.all = result.colours.front();
-    return result;
+    const CommonCourse only = common_course(colours.front());
+    return {only, {only}};
   }
   std::vector<double> light(colours.front().light.size()), variance(light.size());
   for (const BandedPicture& colour : colours) {
@@ -112,7 +112,8 @@ FrameCourses courses_of(const std::vector<BandedPicture>& colours) {
       variance[i] += colour.variance[i];
     }
   }
-  result.all = common_course({light, variance, 1, colours.front().rows, colours.front().columns});
+  FrameCourses result{common_course({light, variance, 1, colours.front().rows, colours.front().columns}), {}};
+  for (const BandedPicture& colour : colours) result.colours.push_back(common_course(colour, &result.all));
   return result;
 }
 
@@ -203,6 +204,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
   std::optional<std::size_t> compared;  // the first of the frames that `first` and `verdict` are of
   std::vector<SlowTone> first;
   SlowVerdict verdict;
+  std::vector<double> shares;
   std::vector<SlowLight> result;
   for (std::size_t frame = earlier.courses.size(); frame < courses.size(); ++frame) {
     check_interrupt();
@@ -213,6 +215,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
           std::span<const CommonCourse>(courses).subspan(start, std::min(most_slow_frames, courses.size() - start));
       first = find_slow_tones(these, rows, camera, in_frame(known, these.front().place - place_of_known));
       verdict = agreement_of_groups(these, first);
+      shares = slow_shares(these, first, rows);
       known = first;
       std::erase_if(known, [](const SlowTone& tone) { return !tone.is_sure(); });
       place_of_known = these.front().place;
@@ -227,7 +230,8 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
                       courses[frame], main.log_odds > std::log(likely) ? main.amplitude() : 0, verdict,
                       !is_sure   ? not_sure
                       : is_other ? disagrees
-                                 : objection_to(verdict)});
+                                 : objection_to(verdict),
+                      shares});
   }
   const bool is_other = std::ranges::any_of(result, [](const SlowLight& one) { return one.objection == disagrees; });
   if (!is_other || earlier.courses.empty()) return result;

@@ -27,6 +27,9 @@ constexpr std::size_t judged_columns = 64;
 constexpr std::size_t most_frequencies = 64;  // frames whose mean frequency is followed
 constexpr double floor_of_light = 0.02;       // of the mean light, below which logarithms show noise
 constexpr double min_left = 0.1;              // lower bound of a light that is a divisor
+constexpr std::size_t most_moved = 32;        // part of the rows that a picture moves by in a frame
+constexpr double still = 0.6;                 // correlation of the lights of two frames
+constexpr double more_left = 0.1;             // of the light than when it was found: another one is searched
 constexpr std::size_t frames_of_search = 32, searched_frames = 3;  // where none has a light
 constexpr double most_jitter = 0.25;  // of a time stamp, in frames: phases of slow tones are those of whole ones
 
@@ -144,6 +147,17 @@ void estimate(const std::vector<Blocks>& blocks, const ColourLights& lights, Car
   for (double& count : carried.estimates) count += 1;
 }
 
+// The light of chips differs from frame to frame by more than a picture moves.
+bool stand_still(const Values& before, const Values& now) {
+  const std::size_t rows = now.size(), most = rows / most_moved;
+  const auto likeness = [&](std::size_t first, std::size_t second) {
+    return correlation(std::span(before).subspan(first, rows - most), std::span(now).subspan(second, rows - most));
+  };
+  for (std::size_t move = 0; move <= most; ++move)
+    if (std::max(likeness(move, 0), likeness(0, move)) > still) return true;
+  return false;
+}
+
 // Whether the shares are estimated in a frame that others have been before.
 bool is_due(const Values& estimates, std::size_t frames) {
   const auto missing = std::ranges::count_if(estimates, [](double count) { return count < 0.5; });
@@ -178,6 +192,7 @@ StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours, std
     return {std::move(stored), std::move(light)};
   }
   std::optional<Frame> found = followed(colours);
+  if (found) found = checked(*std::move(found), colours);
   if (!found) found = slowly(colours);
   if (!found) found = alone(colours);
   unlit_ = found->light.unchanged.empty() ? 0 : unlit_ + 1;
@@ -187,6 +202,10 @@ StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours, std
 StreamCleaner::Frame StreamCleaner::again(const std::vector<AnyFramesView>& colours, std::size_t ago) const {
   require(ago > 0, "ago", ago, "1 or more");
   StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
+  if (!slow_ && !chips_.empty() && before_) {
+    SceneLight light = find_scene_light(stored, camera_, options_.model, options_.toe.has_value());
+    return {std::move(stored), std::move(light)};
+  }
   SceneLight light = left_alone(stored, "no slow light in the frames after it");
   if (slow_ && compares_with(stored.rows()) && !has_equal_rows(stored)) {
     SlowLight own = slow_light_before(stored.colours_of(0), *slow_, static_cast<std::ptrdiff_t>(ago));
@@ -202,6 +221,7 @@ StreamCleaner::Frame StreamCleaner::again(const std::vector<AnyFramesView>& colo
 void StreamCleaner::forget() {
   before_.reset();
   forget_slow();
+  chips_.clear();
   unlit_ = 0;
   time_.reset();
   frame_time_ = camera_.frame_time;
@@ -240,6 +260,7 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
   StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
   if (!compares_with(stored.rows())) earlier_ = {};
   SceneLight light = find_scene_light(stored, camera_, options_.model, options_.toe.has_value(), {}, earlier_);
+  keep_chips(light, stored);
   before_.reset();
   slow_.reset();
   rise_ = light.rise.empty() ? 1 : light.rise.front();
@@ -257,10 +278,22 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
                      stored.toe(),
                      stored.noise(),
                      light.verdicts.front().slow_bands,
+                     light.verdicts.front().light_left,
                      0,
                      Values(light.shares.front().share.size(), 1.0)};
   }
   return {std::move(stored), std::move(light)};
+}
+
+void StreamCleaner::keep_chips(SceneLight& light, const StoredScene& stored) {
+  const ModelledLight& main = light.lights.front().lights.front();
+  if (main.model != RowModel::chips || options_.model != RowModel::automatic) return;
+  const Values last = std::exchange(chips_, main.light);
+  if (!light.unchanged.empty()) return;
+  if (last.size() != chips_.size())
+    light = left_alone(stored, "chips that may be lines of the picture: a second frame shows");
+  if (last.size() == chips_.size() && stand_still(last, chips_))
+    light = left_alone(stored, "chips that stand still: lines of the picture");
 }
 
 void StreamCleaner::keep_slow(const SceneLight& light) {
@@ -299,6 +332,11 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   Before now = *before_;
   ++now.frames;
   now.lights = followed_lights(stored);
+  const ModelledLight& main = now.lights.lights.front();
+  if (main.model == RowModel::chips && options_.model == RowModel::automatic) {
+    if (stand_still(chips_, main.light)) return {};
+    chips_ = main.light;
+  }
   const std::vector<Blocks> blocks = all_in_blocks(stored, now.shares.front());
   const std::size_t rows = blocks.front().rows, columns = blocks.front().columns;
   now.guide = guide_of(blocks, now.lights, now.shares);
@@ -326,6 +364,21 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   rise_ = frame.light.rise.front();
   before_ = std::move(now);
   return frame;
+}
+
+// The frame, or the same cleaned alone where that leaves less of a light of which more is left than when it was found.
+StreamCleaner::Frame StreamCleaner::checked(Frame followed, const std::vector<AnyFramesView>& colours) {
+  const double left = followed.light.verdicts.front().light_left;
+  if (left <= before_->light_left + more_left) return followed;
+  Before kept = *before_;
+  const double rise = rise_;
+  Frame other = alone(colours);
+  if (other.light.unchanged.empty() && other.light.verdicts.front().light_left < left) return other;
+  forget_slow();
+  kept.light_left = left;
+  before_ = std::move(kept);
+  rise_ = rise;
+  return followed;
 }
 
 // The row light of each colour; colours that had one light have one again.

@@ -91,9 +91,9 @@ ToneLight tone_of_picture(const ColumnBundles& picture, std::span<const double> 
                           (2 * std::numbers::pi * length * std::max(cosine * cosine + sine * sine, 1e-300));
     drift += 2;
     double& frequency = wave == 0 ? tone.frequency : tone.second;
-    const double moved = frequency + change;
+    const double moved = frequency + std::clamp(change, -largest_change / length, largest_change / length);
     const bool is_kept = wave > 0 || waves_of({{}, moved, tone.harmonics, tone.second}).size() == waves.size();
-    if (std::abs(change) * length <= largest_change && moved > 0 && moved < 0.5 && is_kept) frequency = moved;
+    if (moved > 0 && moved < 0.5 && is_kept) frequency = moved;
   }
   Basis moved = Basis::Zero(rows, 2 * count);
   put_waves(moved, 0, waves_of(tone));

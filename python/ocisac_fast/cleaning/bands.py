@@ -139,7 +139,7 @@ def remove_bands(
     start: float = 0.0,
     model: Literal["auto", "tone", "chips", "rows"] = "auto",
     keep: Literal["picture", "bands"] = "picture",
-    level: Literal["full", "mean"] = "full",
+    level: Literal["auto", "full", "mean"] = "auto",
     still: bool = False,
     options: CleaningOptions | None = None,
 ) -> CleanedFrames:
@@ -166,7 +166,8 @@ def remove_bands(
             else a tone that explains 50 %, else arbitrary. A tone slower than 128 rows per cycle is searched in a
             picture without another light, and removed where the picture's own shades cannot be the reason.
         keep: ``"picture"``, or ``"bands"``: the modulated light alone, c q L_n.
-        level: of the steady light: ``"full"``: the brightest rows'; ``"mean"``: its mean over the rows.
+        level: of the steady light: ``"full"``: the brightest rows'; ``"mean"``: its mean over the rows, so that lit and
+            unlit parts keep their balance; ``"auto"``: the mean of a tone, else full.
         still: the frames show one static scene and follow each other: shares, and the phases of a slow tone, are
             estimated from all of them together. A frame without the light may be among them, with ``light`` 0.
         options: noise, largest gain, filling of dark pixels, toe; None: the defaults.
@@ -377,7 +378,8 @@ def _restored(
     task: Task,
 ) -> tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
     """Restore one colour of one frame; returns stored values, marks, and the share of each pixel."""
-    level = found.light.level(frame, colour, task.level == "full")
+    is_full = task.level == "full" or (task.level == "auto" and row_light.model != "tone")
+    level = found.light.level(frame, colour, is_full)
     rows = np.minimum(row_light.light, row_light.full)  # brighter rows are fully lit rows with noise
     scene, max_gain = found.scene, task.options.max_gain
     if scene.by_table and task.keep == "picture" and not task.options.fill:

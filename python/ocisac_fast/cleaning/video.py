@@ -43,7 +43,7 @@ class VideoCleaner:
         *,
         model: Literal["auto", "tone", "chips", "rows"] = "auto",
         keep: Literal["picture", "bands"] = "picture",
-        level: Literal["full", "mean"] = "full",
+        level: Literal["auto", "full", "mean"] = "auto",
         options: CleaningOptions | None = None,
     ) -> None:
         self._camera = camera

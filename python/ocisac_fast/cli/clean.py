@@ -45,10 +45,10 @@ _HEADER = (
 )
 @click.option(
     "--level",
-    type=click.Choice(["full", "mean"]),
-    default="full",
+    type=click.Choice(["auto", "full", "mean"]),
+    default="auto",
     show_default=True,
-    help="Level of the steady light: that of the brightest rows, or the mean.",
+    help="Level of the steady light: that of the brightest rows, or the mean; auto: the mean of a tone, else full.",
 )
 @click.option("--fill", is_flag=True, help="Interpolate pixels that are too dark to restore.")
 @click.option("--still", is_flag=True, help="Static scene: clean all frames together.")
@@ -165,7 +165,7 @@ class _Cleaner:
         self.reasons: Counter[str] = Counter()
         self._picture = picture
         self._stream = stream
-        self._is_carried = not each and not options["still"]
+        self._is_carried = not each and not options["still"] and stream.frame_count != 1
         self._mark = mark
         self._options = options
         self._stop = stop

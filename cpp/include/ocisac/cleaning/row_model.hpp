@@ -20,6 +20,9 @@ enum class RowModel { automatic, tone, chips, rows, given };
 
 std::string_view name_of(RowModel model);
 
+// Correlation of two courses of rows, 0 where one does not vary.
+double correlation(std::span<const double> a, std::span<const double> b);
+
 struct ModelledLight {
   std::vector<double> light;  // of each row, mean 1
   double full = 1;            // of a fully lit row

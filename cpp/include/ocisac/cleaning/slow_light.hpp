@@ -26,10 +26,13 @@ struct CommonCourse {
   std::vector<double> variance;             // of what the groups of columns have not in common
   std::vector<std::vector<double>> groups;  // the modes of each group of columns
   std::ptrdiff_t place = 0;                 // number of the frame, missing ones counted
+  std::vector<double> cells = {};           // logarithm of the mean light of some 16 × 16 parts of the picture
+  std::size_t cell_rows = 1, cell_columns = 1;
 };
 
-// Differences of blocks of pixels along the rows are fitted with a redescending weight, since edges are few.
-CommonCourse common_course(const BandedPicture& picture);
+// Differences of blocks of pixels along the rows are fitted with a redescending weight, since edges are few. `of_all`:
+// for one of several colours the course of all of them, from which its own starts and whose variance it has.
+CommonCourse common_course(const BandedPicture& picture, const CommonCourse* of_all = nullptr);
 
 // Number of modes: those up to one and a half times the fastest slow tone.
 std::size_t mode_count(std::size_t rows);
@@ -68,8 +71,9 @@ struct SlowLight {
   CommonCourse course;                       // of all colours, which following frames are compared with
   double amplitude = 0;                      // of the strongest tone, relative to the light; 0 where none is likely
   SlowVerdict verdict;
-  std::string objection;  // why it is not removed, or empty
-  bool is_first = false;  // earlier frames, which it disagrees with, are not compared
+  std::string objection;            // why it is not removed, or empty
+  std::vector<double> shares = {};  // of the light in the course's cells, relative to the tones; empty: 1
+  bool is_first = false;            // earlier frames, which it disagrees with, are not compared
 };
 
 // Frames before others.

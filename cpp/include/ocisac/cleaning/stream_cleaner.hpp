@@ -36,7 +36,8 @@ class StreamCleaner {
   // result. `time`: s.
   Frame push(std::vector<AnyFramesView> colours, std::optional<double> time = {});
 
-  // A frame `ago` frames before the last one, which was left as it is, under the slow light that has been found since.
+  // A frame `ago` frames before the last one, which was left as it is, under the slow light or as the
+  // chips that have been found since.
   [[nodiscard]] Frame again(const std::vector<AnyFramesView>& colours, std::size_t ago) const;
 
   void forget();  // cleans the next frame as a picture
@@ -46,18 +47,20 @@ class StreamCleaner {
   struct Before {
     ColourLights lights;
     std::vector<KeptShares> shares;
-    std::vector<double> guide;  // logarithm of the cleaned picture, in large blocks
-    std::size_t columns;        // of the camera
-    double toe, noise, slow_bands;
-    std::size_t frames;             // since the first
-    std::vector<double> estimates;  // number of them in each block's share
+    std::vector<double> guide;                  // logarithm of the cleaned picture, in large blocks
+    std::size_t columns;                        // of the camera
+    double toe, noise, slow_bands, light_left;  // in the last frame that was cleaned alone
+    std::size_t frames;                         // since the first
+    std::vector<double> estimates;              // number of them in each block's share
   };
 
   std::optional<double> frames_since_last(std::optional<double> time);
   void leave_room(double missing);
+  void keep_chips(SceneLight& light, const StoredScene& stored);
   void forget_slow();
   [[nodiscard]] bool compares_with(std::size_t rows) const;
   std::optional<Frame> followed(const std::vector<AnyFramesView>& colours);
+  Frame checked(Frame followed, const std::vector<AnyFramesView>& colours);
   std::optional<Frame> slowly(const std::vector<AnyFramesView>& colours);
   Frame alone(const std::vector<AnyFramesView>& colours);
   void keep_slow(const SceneLight& light);
@@ -67,6 +70,7 @@ class StreamCleaner {
   StreamOptions options_;
   std::optional<Before> before_;
   EarlierFrames earlier_;          // while no other light is found
+  std::vector<double> chips_;      // light of the rows of the last frame that seemed to be of chips
   std::optional<SlowLight> slow_;  // of the frame before, where it is removed
   std::size_t unlit_ = 0;          // frames without a light since the last one with it
   double rise_ = 1;                // of the frame before: no frame is raised further, so that brightness stays

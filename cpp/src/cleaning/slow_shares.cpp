@@ -1,0 +1,91 @@
+#include "cleaning/slow_shares.hpp"
+
+#include <Eigen/Core>
+#include <algorithm>
+
+#include "cleaning/block_shares.hpp"
+#include "cleaning/means_of_rows.hpp"
+#include "cleaning/quantile.hpp"
+#include "cleaning/slow_modes.hpp"
+#include "core/linear_algebra.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using Eigen::ArrayXXd;
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr Index least_frames = 3;
+constexpr double between_cells = 0.15, from_one = 1;  // standard deviations of a share
+constexpr double median_square = 0.455;               // of a normal deviate
+constexpr double clearly_less = 0.8;                  // of what one share leaves; by chance 0.9
+constexpr double darkest = 0.02;
+constexpr int steps = 4;
+
+// Inverse covariance of the shares of cells, `across` in a row of them.
+MatrixXd prior_of(Index cells, Index across) {
+  MatrixXd prior = MatrixXd::Identity(cells, cells) / (from_one * from_one);
+  const auto join = [&](Index a, Index b) {
+    constexpr double weight = 1 / (between_cells * between_cells);
+    prior(a, a) += weight;
+    prior(b, b) += weight;
+    prior(a, b) -= weight;
+    prior(b, a) -= weight;
+  };
+  for (Index cell = 0; cell < cells; ++cell) {
+    if ((cell + 1) % across != 0) join(cell, cell + 1);
+    if (cell + across < cells) join(cell, cell + across);
+  }
+  return prior;
+}
+
+ArrayXXd centred(const ArrayXXd& values) { return values.colwise() - values.rowwise().mean(); }
+
+}  // namespace
+
+std::vector<double> slow_shares(std::span<const CommonCourse> courses, const std::vector<SlowTone>& tones,
+                                std::size_t rows) {
+  const CommonCourse& first = courses.front();
+  const auto cells = static_cast<Index>(first.cells.size()), frames = static_cast<Index>(courses.size());
+  if (frames < least_frames || cells == 0) return {};
+  const auto across = static_cast<Index>(first.cells.size() / blocks_of(rows, first.cell_rows));
+  ArrayXXd level(cells, frames), change(cells, frames);  // of the light, from its mean
+  for (Index frame = 0; frame < frames; ++frame) {
+    const CommonCourse& course = courses[static_cast<std::size_t>(frame)];
+    if (static_cast<Index>(course.cells.size()) != cells) return {};
+    std::vector<SlowTone> turned = tones;
+    for (SlowTone& tone : turned) tone = tone.in_frame(course.place - first.place);
+    const std::vector<double> light = means_of_rows(light_of(turned, rows), rows, first.cell_rows);
+    for (Index cell = 0; cell < cells; ++cell) {
+      level(cell, frame) = course.cells[static_cast<std::size_t>(cell)];
+      change(cell, frame) = light[static_cast<std::size_t>(cell / across)] - 1;
+    }
+  }
+  level = centred(level);
+  const MatrixXd prior = prior_of(cells, across);
+  VectorXd share = VectorXd::Ones(cells);
+  const auto left = [&] { return (1 + change.colwise() * share.array()).max(darkest).eval(); };
+  const auto residual = [&] { return (level - centred(left().log())).eval(); };
+  double noise_of_one = 0, before = 0;
+  for (int step = 0; step < steps; ++step) {
+    const ArrayXXd rest = residual(), slope = centred(change / left()), squares = rest.square();
+    const double noise =
+        quantile({squares.data(), static_cast<std::size_t>(squares.size())}, 0.5) / median_square + least_mode_variance;
+    if (step == 0) {
+      noise_of_one = noise;
+      before = (1 + squares / noise).log().sum();
+    }
+    const ArrayXXd weight = (squares + noise).inverse();
+    MatrixXd normal = prior;
+    normal.diagonal() += (weight * slope.square()).rowwise().sum().matrix();
+    const VectorXd right = (weight * slope * rest).rowwise().sum().matrix() - prior * (share - VectorXd::Ones(cells));
+    share = (share + VectorXd(solve_positive_definite(normal, right))).cwiseMax(0);
+  }
+  if (!((1 + residual().square() / noise_of_one).log().sum() < clearly_less * before)) return {};
+  return {share.data(), share.data() + share.size()};
+}
+
+}  // namespace ocisac
