@@ -18,11 +18,10 @@ constexpr std::size_t most_tried_columns = 256;  // of a picture, in its middle,
 constexpr double clear_gain = 0.1;               // of the log-likelihood of a pair of pixels; by chance at most 0.03
 constexpr double gain_over_chance = 2;  // pictures under an even light have 0.8 to 1.6, lights that cost 1 dB with one
                                         // share 2 and more
-constexpr double min_left = 0.02;       // lower bound of a light that is a divisor
 constexpr int steps = 40;
 constexpr double reach = 0.1;  // of a share from the median of those of the pixels
 
-double left_of(double share, double row_light) { return std::max(1 + share * (row_light - 1), min_left); }
+double left_of(double share, double row_light) { return std::max(1 + share * (row_light - 1), min_judged_light); }
 
 // Copied columns of a colour, with the row light that they are compared under.
 struct Part {

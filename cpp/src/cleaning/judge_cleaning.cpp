@@ -22,7 +22,6 @@ constexpr double min_level = 0.25;                       // of a light on part o
 constexpr double max_worse = 0.25;                       // share of the columns
 constexpr double min_part = 0.8;                         // of a group's pixels, of rows that count
 constexpr double smallest = 1e-100, independent = 1e-9;  // of a term that another one does not explain
-constexpr std::array<double, 5> textures{0.5, 0.3, 0.2, 0.1, 0.05};  // of the steps of a robust fit
 
 using Values = std::vector<double>;
 
@@ -107,7 +106,7 @@ std::array<Values, 2> course_of(std::span<const double> row_light) {
 // bands are not taken for edges.
 std::array<double, 2> swing_in(const Values& level, const std::array<Values, 2>& course, std::size_t lag) {
   std::array<double, 2> terms{};
-  for (const double texture : textures) {
+  for (const double texture : row_textures) {
     double aa = smallest, ab = 0, bb = smallest, right_a = 0, right_b = 0;
     for (std::size_t n = 0; n + lag < level.size(); ++n) {
       const double change = level[n + lag] - level[n], a = course[0][n + lag] - course[0][n],

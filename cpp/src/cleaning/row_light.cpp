@@ -14,7 +14,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::array<double, 5> row_textures{0.5, 0.3, 0.2, 0.1, 0.05};  // per step, decreasing as in the plan
 constexpr std::array<std::size_t, 5> lags{1, 2, 4, 8, 16};
 constexpr double evidence_of_columns = 0.1;  // the texture of neighbouring columns is correlated
 constexpr double max_change = 0.5;           // of a row in one step

@@ -13,7 +13,6 @@ namespace ocisac {
 namespace {
 
 constexpr double texture = 0.05;    // relative difference of neighbours that texture causes
-constexpr double min_left = 0.02;   // lower bound of a light that is a divisor
 constexpr double far_apart = 1e60;  // a misfit above which its logarithm is taken alone
 
 }  // namespace
@@ -53,7 +52,7 @@ double row_misfit(const BandedPicture& picture, std::span<const double> row_ligh
       const double change = row_light[frame * rows + n] - 1;
       for (std::size_t k = 0; k < columns; ++k) {
         const std::size_t at = n * columns + k;
-        const double left = std::max(1 + share[n * down + k * across] * change, min_left);
+        const double left = std::max(1 + share[n * down + k * across] * change, min_judged_light);
         light[at] = picture.light[frame * pixels + at] / left;
         variance[at] = picture.variance[frame * pixels + at] / (left * left);
       }

@@ -7,6 +7,7 @@
 
 #include "cleaning/block_shares.hpp"
 #include "cleaning/chip_light.hpp"
+#include "cleaning/cleaned_picture.hpp"
 #include "cleaning/colour_shares.hpp"
 #include "cleaning/means_of_rows.hpp"
 #include "cleaning/merged_blocks.hpp"
@@ -22,7 +23,6 @@ using Values = std::vector<double>;
 constexpr std::size_t most_judged_columns = 256;               // of a picture
 constexpr double left_by_chips = 0.125, level_of_lines = 0.5;  // chips on some columns that leave more are its lines
 constexpr double much_left = 0.25;                             // of the bands' swing: another light is searched
-constexpr double min_left = 0.125;                             // lower bound of a light that is a divisor
 constexpr std::size_t whole_pixels =
     1U << 19U;  // of a picture under chips up to which every pixel has a share of its own
 constexpr double blocks_of_shares =
@@ -138,7 +138,7 @@ std::vector<SlowLight> slow_light_left(const StoredScene& scene, const Camera& c
       for (std::size_t i = 0; i < values.size(); ++i) {
         const std::size_t row = i / picture.columns, column = i % picture.columns * scene.merged();
         const double share = shares.share[row / shares.block_rows * across + column / shares.block_columns];
-        values[i] /= std::max(1 + share * (rows[row] - 1), min_left);
+        values[i] /= light_left(share, rows[row] - 1);
       }
       picture.light = values;
     }
@@ -360,9 +360,10 @@ SceneLight estimated(StoredScene& scene, const Camera& camera, RowModel model, b
   SceneLight found = with_shares(scene, std::move(lights));
   const CleaningVerdict mean = mean_verdict(found.verdicts);
   if (given.empty()) found.unchanged = objection_to(mean);
-  const bool are_lines = mean.light_left > left_by_chips && mean.level < level_of_lines;
+  const bool are_lines =
+      mean.light_left > much_left || (mean.light_left > left_by_chips && mean.level < level_of_lines);
   if (found.unchanged.empty() && model == RowModel::automatic && main == RowModel::chips && are_lines)
-    found.unchanged = "chips on some of the columns that explain these in part";
+    found.unchanged = "chips that explain the rows in part";
   if (is_slow) {
     SceneLight other = light_of_slow(scene, slow);
     const ModelledLight& first = found.lights.front().lights.front();

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "cleaning/block_shares.hpp"
+#include "cleaning/cleaned_picture.hpp"
 #include "cleaning/means_of_rows.hpp"
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/picture_motion.hpp"
@@ -26,7 +27,6 @@ constexpr double cut = 0.5;                 // of the picture unlike the frame b
 constexpr std::size_t judged_columns = 64;
 constexpr std::size_t most_frequencies = 64;  // frames whose mean frequency is followed
 constexpr double floor_of_light = 0.02;       // of the mean light, below which logarithms show noise
-constexpr double min_left = 0.1;              // lower bound of a light that is a divisor
 constexpr std::size_t most_moved = 32;        // part of the rows that a picture moves by in a frame
 constexpr double still = 0.6;                 // correlation of the lights of two frames
 constexpr double more_left = 0.1;             // of the light than when it was found: another one is searched
@@ -72,7 +72,7 @@ Values guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, 
     const Values rows = means_of_rows(light, light.size(), shares[colour].block_rows);
     for (std::size_t i = 0; i < picture.light.size(); ++i) {
       const double change = rows[i / picture.columns] - 1;
-      picture.light[i] += colours[colour].light[i] / std::max(1 + shares[colour].share[i] * change, min_left);
+      picture.light[i] += colours[colour].light[i] / light_left(shares[colour].share[i], change);
     }
   }
   const std::size_t count = guide_size(picture.light.size());
