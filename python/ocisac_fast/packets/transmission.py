@@ -127,7 +127,7 @@ class Stretch(Result):
     def _of(cls, values: tuple[Any, ...]) -> Stretch:
         """Convert the core's values."""
         *counts, payload, inverted, lack = values
-        return cls(*counts, None if payload is None else Payload(*payload), inverted, lack)
+        return cls(*(*counts, None if payload is None else Payload(*payload), inverted, lack))
 
 
 @checked

@@ -37,8 +37,7 @@ def plot_modulation(
     """Plot the modulation of each light over the exposure, the bound, and the selected exposure.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
-        ax: axes to draw in; None: of a new figure.
+        path, ax: file to write (``.png``, ``.pdf``, ``.svg``), axes to draw in; None: none, those of a new figure.
         lights, below, bounds: as for ``flicker_free_exposure``.
         found: result of ``flicker_free_exposure``.
     """
@@ -69,8 +68,7 @@ def plot_flicker_front(
     """Plot the gain of the data light over the modulation of the other lights, for all exposures.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
-        ax: axes to draw in; None: of a new figure.
+        path, ax: file to write (``.png``, ``.pdf``, ``.svg``), axes to draw in; None: none, those of a new figure.
         f_comm, lights, below, bounds: as for ``flicker_free_exposure``.
         found: result of ``flicker_free_exposure``.
     """
@@ -105,8 +103,7 @@ def plot_flicker_indices(
     """Plot the three indices over the exposure: a line for each of up to seven lamps, else a map of all.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
-        ax: three axes to draw in; None: of a new figure.
+        path, ax: file to write (``.png``, ``.pdf``, ``.svg``), three axes to draw in; None: none, a new figure's.
         lights, background, contrast, tolerance: as for ``flicker_indices``.
         exposures: s.
     """
@@ -168,8 +165,7 @@ def plot_lamp(
     """Plot the largest modulation of PWM at any exposure over frequency and duty, the bound, and missed pulses.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
-        ax: axes to draw in; None: of a new figure.
+        path, ax: file to write (``.png``, ``.pdf``, ``.svg``), axes to draw in; None: none, those of a new figure.
         exposures: of the cameras, s.
         below, bounds: as for ``flicker_free_frequencies``.
     """

@@ -43,8 +43,7 @@ def plot_sources(
     """Plot a frame with box, number and frequency of every detected light; reflections are dashed.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
-        ax: axes to draw in; None: of a new figure.
+        path, ax: file to write (``.png``, ``.pdf``, ``.svg``), axes to draw in; None: none, those of a new figure.
         frame: (height, width), stored values.
         camera: as for ``detect_sources``.
         sources: result of ``detect_sources`` for the frame.
@@ -73,8 +72,7 @@ def plot_regions(
     """Plot a frame with box and kind of every region, and an arrow for a known motion.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
-        ax: axes to draw in; None: of a new figure.
+        path, ax: file to write (``.png``, ``.pdf``, ``.svg``), axes to draw in; None: none, those of a new figure.
         frame: (height, width), stored values.
         camera: as for ``sense``.
         regions: result of ``sense`` for the frame.

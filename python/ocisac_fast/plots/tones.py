@@ -1,8 +1,8 @@
-"""Plots of a column's spectrum with the fitted tone, and of the column before and after equalisation."""
+"""Plots of a column's spectrum with the fitted tone, before and after equalisation; of one value over recordings."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.light.response import exposure_response
-from ocisac_fast.plots.picture import BLACK, BLUE, RED, FilePath, figure_of, panels
+from ocisac_fast.plots.picture import BLACK, BLUE, ORANGE, RED, FilePath, figure_of, panels
 from ocisac_fast.tones.equalization import equalize
 
 if TYPE_CHECKING:
@@ -33,8 +33,7 @@ def plot_gain(
     """Plot the spectrum with the fitted tone and the exposure's response, and the column before and after equalisation.
 
     Args:
-        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
-        ax: two axes to draw in; None: of a new figure.
+        path, ax: file to write (``.png``, ``.pdf``, ``.svg``), two axes to draw in; None: none, a new figure's.
         columns: (rows, columns) of one frame, stored values; their mean is plotted.
         camera: as for ``tone_gain``; a row time of 1 shows cycles per row.
         frequency, gain: of the fitted tone.
@@ -104,3 +103,38 @@ def _mark_tone(axes: Axes, camera: Camera, frequency: float, gain: float) -> Non
     folded = abs((frequency * camera.row_period + 0.5) % 1.0 - 0.5) / camera.row_period
     label = f"fit: gain {gain:.4f} at " + (f"{frequency:.6g} cycles a row" if in_rows else f"{frequency:.2f} Hz")
     axes.semilogy([folded * (1.0 if in_rows else 1e-3)], [max(gain, 1e-7)], "o", color=RED, ms=7, label=label)
+
+
+def plot_recordings(
+    values: npt.NDArray[np.float64],
+    spreads: npt.NDArray[np.float64],
+    *,
+    label: str,
+    flags: Mapping[str, int],
+    path: FilePath | None = None,
+    ax: Sequence[Axes] | None = None,
+) -> Figure:
+    """Plot a value of each recording with its standard error, and the number of recordings with each flag.
+
+    Args:
+        values, spreads: (recordings,) in the order of their paths; NaN: unknown.
+        path: ``.png``, ``.pdf`` or ``.svg``; None: not written.
+        ax: one, or with flags two, axes to draw in; None: of a new figure.
+        label: name of the value.
+        flags: number of recordings by name of the flag.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    names = sorted(flags, key=lambda name: flags[name])
+    ratios = {"height_ratios": (2, 1)} if names else {}
+    with panels(path, ax, (9.0, 6.0 if names else 4.0), (1 + bool(names), 1), **ratios) as axes:
+        place = np.arange(1, len(values) + 1)
+        errors = np.where(np.isfinite(spreads), spreads, 0.0)
+        axes[0].errorbar(place, values, yerr=errors, fmt=".", color=BLUE, ms=4, lw=0.8)
+        axes[0].set(xlabel="recording, in the order of paths", ylabel=label, title="Recordings, with standard errors")
+        axes[0].xaxis.set_major_locator(MaxNLocator(integer=True))
+        if names:
+            axes[1].barh(names, [flags[name] for name in names], color=ORANGE)
+            axes[1].set(xlabel="recordings", title="Flags")
+            axes[1].xaxis.set_major_locator(MaxNLocator(integer=True))
+    return figure_of(axes[0])

@@ -3,7 +3,7 @@
 There are no heuristics here; heuristics are tested by truth, bounds and stored results.
 """
 
-from ocisac_fast.reference.camera import linear_light as linear_light
+from ocisac_fast.reference.camera import linear_light as linear_light, subtract_still as subtract_still
 from ocisac_fast.reference.chips import (
     ClockTracker as ClockTracker,
     chip_llr as chip_llr,
@@ -16,7 +16,6 @@ from ocisac_fast.reference.chips import (
     fit_channel as fit_channel,
     pool_estimates as pool_estimates,
 )
-from ocisac_fast.reference.cleaning import subtract_still as subtract_still
 from ocisac_fast.reference.exposure import (
     best_exposure as best_exposure,
     best_noisy_exposure as best_noisy_exposure,

@@ -1,4 +1,4 @@
-"""Stored pixel values to linear light."""
+"""Stored pixel values to linear light, and without the still picture."""
 
 from __future__ import annotations
 
@@ -44,3 +44,16 @@ def saturation_level(stored: npt.NDArray[np.generic], camera: Camera) -> float:
         return float("nan")
     white = type_maximum(stored.dtype) if camera.white_level is None else camera.white_level
     return camera.dark_level + 0.98 * (white - camera.dark_level)
+
+
+def subtract_still(
+    frames: npt.ArrayLike, camera: Camera, *, still: npt.ArrayLike | None = None, neighbours: int = 8
+) -> npt.NDArray[np.float64]:
+    """Subtract the still picture, or the mean of the nearest frames in time, and add the mean of what is subtracted."""
+    light = [linear_light(np.asarray(frame), camera) for frame in np.asarray(frames)]
+    taken = []
+    for k in range(len(light)):
+        nearest = sorted(set(range(len(light))) - {k}, key=lambda other: (abs(other - k), other))[:neighbours]
+        others = [light[other] for other in nearest]
+        taken.append(np.mean(others, axis=0) if still is None else linear_light(np.asarray(still), camera))
+    return np.asarray(np.array(light) - np.array(taken) + np.mean(taken))
