@@ -82,14 +82,12 @@ ChannelModel choose_levels(const IterationContext& context, const FoundChips& ch
 std::optional<FoundChips> detect_rows(const IterationContext& context, const ChannelEstimate& channel, RowRange range) {
   const auto signal = context.signal;
   const HeldLevels levels{channel, signal.size()};
-  double lowest = std::numeric_limits<double>::infinity();
   std::vector<double> rows;
   for (std::size_t n = range.begin; n < range.end; ++n) {
     const double swing = levels.swing(n);
-    lowest = std::min(lowest, swing);
     rows.push_back((signal[n] - levels.dark(n)) / swing);
+    if (!(swing > 0) || !std::isfinite(rows.back())) return std::nullopt;
   }
-  if (!(lowest > 0)) return std::nullopt;
   ChipClock clock = channel.clock;
   clock.phase -= static_cast<double>(range.begin);
   if (!(clock.exposure_rows + static_cast<double>(range.size()) - 1 < kMaxChips * clock.rows_per_chip))

@@ -78,6 +78,17 @@ void ClockTracker::reset() {
   covariance_[8] = options_.frame_rows_std * options_.frame_rows_std;
 }
 
+void ClockTracker::set_frame_rows(double rows, double standard_error) {
+  options_.frame_rows = state_[2] = rows;
+  options_.frame_rows_std = standard_error;
+  Eigen::Map<Matrix3> covariance(covariance_.data());
+  covariance.row(2).setZero();
+  covariance.col(2).setZero();
+  covariance(2, 2) = standard_error * standard_error;
+  jitter_variance_ = 0;
+  steady_ = 0;
+}
+
 void ClockTracker::begin(double frame, const ChipClock& clock, const ClockErrors& errors) {
   const Matrix2 measured = measured_covariance(errors);
   started_ = true;

@@ -37,6 +37,7 @@ constexpr double kVarianceOfMedian = 0.455;  // median of the square of a normal
 constexpr double kLooseWalk = 2;             // chips² from header to header, over the square of their number
 constexpr std::size_t kHeadersOfRate = 4;
 constexpr double kEvenWalk = 1;                          // chips² from header to header
+constexpr double kCountError = 0.3;                      // chips, of places that a wrong clock rounded
 constexpr double kWholePause = 0.1;                      // chips; errors of a pause by two headers
 constexpr double kSteadyClock = 2;                       // nats
 constexpr double kHeadersMissed = 5;                     // expected since the last one
@@ -546,14 +547,40 @@ void PacketAssembler::learn_drift() {
   drift_ = {rate, walk / kVarianceOfMedian + kLooseWalk / (count * count * time), chips, steps.size(), time};
 }
 
-std::optional<double> PacketAssembler::take_rate() {
-  if (!drift_ || !waiting_.empty() || drift_->headers < kHeadersOfRate || drift_->walk * drift_->step > kEvenWalk)
-    return std::nullopt;
-  const double chips = drift_->chips;
-  lose_clock();
+std::optional<double> PacketAssembler::even_rate() const {
+  const bool even = drift_ && drift_->headers >= kHeadersOfRate && drift_->walk * drift_->step <= kEvenWalk;
+  return even ? std::optional(drift_->chips) : std::nullopt;
+}
+
+void PacketAssembler::set_rate(double chips) {
+  double counted = chips, now = 0, error = 0;
+  if (drift_ && !headers_.empty()) {
+    counted = drift_->chips + drift_->rate;
+    now = headers_.back().time;
+  } else if (waiting_.size() > 1 && waiting_.front().time() < waiting_.back().time()) {
+    const Stretch &first = waiting_.front(), &last = waiting_.back();
+    now = last.time();
+    counted = (last.place() - first.place()) / (now - first.time());
+    error = kCountError;
+  }
+  const auto moved = [&](double time) { return (chips - counted) * (now - time); };
+  for (Stretch& stretch : waiting_) {
+    const double off = moved(stretch.time());
+    const auto whole = static_cast<std::ptrdiff_t>(std::nearbyint(off));
+    stretch.first -= whole;
+    stretch.blocks_first -= whole;
+    stretch.errors.offset -= off - static_cast<double>(whole);
+    stretch.errors.scatter = std::hypot(stretch.errors.scatter, error);
+  }
+  for (Header& header : headers_) {
+    header.chip -= moved(header.time);
+    header.place -= moved(header.time);
+  }
+  if (origin_) origin_->chip -= moved(origin_->time);
   drift_.reset();
+  doubtful_.reset();
+  joined_.clear();
   scatter_ = 0;
-  return chips;
 }
 
 // The blocks in the last chips, the first of them at this place of the clock: those that the last header expects there

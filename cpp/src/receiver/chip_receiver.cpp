@@ -105,11 +105,17 @@ void ChipReceiver::pass_idle(std::int64_t frame, bool is_mean) {
   idle_gap_ = gap;
   if (counted_) return;
   ++repeats_;
-  if (alternating_ < kAlternating || !state_.tracker || state_.tracker->is_steady()) return;
+  if (alternating_ < kAlternating || !state_.tracker || !state_.channel || state_.tracker->is_steady()) return;
   const Camera& camera = reader_.camera();
-  reader_.set_frame_rows(2 * camera.frame_time.value_or(1.0) / camera.row_time);
-  state_.tracker = reader_.new_tracker(false);
+  set_frame_rows(2 * camera.frame_time.value_or(1.0) / camera.row_time);
   alternating_ = std::numeric_limits<int>::min();  // once
+}
+
+// From the beginning of a frame to that of the next, other than frame time and row time say.
+void ChipReceiver::set_frame_rows(double rows) {
+  if (!state_.tracker) return;
+  reader_.set_frame_rows(rows, *state_.tracker);
+  assembler_.set_rate(rows / state_.channel->clock.rows_per_chip);
 }
 
 // As bright as with the exposure and the gain of the first frame that states them.
@@ -330,10 +336,7 @@ ReceivedFrame ChipReceiver::decode(ChipFrame frame) {
     std::vector<double> weights = code_weights(*frame.reading);
     agree_with_code(weights, reader_.options().format);
     result.stretch = assembler_.push(frame.first_chip, weights, frame.place_errors);
-    if (const auto chips = state_.tracker ? assembler_.take_rate() : std::nullopt) {
-      reader_.set_frame_rows(*chips * frame.reading->channel.clock.rows_per_chip);
-      state_.tracker = reader_.new_tracker(last_stamp_.has_value());
-    }
+    if (const auto chips = assembler_.even_rate()) set_frame_rows(*chips * frame.reading->channel.clock.rows_per_chip);
   }
   // A frame that repeats the last one has its time, too.
   if (result.stretch && result.stretch->outcome == StretchOutcome::repeated && !history_.frames.empty() &&

@@ -251,7 +251,8 @@ void FrameHistory::keep(KeptFrame now, std::size_t first_row_of_now) {
     profile.reset();
   }
   first_row = first_row_of_now;
-  if (!frames.empty()) now.before = frames.back().signal;
+  if (!frames.empty() && frames.back().signal != now.signal)
+    now.before = frames.back().signal;  // a copy shows nothing else
   if (frames.size() == kKeptFrames) frames.pop_front();
   now.lamp = now.signal;
   frames.push_back(std::move(now));

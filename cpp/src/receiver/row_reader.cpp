@@ -142,6 +142,11 @@ std::optional<ClockTracker> RowReader::new_tracker(bool stamped) const {
   return ClockTracker(TrackerOptions{.frame_rows = rows, .frame_rows_std = kFrameTimeError * rows});
 }
 
+void RowReader::set_frame_rows(double rows, ClockTracker& tracker) {
+  frame_rows_ = rows;
+  tracker.set_frame_rows(rows, kFrameTimeError * rows);
+}
+
 SignalModel RowReader::given_model(std::optional<double> exposure) const {
   return {.exposure_rows = exposure ? std::optional(*exposure / camera_.row_time) : std::nullopt,
           .exposure_known = exposure.has_value()};

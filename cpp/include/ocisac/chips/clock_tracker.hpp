@@ -51,6 +51,9 @@ class ClockTracker {
   // The last update was where it was expected.
   [[nodiscard]] bool is_steady() const { return steady_ > 0; }
 
+  // Other rows per frame from the last update on.
+  void set_frame_rows(double rows, double standard_error);
+
   void reset();
 
  private:

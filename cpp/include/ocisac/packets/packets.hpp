@@ -131,9 +131,12 @@ class PacketAssembler {
   // The clock has jumped: the packet's symbols stay; the next header restores the place.
   void lose_clock();
 
-  // Chips per unit of the stretches' times, once headers have shown that a clock that ran wrong runs evenly, and no
-  // stretch waits for it. The clock restarts with that rate.
-  std::optional<double> take_rate();
+  // Chips per unit of the stretches' times, once headers have shown that a clock that ran wrong runs evenly.
+  [[nodiscard]] std::optional<double> even_rate() const;
+
+  // The clock counts so many chips per unit of the stretches' times from the last one on, and earlier ones move to
+  // where it would have had them.
+  void set_rate(double chips);
 
   // All stretches come again, read otherwise: forgets their chips and their clock, not what headers say of the packet.
   void restart();

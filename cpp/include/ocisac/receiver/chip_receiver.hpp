@@ -82,6 +82,7 @@ class ChipReceiver {
   double drop_given_again();
   void read_again(ChipFrame& frame, const LearnedProfile& profile, LightState state);
   void count_chips(ChipFrame& frame);
+  void set_frame_rows(double rows);
   void pass_idle(std::int64_t frame, bool is_mean);
   bool repeats_last(const ReceivedFrame& result);
   void lose(ChipFrame& frame);

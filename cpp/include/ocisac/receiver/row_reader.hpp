@@ -87,8 +87,9 @@ class RowReader {
   [[nodiscard]] const ChipOptions& options() const { return options_; }
   [[nodiscard]] SearchEffort effort(const LightState& state, std::size_t rows) const;
 
-  // Rows from the beginning of a frame to that of the next, other than frame time and row time say.
-  void set_frame_rows(double rows) { frame_rows_ = rows; }
+  // Rows from the beginning of a frame to that of the next, other than frame time and row time say, of this tracker and
+  // new ones.
+  void set_frame_rows(double rows, ClockTracker& tracker);
   // `stamped`: frames have times, so that the frame time need not be known.
   [[nodiscard]] std::optional<ClockTracker> new_tracker(bool stamped) const;
   // The state before the first frame; the tracker keeps the camera's frame time.
