@@ -155,6 +155,7 @@ _SEEN_FRAMES = 64  # together, at most
 _FEWEST_FRAMES = 4
 _EXPLAINED = 0.3  # share of what changes from frame to frame
 _APART = 0.2  # of the largest: another frequency that explains more leaves doubt
+_MOST_TURNS = 1 << 24  # of all frequencies that are searched in all rows: frames further apart tell none
 
 
 def _over_frames(frames: npt.NDArray[np.generic], camera: Camera, found: FoundFrequency) -> FoundFrequency:
@@ -168,9 +169,12 @@ def _over_frames(frames: npt.NDArray[np.generic], camera: Camera, found: FoundFr
     count, rows = light.shape
     of_frame, of_row = np.arange(count) * camera.frame_time, np.arange(rows) * camera.row_period
     lasts = count * camera.frame_time
-    grid = np.arange(2.0 / lasts, min(4.0 / (rows * camera.row_period), 0.25 / camera.row_period), 0.1 / lasts)
+    highest = min(4.0 / (rows * camera.row_period), 0.25 / camera.row_period)
     changes = light - light.mean(axis=0)
-    if not changes.any() or grid.size == 0:
+    if not changes.any() or 10.0 * highest * lasts * (rows + count) > _MOST_TURNS:
+        return found
+    grid = np.arange(2.0 / lasts, highest, 0.1 / lasts)
+    if grid.size == 0:
         return found
     turns = np.exp(-2j * np.pi * np.outer(grid, of_frame))
     lines = ((np.exp(-2j * np.pi * np.outer(grid, of_row)) @ changes.T) * turns).sum(axis=1)
