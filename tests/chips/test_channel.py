@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings, strategies as st
+from hypothesis import HealthCheck, assume, example, given, settings, strategies as st
 
 import ocisac_fast.chips as ocisac
 from ocisac_fast import Camera, Chips, integrate_exposure, reference
@@ -424,6 +424,33 @@ def test_pooled_estimates_agree_with_the_reference(values, errors):
     np.testing.assert_allclose(
         [got.value, got.std, got.count], [want.value, want.std, want.count], rtol=1e-9, atol=1e-9
     )
+
+
+@settings(
+    deadline=None,
+    max_examples=3 * settings.default.max_examples // 10,
+    suppress_health_check=[HealthCheck.filter_too_much],
+)
+@given(
+    rows_per_chip=st.floats(1.0, 7.0),
+    chips=st.floats(0.0, 9.0),
+    place=st.floats(-0.9, -0.01),
+    count=st.integers(1, 12),
+    first=st.integers(-5, 5),
+    seed=st.integers(0, 1000),
+)
+def test_llr_are_those_of_all_sequences(rows_per_chip, chips, place, count, first, seed):
+    random = np.random.default_rng(seed)
+    exposure = chips * rows_per_chip
+    # Rows that see no chips but those `count`.
+    phase = place - exposure / 2 - first * rows_per_chip
+    rows = int(count * rows_per_chip - exposure + place)
+    assume(rows > 0)
+    light = random.random(rows)
+    clock = ChipClock(rows_per_chip=rows_per_chip, phase=phase, exposure_rows=exposure)
+    got, want = (of.chip_llr(light, clock, noise=0.2, first=first, count=count) for of in (ocisac, reference))
+    assert got.shape == (count,)
+    np.testing.assert_allclose(got, want, atol=1e-3)  # single precision inside
 
 
 def test_detection_reaches_what_the_closest_pair_allows():

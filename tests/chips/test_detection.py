@@ -64,6 +64,24 @@ def test_detectors_agree_with_whole_matrices(seed, rows, shape, dtype, step, met
     np.testing.assert_allclose(got.llr, want.llr, rtol=0, atol=(1e-8 if rows > 2 else 1e-6) * scale)
 
 
+@settings(max_examples=settings.default.max_examples // 5)
+@given(
+    seed=st.integers(0, 2**32),
+    rows_per_chip=st.floats(2, 7),
+    length=st.floats(0.3, 6),
+    phase=st.floats(-20, 20),
+    method=st.sampled_from(["reduced", "mlse", "auto"]),
+)
+def test_sequences_are_those_of_the_plain_search(seed, rows_per_chip, length, phase, method):
+    channel = make_channel(rows_per_chip, length * rows_per_chip, phase, noise=2.0)
+    columns = make_columns(channel, (1, 130, 1), seed)[0][0, :, 0]
+    got = ocisac.detect_chips(columns, CAMERA, channel, method=method)
+    want = reference.detect_chips(columns, CAMERA, channel, "mlse")
+    edge = int(np.ceil(length)) + 1
+    sure = np.abs(got.llr) > (3 if method == "auto" else 1e-3)  # `auto`: the slicer may differ where it is in doubt
+    np.testing.assert_array_equal((got.bits == want.bits)[edge:-edge][sure[edge:-edge]], True)
+
+
 def test_auto_takes_the_cheapest_that_is_right():
     def chosen(rows_per_chip, length, noise):
         channel = make_channel(rows_per_chip, length * rows_per_chip, noise=noise)

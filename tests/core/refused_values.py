@@ -259,6 +259,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "light": [np.ones(5), np.zeros(64), np.full(64, -1.0)], "exposure": [of(light=TONE, camera=Camera(1e-5))],
         "model": ["sawtooth"], "keep": ["all"], "level": ["high"], "options": [{"toe": 0.1}],
     },
+    "cleaning.VideoCleaner.push": {"frame": [np.zeros((2, 64, 48))]},
     "cleaning.CleaningOptions": {"noise": [0.0, "2"], "max_gain": [1.0], "toe": [1.5, NAN]},
     "cleaning.subtract_still": {
         "frames": [FRAME[None]], "still": [np.zeros((3, 3))], "neighbours": [0],

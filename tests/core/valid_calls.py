@@ -141,6 +141,7 @@ VALID: dict[str, Any] = {
     "packets.possible_goodput": {"payload_bytes": 9, "camera": CAMERA, "chip_rate": 1e4, "rows": 99},
     "packets.merge_receptions": {"lines": [{"light": 1, "time_s": 0.0}]},
     "packets.PacketAssembler.push": (packets.PacketAssembler, {"first": 0, "llr": LLR}),
+    "packets.PacketAssembler.lose_clock": (packets.PacketAssembler, {}),
     "packets.PacketAssembler": {},
     "packets.PacketFormat": {},
     "packets.Transmission.waveform": (lambda: packets.transmit(b"a"), {"chip_rate": 1e4}),

@@ -76,6 +76,39 @@ def test_agrees_with_the_reference(parts, exposure, start, length, order, frames
     assert not wrong.any(), (got[wrong], want[wrong])
 
 
+SLOW = st.floats(1, 2e3)
+FACTORS = (
+    st.builds(Tone, frequency=st.just(0.0) | SLOW, amplitude=LEVELS, phase=PHASES, depth=st.floats(0, 1))
+    | st.builds(SquareWave, frequency=st.just(0.0) | SLOW, duty=st.floats(0.01, 0.99), phase=PHASES)
+    | st.builds(Chips, levels=LISTS, chip_rate=SLOW, start=STARTS, repeat=st.booleans())
+    | CONSTANTS
+)
+
+
+@settings(max_examples=settings.default.max_examples // 2, deadline=None)
+@given(
+    factors=st.lists(FACTORS | st.builds(lambda a, b: a + b, FACTORS, FACTORS), min_size=1, max_size=3),
+    sampled=st.none()
+    | st.builds(TriangleWave, frequency=st.just(0.0) | SLOW, phase=PHASES)
+    | st.builds(Samples, values=LISTS, sample_rate=SLOW, start=STARTS, repeat=st.booleans()),
+    exposure=st.just(0.0) | st.floats(1e-6, 1e-2) | st.floats(0.01, 0.05),
+    start=st.floats(-1, 1),
+    length=st.sampled_from([1, 2, 31]),
+    frames=st.none() | st.just(2),
+)
+def test_products_agree_with_quadrature(factors, sampled, exposure, start, length, frames):
+    """The reference integrates products by Gauss-Legendre nodes between the edges."""
+    camera = Camera(22.2e-6, exposure, 1 / 30)
+    rows = (np.arange(length) * 7919) % 1080 - 100
+    waveform = Product([*factors, *([] if sampled is None else [sampled])])
+    got = integrate_exposure(waveform, camera, rows, start=start, frames=frames)
+    want = reference.integrate_exposure(waveform, camera, rows, start, frames)
+    wrong = np.abs(got - want) > 1e-12 * max(1, np.abs(want).max())
+    if exposure == 0 and wrong.any():
+        wrong &= ~near_an_edge(waveform, camera, rows, start, frames)
+    assert not wrong.any(), (got[wrong], want[wrong])
+
+
 def test_a_triangle_wave_has_a_fundamental_of_8_over_pi_squared():
     times = np.arange(1000) / 1000 / 50.0
     wave, tone = (

@@ -11,7 +11,7 @@ import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag, reference
 from ocisac_fast.cli import main
 from ocisac_fast.packets import PacketFormat
-from ocisac_fast.packets.fsk import fsk_demodulate, fsk_transmit
+from ocisac_fast.packets.fsk import fsk_demodulate, fsk_symbol_error_rate, fsk_transmit
 from ocisac_fast.receiver.fsk import FskReceiver
 
 ROW_TIME, ROWS, FRAME_TIME = 22.2e-6, 1080, 1 / 30
@@ -139,6 +139,16 @@ def test_tones_by_files_and_commands(tmp_path, capsys):
     ]:
         assert main(wrong) == 2
         assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("count", [2, 4, 16])
+def test_the_error_rate_is_the_binomial_sum(count):
+    for snr in (0.0, 0.5, 3.0, 10.0, 20.0):
+        assert fsk_symbol_error_rate(count, snr) == pytest.approx(
+            reference.fsk_symbol_error_rate(count, snr), rel=1e-4, abs=1e-12
+        )
+    assert fsk_symbol_error_rate(256, 0.0) == pytest.approx(255 / 256, rel=1e-4)
+    assert 0 < fsk_symbol_error_rate(256, 60.0) < 1e-10
 
 
 def test_a_column_without_light_tells_nothing():
