@@ -241,6 +241,25 @@ def test_rows_pulled_inwards_by_a_lens_correction_are_received(share):
     assert payloads == {b"a lens"}
 
 
+@pytest.mark.parametrize("pause", [5, 20])
+def test_a_pause_of_the_read_out_in_the_middle_of_the_picture_is_found(pause):
+    """Chips after it are in doubt until their number is known from several frames, and right then."""
+    light, payloads, sure = Light(b"a pause", seed=30, noise=0.01, rows=1080 + pause), set(), 0
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    sent = np.asarray(ocisac.transmit(b"a pause").chips)
+    for index in range(16):
+        result = receiver.push(np.delete(light.frame(index), np.arange(540, 540 + pause)))
+        if result.payload is not None:
+            payloads.add(result.payload.data)
+        bits = np.frombuffer(result.bits.encode(), np.uint8) - ord("0")
+        began = (light.start + index * FRAME_TIME + result.phase * ROW_TIME - light.camera.exposure / 2) * CHIP_RATE
+        wrong = np.mean(bits != sent[(round(began) + np.arange(bits.size)) % sent.size])
+        assert wrong < 0.01 or result.error_rate > 0.05
+        sure += result.flags == 0
+    assert payloads == {b"a pause"}
+    assert sure >= 4
+
+
 @pytest.mark.parametrize("share", [0.3, 0.5])
 def test_frames_that_show_a_share_of_the_one_before_are_received(share):
     """y_k = (1 - share)·s_k + share·y_(k-1), as after noise reduction over time; the first frame shows none."""

@@ -32,6 +32,7 @@ constexpr double kUnknownJump = 2;      // chips; standard error of the count wh
 constexpr double kAnyJump = 1e6;        // the same where frames may be missing
 constexpr int kAlternating = 2;         // frames in a row
 constexpr double kSamePhase = 0.1;      // chips
+constexpr double kLostCount = 1;        // nats, of a chip whose number is not known
 constexpr double kNoiseKept = 0.9;      // decay per frame: noise varies where the light fills only some of the rows
 constexpr double kOthersEffort = 0.5;   // of a frame's: the effort for each of the other models
 constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, after which another light may appear
@@ -41,6 +42,7 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   const ChannelEstimate& channel = reading.channel;
   std::vector<double> llr = reliable_llr(reading);
   agree_with_code(llr, reader.options().format);
+  const bool in_doubt = reading.pause && !reading.pause->is_sure();
   const ChipGrid whole = whole_chips(channel.clock, rows.signal.size());
   for (std::size_t k = 0; k < whole.count; ++k) {
     const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - reading.first;
@@ -48,6 +50,8 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
     if (result.bits.empty())
       result.phase = picture_row(whole.start(k), reading.warp) + static_cast<double>(rows.first_row);
     result.llr.push_back(llr[static_cast<std::size_t>(at)]);
+    if (in_doubt && at + reading.first >= reading.after_pause)
+      result.llr.back() = std::clamp(result.llr.back(), -kLostCount, kLostCount);
     result.bits += result.llr.back() > 0 ? '1' : '0';
   }
   result.rows_per_chip = channel.clock.rows_per_chip;
@@ -57,7 +61,7 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   result.snr = std::min(std::pow(0.5 / std::max(reading.relative_noise, 1e-300), 2), kMaxSnr);
   result.error_rate = expected_errors(result.llr) / static_cast<double>(result.llr.size());
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
-  if (reading.verdict != Verdict::fits) result.flags |= flag::model_misfit;
+  if (reading.verdict != Verdict::fits || in_doubt) result.flags |= flag::model_misfit;
   if (chip_period(whole_bits(reading, rows.signal.size()))) result.flags |= flag::periodic;
 }
 
@@ -237,6 +241,9 @@ void ChipReceiver::read(ChipFrame& frame) {
     return read_again(frame, *history_.profile, with_new_phase(std::move(learned->state)));
   }
   if (due) history_.attempts.fail();
+  if (read.is_new_model && frame.reading && frame.reading->pause)  // another count of lost chips, too
+    for (KeptFrame& kept : history_.frames)
+      if (&kept != &history_.frames.back()) kept.verdict.reset();
   const bool fits = frame.reading && frame.reading->verdict == Verdict::fits;
   if (!fits || !read.is_new_model || history_.profile || history_.doubtful() == 0) return;
   if (history_.doubtful() + 1 == history_.frames.size())
@@ -306,6 +313,7 @@ void ChipReceiver::place(ChipFrame& frame) {
   if (!frame.repeats) count_chips(frame);
   state_.accept(reading, frame.rows.signal);
   state_.fits = reading.verdict == Verdict::fits;
+  if (state_.model.pause) state_.model.pause = reading.pause;
   if (!state_.model.nuisance.empty()) state_.model.nuisance = reading.nuisance;
   if (state_.model.exposure_rows) state_.model.exposure_rows = reading.channel.clock.exposure_rows;
   state_.relative_noise = std::max(reading.relative_noise, kNoiseKept * state_.relative_noise);

@@ -82,7 +82,8 @@ std::vector<SignalModel> RowReader::other_models(const FrameRows& frame, const L
   const auto another_exposure = [&](std::optional<double> rows) {
     models.push_back({.nuisance = last.nuisance, .exposure_rows = rows});
   };
-  if (!last.nuisance.empty() || last.exposure_known != given.exposure_known || last.slow_light || last.warped)
+  if (!last.nuisance.empty() || last.exposure_known != given.exposure_known || last.slow_light || last.warped ||
+      last.pause)
     models.push_back(given);
   for (RowNuisance& nuisance : other_nuisances(frame, state)) {
     models.push_back(given);

@@ -367,6 +367,7 @@ std::optional<FrameReading> RowReader::read_as_displaced_before(const SignalMode
 // Alternates estimates of chips and nuisance until the chips converge.
 std::optional<FrameReading> RowReader::read_with(const SignalModel& model, FrameRows& frame,
                                                  const LightState& state) const {
+  if (model.pause) return read_about(*model.pause, model, frame, state);
   if (auto reading = read_as_displaced_before(model, frame, state)) return reading;
   auto reading = follow_beside(model, frame, state);
   if (!reading) {
@@ -424,6 +425,8 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   LightState& state = best.state;
   if (reading && !state.model.nuisance.empty()) state.model.nuisance = reading->nuisance;
   const auto fits = [&] { return reading && reading->verdict == Verdict::fits; };
+  if (reading && reading->pause && state.model.pause)
+    best.is_new_model = reading->pause->chips() != state.model.pause->chips();
   state.other_models.pass_frame();
   if (fits() || (!reading && !frame.may_search)) return best;
   if (reading && !state.other_models.is_due()) return best;
@@ -433,6 +436,18 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
     if (even.verdict == Verdict::fits) {
       reading = std::move(even);
       state.model.warped = best.is_new_model = true;
+    }
+  }
+  if (!fits() && !sure && frame.may_search && !state.model.pause) {
+    SignalModel model = given_model(state.exposure);
+    model.pause = find_pause(frame, state);
+    FrameRows tried = frame;
+    tried.effort = frame.effort_of_others;
+    auto about = model.pause ? read_about(*model.pause, model, tried, restarted(state)) : std::nullopt;
+    if (about && about->verdict == Verdict::fits) {
+      reading = std::move(about);
+      state.model = std::move(model);
+      best.is_new_model = true;
     }
   }
   // All from the tracked clock, then all by a search for another clock, where chips are in doubt.

@@ -1,6 +1,7 @@
 // Soft chips and channel of one frame, from an approximate channel or without one.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -27,6 +28,17 @@ enum class Verdict {
   fits,     // no more than noise is left
 };
 
+// The read-out of the rows from `row` of the picture on is late by `rows`, a part of a chip, and a count of chips.
+struct RowPause {
+  static constexpr std::size_t kMostChips = 8;
+  std::size_t row = 0;
+  double rows = 0;
+  std::array<double, kMostChips> evidence{};  // nats, of all frames so far for each count
+
+  [[nodiscard]] std::size_t chips() const;  // the most likely count
+  [[nodiscard]] bool is_sure() const;
+};
+
 // With the evidence for its verdict (receiver/reading_verdict.cpp).
 struct FrameReading {
   Verdict verdict = Verdict::unsound;
@@ -37,9 +49,11 @@ struct FrameReading {
   double relative_noise = 0;   // standard deviation of a row over the swing at the middle row
   double correlation = 0;      // of what the channel leaves, from one row to the next: about 0 where it is noise
   std::vector<double> excess;  // (chips) of the residual about a chip over white noise: its llr is too large by as much
-  RowWarp warp{};              // of the picture's rows; the channel and the chips are those of the even rows
-  std::vector<double> rest{};  // (rows) the rows that were read, less slow light and tones
-  RowNuisance nuisance{};      // these, the tones where they leave least
+  std::optional<RowPause> pause{};
+  std::ptrdiff_t after_pause = 0;  // its first chip
+  RowWarp warp{};                  // of the picture's rows; the channel and the chips are those of the even rows
+  std::vector<double> rest{};      // (rows) the rows that were read, less slow light and tones
+  RowNuisance nuisance{};          // these, the tones where they leave least
 };
 
 // Rows with slow light and tones, which are fitted beside the chips; nearby tones are found.

@@ -31,6 +31,7 @@ struct SignalModel {
   bool exposure_known = false;            // kept fixed
   bool slow_light = false;                // rise and fall are estimated
   bool warped = false;                    // rows are displaced
+  std::optional<RowPause> pause{};
 };
 
 // State after the frames read so far, which predicts the next one.
@@ -115,6 +116,11 @@ class RowReader {
   bool shows_no_light(std::span<const double> signal, FrameRows& frame, const LightState& state) const;
   std::optional<FrameReading> read_as_displaced_before(const SignalModel& model, FrameRows& frame,
                                                        const LightState& state) const;
+  // Rows before and after a pause, each with a clock of their own.
+  std::optional<FrameReading> read_about(const RowPause& pause, const SignalModel& model, FrameRows& frame,
+                                         const LightState& state) const;
+  // In the middle of the rows, where both halves fit and their clocks disagree.
+  std::optional<RowPause> find_pause(const FrameRows& frame, const LightState& state) const;
   [[nodiscard]] SignalModel given_model(std::optional<double> exposure) const;
   [[nodiscard]] std::vector<RowNuisance> other_nuisances(const FrameRows& frame, const LightState& state) const;
   [[nodiscard]] std::vector<SignalModel> other_models(const FrameRows& frame, const LightState& state,

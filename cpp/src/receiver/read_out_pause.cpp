@@ -1,0 +1,147 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "ocisac/receiver/row_reader.hpp"
+#include "receiver/reading_verdict.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr double kLeastPause = 0.1;              // chips; of a smaller one no chip is wrong
+constexpr double kSureCount = 8;                 // nats
+constexpr double kSureChip = 6, kFrameSays = 4;  // nats, at most: of a chip; of a frame, which may be read wrong
+
+FrameRows part_of(const FrameRows& frame, std::size_t begin, std::size_t end) {
+  FrameRows part{.first_row = frame.first_row + begin,
+                 .time = frame.time,
+                 .may_search = frame.may_search,
+                 .effort = frame.effort,
+                 .effort_of_others = frame.effort_of_others};
+  part.signal.assign(frame.signal.begin() + static_cast<std::ptrdiff_t>(begin),
+                     frame.signal.begin() + static_cast<std::ptrdiff_t>(end));
+  return part;
+}
+
+// Levels at the last row, for the rows after it; the clock's phase counts from row `begin`.
+ChannelEstimate continued(ChannelEstimate channel, std::size_t rows, double begin) {
+  const auto last = static_cast<double>(rows) - 1;
+  const double dark = channel.dark_at(last, rows), swing = channel.swing_at(last, rows);
+  std::ranges::fill(channel.dark, 0.0);
+  std::ranges::fill(channel.swing, 0.0);
+  channel.dark[0] = dark;
+  channel.swing[0] = swing;
+  channel.clock.phase -= begin;
+  return channel;
+}
+
+// The state after a part of a frame, whose channel is to be followed without a clock.
+LightState known(const FrameReading& part, std::span<const double> signal, LightState state) {
+  state.tracker.reset();
+  state.accept(part, signal);
+  state.fits = part.verdict == Verdict::fits;
+  state.relative_noise = part.relative_noise;
+  return state;
+}
+
+// Both parts as one, on the clock of the first. `chips`: from its chip 0 to that of the second part. Returns the
+// evidence, in nats, that chips that both see are the same.
+double join(FrameReading& first, const FrameReading& second, std::ptrdiff_t chips) {
+  const std::ptrdiff_t begin = second.first + chips - first.first;
+  const auto size = static_cast<std::size_t>(std::max(begin + std::ssize(second.llr), std::ssize(first.llr)));
+  first.after_pause = std::min(second.first + chips, first.first + std::ssize(first.llr));
+  first.llr.resize(size);
+  first.excess.resize(size, 1.0);
+  double evidence = 0;
+  for (std::ptrdiff_t k = std::max<std::ptrdiff_t>(-begin, 0); k < std::ssize(second.llr); ++k) {
+    const auto at = static_cast<std::size_t>(begin + k), from = static_cast<std::size_t>(k);
+    const double a = std::tanh(0.5 * first.llr[at]), b = std::tanh(0.5 * second.llr[from]);
+    evidence += std::max(std::log1p(a * b), -kSureChip);  // ln(P(same) / ½)
+    first.llr[at] += second.llr[from];
+    first.excess[at] = std::max(first.excess[at], second.excess[from]);
+  }
+  first.rest.insert(first.rest.end(), second.rest.begin(), second.rest.end());
+  first.verdict = std::min(first.verdict, second.verdict);
+  first.error_rate = std::max(first.error_rate, second.error_rate);
+  first.relative_noise = std::max(first.relative_noise, second.relative_noise);
+  first.correlation = std::max(first.correlation, second.correlation);
+  return evidence;
+}
+
+}  // namespace
+
+std::size_t RowPause::chips() const {
+  return static_cast<std::size_t>(std::ranges::max_element(evidence) - evidence.begin());
+}
+
+bool RowPause::is_sure() const {
+  const double most = evidence[chips()];
+  return std::ranges::count_if(evidence, [most](double other) { return other > most - kSureCount; }) == 1;
+}
+
+std::optional<FrameReading> RowReader::read_about(const RowPause& pause, const SignalModel& model, FrameRows& frame,
+                                                  const LightState& state) const {
+  if (pause.row <= frame.first_row || pause.row >= frame.first_row + frame.signal.size()) return std::nullopt;
+  const std::size_t cut = pause.row - frame.first_row;
+  SignalModel even = model;
+  even.pause.reset();
+  FrameRows before = part_of(frame, 0, cut), after = part_of(frame, cut, frame.signal.size());
+  auto first = read_with(even, before, state);
+  frame.effort = before.effort;
+  if (!first) return std::nullopt;
+  LightState late = known(*first, after.signal, state);
+  late.channel = continued(first->channel, cut, static_cast<double>(cut) + pause.rows);
+  after.effort = frame.effort;
+  const auto second = read_with(even, after, late);
+  frame.effort = after.effort;
+  if (!second || second->verdict < Verdict::sure) {
+    first->rest.insert(first->rest.end(), after.signal.begin(), after.signal.end());
+    first->verdict = std::min(first->verdict, Verdict::misfit);
+    first->pause = pause;
+    first->after_pause = first->first + std::ssize(first->llr);
+    return first;
+  }
+  const double rows = second->channel.clock.phase + static_cast<double>(cut) + pause.rows - first->channel.clock.phase;
+  const auto chips = static_cast<std::ptrdiff_t>(std::nearbyint(rows / first->channel.clock.rows_per_chip));
+  std::array<FrameReading, RowPause::kMostChips> joined;
+  std::array<double, RowPause::kMostChips> evidence{};
+  for (std::size_t lost = 0; lost < joined.size(); ++lost) {
+    joined[lost] = *first;
+    evidence[lost] = join(joined[lost], *second, chips + static_cast<std::ptrdiff_t>(lost));
+    std::vector<double> bounded = joined[lost].llr;
+    for (double& llr : bounded) llr = std::clamp(llr, -kSureChip, kSureChip);
+    evidence[lost] += options_.format.line_code.evidence_anywhere(bounded);
+  }
+  const double most = *std::ranges::max_element(evidence);
+  RowPause now = pause;
+  for (std::size_t lost = 0; lost < joined.size(); ++lost)
+    now.evidence[lost] += std::max(evidence[lost] - most, -kFrameSays);
+  FrameReading reading = std::move(joined[now.chips()]);
+  reading.pause = now;
+  return reading;
+}
+
+std::optional<RowPause> RowReader::find_pause(const FrameRows& frame, const LightState& state) const {
+  const std::size_t middle = frame.signal.size() / 2;
+  LightState fresh = restarted(state);
+  std::array<std::optional<FrameReading>, 2> halves;
+  const auto fits = [](const std::optional<FrameReading>& half) { return half && half->verdict == Verdict::fits; };
+  for (const std::size_t half : {0, 1, 0}) {  // where one fits, the other one is read from its channel
+    if (fits(halves[half])) continue;
+    FrameRows rows = half == 0 ? part_of(frame, 0, middle) : part_of(frame, middle, frame.signal.size());
+    rows.effort = frame.effort_of_others;
+    halves[half] = read_with(given_model(state.exposure), rows, fresh);
+    if (fits(halves[half])) fresh = known(*halves[half], rows.signal, std::move(fresh));
+  }
+  if (!std::ranges::all_of(halves, fits)) return std::nullopt;
+  const ChipClock &early = halves[0]->channel.clock, &late = halves[1]->channel.clock;
+  const double chip = early.rows_per_chip;
+  const double chips = (early.phase - late.phase - static_cast<double>(middle)) / chip;
+  const double part = chips - std::floor(chips);
+  if (std::min(part, 1 - part) < kLeastPause) return std::nullopt;
+  return RowPause{.row = frame.first_row + middle, .rows = part * chip};
+}
+
+}  // namespace ocisac
