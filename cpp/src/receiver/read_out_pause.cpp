@@ -11,6 +11,7 @@ namespace ocisac {
 namespace {
 
 constexpr double kLeastPause = 0.1;              // chips; of a smaller one no chip is wrong
+constexpr double kLeastChips = 24;               // in a half
 constexpr double kSureCount = 8;                 // nats
 constexpr double kSureChip = 6, kFrameSays = 4;  // nats, at most: of a chip; of a frame, which may be read wrong
 
@@ -125,6 +126,8 @@ std::optional<FrameReading> RowReader::read_about(const RowPause& pause, const S
 
 std::optional<RowPause> RowReader::find_pause(const FrameRows& frame, const LightState& state) const {
   const std::size_t middle = frame.signal.size() / 2;
+  const double least = kLeastChips * state.rows_per_chip.value_or(0.0) + state.model.exposure_rows.value_or(0.0);
+  if (frame.first_row > 0 || !state.rows_per_chip || static_cast<double>(middle) < least) return std::nullopt;
   LightState fresh = restarted(state);
   std::array<std::optional<FrameReading>, 2> halves;
   const auto fits = [](const std::optional<FrameReading>& half) { return half && half->verdict == Verdict::fits; };
