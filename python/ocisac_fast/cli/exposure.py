@@ -61,13 +61,15 @@ def exposure(
     """
     shared: dict[str, Any] = {"weights": weights, "bounds": bounds}
     if avoid is not None:
-        _check_avoiding(method, comm, sense, keep, front)
+        if method != "exact":
+            raise click.UsageError(f"--method: got {method}, allowed: exact with --avoid")
+        if comm is None and (sense, keep, front) != (None, None, None):
+            raise click.UsageError("--comm: needed by --sense, --keep and --front")
         from ocisac_fast.exposure import flicker_free_exposure
 
         more = {"near": near, "step": step, "f_comm": comm, "f_sense": sense, "min_gain": keep}
         found = flicker_free_exposure(avoid, below, **more, **shared)  # type: ignore[arg-type]
-        if plot is not None or front is not None:
-            _draw_avoiding(avoid, below, comm, plot, front, {"found": found, "bounds": bounds})
+        _draw_avoiding(avoid, below, comm, {"plot": plot, "front": front}, {"found": found, "bounds": bounds})
         _report(found, avoid, as_json)
         return
     from ocisac_fast.exposure import best_exposure
@@ -95,27 +97,17 @@ def exposure(
     emit_facts("", facts)
 
 
-def _check_avoiding(method: str, comm: Any, sense: Any, keep: float | None, front: str | None) -> None:
-    if method != "exact":
-        raise click.UsageError(f"--method: got {method}, allowed: exact with --avoid")
-    if comm is None and (sense is not None or keep is not None or front is not None):
-        raise click.UsageError("--comm: needed by --sense, --keep and --front")
-
-
 def _draw_avoiding(
-    avoid: tuple[FlickeringLight, ...],
-    below: float,
-    comm: Quantity | None,
-    plot: str | None,
-    front: str | None,
-    found: dict[str, Any],
+    avoid: Any, below: float, comm: Quantity | None, paths: dict[str, Any], found: dict[str, Any]
 ) -> None:
-    from ocisac_fast.plots import plot_flicker_front, plot_modulation
+    if paths["plot"] is not None:
+        from ocisac_fast.plots import plot_modulation
 
-    if plot is not None:
-        plot_modulation(avoid, below, path=plot, **found)
-    if front is not None and comm is not None:
-        plot_flicker_front(comm, avoid, below, path=front, **found)
+        plot_modulation(avoid, below, path=paths["plot"], **found)
+    if paths["front"] is not None and comm is not None:
+        from ocisac_fast.plots import plot_flicker_front
+
+        plot_flicker_front(comm, avoid, below, path=paths["front"], **found)
 
 
 def _report(found: FlickerFreeExposure, avoid: tuple[FlickeringLight, ...], as_json: bool) -> None:

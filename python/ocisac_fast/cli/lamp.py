@@ -53,7 +53,8 @@ def lamp(
     if as_json:
         emit_json(facts)
         return
-    lines = {name: _text(name, value) for name, value in facts.items() if name not in _IN_TABLE}
+    plain = {name: value for name, value in facts.items() if name not in _IN_TABLE}
+    lines = {name: quantity(value, "Hz" if name.endswith("_hz") else "") for name, value in plain.items()}
     if frequency is None:
         intervals = [tuple(map(_hertz, pair)) for pair in facts["frequencies_hz"]]
         shown = [(low, high, _hertz(best)) for (low, high), best in zip(intervals, facts["best_hz"], strict=True)]
@@ -62,7 +63,8 @@ def lamp(
         if len(shown) > _MOST_ROWS:
             lines["more"] = f"{len(shown) - _MOST_ROWS} further ranges (--json has all)"
         lines["holds"] = _verdict(facts, shown[0])
-    emit_facts("", lines | {f"no bands of {code} from": _hertz(rate) for code, rate in _chip_rates(facts)})
+    rates = facts.get("chip_rates_from_hz", {})
+    emit_facts("", lines | {f"no bands of {code} from": _hertz(rate) for code, rate in rates.items()})
 
 
 _IN_TABLE = ("frequencies_hz", "best_hz", "chip_rates_from_hz")
@@ -71,10 +73,6 @@ _MOST_ROWS = 20
 
 def _hertz(value: float) -> str:
     return quantity(value, "Hz")
-
-
-def _chip_rates(facts: dict[str, Any]) -> list[tuple[str, float]]:
-    return list(facts.get("chip_rates_from_hz", {}).items())
 
 
 def _verdict(facts: dict[str, Any], first: tuple[str, str, str]) -> str:
@@ -118,7 +116,3 @@ def _duties(exposures: tuple[float, ...], below: float, frequency: float) -> dic
         "no_bands_from_duty": smallest_flicker_free_duty(frequency, exposures, below),
         "no_missed_pulse_from_duty": max(0.0, 1.0 - frequency * min(exposures)),
     }
-
-
-def _text(name: str, value: Any) -> str:
-    return quantity(value, "Hz" if name.endswith("_hz") else "")
