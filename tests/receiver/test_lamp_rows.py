@@ -5,6 +5,7 @@ import pytest
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Chips, Flag, integrate_exposure
+from ocisac_fast.files import read_frames
 
 ROWS, COLUMNS = 900, 500
 
@@ -97,3 +98,9 @@ def test_light_that_fills_the_width_may_be_idle():
     got = ocisac.receive(photographed(2 + 80 * light, 0), Camera(1.0))[0]
     assert got.bits in "".join(map(str, chips))
     assert len(got.bits) >= 140
+
+
+def test_edges_that_parts_of_the_columns_have_of_their_own_are_flagged(recordings):
+    """Pins and labels of a circuit board fit a chip clock by chance: 661 bits at 9.7 dB, which halves do not share."""
+    for got in ocisac.receive(read_frames(recordings / "no_light_board.jpg").frames, Camera(1.0, scan_axis="x")):
+        assert not got.bits or got.flags & ~Flag.SATURATED

@@ -108,7 +108,8 @@ LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& s
   const double rare = static_cast<double>(lit.shortest) * std::log(kDarkChance) / std::log(alike);
   const auto enough = [&](bool expected) {
     const double more = kMinDarkRuns * longest;
-    return expected || dark.expected ? std::min(more, rare) : std::max(more, many);
+    if (dark.expected) return std::min(more, rare);
+    return expected ? more : std::max(more, many);
   };
   const std::size_t after = signal.size() - 1 - points[points.size() - 2], before = points[2];
   RowRange rows{0, signal.size()};

@@ -37,6 +37,7 @@ constexpr std::size_t kSureBlind = 12, kSureWithRate = 4;  // edges required for
 constexpr double kMinSnr = 2;                              // noise divided at its median has 1.8
 constexpr double kSameLight = 0.9;                         // cosine between the swings of a signal and of a light
 constexpr int kMaxShears = 3;
+constexpr double kCommon = 0.9;                                // of the expected correlation of a light's columns
 constexpr double kDarkShare = 0.25;                            // of a bright chip of the lamp's width there
 constexpr std::size_t kSurelyPeriodic = 12, kFewPeriodic = 5;  // bits
 constexpr double kFrequencyStep = 0.002;                       // relative
@@ -589,6 +590,43 @@ void extend_to_outline(const AnyFramesView& colour, const CombinedColumn& column
   received.phase -= static_cast<double>(before) * received.rows_per_chip;
 }
 
+// Correlation of the changes from chip to chip between two halves of the columns, by weight; 1 for a single column.
+double agreement_of_halves(const AnyFramesView& colour, const Received& received, std::optional<double> exposure_rows) {
+  const ChipGrid grid{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
+  const std::span weights(received.weights);
+  std::array<std::vector<double>, 2> changes;
+  std::size_t middle = 0;
+  for (double before = 0; middle < weights.size() && before + weights[middle] < 0.5; ++middle)
+    before += weights[middle];
+  for (std::size_t half = 0; half < 2; ++half) {
+    const std::size_t begin = half == 0 ? 0 : middle, end = half == 0 ? middle : weights.size();
+    const auto rows = std::visit(
+        [&](const auto& view) {
+          std::vector<double> sums(view.rows, 0.0);
+          for (std::size_t n = 0; n < view.rows; ++n)
+            for (std::size_t k = begin; k < end; ++k)
+              if (weights[k] > 0) sums[n] += weights[k] * static_cast<double>(view(received.frame, n, k));
+          return sums;
+        },
+        colour);
+    changes[half] = chip_values(rows, grid, exposure_rows);
+    std::adjacent_difference(changes[half].begin(), changes[half].end(), changes[half].begin());
+    changes[half].front() = 0;
+  }
+  const auto product = [](const auto& a, const auto& b) {
+    return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+  };
+  const double energy = product(changes[0], changes[0]) * product(changes[1], changes[1]);
+  return energy > 0 ? product(changes[0], changes[1]) / std::sqrt(energy) : 1.0;
+}
+
+// True if the columns share the chips: all but noise, of which each half has twice that of all, 1/snr of the chips'
+// square. A texture has edges of its own in each part.
+bool is_common(const AnyFramesView& colour, const Received& received, std::optional<double> exposure_rows) {
+  const double expected = 1 / (1 + 2 / received.snr);
+  return agreement_of_halves(colour, received, exposure_rows) > kCommon * expected;
+}
+
 // One source and its signal; `signal` is empty where decoding failed.
 struct Source {
   Received received;
@@ -618,6 +656,8 @@ Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame,
       Received received{.frame = frame, .colour = colour};
       if (decode_any(column, what, camera.row_time, received)) {
         if (column.has_sides) extend_to_outline(colours[colour], column, what, received);
+        if ((received.flags & ~flag::saturated) == 0 && !is_common(colours[colour], received, what.exposure_rows))
+          received.flags |= flag::ambiguous_kind;
         Source source{std::move(received), column.signal, clearest.slope, {}, column};
         std::ranges::sort(columns, {}, [](const auto& one) { return one.second; });
         for (auto& one : columns) source.columns.push_back(std::move(one.first));
