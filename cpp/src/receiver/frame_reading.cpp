@@ -216,7 +216,7 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
   if (seen >= kMinChipsSeen) {
     const auto matches = find_preamble(signal, search.preamble,
                                        {.rows_per_chip = search.rows_per_chip,
-                                        .tolerance = search.preamble_tolerance,
+                                        .tolerance = search.tolerance,
                                         .exposure_rows = search.exposure_rows,
                                         .max_exposure_chips = std::min(kLongestPreambleExposure, chips - kMinChipsSeen),
                                         .max_matches = kPreamblesTried});
@@ -226,6 +226,7 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
         return reading;
     }
   }
+  if (!search.blind) return std::nullopt;
   const ChannelSearch blind{
       .rows_per_chip = search.rows_per_chip, .tolerance = search.tolerance, .exposure_rows = search.exposure_rows};
   const RefineOptions options{.exposure_known = exposure_known, .effort = search.effort, .warped = search.warped};

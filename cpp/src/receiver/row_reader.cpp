@@ -22,7 +22,7 @@ constexpr double kBrighter = 0.08;          // relative, of the mean from frame 
 constexpr double kMinVariance = 0.25;       // of a frame's rows over that of the last one with the same light
 constexpr double kNarrowTolerance = 2e-3;   // relative, of a rate estimated from frames
 constexpr double kWideTolerance = 0.02;     // relative, of a nominal rate
-constexpr double kRowTimeTolerance = 0.08;  // the same where a preamble shows it: the row time may be wrong
+constexpr double kRowTimeTolerance = 0.08;  // the same of a preamble: the row time may be wrong
 constexpr double kAsNoisy = 1.2, kMaxNoiseRatio = 2;  // ratio to the last frame
 constexpr double kLittleNoise = 0.06;                 // relative to the swing: excludes a lost clock in any part
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 7000;
@@ -295,12 +295,20 @@ std::optional<FrameReading> RowReader::search(std::span<const double> signal, co
                          .exposure_rows = model.exposure_rows,
                          .preamble = preamble_,
                          .effort = &frame.effort,
-                         .warped = model.warped,
-                         .preamble_tolerance = is_tracked      ? kNarrowTolerance
-                                               : state.channel ? kWideTolerance
-                                                               : kRowTimeTolerance};
-  if (!model.exposure_rows && !is_tracked) return search_exposures(signal, what);
-  auto reading = search_frame(signal, what);
+                         .warped = model.warped};
+  const bool as_told = options_.chip_rate && *state.rows_per_chip == 1 / (*options_.chip_rate * camera_.row_time);
+  const auto with_row_time = [&](std::optional<FrameReading> found) {
+    if (!as_told || (found && found->verdict == Verdict::fits)) return found;
+    SearchEffort own = frame.effort_of_others;
+    FrameSearch wide = what;
+    wide.tolerance = kRowTimeTolerance;
+    wide.effort = &own;
+    wide.blind = false;
+    auto other = search_frame(signal, wide);
+    return other && other->verdict == Verdict::fits ? std::move(other) : std::move(found);
+  };
+  if (!model.exposure_rows && !is_tracked) return with_row_time(search_exposures(signal, what));
+  auto reading = with_row_time(search_frame(signal, what));
   if (!reading || !model.exposure_rows || model.exposure_known || !reading->warp.empty()) return reading;
   return read_frame(signal, reading->channel, false, &frame.effort);
 }

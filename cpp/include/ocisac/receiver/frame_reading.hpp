@@ -71,12 +71,12 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
 
 struct FrameSearch {
   double rows_per_chip;                 // nominal
-  double tolerance = 0.02;              // max relative error of rows_per_chip, without a preamble
+  double tolerance = 0.02;              // max relative error of rows_per_chip
   std::optional<double> exposure_rows;  // rows; absent: estimated
   std::span<const double> preamble;     // chips expected in the frame
   SearchEffort* effort = nullptr;       // nullptr: no limit
   bool warped = false;                  // the rows may be displaced
-  double preamble_tolerance = 0.02;     // max relative error of rows_per_chip, with a preamble
+  bool blind = true;                    // without a preamble, too
 };
 
 // Searches with a preamble, then blind with the rate. Absent without a reliable result.
