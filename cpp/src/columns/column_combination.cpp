@@ -310,7 +310,7 @@ namespace {
 
 // True if the light leaves both edges of the frame dark.
 bool has_sides(std::span<const double> weights, std::span<const double> clipped) {
-  const double lit = kNoLight * std::ranges::max(weights);
+  const double lit = kNoLight * *std::ranges::max_element(weights);
   const auto is_dark = [&](std::size_t column) { return weights[column] < lit && clipped[column] <= kClippedShare; };
   return is_dark(0) && is_dark(weights.size() - 1);
 }

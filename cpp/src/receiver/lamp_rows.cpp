@@ -41,7 +41,7 @@ double gap_length(std::span<const double> runs, bool bright_first) {
   auto& [dark, bright] = kinds;
   if (dark.empty() || bright.empty()) return kInfinity;
   std::ranges::sort(dark);
-  const double least = std::max(kGapRuns * std::ranges::max(bright), kGapChips * dark[dark.size() / 4]);
+  const double least = std::max(kGapRuns * *std::ranges::max_element(bright), kGapChips * dark[dark.size() / 4]);
   for (std::size_t k = dark.size() / 2; k + 1 < dark.size(); ++k)
     if (dark[k + 1] > std::max(kGapRuns * dark[k], least)) return dark[k + 1];
   return kInfinity;

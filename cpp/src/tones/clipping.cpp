@@ -9,7 +9,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kRows = 128;  // few: looking at them takes 1 % of the time of a gain
+constexpr std::size_t kRows = 64;   // few: looking at them takes 1 % of the time of a gain
 constexpr std::size_t kFewest = 4;  // equal samples that are a pile
 
 // Visits samples of rows at places of low discrepancy, so that no period of the light hides others.
@@ -46,7 +46,8 @@ Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t col
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
         std::vector<T> samples;
-        for_some(view, frame, column, 8, [&](T sample) { samples.push_back(sample); });
+        samples.reserve(16 * kRows);
+        for_some(view, frame, column, 16, [&](T sample) { samples.push_back(sample); });
         return Piles{lowest(samples, 1), lowest(samples, -1)};
       },
       frames);
@@ -56,7 +57,7 @@ double least_of_some(const AnyFramesView& frames, std::size_t frame, std::size_t
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
         T least = std::numeric_limits<T>::max();
-        for_some(view, frame, column, 2, [&](T sample) { least = std::min(least, sample); });
+        for_some(view, frame, column, 4, [&](T sample) { least = std::min(least, sample); });
         return static_cast<double>(least);
       },
       frames);
@@ -66,7 +67,8 @@ PileCounts count_pile(const AnyFramesView& frames, std::size_t frame, const Pile
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
         const auto zeros = [&] { return std::vector<std::uint32_t>(view.columns); };
-        PileCounts counts{zeros(), zeros(), zeros()};
+        PileCounts counts{zeros(), zeros(), zeros(), zeros()};
+        const bool is_low = pile.level < pile.beside;
         const auto level = static_cast<T>(pile.level), beside = static_cast<T>(pile.beside);
         std::vector<std::uint32_t> was_at = zeros();
         for (std::size_t row = 0; row < view.rows; ++row)
@@ -75,6 +77,7 @@ PileCounts count_pile(const AnyFramesView& frames, std::size_t frame, const Pile
             const std::uint32_t is_at = value == level;
             counts.at[c] += is_at;
             counts.beside[c] += value == beside;
+            counts.beyond[c] += is_low ? value < level : value > level;
             counts.runs[c] += is_at & ~was_at[c];
             was_at[c] = is_at;
           }

@@ -15,19 +15,20 @@ struct Pile {
   double level, beside;
 };
 
-// Lowest and highest pile of 128 rows of up to eight columns about `column`, or of more rows of fewer; absent where
+// Lowest and highest pile of 64 rows of up to 16 columns about `column`, or of more rows of fewer; absent where
 // values thin out, as noise does.
 struct Piles {
   std::optional<Pile> low, high;
 };
 Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t column);
 
-// The least of 128 rows of two columns.
+// The least of 64 rows of four columns.
 double least_of_some(const AnyFramesView& frames, std::size_t frame, std::size_t column);
 
-// Samples of each column, (columns,): at the level, at the value beside it, and runs of rows at the level.
+// Samples of each column, (columns,): at the level, at the value beside it and beyond it, and runs of rows at the
+// level.
 struct PileCounts {
-  std::vector<std::uint32_t> at, beside, runs;
+  std::vector<std::uint32_t> at, beside, beyond, runs;
 };
 PileCounts count_pile(const AnyFramesView& frames, std::size_t frame, const Pile& pile);
 

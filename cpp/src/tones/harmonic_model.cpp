@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
+#include <tuple>
 
+#include "core/recently_used.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
@@ -122,7 +125,9 @@ std::vector<int> square_wave_harmonics(double cycles_per_row, double duty) {
   return harmonics;
 }
 
-FoldedHarmonics folded_harmonics(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles) {
+namespace {
+
+FoldedHarmonics find_folded(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles) {
   constexpr double kApart = 1.5, kFitted = 0.005, kLeast = 1e-4;  // cycles in the frame; of the fundamental
   constexpr int kHighest = 127;
   constexpr std::size_t kMostFitted = 8;
@@ -157,6 +162,15 @@ FoldedHarmonics folded_harmonics(std::size_t rows, double cycles_per_row, double
   }
   result.error = std::sqrt(squares);
   return result;
+}
+
+}  // namespace
+
+FoldedHarmonics folded_harmonics(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles) {
+  static RecentlyUsed<std::tuple<std::size_t, double, double, double>, FoldedHarmonics, 32> kept;
+  return *kept.get({rows, cycles_per_row, duty, exposure_cycles}, [&] {
+    return std::make_shared<const FoldedHarmonics>(find_folded(rows, cycles_per_row, duty, exposure_cycles));
+  });
 }
 
 HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones) {

@@ -405,6 +405,90 @@ kernels::FittedTone fitted_tone(const StreamingFit& fit, const StreamingFit::Col
           0};
 }
 
+// Flags columns in which more samples are at a pile than would shift the mean by its standard error: at k samples it is
+// shifted by at most 0.8 σ k/rows, less than σ/√rows for k below √rows. A few are chance, and noise below half a step
+// makes piles itself.
+void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t frame, const Pile& pile,
+               const ToneGainView& result) {
+  constexpr double kChance = 5, kThinsOut = 1.25, kLast = 20, kRunsOfNoise = 0.25, kNoise = 4, kHalfStep = 0.5;
+  const auto counts = count_pile(frames, frame, pile);
+  const double allowed = kChance + 0.5 * std::sqrt(static_cast<double>(context.shape.rows));
+  const double step = std::abs(pile.beside - pile.level);
+  const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
+  constexpr Flags kSettled = flag::saturated | flag::unresolvable | flag::no_light | flag::weak;
+  for (std::size_t i = 0; i < context.shape.columns; ++i) {
+    const double at = counts.at[i];
+    const std::size_t index = index_of(context, 0, frame) + i;
+    if (result.flags[index] & kSettled ||
+        !(at > allowed && at > kThinsOut * counts.beside[i] && at > kLast * counts.beyond[i]))
+      continue;
+    const double noise = result.gain[index] * result.mean[index] / std::sqrt(result.snr[index]);
+    if (is_linear && noise < kHalfStep * step) continue;
+    if (pile.level < pile.beside) {
+      // Where the lamp is off, samples are equal without noise there, too; noise alone does not reach far below.
+      const double off = context.camera->tone_curve.dark_level + background_of(context, frame, i);
+      const bool may_be_off = pile.level > 0 && (!is_linear || pile.level <= off + kHalfStep * step);
+      if (may_be_off && counts.runs[i] < kRunsOfNoise * at) continue;
+      if (is_linear && pile.level < off - kNoise * noise - kHalfStep * step) continue;
+    }
+    for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
+      result.flags[index_of(context, tone, frame) + i] |= flag::saturated;
+  }
+}
+
+// True if light of a column is not surely apart from black, or from its least and its largest sample, by its noise. A
+// square wave has crests that its fundamental does not tell.
+bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::size_t frame, std::size_t column,
+                    double largest, const ToneGainView& result) {
+  constexpr double kLargest = 1.2, kLeast = 0.8, kOfAll = 4, kHalfStep = 0.5;  // σ beyond the light
+  const ToneCurve& curve = context.camera->tone_curve;
+  if (curve.kind != ToneCurve::Kind::linear || context.options->waveform == WaveformShape::square) return true;
+  double depth = 0;
+  for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
+    const std::size_t own = index_of(context, tone, frame) + column;
+    depth += result.gain[own] * result.mean[own];
+  }
+  const std::size_t start = index_of(context, 0, frame) + column;
+  const double level = result.gain[start] * result.mean[start], variance = level * level / result.snr[start];
+  const auto within = [variance](double x, double deviations) {
+    return x < 0 || x * x < deviations * deviations * variance;
+  };
+  const double off = curve.dark_level + background_of(context, frame, column), least = result.mean[start] - depth;
+  return within(least - kHalfStep, kOfAll) || within(least + off - kHalfStep, kOfAll) ||
+         within(largest - off - result.mean[start] - depth, kLargest) ||
+         within(least + off - least_of_some(frames, frame, column), kLeast);
+}
+
+// Place of the largest of some 256 values times `sign`, the middle one of equals: columns at the edge of a lamp may
+// just reach a level at which others are clipped.
+std::size_t place_of_extreme(std::span<const double> values, double sign) {
+  const std::size_t step = values.size() / 256 + 1;
+  std::size_t first = 0, last = 0;
+  for (std::size_t i = step; i < values.size(); i += step) {
+    if (sign * values[i] > sign * values[first]) first = i;
+    if (values[i] == values[first]) last = i;
+  }
+  return values[last] == values[first] ? (first + last) / 2 : first;
+}
+
+// Clipping at either end, of samples of any type at any level, as the brightest and the darkest column show it. `tops`:
+// largest sample of each column of the frame.
+void flag_clipped(const AnyFramesView& frames, const Context& context, std::size_t frame, std::span<const double> tops,
+                  const ToneGainView& result) {
+  constexpr double kDarker = 0.9;  // columns that are alike tell the same
+  const std::span<const double> means = result.mean.subspan(frame * tops.size(), tops.size());
+  const auto piles_at = [&](std::size_t column) {
+    return may_be_clipped(frames, context, frame, column, tops[column], result) ? find_piles(frames, frame, column)
+                                                                                : Piles{};
+  };
+  const std::size_t brightest = place_of_extreme(tops, 1), darkest = place_of_extreme(means, -1);
+  Piles piles = piles_at(brightest);
+  if (means[darkest] < kDarker * means[brightest])
+    if (const auto low = piles_at(darkest).low) piles.low = low;
+  for (const auto& pile : {piles.low, piles.high})
+    if (pile) flag_pile(frames, context, frame, *pile, result);
+}
+
 // Columns processed in one pass.
 struct Piece {
   std::size_t frame, first, count;
@@ -477,11 +561,15 @@ void check_summed(const AnyFramesView& frames, const StreamingFit& fit, const Pi
 }
 
 void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context,
-                  const ToneGainView& result, std::span<double> largest) {
+                  const ToneGainView& result) {
   const StoredLight stored = stored_light(frames, context.camera->tone_curve);
   const bool bytes = holds_linear_bytes(frames, context.camera->tone_curve);
   const auto threads = static_cast<std::size_t>(context.options->threads);
   const auto pieces = pieces_of(frames, context.shape, threads);
+  const std::size_t columns_of_frame = context.shape.columns;
+  const auto is_part = [&](const Piece& piece) { return piece.count < columns_of_frame; };
+  std::vector<double> tops;  // of frames in parts
+  if (std::ranges::any_of(pieces, is_part)) tops.resize(context.shape.frames * columns_of_frame);
   for_each_block(pieces.size(), context.options->threads, [&](std::size_t block) {
     const auto [frame, first, count] = pieces[block];
     // Memory reused from call to call: the C library may return it to the system after every call, and a new allocation
@@ -502,8 +590,15 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
         write_result(context, context.tones[k], fitted_tone(fit, columns, k), peaks,
                      index_of(context, k, frame) + first + done, result);
     }
-    std::ranges::copy(sums.maximum, &largest[frame * context.shape.columns + first]);
+    if (is_part(pieces[block]))
+      std::ranges::copy(sums.maximum, &tops[frame * columns_of_frame + first]);
+    else  // while it is in the cache
+      flag_clipped(frames, context, frame, sums.maximum, result);
   });
+  for (const Piece& piece : pieces)
+    if (is_part(piece) && piece.first == 0)
+      flag_clipped(frames, context, piece.frame,
+                   std::span(tops).subspan(piece.frame * columns_of_frame, columns_of_frame), result);
 }
 
 Estimator make_estimator(Context& context) {
@@ -592,13 +687,13 @@ std::vector<double> largest_samples(const AnyFramesView& frames, std::size_t fra
       frames);
 }
 
-// Gains of all columns by one model; `largest`: sample of each column, (frames × columns).
-void gains_of_model(const AnyFramesView& frames, Context context, const ToneGainView& result,
-                    std::span<double> largest) {
+// Gains of all columns by one model, with the flags of clipped ones.
+void gains_of_model(const AnyFramesView& frames, Context context, const ToneGainView& result) {
   const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
-  if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result, largest);
+  if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
   check_samples(frames);
   const auto estimator = make_estimator(context);
+  std::vector<double> tops(frame_count * columns);
   const double level = saturation_level(frames, context.camera->tone_curve);
   const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
   for_each_block(frame_count * blocks, context.options->threads, [&](std::size_t block) {
@@ -612,8 +707,10 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
       write_result(context, context.tones[k], estimates[k].fitted(), {samples, level},
                    index_of(context, k, frame) + first, result);
     }
-    std::ranges::copy(samples, &largest[frame * columns + first]);
+    std::ranges::copy(samples, &tops[frame * columns + first]);
   });
+  for (std::size_t frame = 0; frame < frame_count; ++frame)
+    flag_clipped(frames, context, frame, std::span(tops).subspan(frame * columns, columns), result);
 }
 
 std::vector<FittedLight> lights_of(const Context& context) {
@@ -776,8 +873,7 @@ void fit_with_others(const AnyFramesView& frames, const Context& context, std::s
   with_others.others = others;
   const std::size_t columns = context.shape.columns;
   ToneGain found = empty_result(frequencies.size(), 1, columns);
-  std::vector<double> largest(columns);
-  gains_of_model(one, with_others, view_of(found), largest);
+  gains_of_model(one, with_others, view_of(found));
   const auto copy = [&](const auto& from, auto to, std::size_t tone) {
     std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(tone * columns), columns,
                 to.begin() + static_cast<std::ptrdiff_t>(index_of(context, tone, frame)));
@@ -797,70 +893,6 @@ void check_frame(const AnyFramesView& frames, const Context& context, std::size_
   if (!around.tones.empty()) fit_with_others(frames, context, frame, around.tones, result);
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
     flag_misfit(around, index_of(context, tone, frame), context.shape.columns, result);
-}
-
-// Flags columns in which more samples are at a pile than would shift the mean by its standard error: at k samples it is
-// shifted by at most 0.8 σ k/rows, less than σ/√rows for k below √rows. A few are chance, and noise below half a step
-// makes piles itself.
-void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t frame, const Pile& pile,
-               const ToneGainView& result) {
-  constexpr double kChance = 5, kThinsOut = 1.25, kRunsOfNoise = 0.25, kNoise = 4, kHalfStep = 0.5;
-  const auto counts = count_pile(frames, frame, pile);
-  const double allowed = kChance + 0.5 * std::sqrt(static_cast<double>(context.shape.rows));
-  const double step = std::abs(pile.beside - pile.level);
-  const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
-  constexpr Flags kSettled = flag::saturated | flag::unresolvable | flag::no_light | flag::weak;
-  for (std::size_t i = 0; i < context.shape.columns; ++i) {
-    const double at = counts.at[i];
-    const std::size_t index = index_of(context, 0, frame) + i;
-    if (result.flags[index] & kSettled || !(at > allowed && at > kThinsOut * counts.beside[i])) continue;
-    const double noise = result.gain[index] * result.mean[index] / std::sqrt(result.snr[index]);
-    if (is_linear && noise < kHalfStep * step) continue;
-    if (pile.level < pile.beside) {
-      // Where the lamp is off, samples are equal without noise there, too; noise alone does not reach far below.
-      const double off = context.camera->tone_curve.dark_level + background_of(context, frame, i);
-      const bool may_be_off = pile.level > 0 && (!is_linear || pile.level <= off + kHalfStep * step);
-      if (may_be_off && counts.runs[i] < kRunsOfNoise * at) continue;
-      if (is_linear && pile.level < off - kNoise * noise - kHalfStep * step) continue;
-    }
-    for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
-      result.flags[index_of(context, tone, frame) + i] |= flag::saturated;
-  }
-}
-
-// True if light of a column is not surely apart from black, or from its least and its largest sample, by its noise. A
-// square wave has crests that its fundamental does not tell.
-bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::size_t frame, std::size_t column,
-                    double largest, const ToneGainView& result) {
-  constexpr double kLargest = 1.2, kLeast = 0.8, kOfAll = 4, kHalfStep = 0.5;  // σ beyond the light
-  const ToneCurve& curve = context.camera->tone_curve;
-  if (curve.kind != ToneCurve::Kind::linear || context.options->waveform == WaveformShape::square) return true;
-  double depth = 0;
-  for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
-    const std::size_t own = index_of(context, tone, frame) + column;
-    depth += result.gain[own] * result.mean[own];
-  }
-  const std::size_t start = index_of(context, 0, frame) + column;
-  const double level = result.gain[start] * result.mean[start], variance = level * level / result.snr[start];
-  const auto within = [variance](double x, double deviations) {
-    return x < 0 || x * x < deviations * deviations * variance;
-  };
-  const double off = curve.dark_level + background_of(context, frame, column), least = result.mean[start] - depth;
-  return within(least - kHalfStep, kOfAll) || within(least + off - kHalfStep, kOfAll) ||
-         within(largest - off - result.mean[start] - depth, kLargest) ||
-         within(least + off - least_of_some(frames, frame, column), kLeast);
-}
-
-// Place of the largest of some 256 values times `sign`, the middle one of equals: columns at the edge of a lamp may
-// just reach a level at which others are clipped.
-std::size_t place_of_extreme(std::span<const double> values, double sign) {
-  const std::size_t step = values.size() / 256 + 1;
-  std::size_t first = 0, last = 0;
-  for (std::size_t i = step; i < values.size(); i += step) {
-    if (sign * values[i] > sign * values[first]) first = i;
-    if (values[i] == values[first]) last = i;
-  }
-  return values[last] == values[first] ? (first + last) / 2 : first;
 }
 
 // x of 0 … 1 with sinc(x) = gain.
@@ -885,27 +917,6 @@ void flag_folded(const Context& context, const ToneGainView& result) {
     if (error * result.gain[i] > 0.5 * result.gain_std[i]) result.flags[i] |= flag::harmonics_dropped;
 }
 
-// Clipping at either end, of samples of any type at any level, as the brightest and the darkest column show it.
-// `largest`: sample of each column, (frames × columns).
-void flag_clipped(const AnyFramesView& frames, const Context& context, std::span<const double> largest,
-                  const ToneGainView& result) {
-  const std::size_t columns = context.shape.columns;
-  for_each_block(context.shape.frames, context.options->threads, [&](std::size_t frame) {
-    const std::span<const double> tops = largest.subspan(frame * columns, columns);
-    const std::span<const double> means = result.mean.subspan(frame * columns, columns);
-    const auto piles_at = [&](std::size_t column) {
-      return may_be_clipped(frames, context, frame, column, tops[column], result) ? find_piles(frames, frame, column)
-                                                                                  : Piles{};
-    };
-    const std::size_t brightest = place_of_extreme(tops, 1), darkest = place_of_extreme(means, -1);
-    Piles piles = piles_at(brightest);
-    if (darkest != brightest)
-      if (const auto low = piles_at(darkest).low) piles.low = low;
-    for (const auto& pile : {piles.low, piles.high})
-      if (pile) flag_pile(frames, context, frame, *pile, result);
-  });
-}
-
 }  // namespace
 
 double full_depth_ratio(WaveformShape waveform, double duty) {
@@ -916,15 +927,11 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
                const ToneGainOptions& options, const ToneGainView& result) {
   Context context = make_context(frames, camera, frequencies, options);
   check_room(result, frequencies.size() * context.shape.frames * context.shape.columns);
-  thread_local std::vector<double> largest;  // reused from call to call
-  largest.resize(context.shape.frames * context.shape.columns);
-  const std::span<double> of_columns = largest;
-  gains_of_model(frames, context, result, of_columns);
+  gains_of_model(frames, context, result);
   if (options.method == GainMethod::fit && options.robust)
     for_each_block(context.shape.frames, options.threads,
                    [&](std::size_t frame) { check_frame(frames, context, frame, result); });
   flag_folded(context, result);
-  flag_clipped(frames, context, of_columns, result);
 }
 
 ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
