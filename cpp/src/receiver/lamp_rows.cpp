@@ -29,8 +29,8 @@ struct Span {
 
 template <class Values>
 Span span_of(const Values& values) {
-  const auto [low, high] = std::ranges::minmax(values);
-  return {low, high};
+  const auto [low, high] = std::minmax_element(values.begin(), values.end());
+  return {*low, *high};
 }
 
 // Length from which on a dark run is a gap: the sorted dark runs leap there, and no bright run is nearly as long.
@@ -103,7 +103,8 @@ std::optional<Outline> outline_of(const AnyFramesView& frames, std::size_t frame
     const auto at = static_cast<std::size_t>(k);
     const double along = (static_cast<double>(bright_rows[at]) - middle) / half;
     terms.row(k) << 1, along, along * along;
-    squares[k] = std::pow(std::ranges::count_if(columns[at], [&](double value) { return value > lit; }), 2);
+    const auto is_lit = [&](double value) { return value > lit; };
+    squares[k] = std::pow(std::count_if(columns[at].begin(), columns[at].end(), is_lit), 2);
   }
   const auto solved = solve_normal(terms.transpose() * terms, terms.transpose() * squares);
   if (!solved) return std::nullopt;
