@@ -37,7 +37,7 @@ void find_tone_steps(const RowSampling& rows, const ConstMatrix& model, const No
                      const VectorXd& left, const RowNuisance& nuisance, Index first_tone, NuisanceFit& fit) {
   double squares = 0;
   for (const double tone : nuisance.tones) {
-    const auto terms = 2 * std::ssize(harmonics_of(tone, kToneHarmonics));
+    const auto terms = 2 * std::ssize(harmonics_of(tone, tone_harmonics(nuisance)));
     const VectorXd slope =
         frequency_slope(rows, model.middleCols(first_tone, terms), solved.values.segment(first_tone, terms));
     first_tone += terms;
@@ -72,7 +72,7 @@ std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const
   append_slow_light(basis, rows, slow_terms(signal.size(), nuisance));
   const Index first_tone = matrix_of(basis, rows).cols();
   for (const double tone : nuisance.tones)
-    append_tones(basis, rows, harmonics_of(tone, exposed.empty() ? nuisance.harmonics : kToneHarmonics));
+    append_tones(basis, rows, harmonics_of(tone, exposed.empty() ? nuisance.harmonics : tone_harmonics(nuisance)));
   rows.weights.clear();
   if (!nuisance.before.empty()) append_course(basis, rows, nuisance.before, 0);
   const Index others = matrix_of(basis, rows).cols();

@@ -15,7 +15,7 @@ namespace ocisac {
 //   y_n = constant + Σ_k a_k·cos(πk(n + ½)/rows) + Σ_tone Σ_h (b·cos 2πhfn + c·sin 2πhfn) + (u + v·x + w·x²)·s_n +
 //   a·before_n
 //
-// k up to 2·rows·slow, at most 160: light that varies more slowly than `slow`; h = 1 … kToneHarmonics below half a
+// k up to 2·rows·slow, at most 160: light that varies more slowly than `slow`; h = 1 … tone_harmonics below half a
 // cycle per row; s_n: the exposed chips, where known, with a swing that varies along the frame, x = −1 … 1.
 struct RowNuisance {
   double slow = 0;              // cycles per row; 0: none
@@ -29,8 +29,9 @@ struct RowNuisance {
   [[nodiscard]] bool empty() const { return slow == 0 && tones.empty() && before.empty(); }
 };
 
-// 3 of 44 random lamps' PWM leave more than noise in 74 % of the frames, 7 in 28 %; rectified mains needs 12.
-inline constexpr std::size_t kToneHarmonics = 12;
+// Beside known chips. 3 of 44 random lamps' PWM leave more than noise in 74 % of the frames, 7 in 28 %; rectified
+// mains, of which more than one is fitted before, needs 12.
+inline std::size_t tone_harmonics(const RowNuisance& nuisance) { return nuisance.harmonics > 1 ? 12 : 7; }
 
 struct NuisanceFit {
   std::vector<double> rest;  // (rows) the signal minus slow light and tones
