@@ -620,9 +620,10 @@ PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span
   auto blocks = on_one_clock(seen_blocks(place, errors), period());
   if (!blocks.empty()) {
     polarity_.change(inverted_);
-  } else if (auto turned = on_one_clock(turned_blocks(tail_, format_), period()); !turned.empty()) {
-    polarity_.change(!inverted_);
-    if ((polarity_.value != 0) != inverted_) {
+  } else if (polarity_.count < 2 || headers_missed_ >= kHeadersMissed) {
+    auto turned = on_one_clock(turned_blocks(tail_, format_), period());
+    if (!turned.empty()) polarity_.change(!inverted_);
+    if (!turned.empty() && (polarity_.value != 0) != inverted_) {
       turn();
       blocks = std::move(turned);
     }

@@ -25,17 +25,14 @@ constexpr int kHalvings = 30;
 constexpr double kSureErrors = 0.05;           // chips in a frame
 constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
-// Words that violate the code, at the place of words and with the polarity of the light with the fewest.
+// Words that violate the code, at the place of words with the fewest.
 double violations(std::span<const double> llr, const LineCode& code) {
   std::ptrdiff_t fewest = std::numeric_limits<std::ptrdiff_t>::max();
   const std::size_t chips = code.chips_per_word();
-  std::vector<double> turned(llr.size());
-  std::ranges::transform(llr, turned.begin(), std::negate{});
-  for (const auto sent : {llr, std::span<const double>(turned)})
-    for (std::size_t skipped = 0; skipped < chips; ++skipped) {
-      const auto words = sent.subspan(skipped, (sent.size() - skipped) / chips * chips);
-      fewest = std::min(fewest, std::ranges::count(code.decode(words).violations, 1));
-    }
+  for (std::size_t skipped = 0; skipped < chips; ++skipped) {
+    const auto words = llr.subspan(skipped, (llr.size() - skipped) / chips * chips);
+    fewest = std::min(fewest, std::ranges::count(code.decode(words).violations, 1));
+  }
   return static_cast<double>(fewest);
 }
 
@@ -147,8 +144,14 @@ void agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
   const std::size_t words_of_preamble = (preamble_chips(format.preamble).size() + word - 1) / word;
   const auto per_preamble = static_cast<double>(words_of_preamble);
   const double preambles = std::ceil(static_cast<double>(llr.size()) / static_cast<double>(block_chips(format)));
-  const double seen = violations(llr, code) - per_preamble * preambles;
   const double expected = expected_errors(llr, 1) / kWrongPerViolation;
+  const double allowed = per_preamble * preambles;
+  double seen = violations(llr, code) - allowed;
+  if (seen > 0) {
+    std::vector<double> turned(llr.size());
+    std::ranges::transform(llr, turned.begin(), std::negate{});
+    seen = std::min(seen, violations(turned, code) - allowed);  // the light may be dark for 1
+  }
   if (seen <= expected + kMinDeviations * std::sqrt(expected + 1)) return;
   double low = 0, high = 1;
   for (int k = 0; k < kHalvings; ++k) {
