@@ -25,8 +25,8 @@ struct ToneGainOptions {
   std::span<const double> background;            // DN above dark: empty (0), one value, or (frames × columns)
   double efficiency = 1;                         // min fraction of the fit's efficiency, (0, 1]
   int threads = 1;                               // upper bound: see for_each_block in parallel.hpp
-  // fit: test the strongest columns of each frame for other tones, which are fitted too, for distortion and for rows that
-  // deviate. See docs/explanation/tones.md.
+  // fit: test the strongest columns of each frame for other tones, which are fitted too, for distortion and for rows
+  // that deviate. See docs/explanation/tones.md.
   bool robust = false;
 };
 
