@@ -33,7 +33,8 @@ constexpr double kMinPowerRatio = 0.01;  // power of a tone over that of the str
 // Power density of light at a frequency (cycles per row): flat, or one of three shapes that fall beyond a corner.
 double density(std::size_t shape, double frequency) {
   if (shape == 0) return 1;
-  const double corner = 0.5 * std::exp2(-static_cast<double>((shape - 1) / 3));
+  const std::size_t octave = (shape - 1) / 3;
+  const double corner = 0.5 * std::exp2(-static_cast<double>(octave));
   const double square = (frequency / corner) * (frequency / corner);
   switch ((shape - 1) % 3) {
     case 0: return 1 / (1 + square);
@@ -214,7 +215,7 @@ ColumnAnalysis::Result ColumnAnalysis::take_off_course(std::span<double> column,
       smooth = std::move(beside);
     }
   }
-  Vector rest = with_tones ? std::move(tones.fit.rest) : values;
+  Vector rest = with_tones ? tones.fit.rest : values;
   if (smooth.light.evident) {
     course += smooth.light.light;
     rest -= smooth.light.seen;

@@ -84,7 +84,8 @@ std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camer
   const std::size_t first = options.frame.value_or(0), end = options.frame ? first + 1 : shape.frames;
   for (std::size_t frame = first; frame < end; ++frame) {
     const SearchedFrame in = searched_frame(frames, frame, camera, options);
-    for (LightSource& source : sources_of(in, searched(in, {}, whole(shape)))) sources.push_back(std::move(source));
+    const std::vector<LightSource> found = sources_of(in, searched(in, {}, whole(shape)));
+    sources.insert(sources.end(), found.begin(), found.end());
   }
   return sources;
 }

@@ -82,7 +82,7 @@ ChipReceiver::ChipReceiver(const Camera& camera, ChipOptions options)
       assembler_(reader_.options().format) {}
 
 void ChipReceiver::forget() {
-  state_ = reader_.first_state(std::move(state_.tracker));
+  state_ = reader_.first_state(state_.tracker);
   history_ = {};
   lost_ = 0;
   search_.restart();

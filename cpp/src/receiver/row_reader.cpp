@@ -153,14 +153,14 @@ SignalModel RowReader::given_model(std::optional<double> exposure) const {
 }
 
 LightState RowReader::first_state(std::optional<ClockTracker> tracker) const {
-  LightState state{.exposure = camera_.exposure, .tracker = std::move(tracker), .model = given_model(camera_.exposure)};
+  LightState state{.exposure = camera_.exposure, .tracker = tracker, .model = given_model(camera_.exposure)};
   if (options_.chip_rate) state.rows_per_chip = 1 / (*options_.chip_rate * camera_.row_time);
   if (state.tracker) state.tracker->reset();
   return state;
 }
 
 LightState RowReader::restarted(LightState state) const {
-  LightState fresh = first_state(std::move(state.tracker));
+  LightState fresh = first_state(state.tracker);
   fresh.exposure = state.exposure;
   fresh.model = given_model(state.exposure);
   fresh.rows_per_chip = state.rows_per_chip;
@@ -428,7 +428,8 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   const double exposure_rows = before.model.exposure_rows.value_or(0.0);
   if (exposure_rows > kLongExposure && has_spikes(frame.signal))
     frame.signal = without_spikes(frame.signal, exposure_rows);
-  RowsRead best{.reading = read_with(before.model, frame, before), .state = std::move(before)};
+  RowsRead best{.reading = read_with(before.model, frame, before)};
+  best.state = std::move(before);
   auto& reading = best.reading;
   LightState& state = best.state;
   if (reading && !state.model.nuisance.empty()) state.model.nuisance = reading->nuisance;

@@ -32,7 +32,8 @@ std::vector<double> periodogram(std::span<const double> signals, std::size_t row
   const std::vector<double> window = hann_window(rows);
   std::vector<double> power(length / 2 + 1), windowed(length);
   const double energy = std::inner_product(window.begin(), window.end(), window.begin(), 0.0);
-  const double scale = 1 / (energy * static_cast<double>(signals.size() / rows));
+  const std::size_t count = signals.size() / rows;
+  const double scale = 1 / (energy * static_cast<double>(count));
   for (std::size_t begin = 0; begin + rows <= signals.size(); begin += rows) {
     const auto signal = signals.subspan(begin, rows);
     const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(rows);
