@@ -15,6 +15,8 @@ namespace ocisac {
 
 namespace {
 
+constexpr double kFalseLights =
+    0.1;  // a picture: a receiver is pointed at a light, and regions without data are dropped
 constexpr std::size_t kSearchedColumns = 640;  // evenly spaced, at most
 constexpr std::size_t kMinMargin = 8;          // columns added on either side of a light's region
 constexpr std::size_t kRegionsOfLight = 4;     // that a search may propose, for each light that is allowed
@@ -40,7 +42,8 @@ std::size_t thinning_of(std::size_t columns) { return (columns + kSearchedColumn
 std::optional<Region> strongest_light(const AnyFramesView& frame, const Camera& camera) {
   const Shape shape = shape_of(frame);
   const std::size_t step = thinning_of(shape.columns);
-  for (const LightSource& light : detect_sources(thinned(frame, step), camera, {.max_sources = 1})) {
+  for (const LightSource& light :
+       detect_sources(thinned(frame, step), camera, {.false_alarms = kFalseLights, .max_sources = 1})) {
     if (light.reflection_of) continue;
     const std::size_t margin = std::max(kMinMargin, light.box.width * step / 4);
     const std::size_t first = light.box.x * step - std::min(light.box.x * step, margin);
