@@ -15,8 +15,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kFalseLights =
-    0.1;  // a picture: a receiver is pointed at a light, and regions without data are dropped
+constexpr double kFalseLights = 0.1;           // a picture; regions without data are dropped
 constexpr std::size_t kSearchedColumns = 640;  // evenly spaced, at most
 constexpr std::size_t kMinMargin = 8;          // columns added on either side of a light's region
 constexpr std::size_t kRegionsOfLight = 4;     // that a search may propose, for each light that is allowed
