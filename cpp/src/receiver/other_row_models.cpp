@@ -49,7 +49,8 @@ std::vector<RowNuisance> RowReader::other_nuisances(const FrameRows& frame, cons
   std::vector<RowNuisance> nuisances;
   if (fit && plain && fit->squares < (1 - kMinSlow) * plain->squares) {
     for (const double mains : kMains)
-      for (const std::size_t harmonics : {1, 3}) nuisances.push_back({0, {mains * row_time}, scale, harmonics});
+      for (const std::size_t harmonics : {std::size_t{1}, std::size_t{3}})
+        nuisances.push_back({0, {mains * row_time}, scale, harmonics});
     nuisances.push_back({slow, {}, scale});
   }
   if (fit && slow < highest) {

@@ -131,7 +131,8 @@ std::optional<RowPause> RowReader::find_pause(const FrameRows& frame, const Ligh
   LightState fresh = restarted(state);
   std::array<std::optional<FrameReading>, 2> halves;
   const auto fits = [](const std::optional<FrameReading>& half) { return half && half->verdict == Verdict::fits; };
-  for (const std::size_t half : {0, 1, 0}) {  // where one fits, the other one is read from its channel
+  for (const std::size_t half :
+       std::array<std::size_t, 3>{0, 1, 0}) {  // where one fits, the other one is read from its channel
     if (fits(halves[half])) continue;
     FrameRows rows = half == 0 ? part_of(frame, 0, middle) : part_of(frame, middle, frame.signal.size());
     rows.effort = frame.effort_of_others;
