@@ -258,6 +258,45 @@ std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const doubl
   return centred(*second);
 }
 
+namespace {
+
+// Of each quarter of the rows the mean place of its edges within their `chips`, as an angle, where they agree.
+bool quarters_differ(const Edges& edges, const ChipLattice& lattice, double chips) {
+  constexpr std::size_t kQuarters = 4, kFewest = 5;                    // edges
+  constexpr double kWandering = 0.12, kDeviations = 6, kAgreed = 0.8;  // chips; of two means; resultant
+  struct Quarter {
+    std::complex<double> sum;
+    double count = 0;
+  };
+  std::array<Quarter, kQuarters> quarters;
+  const double first = edges.rows.front(), span = edges.rows.back() - first;
+  for (std::size_t k = 0; k < edges.rows.size(); ++k) {
+    const double place = (edges.rows[k] - place_on(lattice, 0, !edges.rising[k])) / lattice.clock.rows_per_chip;
+    const auto at = static_cast<std::size_t>((edges.rows[k] - first) / span * kQuarters);
+    Quarter& quarter = quarters[std::min(at, kQuarters - 1)];
+    quarter.sum += std::polar(1.0, 2 * std::numbers::pi * place / chips);
+    quarter.count += 1;
+  }
+  const auto agrees = [](const Quarter& of) { return of.count >= kFewest && std::abs(of.sum) > kAgreed * of.count; };
+  const auto variance = [](const Quarter& of) { return -2 * std::log(std::abs(of.sum) / of.count) / of.count; };
+  for (const Quarter& a : quarters)
+    for (const Quarter& b : quarters) {
+      if (!agrees(a) || !agrees(b)) continue;
+      const double apart = std::abs(std::arg(a.sum * std::conj(b.sum)));
+      if (apart > 2 * std::numbers::pi * kWandering && apart > kDeviations * std::sqrt(variance(a) + variance(b)))
+        return true;
+    }
+  return false;
+}
+
+}  // namespace
+
+// A pause of a half or a third of a chip leaves a lattice of these, of which each part of the rows uses every second or
+// third place.
+bool wanders(const Edges& edges, const ChipLattice& lattice) {
+  return quarters_differ(edges, lattice, 1) || quarters_differ(edges, lattice, 2) || quarters_differ(edges, lattice, 3);
+}
+
 std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, FrequencyRange range) {
   if (edges.rows.size() < kMinEdges) return std::nullopt;
   const double width = range.highest - range.lowest;

@@ -46,6 +46,9 @@ TimingSearch find_chip_timing(std::span<const double> signal, double noise, Freq
 // The lattice for edges at one threshold; absent if none is consistent. `rows`: length of the frame.
 std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, FrequencyRange range);
 
+// True if the edges wander about the lattice along the rows: the rows were not read evenly, or chips are missing between.
+bool wanders(const Edges& edges, const ChipLattice& lattice);
+
 // Least squares of rows = phase + rows_per_chip·chips + duty_offset·[falling], without outliers. `chips`: index of the
 // chip that begins at each edge. Absent if the edges do not determine it.
 std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const double> chips);

@@ -62,6 +62,7 @@ struct Decoded {
   ChipGrid grid;
   SlicedChips detection;
   double rows_per_chip_std = 0;
+  bool wanders = false;
 };
 
 // Prior knowledge about a frame.
@@ -271,6 +272,7 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure_ro
   received.snr = snr_of(decoded.detection.relative_levels);
   received.detection = std::move(decoded.detection);
   if (received.snr < kWeakSnr) received.flags |= flag::weak;
+  if (decoded.wanders) received.flags |= flag::model_misfit;
   if (chip_period(received.detection.bits, kSurelyPeriodic)) received.flags |= flag::periodic;
   if (exposure_rows && *exposure_rows > kLongestSliced * received.rows_per_chip) received.flags |= flag::long_exposure;
 }
@@ -351,6 +353,7 @@ std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& 
   if (slower)
     if (auto again = detect_and_refine(signal, *slower, what.exposure_rows)) decoded = std::move(again);
   if (!decoded || snr_of(decoded->detection.relative_levels) < kMinSnr) return std::nullopt;
+  decoded->wanders = wanders(search.timing->edges, (slower ? *slower : *search.timing).lattice);
   if (const auto period = chip_period(decoded->detection.bits, kFewPeriodic))
     decoded = by_frequency(signal, what.exposure_rows, std::move(*decoded), *period);
   decoded->grid.clock.phase += static_cast<double>(begin);
