@@ -263,7 +263,7 @@ namespace {
 // Of each quarter of the rows the mean place of its edges within their `chips`, as an angle, where they agree.
 bool quarters_differ(const Edges& edges, const ChipLattice& lattice, double chips) {
   constexpr std::size_t kQuarters = 4, kFewest = 5;                    // edges
-  constexpr double kWandering = 0.12, kDeviations = 6, kAgreed = 0.8;  // chips; of two means; resultant
+  constexpr double kWandering = 0.08, kDeviations = 4, kAgreed = 0.8;  // chips; of two means; resultant
   struct Quarter {
     std::complex<double> sum;
     double count = 0;
