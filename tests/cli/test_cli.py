@@ -629,7 +629,7 @@ def test_of_several_files_the_bad_ones_are_named(run, square, tmp_path):
             ("gain", "grey.png", "--frequency", "0.1", "--plot", "nowhere/p.png"),
             "nowhere: no such directory to write to",
         ),
-        (("clean", "row.png", "o.png", "--tone-curve", "srgb"), "row.png: frame: got shape (1, 1, 40, 1), allowed: "),
+        (("clean", "row.png", "o.png", "--tone-curve", "srgb"), "row.png: frames: got shape (1, 1, 40, 1), allowed: "),
         (("receive",), "Missing argument 'FILE...'."),
         (("receive", "grey.png", "--chip-rate", "1kHz"), "--chip-rate: Hz needs --row-time"),
         (("exposure", "--comm", "500"), "Missing option '--sense'."),

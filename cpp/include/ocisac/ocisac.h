@@ -194,7 +194,8 @@ typedef struct ocisac_cleaner_options {
   int32_t tone_curve; /* of the pixels; default OCISAC_LINEAR */
   int32_t scan_axis;  /* default OCISAC_DOWN */
   int32_t model;      /* of the light; default OCISAC_MODEL_AUTO */
-  int32_t mean_level; /* 1: the picture is as bright as its rows are in the mean; default 0: as the brightest are */
+  int32_t
+      mean_level; /* 1: as bright as the rows are in the mean; default 0: so for a tone, else as the brightest are */
 } ocisac_cleaner_options;
 
 typedef struct ocisac_plane { /* one colour of a picture, or its luma */

@@ -82,7 +82,9 @@ def _temporary(folder: Path, name: str, suffix: str, mode: int) -> tuple[Path, i
         left = os.open(folder / f".{mark}{suffix}", os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
         try:
             fcntl.flock(left, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            (folder / f".{mark}{suffix}").unlink()
+            there = os.stat(folder / f".{mark}{suffix}", follow_symlinks=False)
+            if os.path.samestat(os.fstat(left), there):  # else another's, made since the opened one was done with
+                (folder / f".{mark}{suffix}").unlink()
         finally:
             os.close(left)
     while True:
