@@ -46,7 +46,7 @@ TimingSearch find_chip_timing(std::span<const double> signal, double noise, Freq
 // The lattice for edges at one threshold; absent if none is consistent. `rows`: length of the frame.
 std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, FrequencyRange range);
 
-// True if the edges wander about the lattice along the rows: the rows were not read evenly, or chips are missing between.
+// True if the edges wander about the lattice along the rows: these were not read evenly, or chips are missing.
 bool wanders(const Edges& edges, const ChipLattice& lattice);
 
 // Least squares of rows = phase + rows_per_chip·chips + duty_offset·[falling], without outliers. `chips`: index of the
