@@ -154,10 +154,8 @@ static void finalize(GObject* object) {
 static void ocisac_clean_init(OcisacClean* self) { self->last_time = NAN; }
 
 static void install_properties(GObjectClass* class) {
-  static const GEnumValue levels[] = {{0, "The mean for a tone, else that of the brightest rows", "auto"},
-                                      {1, "The mean of the rows", "mean"},
-                                      {2, "That of the brightest rows", "full"},
-                                      {0, NULL, NULL}};
+  static const GEnumValue levels[] = {
+      {0, "That of the brightest rows", "full"}, {1, "The mean of the rows", "mean"}, {0, NULL, NULL}};
   ocisac_install_camera(class, FIELD(camera));
   ocisac_install_choice(class, FIELD(model), "model", "Of the light", "OcisacCleanModel", models, OCISAC_MODEL_AUTO);
   ocisac_install_choice(class, FIELD(mean_level), "level", "Level of the steady light", "OcisacCleanLevel", levels, 0);

@@ -441,7 +441,7 @@ def test_the_example_in_c_cleans_frames(receiver):
     frames = np.rint(boxes * np.array(tone)[:, :, None] / 1.7 + noise).clip(0, 255).astype(np.uint8)
     command = [example_in_c(receiver, "clean"), "160", "240", "1e-5", "30"]
     done = subprocess.run(command, input=frames.tobytes(), capture_output=True, timeout=60, check=True)
-    cleaner = VideoCleaner(Camera(1e-5, frame_time=1 / 30))
+    cleaner = VideoCleaner(Camera(1e-5, frame_time=1 / 30), level="full")
     expected = np.concatenate([cleaner.push(frame).frames for frame in frames])
     assert np.array_equal(np.frombuffer(done.stdout, np.uint8), expected.ravel())
     assert done.stderr.decode().count("cleaned") == len(frames)

@@ -194,7 +194,7 @@ typedef struct ocisac_cleaner_options {
   int32_t tone_curve; /* of the pixels; default OCISAC_LINEAR */
   int32_t scan_axis;  /* default OCISAC_DOWN */
   int32_t model;      /* of the light; default OCISAC_MODEL_AUTO */
-  int32_t mean_level; /* brightness: 1: the rows' mean, 2: the brightest rows'; default 0: 1 for a tone, else 2 */
+  int32_t mean_level; /* 1: the picture is as bright as its rows are in the mean; default 0: as the brightest are */
 } ocisac_cleaner_options;
 
 typedef struct ocisac_plane { /* one colour of a picture, or its luma */

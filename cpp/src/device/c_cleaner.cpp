@@ -11,7 +11,7 @@ struct ocisac_cleaner {
   ocisac::ScanAxis axis;
   double row_time;  // s
   double max_gain;
-  int32_t mean_level;
+  bool mean_level;
   std::string unchanged{};  // of the last frame
 };
 
@@ -91,8 +91,7 @@ std::vector<std::vector<Sample>> restored_planes(const ocisac_cleaner& cleaner,
     const ocisac::ModelledLight& light = lights.lights[lights.of_colour[colour]];
     std::vector<double> rows = light.light;
     for (double& row : rows) row = std::min(row, light.full);  // brighter rows are fully lit rows with noise
-    const bool is_full = cleaner.mean_level == 2 || (cleaner.mean_level == 0 && light.model != ocisac::RowModel::tone);
-    const double level = frame.light.level(0, colour, is_full);
+    const double level = frame.light.level(0, colour, !cleaner.mean_level);
     planes.push_back(
         frame.stored.restored<Sample>(0, colour, frame.light.shares[colour], {rows, level, cleaner.max_gain}).picture);
   }
@@ -144,7 +143,8 @@ int ocisac_cleaner_create(const ocisac_cleaner_options* options, ocisac_cleaner*
                     "a finite number above 1");
     const ocisac::Camera camera{all.row_time, {}, known(all.frame_time), tone_curve_of(all)};
     ocisac::StreamCleaner stream(camera, {model_of(all), known(all.noise), known(all.toe)});
-    *cleaner = new ocisac_cleaner{std::move(stream), scan_axis_of(all), all.row_time, all.max_gain, all.mean_level};
+    *cleaner =
+        new ocisac_cleaner{std::move(stream), scan_axis_of(all), all.row_time, all.max_gain, all.mean_level != 0};
     return static_cast<int>(OCISAC_OK);
   });
 }
