@@ -12,8 +12,11 @@ from hypothesis import HealthCheck, settings
 
 REPOSITORY = pathlib.Path(__file__).resolve().parent.parent
 
-settings.register_profile("default", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("nightly", settings.get_profile("default"), max_examples=1000)
+# The same draws in each run: a change is judged by its own failures. Nightly draws at random, and ten times as often.
+settings.register_profile(
+    "default", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow], print_blob=True
+)
+settings.register_profile("nightly", settings.get_profile("default"), derandomize=False, max_examples=1000)
 settings.register_profile("thorough", settings.get_profile("default"), max_examples=20_000)
 settings.load_profile("default")
 

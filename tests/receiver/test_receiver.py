@@ -161,6 +161,9 @@ def assert_consistent(got, light, camera):
     curve=st.sampled_from(["linear", "gamma", "srgb"]),
     colours=st.integers(0, 3),
 )
+@example(  # colours that agree are added
+    seed=170, rows_per_chip=9.0, exposure=0.0, rows=720, columns=1, dtype="uint8", curve="gamma", colours=2
+)
 @example(  # noise has more edges than 13 chips
     seed=1794357311,
     rows_per_chip=38.10956870866574,
@@ -184,7 +187,11 @@ def test_bits_and_numbers_are_those_of_their_definitions(
     if colours:
         alone = ocisac.receive(frames, camera, colour=got.colour)[0]
         assert (alone.bits, alone.flags) == (got.bits, got.flags)
-    assert_consistent(got, linear_light(frames[0, ..., got.colour] if colours else frames, camera), camera)
+    light = sum(
+        weight * linear_light(frames[0, ..., colour] if colours else frames, camera)
+        for colour, weight in enumerate(got.colour_weights)
+    )
+    assert_consistent(got, light, camera)
     if got.bits and not got.flags and curve == "linear":
         assert_received(got, Frame(seed, rows_per_chip, exposure, noise=0.01, rows=rows, columns=columns))
 
