@@ -84,15 +84,15 @@ void count(Totals& totals, const std::vector<LightFrame>& lights) {
 
 class Session {
  public:
-  Session(const Settings& settings, const StreamHeader& header)
+  Session(const Settings& settings, const StreamHeader& header, std::optional<Timestamps>& times)
       : settings_(settings),
         layout_(header.layout),
         camera_(camera_of(settings, header)),
         unpacked_(region_of(settings, header.layout)),
         picture_(header.layout),
-        receiver_(camera_, receiver_options(settings, header.layout, unpacked_)) {
+        receiver_(camera_, receiver_options(settings, header.layout, unpacked_)),
+        times_(times) {
     if (header.bytes == 0) format_check_.emplace(header.layout);  // raw
-    if (settings.timestamps) times_.emplace(*settings.timestamps, camera_.frame_time);
   }
 
   // Returns false after the reader of the output has gone.
@@ -101,9 +101,12 @@ class Session {
     if (totals_.frames == 0) first_ = began;
     if (const auto doubt = format_check_ ? format_check_->push(frame.bytes) : std::nullopt) write_warning(*doubt);
     const auto view = in_time_order(picture_.view(frame.bytes, unpacked_), settings_.scan_axis);
-    const auto time = times_ ? times_->next() : std::nullopt;
-    if (times_ && !time)
-      throw std::invalid_argument("--timestamps: got fewer times than frames, allowed: one for each");
+    const auto time = times_ ? times_->next(camera_.frame_time) : std::nullopt;
+    if (times_ && !time) {
+      if (stop_requested()) return false;
+      throw std::invalid_argument(
+          "--timestamps: got fewer times than frames, allowed: one for each, within 2 s of it (rpicam-vid --flush)");
+    }
     const auto lost = times_ ? times_->lost() : 0;
     const auto lights = receiver_.push({&view, 1}, {static_cast<std::int64_t>(frame.number) + lost, time});
     totals_.missing = static_cast<std::size_t>(lost);
@@ -156,7 +159,7 @@ class Session {
   GrayPicture picture_;
   Receiver receiver_;
   std::optional<FormatCheck> format_check_;  // of raw frames
-  std::optional<Timestamps> times_;
+  std::optional<Timestamps>& times_;
   std::size_t rows_ = 0;  // of the picture
   Stats stats_;
   Totals totals_;
@@ -171,6 +174,8 @@ double seconds_now() {
 
 ExitCode run(const Settings& settings, double began) {
   catch_stop_signals();
+  std::optional<Timestamps> times;
+  if (settings.timestamps) times.emplace(*settings.timestamps);
   ByteInput input(settings.input);
   const double ready = seconds_now() - began;
   const auto bytes = input.remaining();
@@ -182,7 +187,7 @@ ExitCode run(const Settings& settings, double began) {
   }
   const auto length = frames.header()->bytes == 0 ? bytes : std::nullopt;
   if (const auto doubt = length ? length_doubt(*length, frames.header()->layout) : std::nullopt) write_warning(*doubt);
-  Session session(settings, *frames.header());
+  Session session(settings, *frames.header(), times);
   while (const auto frame = frames.next()) {
     if (!session.take(*frame) || stop_requested()) break;
     if (settings.frames && session.totals().frames >= *settings.frames) break;

@@ -10,21 +10,24 @@ namespace ocisac::apps {
 
 class Timestamps {
  public:
-  // `frame_time`: s; absent: the shortest interval so far. Throws std::system_error for a file that cannot be read.
-  Timestamps(const std::string& path, std::optional<double> frame_time);
+  // A FIFO is opened at once, a file for the first frame, when a camera that was started at the same time has made it.
+  explicit Timestamps(const std::string& path);
 
-  // Time of the next frame in s; absent after the last line. Throws std::invalid_argument for other text, and for times
-  // that do not ascend.
-  std::optional<double> next();
+  // Time of the next frame in s; absent if no further line comes within two seconds. `frame_time`: s, to count lost
+  // frames; absent: the shortest interval so far. Throws std::invalid_argument for other text, and for times that do
+  // not ascend; std::system_error for a file that cannot be read.
+  std::optional<double> next(std::optional<double> frame_time);
 
   // Frames that the times show to be lost, up to the last frame.
   [[nodiscard]] std::int64_t lost() const { return lost_; }
 
  private:
+  void open();
+  bool read_line(std::string& line);
+
   std::string path_;
   std::ifstream file_;
-  std::optional<double> interval_, last_;
-  bool interval_known_;
+  std::optional<double> shortest_, last_;  // interval of frames and the last time, s
   std::int64_t lost_ = 0;
 };
 

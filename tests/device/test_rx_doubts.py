@@ -1,7 +1,9 @@
 """ocisac-rx where a result is missing or the stream may not be what was stated: why, on standard error."""
 
 import json
+import os
 import subprocess
+import time
 
 import numpy as np
 import pytest
@@ -76,6 +78,26 @@ def test_times_join_frames_and_count_the_missing(receiver, packets, tmp_path, ra
     assert [line["frames_missing"] for line in lines if line["frames_missing"]] == [2, 1]
     assert last["totals"]["missing"] == 3
     assert last["totals"]["payloads"] > 0
+
+
+@pytest.mark.parametrize("kind", ["file", "fifo"])
+def test_times_are_waited_for_as_a_camera_writes_them(receiver, packets, tmp_path, kind):
+    """The file is made with the first frame; a line comes after its frame, and in two parts."""
+    path, size = tmp_path / "times.txt", ROWS * COLUMNS
+    if kind == "fifo":
+        os.mkfifo(path)
+    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--no-bits", "--timestamps", str(path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program, path.open("w") as times:
+        assert program.stdin is not None
+        for k in range(4):
+            program.stdin.write(packets[k * size : (k + 1) * size])
+            program.stdin.flush()
+            for part in (f"{k}", "0.5\n"):
+                time.sleep(0.05)
+                print(part, end="", file=times, flush=True)
+        *lines, last = map(json.loads, program.communicate(timeout=60)[0].splitlines())
+    assert [line["time_s"] for line in lines] == [0.0005, 0.0105, 0.0205, 0.0305]
+    assert (last["totals"]["frames"], last["totals"]["missing"], program.returncode) == (4, 0, 0)
 
 
 @pytest.mark.parametrize(
