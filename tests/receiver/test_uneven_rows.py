@@ -1,4 +1,4 @@
-"""`receive` flags bits of rows between which the read-out paused, and no others."""
+"""`receive` flags bits of rows that are not read one after another at even times, and no others."""
 
 import numpy as np
 import pytest
@@ -36,3 +36,29 @@ def test_rows_read_evenly_are_not_flagged(seed):
     (found,) = receive(pixels[None], camera)
     assert found.bits
     assert not found.flags & Flag.MODEL_MISFIT
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_rows_read_two_at_a_time_are_flagged_where_they_do_not_resolve_the_chips(seed):
+    random = np.random.default_rng(seed)
+    rows_per_chip = random.uniform(2.3, 3.7)
+    camera = Camera(ROW_TIME, random.uniform(1.3, 2) * ROW_TIME)
+    chips = Chips(random.integers(0, 2, 600), 1 / (rows_per_chip * ROW_TIME))
+    light = np.repeat(integrate_exposure(chips, camera, ROWS, start=20 * ROW_TIME)[::2], 2)
+    picture = 30 + 150 * light[:, None] + random.normal(0, 2, (ROWS, 16))
+    for one in receive(np.clip(np.rint(picture), 0, 255).astype(np.uint8)[None], camera):
+        assert one.flags & Flag.MODEL_MISFIT or not one.bits
+
+
+@pytest.mark.parametrize("seed", range(20, 70))
+def test_defective_rows_make_no_faster_chips(seed):
+    random = np.random.default_rng(seed)
+    rows_per_chip = random.integers(5, 9)
+    camera = Camera(ROW_TIME, 0.3 * rows_per_chip * ROW_TIME)
+    data = random.integers(0, 2, 300)
+    chips = Chips(np.column_stack([data, 1 - data]).ravel(), 1 / (rows_per_chip * ROW_TIME))
+    light = 30 + 120 * integrate_exposure(chips, camera, ROWS, start=20 * ROW_TIME)
+    light[random.integers(0, ROWS, 20)] += 80
+    picture = light[:, None] + random.normal(0, 2, (ROWS, 16))
+    (found,) = receive(np.clip(np.rint(picture), 0, 255).astype(np.uint8)[None], camera)
+    assert found.flags or abs(found.rows_per_chip / rows_per_chip - 1) < 0.01

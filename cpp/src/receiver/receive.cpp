@@ -33,7 +33,10 @@ namespace {
 
 constexpr double kLongestChip = 64, kShortestChip = 2;  // rows
 constexpr double kRateTolerance = 0.03;
+constexpr double kNearlyAll = 0.9;                         // of the runs
 constexpr std::size_t kSureBlind = 12, kSureWithRate = 4;  // edges required for a reliable rate, blind or given
+constexpr double kWeakPart = 4;                            // signal-to-noise ratio of some chips: 2 % of them are wrong
+constexpr std::size_t kPart = 16;                          // chips
 constexpr double kMinSnr = 2;                              // noise divided at its median has 1.8
 constexpr double kSameLight = 0.9;                         // cosine between the swings of a signal and of a light
 constexpr int kMaxShears = 3;
@@ -42,7 +45,8 @@ constexpr double kDarkShare = 0.25;                            // of a bright ch
 constexpr std::size_t kSurelyPeriodic = 12, kFewPeriodic = 5;  // bits
 constexpr double kFrequencyStep = 0.002;                       // relative
 constexpr int kFrequencySteps = 50;
-constexpr double kInterpolated = 0.1;  // of the second differences of the other rows
+constexpr std::size_t kMostAtOnce = 4;  // rows of a group
+constexpr double kInterpolated = 0.1;   // of the second differences of the other rows
 constexpr double kLowestTone = 300, kHighestTone = 3000,
                  kEvident = 60;                          // Hz; over its neighbourhood
 constexpr double kMinHumCycles = 1, kMinToneCycles = 8;  // in the frame
@@ -62,7 +66,7 @@ struct Decoded {
   ChipGrid grid;
   SlicedChips detection;
   double rows_per_chip_std = 0;
-  bool wanders = false;
+  bool uneven = false;  // its rows are not read one after another at even times, or chips are missing
 };
 
 // Prior knowledge about a frame.
@@ -94,6 +98,16 @@ double snr_of(std::span<const double> relative_levels) {
   }
   variance /= static_cast<double>(std::max<std::size_t>(count, 1));
   return std::min(1 / std::max(variance, 1e-300), kMaxSnr);
+}
+
+// The same of the worst part of the lit chips.
+double snr_of_weakest_part(std::span<const double> relative_levels) {
+  std::vector<double> lit;
+  std::ranges::copy_if(relative_levels, std::back_inserter(lit), [](double level) { return level != 0; });
+  double weakest = kMaxSnr;
+  for (std::size_t begin = 0; begin + kPart <= lit.size(); ++begin)
+    weakest = std::min(weakest, snr_of(std::span(lit).subspan(begin, kPart)));
+  return weakest;
 }
 
 // State of the light between edges, sampled at each chip's centre.
@@ -202,21 +216,31 @@ Decoded by_frequency(std::span<const double> signal, std::optional<double> expos
   return {grid, std::move(*sliced), twice ? 2 * found.rows_per_chip_std : found.rows_per_chip_std};
 }
 
-// If every run between the first and the last edge, which may be the lamp's ends, is a multiple of n > 1 chips, the
-// true chips are n times as long, whatever rate was given. Absent where n is 1 or there are too few edges.
+// If nearly all runs between the first and the last edge, which may be the lamp's ends, are multiples of n > 1 chips,
+// the true chips are n times as long, whatever rate was given: single edges, of defects or of another lamp, do not lie
+// on their lattice. Every second run of random chips and of a line code is odd at least. Absent where n is 1 or there
+// are too few edges.
 std::optional<ChipTiming> slower_timing(const Decoded& decoded, const ChipTiming& timing) {
-  std::vector<std::ptrdiff_t> edges;
+  std::vector<std::size_t> edges;
   const auto& bits = decoded.detection.bits;
   for (std::size_t k = 1; k < bits.size(); ++k)
-    if (bits[k] != bits[k - 1]) edges.push_back(decoded.grid.first + static_cast<std::ptrdiff_t>(k));
+    if (bits[k] != bits[k - 1]) edges.push_back(k);
   if (edges.size() < kSureBlind) return std::nullopt;
-  std::ptrdiff_t shared = 0;
-  for (std::size_t k = 2; k + 1 < edges.size(); ++k) shared = std::gcd(shared, edges[k] - edges[k - 1]);
+  const auto is_shared = [&](std::size_t chips) {
+    std::size_t multiples = 0;
+    for (std::size_t k = 2; k + 1 < edges.size(); ++k) multiples += (edges[k] - edges[k - 1]) % chips == 0;
+    return static_cast<double>(multiples) >= kNearlyAll * static_cast<double>(edges.size() - 3);
+  };
+  const double chip = decoded.grid.clock.rows_per_chip;
+  auto shared = static_cast<std::size_t>(kLongestChip / chip);
+  while (shared > 1 && !is_shared(shared)) --shared;
+  if (shared < 2) return std::nullopt;
+  std::vector<std::size_t> places(shared);
+  for (const std::size_t edge : edges) ++places[edge % shared];
+  const auto place = std::ranges::max_element(places) - places.begin();
   ChipTiming slower = timing;
-  ChipClock& clock = slower.lattice.clock;
-  clock.rows_per_chip = static_cast<double>(shared) * decoded.grid.clock.rows_per_chip;
-  if (shared < 2 || clock.rows_per_chip > kLongestChip) return std::nullopt;
-  clock.phase = decoded.grid.clock.phase + static_cast<double>(edges[1]) * decoded.grid.clock.rows_per_chip;
+  slower.lattice.clock.rows_per_chip = static_cast<double>(shared) * chip;
+  slower.lattice.clock.phase = decoded.grid.start(static_cast<std::size_t>(place));
   slower.lattice.rows_per_chip_std = static_cast<double>(shared) * decoded.rows_per_chip_std;
   return slower;
 }
@@ -271,8 +295,9 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure_ro
   received.phase = decoded.grid.start(0);
   received.snr = snr_of(decoded.detection.relative_levels);
   received.detection = std::move(decoded.detection);
-  if (received.snr < kWeakSnr) received.flags |= flag::weak;
-  if (decoded.wanders) received.flags |= flag::model_misfit;
+  if (received.snr < kWeakSnr || snr_of_weakest_part(received.detection.relative_levels) < kWeakPart)
+    received.flags |= flag::weak;
+  if (decoded.uneven) received.flags |= flag::model_misfit;
   if (chip_period(received.detection.bits, kSurelyPeriodic)) received.flags |= flag::periodic;
   if (exposure_rows && *exposure_rows > kLongestSliced * received.rows_per_chip) received.flags |= flag::long_exposure;
 }
@@ -298,6 +323,21 @@ bool is_interpolated(std::span<const double> signal) {
   for (std::size_t n = 1; n + 1 < signal.size(); ++n)
     squares[n % 2] += std::pow(signal[n] - 0.5 * (signal[n - 1] + signal[n + 1]), 2);
   return std::min(squares[0], squares[1]) < kInterpolated * std::max(squares[0], squares[1]);
+}
+
+// Rows of a group are equal, as of those that are read at once, though an exposure of more than a row would show an
+// edge in two rows at least: chips of less than two groups are not resolved. Of the squared changes between groups,
+// light that is exposed for E rows leaves (E - 1)^2 within them or more, of rows that are read one after another; half
+// of it counts.
+bool is_read_in_groups(std::span<const double> signal, const ChipClock& clock, std::optional<double> exposure_rows) {
+  const double least = 0.5 * std::pow(std::clamp(exposure_rows.value_or(0.0) - 1, 0.0, 0.5), 2);
+  for (std::size_t rows = kMostAtOnce; rows > 1 && clock.rows_per_chip < 2 * static_cast<double>(rows); --rows) {
+    std::array<double, kMostAtOnce> squares{};
+    for (std::size_t n = 1; n < signal.size(); ++n) squares[n % rows] += std::pow(signal[n] - signal[n - 1], 2);
+    const double between = std::ranges::max(squares), all = std::accumulate(squares.begin(), squares.end(), 0.0);
+    if (all - between < least * between) return true;
+  }
+  return false;
 }
 
 // Changes of chips in lit rows.
@@ -353,7 +393,8 @@ std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& 
   if (slower)
     if (auto again = detect_and_refine(signal, *slower, what.exposure_rows)) decoded = std::move(again);
   if (!decoded || snr_of(decoded->detection.relative_levels) < kMinSnr) return std::nullopt;
-  decoded->wanders = wanders(search.timing->edges, (slower ? *slower : *search.timing).lattice);
+  decoded->uneven = wanders(search.timing->edges, (slower ? *slower : *search.timing).lattice) ||
+                    is_read_in_groups(signal, decoded->grid.clock, what.exposure_rows);
   if (const auto period = chip_period(decoded->detection.bits, kFewPeriodic))
     decoded = by_frequency(signal, what.exposure_rows, std::move(*decoded), *period);
   decoded->grid.clock.phase += static_cast<double>(begin);
