@@ -1,7 +1,6 @@
 """The channel from known chips: agreement with the reference, errors at their bounds, preambles found, refusals."""
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -13,10 +12,7 @@ from ocisac_fast.chips import (
     ChannelEstimate,
     ChipClock,
     ClockErrors,
-    ClockTracker,
-    chip_llr,
     clock_bounds,
-    closest_pair_distance,
     expose_chips,
     find_channel,
     find_preamble,
@@ -327,22 +323,6 @@ def test_the_channel_of_the_whole_frame_is_the_fit_of_its_chips():
     assert channel.exposure_rows == pytest.approx(column.exposure_rows, abs=4 * spread.exposure_rows_std)
 
 
-@pytest.mark.parametrize(("rows_per_chip", "exposure"), [(4.1, 0.5), (2.3, 1.0), (3.3, 3.0), (1.0, 1.0)])
-def test_the_whole_frame_from_a_nominal_rate(rows_per_chip, exposure):
-    for seed in range(3):
-        column = Column(seed, rows_per_chip, exposure, 0.02, rows=500)
-        found = find_channel(
-            column.rows,
-            detect=detect_sequence,
-            rows_per_chip=rows_per_chip,
-            exposure_rows=column.exposure_rows,
-            exposure_known=rows_per_chip == 1.0,
-        )
-        middle = [(250 - clock.phase) / clock.rows_per_chip for clock in (column, found.channel)]
-        assert errors_of(column, found, round(middle[0] - middle[1])) <= (rows_per_chip == 1.0)
-        assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=1e-3)
-
-
 @pytest.mark.parametrize(("rows_per_chip", "seed"), [(4.0, 14), (4.0, 17), (7.0, 13)])
 def test_starts_are_compared_by_the_whole_frame(rows_per_chip, seed):
     column = Column(seed, rows_per_chip, 7, 0.04)
@@ -383,38 +363,6 @@ def test_the_tracked_clock_agrees_with_the_reference(seed, frames, ahead):
     assert trackers[0].predict(0) is None
 
 
-@pytest.mark.parametrize("exposure", [0.6, 3.0, 5.0])
-def test_frames_are_read_on_without_preambles_across_the_gaps(exposure):
-    """A preamble in the first frame alone; the frame time known to 50 ppm; a clock that drifts; frames lost."""
-    random = np.random.default_rng(11)
-    rows, frame_rows, period, length = 1080, 1501.5, 4.0 * 1.007, exposure * 4.0
-    preamble = random.integers(0, 2, 32)
-    chips = random.integers(0, 2, 16000).astype(float)
-    chips[100:132] = preamble
-    tracker = ClockTracker(frame_rows * (1 + 50e-6), frame_rows_std=0.1)
-    channel, begins_with = None, 0
-    for frame in (0, 1, 2, 3, 5, 6, 9, 10, 15, 16):
-        drifted = period * (1 + 2e-6 * frame)
-        phase = -(frame * frame_rows) * (1 + 1e-6 * frame)  # of chip 0, in rows of this frame
-        light = expose_chips(chips, rows, ChipClock(rows_per_chip=drifted, phase=phase, exposure_rows=length))
-        signal = 10 + 50 * (light + 0.02 * random.standard_normal(rows))
-        if frame == 0:
-            channel = find_preamble(signal, preamble, rows_per_chip=4.0, exposure_rows=length)[0].channel
-            known, begins_with = {"known": preamble}, 100
-        else:
-            predicted = tracker.predict(frame)
-            assert predicted.chips_lost < 0.2
-            channel, known = predicted.channel(channel, rows), {}
-            begins_with = 100 + predicted.chip
-        found = refine_channel(signal, channel, detect=detect_sequence, **known)
-        sent = chips[begins_with + found.first :][: len(found.chips)]
-        edge = int(np.ceil(exposure)) + 1
-        if frame > 0:  # in the first frame the chips before the light's first are missing
-            np.testing.assert_array_equal(found.chips[edge:-edge], sent[edge:-edge])
-        channel = found.channel
-        assert tracker.update(frame, channel)
-
-
 @given(
     values=st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=12),
     errors=st.lists(st.one_of(st.floats(1e-3, 1e3), st.sampled_from([0.0, np.inf, np.nan])), min_size=12, max_size=12),
@@ -451,29 +399,6 @@ def test_llr_are_those_of_all_sequences(rows_per_chip, chips, place, count, firs
     got, want = (of.chip_llr(light, clock, noise=0.2, first=first, count=count) for of in (ocisac, reference))
     assert got.shape == (count,)
     np.testing.assert_allclose(got, want, atol=1e-3)  # single precision inside
-
-
-def test_detection_reaches_what_the_closest_pair_allows():
-    """Chip errors at an exposure of 7 chips, 4 rows a chip, 4 % noise: near Q(d/2s), and none at 2 %."""
-    column = Column(5, 4.0, 7.0, noise=0)
-    light = (column.rows - 10 - 3 * np.linspace(-1, 1, 1080)) / 40
-    errors = {}
-    for noise in (0.02, 0.04):
-        wrong = total = 0
-        for _ in range(40):
-            rows = light + noise * column.random.standard_normal(len(light))
-            found = chip_llr(rows, column.clock, noise=noise, first=column.first, count=len(column.chips))
-            inside = slice(12, -12)
-            wrong += int(np.sum((found > 0)[inside] != column.chips[inside]))
-            total += len(column.chips[inside])
-        errors[noise] = wrong / total
-    distance = closest_pair_distance(column.rows_per_chip, column.exposure_rows)
-    assert distance == pytest.approx(
-        reference.closest_pair_distance(column.rows_per_chip, column.exposure_rows), rel=1e-12
-    )
-    tail = math.erfc(distance / 0.08 / math.sqrt(2)) / 2
-    assert errors[0.02] == 0
-    assert errors[0.04] < 5 * tail
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3, 5, 7, 8, 12])

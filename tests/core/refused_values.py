@@ -99,6 +99,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "degree": [-1, 5], "frequency": [0.0, NAN], "waveform": ["saw"], "duty": [1.0], "threads": [0],
         "background": [np.zeros(5)], "columns": [np.full((64, 8), NAN)],
     },
+    "tones.tone_columns": {"frequency": [0.0, -5.0, NAN, INF]},
     "tones.find_frequency": {
         "columns": NO_COLUMNS, "waveform": ["saw"],
         "bounds": [(-1e5, 2e4), (2e4, 1e4), (5e4, 9e4), (NAN, 1e4), (1e4, NAN)],
@@ -218,6 +219,9 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "tones": [of(camera=Camera(1e-5, 1e-3), tones=[500.0, 1010.0]), [500.0, 6e4]], "block_bytes": [256],
         "preamble": ["long"],
     },
+    "packets.possible_goodput": {
+        "rows": [0, 4000], "chip_rate": [0.0], "frame_time": [of(camera=Camera(1e-5))],
+    },
     "packets.fsk_symbol_error_rate": {"tones": [1], "snr": [-1.0]},
     "packets.transmit": {"payload": [b"", bytes(2716), "text", np.zeros(3)], "number": [256]},
     "packets.PacketFormat": {
@@ -232,6 +236,9 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "pixels": [PLACES[:3, :2], PLACES], "focal": [0.0], "centre": [(1.0, INF)], "distortion": [(1.0,)],
         "noise": [0.0], "inside": [((0.0,), (1.0,))],
     },
+    "lights.calibrate": {"frequency": [0.0, -1.0, INF, NAN]},
+    "lights.pick_colour": {"colours": [[]]},
+    "lights.SourceTracker.update": {"frame": [np.zeros((2, 64, 8))]},
     "lights.SourceTracker": {"patience": [-1], "reach": [0.0, NAN], "full_every": [0]},
     "lights.detect_sources": {
         "false_alarms": [0.0, NAN, 1.5], "min_cycles": [1.0, INF], "max_sources": [0],
@@ -270,7 +277,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     "scene.Ring": {"width": [1.0]},
     "scene.Disc": {"diameter": [INF]},
     "scene.Pose": {"position": [(0, 0)]},
-    "scene.Pinhole": {"rows": [0]},
+    "scene.Pinhole": {"rows": [0], "blur": [-1.0, 101.0, NAN]},
     "scene.Source": {"waveform": [light.Tone(1.0, amplitude=-1)], "shape": [3]},
     "scene.Sensor": {"full_well": [of(read_noise=2.0)]},
     "scene.Scene": {
@@ -282,7 +289,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "frame_time": [call(lambda: scene_of(camera=Camera(1e-5, 1e-3)).plan(frames=2))],
     },
     "scene.render": {"frames": [2], "noise": [True], "threads": [0]},
-    "sensing.sense": {"depth": [0.0], "unlit": [np.zeros((5, 5))], "waveform": ["saw"]},
+    "sensing.sense": {"frames": [np.zeros(100)], "depth": [0.0], "unlit": [np.zeros((5, 5))], "waveform": ["saw"]},
     "sensing.background_light": {"frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2))]},
     "sensing.sense_region": {
         "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2))],

@@ -379,12 +379,3 @@ def test_out_with_any_strides(step):
     columns = np.full((20, 3), np.nan)
     integrate_exposure(wave, camera, np.arange(20, dtype=np.uint8), start=0.5, out=columns[:, 1])
     np.testing.assert_array_equal(columns[:, 1], want[0])
-
-
-def test_times_without_meaning_are_refused():
-    with pytest.raises(ValueError, match="times: got nan"):
-        sample_waveform(Tone(1.0), [0.0, np.nan])
-    with pytest.raises(ValueError, match=r"times: got .*allowed: real numbers"):
-        sample_waveform(Tone(1.0), ["a"])
-    assert sample_waveform(Tone(1.0), np.zeros((2, 0))).shape == (2, 0)
-    assert sample_waveform(Tone(1.0), 0.0) == 1

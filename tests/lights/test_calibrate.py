@@ -105,17 +105,6 @@ def test_too_few_rows_are_flagged(rows):
     assert np.isnan(found.row_time)
 
 
-@pytest.mark.parametrize("frequency", [0.0, -5.0, float("nan"), float("inf")])
-def test_frequencies_without_meaning_are_refused(frequency):
-    with pytest.raises(ValueError, match="frequency: got"):
-        oc.calibrate(np.ones(20), frequency)
-
-
-def test_no_channels_are_refused():
-    with pytest.raises(ValueError, match="colours: got 0 colours"):
-        oc.pick_colour([], PER_ROW)
-
-
 def test_a_frame_of_more_than_a_second_is_flagged():
     columns = 100.0 + 50.0 * tone(0.02, 800, 1.0)[:, np.newaxis] * np.ones(40)
     columns += np.random.default_rng(1).normal(0, 1, columns.shape)

@@ -135,8 +135,3 @@ def test_frames_may_become_smaller():
     tracker = SourceTracker(CAMERA, full_every=100)
     tracker.update(frame_with([(300, 420, 9000.0, 120.0)]))
     assert [t.visible for t in tracker.update(np.full((40, 30), 20, np.uint8))] == [False]
-
-
-def test_a_stack_of_frames_is_refused():
-    with pytest.raises(ValueError, match=r"frame: got shape .*, allowed: one frame"):
-        SourceTracker(CAMERA).update(np.zeros((2, 64, 64), np.uint8))

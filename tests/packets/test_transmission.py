@@ -15,7 +15,6 @@ import ocisac_fast as ocisac
 from ocisac_fast import reference
 from ocisac_fast.cli import main
 from ocisac_fast.packets import PacketFormat, decode_line_code, encode_line_code
-from ocisac_fast.packets.transmission import PacketAssembler
 from ocisac_fast.reference.packets import _codeword
 
 DOCUMENT = pathlib.Path(__file__).parents[2] / "docs" / "reference" / "packets.md"
@@ -32,18 +31,6 @@ def longest_run(chips):
     return np.diff(np.flatnonzero(np.diff(chips)), prepend=-1, append=len(chips) - 1).max()
 
 
-class Camera:
-    """A rolling shutter reads 191.8 of every 266.7 chips of a cycle; frames are (first chip, chips)."""
-
-    def __init__(self, chips, start=0.0, drift=0.0, period=8000 / 30, seen=1080 * 22.2e-6 * 8000, edge=0):
-        self.chips, self.start, self.edge, self.seen, self.period = chips, start, edge, seen, period * (1 + drift)
-
-    def frame(self, index):
-        begin = self.start + index * self.period
-        places = np.arange(np.ceil(begin + self.edge), np.floor(begin + self.seen - self.edge)).astype(int)
-        return int(places[0]), self.chips[places % len(self.chips)]
-
-
 @given(code=st.sampled_from(CODES), words=st.lists(st.integers(0, 255), max_size=40), noise=st.floats(0, 40))
 @settings(max_examples=2 * settings.default.max_examples // 5)
 def test_line_codes_agree_with_the_reference(code, words, noise):
@@ -58,33 +45,12 @@ def test_line_codes_agree_with_the_reference(code, words, noise):
         np.testing.assert_allclose(got, expected, rtol=0, atol=1e-12 * CERTAIN * 40)
 
 
-@pytest.mark.parametrize("code", CODES)
-def test_line_codes_bring_bits_back_and_report_what_is_no_word(code):
-    bits = np.unpackbits(np.arange(256, dtype=np.uint8))
-    chips = encode_line_code(bits, code)
-    llr, violations = decode_line_code(soft(chips), code)
-    np.testing.assert_array_equal(llr > 0, bits == 1)
-    assert not violations.any()
-    unknown, violations = decode_line_code(np.zeros(len(chips)), code)
-    assert not unknown.any()
-    assert not violations.any()
-    if code != "none":
-        assert decode_line_code(soft(np.ones(len(chips))), code)[1].all()
-
-
 @pytest.mark.parametrize(("code", "longest"), [("manchester", 2), ("4b6b", 4), ("8b10b", 5)])
 def test_runs_stay_below_those_of_the_preamble_and_the_mean_is_half(code, longest):
     values = np.random.default_rng(1).integers(0, 256, 30_000, dtype=np.uint8)
     chips = encode_line_code(np.unpackbits(values), code)
     assert longest_run(chips) == longest
     assert abs(np.cumsum(2 * chips.astype(int) - 1)).max() <= 4
-
-
-def test_a_missing_half_of_a_manchester_bit_costs_nothing():
-    chips = encode_line_code([1, 0, 1], "manchester")
-    llr = soft(chips)
-    llr[[0, 3]] = 0
-    np.testing.assert_array_equal(decode_line_code(llr, "manchester")[0], [CERTAIN, -CERTAIN, 2 * CERTAIN])
 
 
 @given(
@@ -124,31 +90,6 @@ def test_vectors_of_the_document():
         text = "".join(map(str, sent.chips.tolist()))
         assert (len(text), f"{zlib.crc32(text.encode()):08x}") == (int(chips), checksum)
         assert text.startswith(first)
-
-
-def frames_needed(payload, camera_options, flips, packets, seed):
-    random = np.random.default_rng(seed)
-    sent = ocisac.transmit(payload, format=packets)
-    camera, assembler = Camera(sent.chips, **camera_options), PacketAssembler(format=packets)
-    for index in range(400):
-        first, chips = camera.frame(index)
-        chips = chips ^ (random.random(len(chips)) < flips)
-        report = assembler.push(first, soft(chips))
-        if report.payload is not None:
-            assert report.payload.data == payload
-            return index + 1
-    raise AssertionError("the payload never came")
-
-
-@pytest.mark.parametrize("drift", [0.0, 5e-5, -5e-5])
-def test_a_kilobyte_comes_whole_through_the_gap_between_frames(drift):
-    """The frame clock locked to the chip clock, or off by 50 ppm; from any start, two chips lost at each edge."""
-    payload = np.random.default_rng(5).bytes(1000)
-    starts = np.random.default_rng(6).uniform(0, 60_000, 8)
-    for start in starts:
-        assert (
-            frames_needed(payload, {"start": start, "drift": drift, "edge": 2}, 1e-3, PacketFormat(), int(start)) <= 122
-        )
 
 
 def test_the_command_writes_every_kind_of_file(tmp_path, capsysbinary):

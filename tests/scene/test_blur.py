@@ -108,12 +108,6 @@ def test_files_hold_the_blur(tmp_path):
     assert "blur = 0.7" in path.read_text()
 
 
-@pytest.mark.parametrize("blur", [-1.0, 101.0, math.nan])
-def test_refused_blur(blur):
-    with pytest.raises(ValueError, match="blur: got"):
-        dataclasses.replace(LENS, blur=blur)
-
-
 def test_moving_edges_are_refused():
     scene = scene_of(Surface(Rectangle(0.5, 0.5), Pose((0, 0, 0.6)), pattern=Grating(30.0), speed=3.0))
     with pytest.raises(ValueError, match=r"blur: got 0\.7 before surface 0, allowed: 0 before a moving grating"):

@@ -113,11 +113,6 @@ def test_one_frame_finds_textures_and_says_that_they_may_be_still(frames):
     assert wide.flags & Flag.AMBIGUOUS_KIND
 
 
-def test_a_single_column_is_refused():
-    with pytest.raises(ValueError, match=re.escape("frames: got 1 dimension")):
-        ocisac.sense(np.zeros(100), CAMERA)
-
-
 # Contrast
 
 

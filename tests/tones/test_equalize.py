@@ -223,14 +223,6 @@ class TestReport:
         assert np.all(np.diff(bands.ravel()) > 0)
         assert bands[-1, 1] == np.inf
 
-    @settings(deadline=None, max_examples=settings.default.max_examples // 2)
-    @given(st.floats(0, 1e5), st.floats(1, 1e3))
-    def test_lost_bands_rise(self, exposure_rows: float, boost: float) -> None:
-        bands = lost_frequencies(camera(exposure_rows), max_boost=boost)
-        assert np.all(np.diff(bands.ravel()) > 0)
-        assert bands[0, 0] <= 0.5 / ROW_TIME
-        assert bands[-1, 1] == np.inf
-
     def test_noise_gain_is_what_noise_shows(self) -> None:
         noise = np.random.default_rng(1).normal(size=(2000, 20))
         result, report = of.equalize(noise, camera(11.0), report=True)

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 #include <random>
-#include <stdexcept>
 #include <vector>
 
 #include "ocisac/chips/detect_chips.hpp"
@@ -71,24 +70,4 @@ TEST_CASE("the likelihood ratios are those of all sequences, known chips counted
           if (some_known && k >= 4 && k < 7) CHECK((found[k] > 0) == (known[k - 4] > 0.5));
         }
       }
-}
-
-TEST_CASE("the closest pair lies where the sum of squares says") {
-  // √(4R/3)/L for many rows per chip.
-  CHECK(ocisac::closest_pair_distance(50, 350) == doctest::Approx(std::sqrt(4 * 50.0 / 3) / 7).epsilon(1e-3));
-  CHECK(ocisac::closest_pair_distance(4, 28) == doctest::Approx(std::sqrt(16.0 / 3) / 7).epsilon(0.1));
-}
-
-TEST_CASE("questions without meaning are refused") {
-  Frame frame(4, 8, 0.1, 30, 1);
-  frame.question.noise = 0;
-  CHECK_THROWS_WITH_AS(ocisac::detect_sequence(frame.question), doctest::Contains("noise: got 0"),
-                       std::invalid_argument);
-  frame.question.noise = 0.1;
-  frame.question.clock.exposure_rows = 64;
-  CHECK_THROWS_WITH_AS(ocisac::detect_sequence(frame.question), doctest::Contains("exposure_rows: got 64"),
-                       std::invalid_argument);
-  frame.question.count = 0;
-  frame.question.clock.exposure_rows = 8;
-  CHECK(ocisac::detect_sequence(frame.question).empty());
 }

@@ -5,12 +5,10 @@
 #include <numbers>
 #include <random>
 #include <stdexcept>
-#include <utility>
 #include <vector>
 
 #include "lights/own_pixels.hpp"
 #include "lights/screening.hpp"
-#include "ocisac/lights/calibrate.hpp"
 #include "ocisac/lights/detect_sources.hpp"
 
 namespace ocisac {
@@ -40,40 +38,6 @@ Camera camera() {
   return one;
 }
 
-TEST_CASE("a light is found where it is") {
-  const auto pixels = picture(true);
-  const auto found = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
-  REQUIRE(found.size() == 1);
-  const LightSource& light = found.front();
-  CHECK(light.frequency == doctest::Approx(8000).epsilon(0.01));
-  CHECK(std::abs(static_cast<double>(light.box.x + light.box.width / 2) - 140) < 8);
-  CHECK(std::abs(static_cast<double>(light.box.y + light.box.height / 2) - 120) < 8);
-  CHECK_FALSE(light.carries_data);
-}
-
-TEST_CASE("the same picture read the other way round, column by column, holds the same light") {
-  const auto pixels = picture(true);
-  std::vector<std::uint8_t> turned(pixels.size());
-  for (std::size_t n = 0; n < rows; ++n)
-    for (std::size_t c = 0; c < columns; ++c) turned[c * rows + n] = pixels[n * columns + c];
-  FramesView<const std::uint8_t> view = dense_view<const std::uint8_t>(turned.data(), 1, columns, rows);
-  std::swap(view.rows, view.columns);
-  std::swap(view.row_stride, view.column_stride);
-  const auto one = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
-  const auto other = detect_sources(view, camera());
-  REQUIRE(other.size() == one.size());
-  CHECK(other.front().box.x == one.front().box.x);
-  CHECK(other.front().box.height == one.front().box.height);
-  CHECK(other.front().frequency == doctest::Approx(one.front().frequency));
-}
-
-TEST_CASE("a dark picture holds none, and neither does one of few rows") {
-  const auto pixels = picture(false);
-  CHECK(detect_sources(dense_view(pixels.data(), 1, rows, columns), camera()).empty());
-  CHECK(detect_sources(dense_view(pixels.data(), 1, 31, columns), camera()).empty());
-  CHECK(detect_sources(dense_view(pixels.data(), 1, rows, 1), camera()).empty());
-}
-
 TEST_CASE("screening gives the place and, roughly, the frequency") {
   const auto pixels = picture(true);
   const auto suspects =
@@ -82,40 +46,6 @@ TEST_CASE("screening gives the place and, roughly, the frequency") {
   CHECK(suspects.front().frequency == doctest::Approx(0.08).epsilon(0.15));
   CHECK(suspects.front().box.x <= 100);
   CHECK(suspects.front().box.x + suspects.front().box.width >= 172);
-}
-
-// Columns 60 to 259 of rows 40 to 199 lit by `light(row, column)`, on uniform background.
-template <class Light>
-std::vector<std::uint8_t> lit_picture(Light light) {
-  auto pixels = picture(false);
-  for (std::size_t n = 40; n < 200; ++n)
-    for (std::size_t c = 60; c < 260; ++c)
-      pixels[n * columns + c] = static_cast<std::uint8_t>(pixels[n * columns + c] + light(n, c));
-  return pixels;
-}
-
-TEST_CASE("random chips of five rows are found as data") {
-  constexpr std::uint64_t chips = 0x9a5c3b17e6d24f81ULL;
-  const auto pixels =
-      lit_picture([](std::size_t n, std::size_t) { return (chips >> (n / 5 % 64) & 1) != 0 ? 120 : 0; });
-  const auto found = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
-  REQUIRE(found.size() == 1);
-  CHECK(found.front().carries_data);
-  CHECK(found.front().box.x <= 64);
-  CHECK(found.front().box.x + found.front().box.width >= 252);
-  CHECK(found.front().box.height >= 140);
-}
-
-TEST_CASE("lamps that touch are told apart by their frequencies") {
-  const auto pixels = lit_picture([](std::size_t n, std::size_t c) {
-    return 60 + 60 * std::cos(2 * std::numbers::pi * (c < 160 ? 0.06 : 0.08) * static_cast<double>(n));
-  });
-  const auto found = detect_sources(dense_view(pixels.data(), 1, rows, columns), camera());
-  REQUIRE(found.size() == 2);
-  for (const LightSource& light : found) {
-    CHECK(light.frequency == doctest::Approx(light.box.x < 140 ? 6000 : 8000).epsilon(0.01));
-    CHECK(std::abs(static_cast<double>(light.box.width) - 100) <= 16);
-  }
 }
 
 TEST_CASE("a light is followed in its box, and searched for in its region where it is not") {
@@ -149,16 +79,6 @@ TEST_CASE("lights cannot be expected beyond the frame or without a frequency") {
         ExpectedLight{all, 0, all, true, false}, ExpectedLight{all, 50000, all, true, false}})
     CHECK_THROWS_AS(follow_sources(view, camera(), std::vector{expected}), std::invalid_argument);
   CHECK_THROWS_AS(follow_sources(dense_view(pixels.data(), 2, rows / 2, columns), camera(), {}), std::invalid_argument);
-}
-
-TEST_CASE("the row time is that of the lamp's frequency") {
-  const auto pixels = picture(true);
-  const auto view = dense_view(pixels.data(), 1, rows, columns);
-  const Calibration calibration = calibrate(view, 8000, {});
-  CHECK(calibration.row_time == doctest::Approx(row_time).epsilon(0.01));
-  CHECK(calibration.row_time_std == doctest::Approx(calibration.found.frequency_std / 8000));
-  CHECK_THROWS_AS(calibrate(view, 0, {}), std::invalid_argument);
-  CHECK_THROWS_AS(pick_colour({}, {}), std::invalid_argument);
 }
 
 TEST_CASE("a short tone on a slope is measured without bias from its own pixels") {
@@ -220,14 +140,6 @@ TEST_CASE("outline and frequency of a short lamp are found together, whatever li
         CHECK(std::abs(static_cast<double>(box.y) - (7 + first)) <= 2);
         CHECK(std::abs(static_cast<double>(box.bottom()) - (7 + end)) <= 2);
       }
-}
-
-TEST_CASE("options without meaning are refused") {
-  const auto pixels = picture(false);
-  const auto view = dense_view(pixels.data(), 1, rows, columns);
-  CHECK_THROWS_AS(detect_sources(view, camera(), {0, 3, 64}), std::invalid_argument);
-  CHECK_THROWS_AS(detect_sources(view, camera(), {0.01, 1, 64}), std::invalid_argument);
-  CHECK_THROWS_AS(detect_sources(view, camera(), {0.01, 3, 0}), std::invalid_argument);
 }
 
 }  // namespace

@@ -7,7 +7,6 @@
 
 #include "ocisac/packets/line_codes.hpp"
 #include "ocisac/packets/packets.hpp"
-#include "packets/reed_solomon.hpp"
 
 namespace {
 
@@ -24,33 +23,6 @@ std::vector<double> soft(const std::vector<std::uint8_t>& chips, std::size_t fir
 }
 
 }  // namespace
-
-TEST_CASE("Reed-Solomon words correct what they can and refuse the rest") {
-  std::mt19937 random(1);
-  for (std::size_t data : {1U, 84U, 200U, 254U}) {
-    const ocisac::ReedSolomon code(data);
-    const auto sent = code.encode(random_bytes(data, random));
-    const std::size_t redundancy = 255 - data;
-    for (std::size_t lost : {std::size_t{0}, redundancy / 2, redundancy}) {
-      auto word = sent;
-      std::vector<int> erased;
-      for (std::size_t k = 0; k < lost; ++k) {
-        erased.push_back(static_cast<int>(k));
-        word[k] = 0x55;
-      }
-      for (std::size_t k = 0; k < (redundancy - lost) / 2; ++k) word[254 - k] ^= 0x81;
-      CHECK(code.decode(word, erased));
-      CHECK(word == sent);
-    }
-  }
-  const ocisac::ReedSolomon code(100);
-  auto word = code.encode(random_bytes(100, random));
-  for (std::size_t k = 0; k < 255; k += 2) word[k] ^= static_cast<std::uint8_t>(1 + random() % 255);
-  const auto before = word;
-  CHECK_FALSE(code.decode(word, {}));
-  CHECK(word == before);
-  CHECK_FALSE(code.decode(word, std::vector<int>(156, 0)));
-}
 
 TEST_CASE("a payload comes back from pieces with gaps, from any start, on any clock") {
   std::mt19937 random(2);

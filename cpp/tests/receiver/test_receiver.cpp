@@ -50,23 +50,6 @@ Frame make_frame(unsigned seed, double rows_per_chip) {
 
 }  // namespace
 
-TEST_CASE("receive gives the bits sent, at any rate") {
-  const ocisac::Camera camera{1.0, {}, {}, {}};
-  unsigned seed = 0;
-  for (double rows_per_chip : {2.2, 2.7, 3.5, 4.9, 6.19, 9.36, 13.1, 19.7}) {
-    CAPTURE(rows_per_chip);
-    const Frame frame = make_frame(++seed, rows_per_chip);
-    const std::array colours{frame.view()};
-    const auto received = ocisac::receive(colours, camera);
-    REQUIRE(received.size() == 1);
-    CHECK(received[0].flags == 0);
-    CHECK(received[0].rows_per_chip == doctest::Approx(rows_per_chip).epsilon(2e-3));
-    CHECK(static_cast<double>(received[0].bits.size()) > 720 / rows_per_chip - 2);
-    CHECK(frame.chips.find(received[0].bits) != std::string::npos);
-    CHECK(ocisac::receive(colours, camera)[0].detection.relative_levels == received[0].detection.relative_levels);
-  }
-}
-
 TEST_CASE("colours of different shapes are refused") {
   const Frame frame = make_frame(1, 5);
   const std::array colours{frame.view(),

@@ -1,10 +1,8 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <ctime>
-#include <limits>
 #include <random>
 #include <vector>
 
@@ -32,35 +30,6 @@ std::vector<double> frame_of(const std::vector<std::uint8_t>& chips, int frame, 
 }
 
 }  // namespace
-
-TEST_CASE("a payload comes out of a stream of frames, past those that are damaged") {
-  std::mt19937 random(1);
-  const std::vector<std::uint8_t> payload{3, 1, 4, 1, 5, 9, 2, 6};
-  const auto chips = ocisac::packet_chips(payload, {}, 42);
-  const ocisac::Camera camera{
-      .row_time = 1e-5, .exposure = kExposure * 1e-5, .frame_time = kFrameRows * 1e-5, .tone_curve = {}};
-  ocisac::ReceiverOptions options;
-  options.light.data->chip_rate = 1.005e5 / kRowsPerChip;
-  options.whole_picture = true;
-  ocisac::Receiver receiver(camera, options);
-  std::optional<ocisac::Payload> got;
-  for (int frame = 0; frame < 16 && !got; ++frame) {
-    auto rows = frame_of(chips, frame, random);
-    if (frame == 2) std::ranges::fill(rows, 20.0);
-    if (frame == 4) rows[7] = std::numeric_limits<double>::quiet_NaN();
-    const ocisac::AnyFramesView view = ocisac::dense_view<const double>(rows.data(), 1, kRows, 1);
-    const auto result = *receiver.push({&view, 1}, frame).front().received;
-    CAPTURE(frame);
-    CHECK(result.outcome == (frame == 2   ? ocisac::FrameOutcome::no_signal
-                             : frame == 4 ? ocisac::FrameOutcome::not_finite
-                                          : ocisac::FrameOutcome::received));
-    CHECK(receiver.push({&view, 1}, frame).front().received->outcome == ocisac::FrameOutcome::repeated);
-    if (result.stretch) got = result.stretch->payload;
-  }
-  REQUIRE(got);
-  CHECK(got->bytes == payload);
-  CHECK(got->number == 42);
-}
 
 TEST_CASE("frames of darkness and of noise teach no profile, tell no chips and cost no search") {
   std::mt19937 random(2);

@@ -14,37 +14,11 @@ namespace {
 
 constexpr double two_pi = 2 * std::numbers::pi;
 
-// (rows × columns): 10 + tone with a separate phase per column + noise.
-std::vector<double> toned(std::size_t rows, std::size_t columns, double frequency, double noise,
-                          double phase_step = 0) {
-  std::mt19937 random(1);
-  std::normal_distribution<double> normal;
-  std::vector<double> pixels;
-  for (std::size_t n = 0; n < rows; ++n)
-    for (std::size_t k = 0; k < columns; ++k)
-      pixels.push_back(10 +
-                       std::cos(two_pi * frequency * static_cast<double>(n) + phase_step * static_cast<double>(k)) +
-                       noise * normal(random));
-  return pixels;
-}
-
 ocisac::AnyFramesView view(const std::vector<double>& pixels, std::size_t rows, std::size_t columns) {
   return ocisac::dense_view(pixels.data(), 1, rows, columns);
 }
 
 }  // namespace
-
-TEST_CASE("a tone without noise is found to rounding, whatever the columns' phases") {
-  for (const double frequency : {0.0143, 0.2, 0.4471})
-    for (const double phase_step : {0.0, 0.7}) {
-      const auto pixels = toned(300, 5, frequency, 0, phase_step);
-      const auto found = ocisac::find_frequency(view(pixels, 300, 5), {});
-      CHECK(found.frequency == doctest::Approx(frequency).epsilon(1e-12));
-      CHECK(found.frequency_std < 1e-12);
-      CHECK(found.harmonics == 1);
-      CHECK(found.flags == 0);
-    }
-}
 
 TEST_CASE("a Gauss-Newton step leads to the least residual energy") {
   std::vector<double> signal;
@@ -109,16 +83,4 @@ TEST_CASE("combined columns keep the power of the noise and all of the tone") {
 TEST_CASE("chance energies are those of the chi-squared distribution") {
   CHECK(ocisac::chance_energy(2) == doctest::Approx(-2 * std::log(0.79e-6)).epsilon(0.12));  // exact: −2·log(p)
   CHECK(ocisac::chance_energy(1000) == doctest::Approx(1000 + 4.8 * std::sqrt(2000.0)).epsilon(0.02));
-}
-
-TEST_CASE("what cannot be answered is NaN and flagged") {
-  for (const std::size_t rows : {1u, 2u, 3u, 7u, 50u}) {
-    const std::vector<double> pixels(rows * 3, 7.0);
-    const auto found = ocisac::find_frequency(view(pixels, rows, 3), {});
-    CHECK(std::isnan(found.frequency));
-    CHECK(found.flags == ocisac::flag::no_tone);
-  }
-  std::vector<double> pixels(60, 1.0);
-  pixels[7] = std::nan("");
-  CHECK_THROWS_AS(ocisac::find_frequency(view(pixels, 20, 3), {}), std::invalid_argument);
 }

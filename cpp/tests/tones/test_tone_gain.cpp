@@ -5,19 +5,11 @@
 #include <vector>
 
 #include "ocisac/rows/basis.hpp"
-#include "ocisac/tones/tone_gain.hpp"
 #include "tones/harmonic_model.hpp"
 
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-
-std::vector<double> tone(std::size_t rows, double cycles_per_row, double mean, double amplitude, double phase) {
-  std::vector<double> signal(rows);
-  for (std::size_t n = 0; n < rows; ++n)
-    signal[n] = mean + amplitude * std::cos(2 * kPi * cycles_per_row * static_cast<double>(n) + phase);
-  return signal;
-}
 
 }  // namespace
 
@@ -48,27 +40,6 @@ TEST_CASE("basis of the harmonic model is orthonormal") {
       for (std::size_t n = 0; n < 720; ++n) sum += model.basis[i * 720 + n] * model.basis[j * 720 + n];
       CHECK(std::abs(sum - (i == j)) < 1e-12);
     }
-}
-
-TEST_CASE("gain, phase and mean of a clean tone, by both methods, through a negative stride") {
-  const double cycles = 16.0 / 720;
-  auto signal = tone(720, cycles, 100, 40, 0.3);
-  for (const auto method : {ocisac::GainMethod::fit, ocisac::GainMethod::dft}) {
-    ocisac::ToneGainOptions options;
-    options.method = method;
-    const double frequencies[] = {cycles};
-    const ocisac::Camera camera{1.0, {}, {}, {}};
-    auto view = ocisac::as_const(ocisac::dense_view(signal.data(), 1, 720, 1));
-    const auto result = ocisac::tone_gain(view, camera, frequencies, options);
-    CHECK(result.gain[0] == doctest::Approx(0.4).epsilon(1e-12));
-    CHECK(result.phase[0] == doctest::Approx(0.3).epsilon(1e-12));
-    CHECK(result.mean[0] == doctest::Approx(100).epsilon(1e-12));
-    CHECK(result.flags[0] == 0);
-    view.data += 719;
-    view.row_stride = -1;
-    const auto backwards = ocisac::tone_gain(view, camera, frequencies, options);
-    CHECK(backwards.gain[0] == doctest::Approx(0.4).epsilon(1e-12));
-  }
 }
 
 TEST_CASE("the phasor keeps its phase at large indices") {
