@@ -4,9 +4,6 @@ import errno
 import json
 import os
 import re
-import shutil
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -308,13 +305,6 @@ def test_a_changed_file_is_measured_anew_and_changed_options_are_refused(tmp_pat
     assert read_results(results)["frequency_hz"].unique().to_pylist() == [700.0]
 
 
-def test_a_results_folder_in_the_campaign_s_is_no_recording(tmp_path, task):
-    np.save(tmp_path / "a.npy", lamp(SHORT, 1))
-    for _ in range(2):
-        done = measure_recordings(tmp_path, task, output=tmp_path / "results")
-        assert (done.progress.recordings, done.progress.failed) == (1, 0)
-
-
 def test_another_version_of_the_package_is_noticed(tmp_path, task):
     np.save(tmp_path / "a.npy", lamp(SHORT, 1))
     measure_recordings(tmp_path / "a.npy", task, output=tmp_path / "results")
@@ -405,46 +395,6 @@ def test_recordings_and_results_in_memory(campaign, task, truth):
     system.rm("/bucket", recursive=True)
 
 
-def test_recordings_and_results_on_a_server(campaign, task, truth, tmp_path):
-    """An FTP server of its own process."""
-    pytest.importorskip("pyftpdlib")
-    served = tmp_path / "served"
-    served.mkdir()
-    shutil.copytree(campaign.folder / "night", served / "night")
-    shutil.copy(campaign.folder / "long.mkv", served)
-    program = (
-        "import sys; from pyftpdlib.authorizers import DummyAuthorizer; from pyftpdlib.handlers import FTPHandler;"
-        "from pyftpdlib.servers import FTPServer; users = DummyAuthorizer();"
-        f"users.add_anonymous({str(served)!r}, perm='elradfmwMT'); FTPHandler.authorizer = users;"
-        "FTPHandler.permit_foreign_addresses = True;"
-        "server = FTPServer(('127.0.0.1', 0), FTPHandler); print(server.address[1], flush=True); server.serve_forever()"
-    )
-    command = [sys.executable, "-W", "ignore", "-c", program]
-    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    try:
-        root = f"ftp://127.0.0.1:{int(server.stdout.readline())}"
-        done = measure_recordings(
-            [f"{root}/long.mkv", f"{root}/night/short-0*"], task, output=f"{root}/results", max_frames=MAX_FRAMES
-        )
-        assert done.progress.failed == 0, done.failures.to_pylist()
-        assert done.progress.finished == 11
-        again = measure_recordings(f"{root}/night/short-0*", task, output=f"{root}/results")
-        assert again.progress.skipped == 10
-    finally:
-        server.kill()
-        server.wait()
-        server.stdout.close()
-    found = read_results(served / "results")
-    names = {
-        f"{root}/{name}"
-        for name in ("long.mkv", *(f"night/short-{k:02d}{'.mkv' if k % 3 else '.npy'}" for k in range(10)))
-    }
-    assert set(found["path"].to_pylist()) == names
-    wanted = truth.filter(pa.compute.match_substring_regex(truth["path"], r"long\.mkv|short-0"))
-    key = [("path", "ascending"), ("frame", "ascending")]
-    assert found.sort_by(key).drop_columns("path").equals(wanted.sort_by(key).drop_columns("path"))
-
-
 def test_clean_writes_files_whose_paths_are_in_the_table(campaign, tmp_path):
     results = tmp_path / "results"
     measure_recordings(campaign.folder / "night" / "short-0[01]*", Task("clean", KNOWN), output=results)
@@ -472,20 +422,6 @@ def test_a_full_disk_ends_the_run_with_one_line(campaign, tmp_path, monkeypatch,
     code, out, err = run(campaign.folder / "long.npy", "-o", tmp_path / "results", *GAIN)
     assert (code, out) == (2, "")
     assert err == [f"ocisac: {tmp_path / 'results'}: No space left on device"]
-
-
-def test_a_disk_that_is_really_full(campaign, tmp_path, run):
-    disk = tmp_path / "disk"
-    disk.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", disk], capture_output=True).returncode:
-        pytest.skip("may not mount")
-    try:
-        code, _, err = run(campaign.folder / "night", "-o", disk / "results", *GAIN)
-        assert code == 2
-        assert err == [f"ocisac: {disk / 'results'}: No space left on device"]
-        assert not [path for path in disk.rglob("*.parquet") if path.stat().st_size == 0]
-    finally:
-        subprocess.run(["umount", disk], check=True)
 
 
 def test_a_folder_that_cannot_be_written_is_one_line(campaign, tmp_path, run):
@@ -565,26 +501,3 @@ def test_what_the_command_refuses(words, message, run, tmp_path, monkeypatch):
     code, out, err = run(*words)
     assert (code, out, len(err)) == (2, "", 1)
     assert message in err[0]
-
-
-def test_an_interrupt_keeps_what_is_finished(campaign, task, truth, tmp_path, run, monkeypatch):
-    from ocisac_fast.batch import command
-
-    real = command.measure_recordings
-
-    def interrupted(*rest, report, **options):
-        def stop(progress):
-            report(progress)
-            if progress.finished == 5:
-                raise KeyboardInterrupt
-
-        return real(*rest, report=stop, **options)
-
-    monkeypatch.setattr(command, "measure_recordings", interrupted)
-    code, _, err = run(campaign.folder, "-o", tmp_path / "results", *GAIN)
-    assert code == 130
-    assert err == [f"ocisac: interrupted; {tmp_path / 'results'} keeps what is finished, the same command goes on"]
-    monkeypatch.undo()
-    done = measure_recordings(campaign.folder, task, output=tmp_path / "results")
-    assert done.progress.skipped == 5
-    assert read_results(tmp_path / "results").equals(truth)

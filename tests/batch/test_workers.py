@@ -20,8 +20,6 @@ import psutil
 from lamp_recordings import MAX_FRAMES, slowed
 
 from ocisac_fast.batch import cluster, measure_recordings, read_results
-from ocisac_fast.batch.results import Results
-from ocisac_fast.cli import main
 
 GAIN = ["gain", "--frequency", "500Hz", "--row-time", "22.2us", "--exposure", "1202us"]
 OPTIONS = ["--max-frames", str(MAX_FRAMES)]
@@ -72,23 +70,6 @@ def test_a_run_listens_nowhere(campaign, tmp_path):
     psutil.wait_procs(processes, timeout=10)
     assert not [each for each in processes if each.is_running()]
     assert not list((tmp_path / "results").rglob(".*"))
-
-
-def test_the_whole_run_is_killed_and_started_again(campaign, truth, tmp_path):
-    results = tmp_path / "results"
-    command = [sys.executable, "-m", "ocisac_fast.cli", "batch", str(campaign.folder), "-o", str(results)]
-    words = ["--workers", "2", *OPTIONS, *GAIN]
-    run = subprocess.Popen([*command, *words], start_new_session=True, stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + 60
-    while not results.exists() or len(Results(results).names()) < 8:
-        assert run.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    os.killpg(run.pid, signal.SIGKILL)
-    run.wait()
-    assert 8 <= len(Results(results).names()) < 45
-    assert main([*command[3:], "--workers", "0", *OPTIONS, *GAIN]) == 0
-    assert read_results(results).equals(truth)
 
 
 def test_ctrl_c_ends_the_run_in_seconds_and_keeps_what_is_finished(campaign, task, truth, tmp_path):

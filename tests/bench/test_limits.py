@@ -102,15 +102,6 @@ def test_a_constant_column_has_a_peak_frequency_but_no_tone():
     assert ocisac.find_frequency(column, Camera(1.0)).flags & Flag.NO_TONE
 
 
-def test_dark_columns_are_zero_by_zero_and_the_library_says_no_light():
-    scene = Scene("dark", "", 12.0, rows=720, columns=4)
-    dark = np.zeros((720, 4), np.uint8)
-    with np.errstate(invalid="ignore"):
-        assert np.isnan(plain_methods.transform_gain(scene, dark)).all()
-    found = ocisac.tone_gain(dark, scene.camera, scene.frequency)
-    assert (found.flags & Flag.NO_LIGHT).all()
-
-
 def test_the_paper_s_method_says_where_it_is_wrong():
     for cycles, off in ((8.0, False), (8.5, True)):
         scene = Scene("bin", "", cycles, rows=720, columns=20)
@@ -136,16 +127,3 @@ def test_half_a_step_of_noise_makes_rounding_noise(amplitude, dtype):
             assert error == pytest.approx(np.sqrt(np.mean(found.gain_std**2)), rel=0.15)
         told_nothing = ocisac.tone_gain(stored, Camera(1.0), 12.37 / 720)  # floats need not be whole numbers
         assert not (told_nothing.flags & Flag.QUANTISED).any()
-
-
-def test_two_sources_at_one_frequency_cannot_be_told_apart():
-    found = ocisac.tone_gain(np.random.default_rng(4).random((720, 3)), Camera(1.0), [0.1, 0.1])
-    assert np.isnan(found.gain).all()
-    assert (found.flags & Flag.UNRESOLVABLE).all()
-
-
-def test_one_and_two_rows_are_answered_with_nothing():
-    for rows in (1, 2):
-        found = ocisac.tone_gain(np.full((rows, 2), 50.0), Camera(1.0), 0.23)
-        assert np.isnan(found.gain).all()
-        assert ocisac.equalize(np.full((rows, 2), 50.0), Camera(1.0, 7.0)) == pytest.approx(50.0)

@@ -17,6 +17,7 @@ import numpy as np
 from valid_calls import CAMERA, FRAME, LENS, PLACES, PULSES, channel
 
 from ocisac_fast import Camera, chips, exposure, light, receiver, scene, sensing
+from ocisac_fast.cli.units import Quantity
 
 NAN, INF = math.nan, math.inf
 READ_ONLY = np.zeros(9)
@@ -52,8 +53,8 @@ NO_COLUMNS = [*NO_FRAMES, np.zeros((2, 2, 2, 2)), np.array([["a"]]), np.full((64
 
 REFUSED: dict[str, dict[str, list[Any]]] = {
     "camera.Camera": {
-        "row_time": [0.0, NAN], "exposure": [-1e-6, INF], "frame_time": [0.0], "tone_curve": ["log"], "gamma": [0.0],
-        "dark_level": [NAN], "white_level": [of(dark_level=16.0, white_level=16.0)],
+        "row_time": [0.0, NAN, "22us"], "exposure": [-1e-6, INF], "frame_time": [0.0], "tone_curve": ["log"],
+        "gamma": [0.0], "dark_level": [NAN], "white_level": [of(dark_level=16.0, white_level=16.0)],
     },
     "light.Constant": {"level": [NAN, call(lambda: TONE * INF)]},
     "light.Tone": {
@@ -88,9 +89,9 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     "light.sample_waveform": {"times": [[0.0, NAN], ["a"]]},
     "tones.tone_gain": {
         "columns": [*NO_COLUMNS, of(columns=np.full((64, 8), 1e308), pooled=True)],
-        "frequency": [0.0, -5.0, NAN, [], [[1.0]], 1e300], "method": ["fft"], "waveform": ["saw"], "duty": [0.0, 1.0],
-        "background": [NAN, np.zeros(5)], "efficiency": [0.0, 1.5], "threads": [0],
-        "dark_level": [of(camera=Camera(1.0, tone_curve="gamma", dark_level=16), frequency=0.2)],
+        "frequency": [0.0, -5.0, NAN, [], [[1.0]], 1e300, "500Hz"], "camera": [22e-6], "method": ["fft"],
+        "waveform": ["saw"], "duty": [0.0, 1.0], "background": [NAN, np.zeros(5)], "efficiency": [0.0, 1.5],
+        "threads": [0], "dark_level": [of(camera=Camera(1.0, tone_curve="gamma", dark_level=16), frequency=0.2)],
         "gamma": [
             of(camera=Camera(1.0, tone_curve="gamma", white_level=1e-300), columns=np.ones((8, 2), "u1"), frequency=0.2)
         ],
@@ -102,7 +103,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     "tones.tone_columns": {"frequency": [0.0, -5.0, NAN, INF]},
     "tones.find_frequency": {
         "columns": NO_COLUMNS, "waveform": ["saw"],
-        "bounds": [(-1e5, 2e4), (2e4, 1e4), (5e4, 9e4), (NAN, 1e4), (1e4, NAN)],
+        "bounds": [(-1e5, 2e4), (2e4, 1e4), (5e4, 9e4), (NAN, 1e4), (1e4, NAN), ("a", 1)],
     },
     "tones.equalize": {
         "max_boost": [0.5, NAN, INF], "method": ["zero"],
@@ -300,7 +301,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "background": [np.zeros(3), NAN],
     },
     "sensing.KnownMotion": {
-        "axis": ["up"], "direction": [2], "pitch": [-1.0, "1mm"], "spatial_frequency": [0.0], "speed": [INF],
-        "bounds": [(5.0, 5.0)], "timing_tolerance": [0.0], "frame_times": [(0.0, 0.0)],
+        "axis": ["up"], "direction": [2], "pitch": [-1.0, "1mm", Quantity(0.0)], "spatial_frequency": [0.0],
+        "speed": [INF], "bounds": [(5.0, 5.0)], "timing_tolerance": [0.0], "frame_times": [(0.0, 0.0)],
     },
 }  # fmt: skip

@@ -499,67 +499,9 @@ def test_both_programs_give_the_same_lines(receiver, packets, tmp_path, capsys):
         assert {line["source"] for line in lines} >= ({0, 1} if name == "two" else {0}), name
 
 
-def endless(rows, columns, lit, row_time, chip_rate, turn=40):
-    """(turn, rows, columns) frames that can be repeated for ever, the chips of PAYLOAD in them, and the frame time.
-
-    The frame time is such that `turn` frames last for a whole number of packets.
-    """
-    chips = ocisac.transmit(PAYLOAD).chips
-    packets_a_turn = round(turn * chip_rate / 30 / len(chips))
-    camera = Camera(row_time, EXPOSURE, frame_time=packets_a_turn * len(chips) / (turn * chip_rate))
-    light = ocisac.integrate_exposure(Chips(chips, chip_rate, repeat=True), camera, rows, frames=turn)
-    noise = np.random.default_rng(5).integers(-3, 4, (rows + turn, columns))
-    frames = np.empty((turn, rows, columns), np.uint8)
-    for k, frame in enumerate(frames):
-        level = 20 + noise[k : k + rows]
-        level[:, lit] += np.rint(150 * light[k]).astype(int)[:, None]
-        frame[:] = np.maximum(level, 0)
-    return frames, "".join("1" if chip else "0" for chip in chips), camera.frame_time
-
-
 def resident(process):
     """Bytes."""
     return int(Path(f"/proc/{process.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize(
-    ("rows", "columns", "row_time", "turns"),
-    [(720, 40, 22.2e-6, 2500), (1080, 1920, 9e-6, 100)],
-    ids=["small", "1080p"],
-)
-def test_a_hundred_thousand_frames_leave_memory_flat_and_lose_none(receiver, rows, columns, row_time, turns):
-    lit = slice(columns // 2 - columns // 32 - 10, columns // 2 + columns // 32 + 10)
-    frames, chips, frame_time = endless(rows, columns, lit, row_time, 11700.0)
-    size = ["--size", f"{columns}x{rows}", "--row-time", f"{row_time}s", "--exposure", f"{EXPOSURE}s"]
-    command = [receiver, *size, "--chip-rate", "11.7kHz", "--frame-rate", repr(1 / frame_time), "--stats"]
-    turn, memory, payloads, round_and_round = frames.tobytes(), [], [], chips + chips
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        writer = threading.Thread(target=lambda: [process.stdin.write(turn) for _ in range(turns)])
-        writer.start()
-        for index in range(turns * len(frames)):
-            line = json.loads(process.stdout.readline())
-            assert line["frame"] == index
-            assert line["outcome"] == "received"
-            assert len(line["bits"]) >= rows * row_time * 11700 - 3
-            assert line["bits"] in round_and_round
-            if "payload_base64" in line:
-                assert base64.b64decode(line["payload_base64"]) == PAYLOAD
-                payloads.append(index // len(frames))
-            if index % len(frames) == 0:
-                memory.append(resident(process))
-        writer.join()
-        process.stdin.close()
-        totals = json.loads(process.stdout.readline())["totals"]
-        stats = json.loads(process.stderr.read())["stats"]
-        assert process.wait(timeout=60) == 0
-    assert (totals["frames"], totals["torn"], totals["payloads"]) == (turns * len(frames), 0, len(payloads))
-    # A whole number of packets a turn: once it runs, every turn gives as many payloads as the one before, give or take.
-    whole = np.bincount(payloads, minlength=turns)[2:]
-    assert whole.min() >= 1
-    assert whole.max() - whole.min() <= 1
-    assert max(memory) <= 1.001 * memory[len(memory) // 10]  # a new search may touch a page more
-    print(f"{totals}, resident {memory[1]} to {memory[-1]} bytes, {stats}")
 
 
 @pytest.mark.nightly

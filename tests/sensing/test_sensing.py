@@ -315,16 +315,6 @@ def test_what_is_told_against_the_pictures_is_flagged():
     assert two.flags & (Flag.MODEL_MISFIT | Flag.AMBIGUOUS_MOTION)
 
 
-@pytest.mark.parametrize("per_column", [0.0, 0.003, -0.2])
-def test_a_texture_at_rest_is_still(per_column):
-    frames = texture(3, 720, 30, 230, 0.0, per_row=0.02, per_column=per_column)
-    found = ocisac.sense_region(frames, camera(), motion=KnownMotion(bounds=(0.0, 29.0)))
-    assert found.kind == "still"
-    assert found.motion_frequency == 0
-    assert not found.flags
-    assert found.gain == pytest.approx(1.0, abs=4 * found.gain_std)
-
-
 def test_a_texture_that_moves_by_whole_cycles_a_frame_may_be_at_rest():
     frames = along(2, 230, 3.0)  # 23 cycles a frame
     found = ocisac.sense_region(frames, camera())
