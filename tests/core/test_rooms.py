@@ -152,3 +152,29 @@ def test_installed_headers_are_what_public_headers_reach():
             pending += includes(INCLUDE / header)
     installed = {str(path.relative_to(INCLUDE)) for path in INCLUDE.rglob("*.h*")}
     assert installed == reached
+
+
+def types_for_all(source: str) -> Iterator[str]:
+    """Names of the types that a C++ source defines at the top of namespaces that have names."""
+    scopes: list[str] = []
+    token = r'//[^\n]*|"(?:\\.|[^"\\\n])*"|\bnamespace\b[^{;=]*\{|(?<![<,] )\b(?:struct|class) (\w+)(?!::)\b[^;{()<>]*\{|[{}]'
+    for match in re.finditer(token, source):
+        text = match[0]
+        if match[1] and all(scope.startswith("namespace ") and "kernels" not in scope for scope in scopes):
+            yield match[1]
+        if text.startswith("namespace"):
+            scopes.append("namespace " + " ".join(text[:-1].split()[1:]) if text[9:-1].strip() else "unnamed")
+        elif text.endswith("{"):
+            scopes.append("block")
+        elif text == "}":
+            scopes.pop()
+
+
+def test_a_type_has_one_definition():
+    """Two types of one name break C++'s rule of one definition: an inline function of the one runs for the other."""
+    assert list(types_for_all("namespace a {\nstruct B { struct C { }; };\nnamespace {\nclass D { };\n}\n}")) == ["B"]
+    where: dict[str, set[str]] = {}
+    for path in cpp_files():
+        for name in types_for_all(path.read_text(encoding="utf-8")):
+            where.setdefault(name, set()).add(path.name)
+    assert {name: sorted(files) for name, files in where.items() if len(files) > 1} == {}

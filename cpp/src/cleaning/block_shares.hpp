@@ -12,12 +12,12 @@ namespace ocisac {
 constexpr std::size_t blocks_of(std::size_t length, std::size_t block) { return (length + block - 1) / block; }
 
 // Linear interpolation between the centres of blocks along one axis; constant beyond the outer ones.
-struct Place {
+struct BetweenBlocks {
   std::size_t before, after;
   double weight;  // of `after`
 };
 
-inline Place place_in_blocks(std::size_t pixel, std::size_t block, std::size_t count) {
+inline BetweenBlocks place_in_blocks(std::size_t pixel, std::size_t block, std::size_t count) {
   const double at = (static_cast<double>(pixel) + 0.5) / static_cast<double>(block) - 0.5;
   const double within = std::clamp(at, 0.0, static_cast<double>(count - 1));
   const auto before = static_cast<std::size_t>(within);

@@ -103,7 +103,7 @@ RestoredPicture<Sample> restore_picture(std::span<const Sample> stored, std::siz
   check(shares, rows, columns);
   const std::size_t down = blocks_of(rows, shares.block_rows), across = blocks_of(columns, shares.block_columns);
   const StoredValues value_of(table.light, bounds);
-  std::vector<Place> places;
+  std::vector<BetweenBlocks> places;
   for (std::size_t column = 0; column < columns; ++column)
     places.push_back(place_in_blocks(column, shares.block_columns, across));
   RestoredPicture<Sample> result{std::vector<Sample>(stored.size()), std::vector<std::uint8_t>(stored.size()),
@@ -113,14 +113,14 @@ RestoredPicture<Sample> restore_picture(std::span<const Sample> stored, std::siz
   std::vector<double> line(across);
   for (std::size_t row = 0; row < rows; ++row) {
     check_interrupt();
-    const Place between = place_in_blocks(row, shares.block_rows, down);
+    const BetweenBlocks between = place_in_blocks(row, shares.block_rows, down);
     const double* const above = &shares.share[between.before * across];
     const double* const below = &shares.share[between.after * across];
     for (std::size_t k = 0; k < across; ++k) line[k] = above[k] + between.weight * (below[k] - above[k]);
     const double swing = to.rows[row] - 1, rise = to.level - 1;
     for (std::size_t column = 0; column < columns; ++column) {
       const std::size_t i = row * columns + column;
-      const Place& at = places[column];
+      const BetweenBlocks& at = places[column];
       const double share = line[at.before] + at.weight * (line[at.after] - line[at.before]);
       const double gain = (1 + share * rise) / std::max(1 + share * swing, min_left);
       const bool saturated = is_saturated[stored[i]] != 0;

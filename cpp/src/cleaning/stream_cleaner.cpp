@@ -88,9 +88,9 @@ Values enlarged(const Values& values, std::size_t size, std::size_t down, std::s
   Values result;
   result.reserve(down * across);
   for (std::size_t n = 0; n < down; ++n) {
-    const Place row = place_in_blocks(n, size, rows);
+    const BetweenBlocks row = place_in_blocks(n, size, rows);
     for (std::size_t k = 0; k < across; ++k) {
-      const Place column = place_in_blocks(k, size, columns);
+      const BetweenBlocks column = place_in_blocks(k, size, columns);
       const auto along = [&](std::size_t at) {
         const double one = values[row.before * columns + at], two = values[row.after * columns + at];
         return one + row.weight * (two - one);

@@ -28,7 +28,7 @@ using Columns = IndexRange;
 
 Columns all_columns(const SearchedFrame& in) { return {0, shape_of(in.frame.frames).columns}; }
 
-Surroundings around(const Detections& found) { return {found.suspects, found.lights, found.doubtful}; }
+OtherLights around(const Detections& found) { return {found.suspects, found.lights, found.doubtful}; }
 
 std::vector<Suspect> suspects_in(const SearchedFrame& in, const Region& region, Coarsening coarsening) {
   auto suspects = screen_sources(in.frame, region, in.options.false_alarms, coarsening);

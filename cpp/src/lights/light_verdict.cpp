@@ -116,7 +116,7 @@ double pattern_odds(const RefinedLight& light) {
 
 // Cloth and moiré have many tones in a narrow band, each a little different; the lamps of a scene send on few clocks,
 // anywhere. Odds from the number of other clocks that are near, which is Poisson's for lamps.
-double clock_odds(const Detection& one, const Surroundings& around) {
+double clock_odds(const Detection& one, const OtherLights& around) {
   std::vector<const RefinedLight*> clocks{&one.light};
   std::size_t near = 0;
   double cloth = kCloth;
@@ -146,7 +146,7 @@ SearchedFrame searched_frame(const AnyFramesView& frames, std::size_t index, con
   return {lit_frame(frames, index, camera.tone_curve), camera, options, {kMinRows, options.min_cycles, min_amplitude}};
 }
 
-ToneFeatures features_of(const Detection& one, const Surroundings& around) {
+ToneFeatures features_of(const Detection& one, const OtherLights& around) {
   return features_of(one.light, around.suspects, expected_others(one, around.lights));
 }
 
@@ -160,7 +160,7 @@ bool is_measurable(const RefinedLight& light, const LightLimits& limits) {
          (light.texture <= max_texture(light) && !resembles_text(light) && light.periodic >= kMinPeriodic);
 }
 
-std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const Surroundings& around) {
+std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const OtherLights& around) {
   if (!is_measurable(light, in.limits)) return {};
   Detection one{.light = light, .box = light.box};
   const double row_time = in.camera.row_time;
@@ -169,7 +169,7 @@ std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& lig
   return judged_again(one, around);
 }
 
-Detection judged_again(Detection one, const Surroundings& around) {
+Detection judged_again(Detection one, const OtherLights& around) {
   const bool inside = one.light.inside;
   const ToneFeatures features = features_of(one, around);
   one.appearance = probability_of(features_of(one.light, around.suspects, 0), inside);
@@ -190,7 +190,7 @@ bool is_convincing(const SearchedFrame& in, const Detection& one, std::size_t su
 }
 
 std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, std::size_t suspects,
-                                const Surroundings& around) {
+                                const OtherLights& around) {
   if (!is_measurable(data, in.limits, data_evidence_for(suspects, in.options.false_alarms))) return {};
   Detection one{.light = data.light, .box = data.light.box, .data = true};
   one.odds = tilt_odds(data.light) * waveform_odds(in.frame, part_of(data.light)) * clock_odds(one, around);

@@ -27,21 +27,21 @@ SearchedFrame searched_frame(const AnyFramesView& frames, std::size_t index, con
                              const DetectOptions& options);
 
 // Chances of a texture: the suspects that no light explains; and the lights and other tones found beside it.
-struct Surroundings {
+struct OtherLights {
   std::size_t suspects = 1;
   std::span<const Detection> lights, doubtful;
 };
 
-ToneFeatures features_of(const Detection& one, const Surroundings& around);
+ToneFeatures features_of(const Detection& one, const OtherLights& around);
 
 // True for a tone of enough rows, cycles and amplitude. The pixels of an outline agree with a tone, or it is none.
 bool is_measurable(const RefinedLight& light, const LightLimits& limits);
 
 // A measurable tone with its probability.
-std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const Surroundings& around);
+std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const OtherLights& around);
 
 // The tone with its probabilities among other suspects and lights.
-Detection judged_again(Detection one, const Surroundings& around);
+Detection judged_again(Detection one, const OtherLights& around);
 
 // True for a tone that looks like a light but behaves as a texture.
 bool is_texture(const Detection& one);
@@ -50,7 +50,7 @@ bool is_convincing(const SearchedFrame& in, const Detection& one, std::size_t su
 
 // A waveform with enough evidence and its probability. `suspects`: those of the picture.
 std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, std::size_t suspects,
-                                const Surroundings& around);
+                                const OtherLights& around);
 bool is_convincing(const SearchedFrame& in, const Detection& data);
 
 LightCandidate candidate_of(const SearchedFrame& in, const Detection& one, std::span<const double> features,
