@@ -339,7 +339,7 @@ def integration(seconds: float) -> Iterator[Figure]:
 
 
 def paper_gains(seconds: float) -> Iterator[Figure]:
-    """The paper's estimator, through OpenCV's DFT, over cv2.dft by hand; pooled: milliseconds."""
+    """The paper's estimator over cv2.dft by hand."""
     for cycles in (SLOW, FAST):
         name = f"gain by DFT / cv2.dft batched float32, f·T_r = {cycles / ROWS:.3f}"
 

@@ -93,8 +93,8 @@ def test_agrees_with_the_reference(
     want = reference.tone_gain(view, *arguments, **options)
     # Streamed samples: a residual that is a difference of squares, and, from 256 rows of bytes on, weights of 13 bits
     # or more, which see the noise a little differently. Integers by a curve: light in float32.
-    by_table = not floating and curve != "linear" and (method != "dft" or pooled)
-    streamed = dtype != "float64" and curve == "linear" and method != "dft" and not pooled
+    by_table = not floating and curve != "linear"
+    streamed = dtype != "float64" and curve == "linear" and not pooled
     if streamed and dtype == "uint8" and rows >= 256:
         assert_agree(got, want, 1e-9, tolerance_of_noise=2e-3, standard_errors=1e-3)
     elif streamed:

@@ -12,6 +12,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "columns/dense_rows.hpp"
 #include "columns/lamp_slope.hpp"
 #include "columns/moving_mean.hpp"
 #include "columns/pooling_kernels.hpp"
@@ -370,37 +371,6 @@ CombinedColumn combined_from_covariance(const BlockedFrame& frame) {
   return combined_from_products(frame, gram(frame.swings.transpose()));
 }
 
-// Row signal with given weights of the columns, whose sum is 1.
-template <class T>
-std::vector<double> weighted_rows(const FramesView<const T>& view, const ToneCurve& curve,
-                                  std::span<const double> weights) {
-  constexpr std::size_t kLanes = 8;  // independent sums, for vectorisation
-  std::vector<double> signal(view.rows);
-  const bool dense = curve.kind == ToneCurve::Kind::linear && view.column_stride == 1;
-  if constexpr (std::is_integral_v<T>)
-    if (dense) {
-      kernels::pool_rows({view.at(0, 0, 0), view.row_stride, view.rows, view.columns}, weights.data(), signal.data());
-      for (double& row : signal) row -= curve.dark_level;
-      return signal;
-    }
-  const std::size_t in_lanes = dense ? view.columns / kLanes * kLanes : 0;
-  for (std::size_t row = 0; row < view.rows; ++row) {
-    const T* values = view.at(0, row, 0);
-    std::array<double, kLanes> sums{};
-    for (std::size_t column = 0; column < in_lanes; column += kLanes)
-      for (std::size_t lane = 0; lane < kLanes; ++lane)
-        sums[lane] += weights[column + lane] * static_cast<double>(values[column + lane]);
-    double sum = std::accumulate(sums.begin(), sums.end(), 0.0);
-    for (std::size_t column = in_lanes; column < view.columns; ++column) {
-      const auto value = static_cast<double>(view(0, row, column));
-      if (weights[column] != 0)
-        sum += weights[column] * (dense ? value : linear_light(curve, value, sample_maximum<T>()));
-    }
-    signal[row] = sum - (dense ? curve.dark_level : 0);
-  }
-  return signal;
-}
-
 // One step of common_factor's iteration from approximate weights w, without the covariance C: with C = a·aᵀ + diag(v),
 // C·w − v∘w = a·(aᵀw). Absent where the weighted sum has no power beyond the blocks' own.
 std::optional<CommonFactor> next_factor(const Matrix& swings, const VectorXd& weights) {
@@ -420,6 +390,53 @@ std::optional<CommonFactor> next_factor(const Matrix& swings, const VectorXd& we
 }
 
 }  // namespace
+
+namespace {
+
+// As weighted_rows(), without the dark level. `light`: of each value of a sample, or empty.
+template <class Sample, class Stored>
+std::vector<double> weighted_samples(const FramesView<const Stored>& view, std::size_t frame,
+                                     std::span<const double> weights, std::span<const float> light) {
+  DenseRows<Stored, Sample> source(view, frame, view.columns, light);
+  const BlockSize most = source.in_place()        ? BlockSize{view.rows, view.columns}
+                         : source.is_transposed() ? kTransposed
+                                                  : kCopied;
+  std::vector<double> signal(view.rows), of_part(view.rows);
+  for (std::size_t row = 0; row < view.rows; row += most.rows) {
+    const std::size_t here = std::min(most.rows, view.rows - row);
+    for_each_part({0, view.columns}, most.columns, [&](Columns part) {
+      const auto rows = source.read(row, here, part);
+      kernels::pool_rows<Sample>({rows.samples, rows.stride, here, part.count}, &weights[part.first], of_part.data());
+      for (std::size_t r = 0; r < here; ++r) signal[row + r] += of_part[r];
+    });
+  }
+  return signal;
+}
+
+}  // namespace
+
+std::vector<double> weighted_rows(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
+                                  std::span<const double> weights) {
+  if (curve.kind != ToneCurve::Kind::linear && !holds_integers(frames)) {
+    const auto [count, rows, columns] = shape_of(frames);
+    const auto signals = column_signals(frames, frame, 0, columns, curve);
+    const FramesView<const double> light{signals.data(), 1, rows, columns, 0, 1, static_cast<std::ptrdiff_t>(rows)};
+    return weighted_samples<double>(light, 0, weights, {});
+  }
+  auto signal = std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        if constexpr (std::is_integral_v<T>)
+          if (curve.kind != ToneCurve::Kind::linear)
+            return weighted_samples<float>(view, frame, weights, light_table(frames, curve)->rounded);
+        return weighted_samples<T>(view, frame, weights, {});
+      },
+      frames);
+  if (curve.kind == ToneCurve::Kind::linear) {
+    const double dark = curve.dark_level * std::accumulate(weights.begin(), weights.end(), 0.0);
+    for (double& light : signal) light -= dark;
+  }
+  return signal;
+}
 
 // Mean light of the blocks that show little of the light combined with these weights of the columns.
 static std::vector<double> light_beside(const BlockedFrame& frame, std::span<const double> weights) {
@@ -552,7 +569,7 @@ CombinedColumn ColumnFollower::combine_as_stored(const AnyFramesView& frame, boo
   const bool may_follow = weights_.size() == shape_of(frame).columns;
   if (may_follow && !moved_ && (hold || ++age_ % kWeightsInterval != 0)) {
     CombinedColumn result = last_;
-    result.signal = std::visit([&](const auto& view) { return weighted_rows(view, curve_, weights_); }, frame);
+    result.signal = weighted_rows(frame, 0, curve_, weights_);
     result.weights = weights_;
     return result;
   }

@@ -1,6 +1,7 @@
 #include "columns/pooling_kernels.hpp"
 
 #include <algorithm>
+#include <type_traits>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "columns/pooling_kernels.cpp"
@@ -24,9 +25,13 @@ const hn::CappedTag<double, kSums> d_sum;
 
 template <class T>
 HWY_INLINE hn::Vec<decltype(d_sum)> load(const T* samples) {
-  const hn::Rebind<T, decltype(d_sum)> d_stored;
-  const hn::Rebind<std::int32_t, decltype(d_sum)> d_whole;
-  return hn::PromoteTo(d_sum, hn::PromoteTo(d_whole, hn::LoadU(d_stored, samples)));
+  const auto stored = hn::LoadU(hn::Rebind<T, decltype(d_sum)>(), samples);
+  if constexpr (std::is_integral_v<T>)
+    return hn::PromoteTo(d_sum, hn::PromoteTo(hn::Rebind<std::int32_t, decltype(d_sum)>(), stored));
+  else if constexpr (std::is_same_v<T, float>)
+    return hn::PromoteTo(d_sum, stored);
+  else
+    return stored;
 }
 
 template <class T>
@@ -81,6 +86,8 @@ void PoolBytes(const PooledRows<std::uint8_t>& from, const double* weights, doub
 void PoolWords(const PooledRows<std::uint16_t>& from, const double* weights, double* to) {
   pool_all(from, weights, to);
 }
+void PoolFloats(const PooledRows<float>& from, const double* weights, double* to) { pool_all(from, weights, to); }
+void PoolDoubles(const PooledRows<double>& from, const double* weights, double* to) { pool_all(from, weights, to); }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace ocisac::kernels
@@ -92,13 +99,27 @@ namespace ocisac::kernels {
 
 HWY_EXPORT(PoolBytes);
 HWY_EXPORT(PoolWords);
+HWY_EXPORT(PoolFloats);
+HWY_EXPORT(PoolDoubles);
 
+template <>
 void pool_rows(const PooledRows<std::uint8_t>& from, const double* weights, double* to) {
   HWY_DYNAMIC_DISPATCH(PoolBytes)(from, weights, to);
 }
 
+template <>
 void pool_rows(const PooledRows<std::uint16_t>& from, const double* weights, double* to) {
   HWY_DYNAMIC_DISPATCH(PoolWords)(from, weights, to);
+}
+
+template <>
+void pool_rows(const PooledRows<float>& from, const double* weights, double* to) {
+  HWY_DYNAMIC_DISPATCH(PoolFloats)(from, weights, to);
+}
+
+template <>
+void pool_rows(const PooledRows<double>& from, const double* weights, double* to) {
+  HWY_DYNAMIC_DISPATCH(PoolDoubles)(from, weights, to);
 }
 
 }  // namespace ocisac::kernels

@@ -1,4 +1,4 @@
-// Rows of stored integers pooled by weights of their columns, compiled once for each SIMD target.
+// Rows of samples pooled by weights of their columns, compiled once for each SIMD target.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +16,7 @@ struct PooledRows {
 
 // (rows) Σ weight·sample over the columns, in float64 with the same rounding on every target: eight sums of every
 // eighth column, then these in order, then the columns that are left.
-void pool_rows(const PooledRows<std::uint8_t>& from, const double* weights, double* to);
-void pool_rows(const PooledRows<std::uint16_t>& from, const double* weights, double* to);
+template <class T>
+void pool_rows(const PooledRows<T>& from, const double* weights, double* to);
 
 }  // namespace ocisac::kernels

@@ -1105,135 +1105,7 @@ void ProjectAcross(const ByteBlock& block, const ByteWeights& weights, const Pro
   }
 }
 
-// Totals and maxima of whole vectors of columns, which are read in memory order; returns how many columns.
-class ColumnAdder {
- public:
-  explicit ColumnAdder(const ByteBlock& block)
-      : block_(block),
-        strips_(block.columns / hn::Lanes(d8)),
-        totals_(kept_memory(strips_ * kPerStrip)),
-        memory_(reinterpret_cast<std::uint8_t*>(totals_ + strips_ * kLanes)) {
-    std::fill_n(totals_, strips_ * kPerStrip, 0);
-  }
-
-  std::size_t add(const Moments& to) {
-    for (std::size_t row = 0; row < block_.groups; row += kMostRows) {
-      const std::size_t end = std::min(row + kMostRows, block_.groups);
-      std::size_t r = row;
-      for (; r + kAtOnce <= end; r += kAtOnce) add_rows<kAtOnce>(r);
-      for (; r + 2 <= end; r += 2) add_rows<2>(r);
-      if (r < end) add_rows<1>(r);
-      widen();
-    }
-    write(to);
-    return strips_ * kLanes;
-  }
-
- private:
-  static constexpr std::size_t kMostRows = 256, kAtOnce = 8;  // 256·255 < 2^16
-  static constexpr std::size_t kLanes = hn::MaxLanes(d8);
-  static constexpr std::size_t kBytes = 3 * kLanes;  // of a strip: sums of lower and upper halves, maxima
-  static constexpr std::size_t kPerStrip = kLanes + kBytes / sizeof(std::int32_t);
-
-  template <int kRows>
-  [[nodiscard]] HWY_INLINE GroupSum sum_of_rows(const std::uint8_t* pixels, Bytes& top) const {
-    if constexpr (kRows == 1) {
-      const Bytes only = load_row(pixels, top), none = hn::Zero(d8);
-      return {hn::BitCast(d16s, hn::InterleaveLower(d8, only, none)),
-              hn::BitCast(d16s, hn::InterleaveUpper(d8, only, none))};
-    } else {
-      for (int r = 0; r < kRows; ++r) ask_early_for(pixels + (kRows + r) * block_.row_stride);
-      return sum_of_group<kRows>(pixels, block_.row_stride, kNoLines, top);
-    }
-  }
-
-  template <int kRows>
-  void add_rows(std::size_t row) {
-    const std::uint8_t* pixels = block_.pixels + static_cast<std::ptrdiff_t>(row) * block_.row_stride;
-    std::uint8_t* strip = memory_;
-    for (std::size_t i = 0; i < strips_; ++i, strip += kBytes, pixels += kLanes) {
-      Bytes top = hn::LoadU(d8, strip + 2 * kLanes);
-      const GroupSum sum = sum_of_rows<kRows>(pixels, top);
-      auto* sums = reinterpret_cast<std::int16_t*>(strip);
-      hn::StoreU(hn::Add(hn::LoadU(d16s, sums), sum.lower), d16s, sums);
-      hn::StoreU(hn::Add(hn::LoadU(d16s, sums + kLanes / 2), sum.upper), d16s, sums + kLanes / 2);
-      hn::StoreU(top, d8, strip + 2 * kLanes);
-    }
-  }
-
-  // Moves the sums from 16 to 32 bits.
-  void widen() {
-    for (std::size_t i = 0; i < strips_; ++i) {
-      auto* sums = reinterpret_cast<std::uint16_t*>(memory_ + i * kBytes);
-      for (std::size_t at = 0; at < kLanes; ++at) totals_[i * kLanes + at] += std::exchange(sums[at], std::uint16_t{0});
-    }
-  }
-
-  void write(const Moments& to) const {
-    constexpr std::size_t kBlock = 16, kHalf = kBlock / 2;  // columns of a block of a vector, half of them in each sum
-    for (std::size_t i = 0; i < strips_; ++i)
-      for (std::size_t at = 0; at < kLanes; ++at) {
-        const std::size_t place = (at % kBlock < kHalf ? 0 : kLanes / 2) + at / kBlock * kHalf + at % kHalf;
-        to.totals[i * kLanes + at] += totals_[i * kLanes + place];
-        double& maximum = to.maximum[i * kLanes + at];
-        maximum = std::max(maximum, static_cast<double>(memory_[i * kBytes + 2 * kLanes + at]));
-      }
-  }
-
-  static constexpr std::array<std::ptrdiff_t, 0> kNoLines{};
-  const ByteBlock& block_;
-  std::size_t strips_;
-  std::int32_t* totals_;
-  std::uint8_t* memory_;
-};
-
 #endif  // HWY_TARGET == HWY_SCALAR
-
-void AddColumns(const ByteBlock& block, const Moments& to) {
-  std::size_t first = 0;
-#if HWY_TARGET != HWY_SCALAR
-  first = ColumnAdder(block).add(to);
-#endif
-  for (std::size_t row = 0; row < block.groups; ++row) {
-    const std::uint8_t* pixels = block.pixels + static_cast<std::ptrdiff_t>(row) * block.row_stride;
-    for (std::size_t c = first; c < block.columns; ++c) {
-      to.totals[c] += pixels[c];
-      to.maximum[c] = std::max(to.maximum[c], static_cast<double>(pixels[c]));
-    }
-  }
-}
-
-#if HWY_TARGET != HWY_SCALAR
-HWY_INLINE std::int64_t sum_of_lanes(Sum32 v) {
-  const hn::Repartition<std::int64_t, decltype(d32)> d_wide;
-  const auto even = hn::ShiftRight<32>(hn::ShiftLeft<32>(hn::BitCast(d_wide, v)));
-  const auto odd = hn::ShiftRight<32>(hn::BitCast(d_wide, v));
-  return hn::GetLane(hn::SumOfLanes(d_wide, hn::Add(even, odd)));
-}
-#endif
-
-double WeightedBytes(const std::uint8_t* row, const std::int16_t* weights, std::size_t count) {
-  std::int64_t sum = 0;
-  std::size_t c = 0;
-#if HWY_TARGET != HWY_SCALAR
-  constexpr std::size_t kSums = 4, kMostColumns = 1024;  // 255·2^14·kMostColumns/kSums·2 < 2^31 for any vector
-  const hn::Rebind<std::uint8_t, decltype(d16s)> d_half;
-  const std::size_t lanes = hn::Lanes(d16s);
-  while (c + kSums * lanes <= count) {
-    Sum32 sums[kSums];
-    for_each_constant<kSums>([&](auto i) OCISAC_INLINE_LAMBDA { sums[i] = hn::Zero(d32); });
-    for (const std::size_t end = std::min(count, c + kMostColumns); c + kSums * lanes <= end; c += kSums * lanes)
-      for_each_constant<kSums>([&](auto i) OCISAC_INLINE_LAMBDA {
-        const std::size_t at = c + i * lanes;
-        sums[i] =
-            multiply_pairs(sums[i], hn::PromoteTo(d16s, hn::LoadU(d_half, row + at)), hn::LoadU(d16s, weights + at));
-      });
-    for_each_constant<kSums>([&](auto i) OCISAC_INLINE_LAMBDA { sum += sum_of_lanes(sums[i]); });
-  }
-#endif
-  for (; c < count; ++c) sum += std::int64_t{weights[c]} * row[c];
-  return static_cast<double>(sum);
-}
 
 std::uint64_t ReadBytes(const std::uint8_t* data, std::size_t size) {
 #if HWY_TARGET == HWY_SCALAR
@@ -1266,8 +1138,6 @@ namespace ocisac::kernels {
 
 HWY_EXPORT(ProjectBytes);
 HWY_EXPORT(ProjectAcross);
-HWY_EXPORT(WeightedBytes);
-HWY_EXPORT(AddColumns);
 HWY_EXPORT(ReadBytes);
 HWY_EXPORT(Target);
 
@@ -1277,12 +1147,6 @@ void project_bytes(const ByteBlock& block, const ByteWeights& weights, const Pro
 
 void project_across(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   HWY_DYNAMIC_DISPATCH(ProjectAcross)(block, weights, to);
-}
-
-void add_columns(const ByteBlock& block, const Moments& to) { HWY_DYNAMIC_DISPATCH(AddColumns)(block, to); }
-
-double weighted_sum(const std::uint8_t* row, const std::int16_t* weights, std::size_t count) {
-  return HWY_DYNAMIC_DISPATCH(WeightedBytes)(row, weights, count);
 }
 
 std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size) {

@@ -48,12 +48,6 @@ void project_bytes(const ByteBlock& block, const ByteWeights& weights, const Pro
 inline constexpr std::size_t kFewestAcross = 64;
 void project_across(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to);
 
-// Adds the rows of a block, not mirrored, to the totals of its columns, and raises their maxima.
-void add_columns(const ByteBlock& block, const Moments& to);
-
-// Σ weight·byte of a row; weights up to 2^14 in magnitude.
-double weighted_sum(const std::uint8_t* row, const std::int16_t* weights, std::size_t count);
-
 // Sums a block of bytes: reference for the time of reading a frame.
 std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size);
 

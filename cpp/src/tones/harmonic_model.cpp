@@ -29,8 +29,9 @@ bool at_multiple_of_half_row_rate(double cycles_per_row) {
 }
 
 Flags frequency_flags(double cycles_per_row, std::size_t rows) {
+  constexpr double kOne = 1 - 4 * std::numeric_limits<double>::epsilon();  // a whole cycle, rounded
   Flags flags = 0;
-  if (cycles_per_row * static_cast<double>(rows) < 1) flags |= flag::few_cycles;
+  if (cycles_per_row * static_cast<double>(rows) < kOne) flags |= flag::few_cycles;
   if (cycles_per_row > 0.5) flags |= flag::aliased;
   if (at_multiple_of_half_row_rate(cycles_per_row)) flags |= flag::unresolvable;
   return flags;

@@ -5,12 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 #include <numeric>
-#include <optional>
 #include <type_traits>
 
+#include "columns/dense_rows.hpp"
 #include "columns/row_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
@@ -162,109 +161,11 @@ std::vector<double> RowWeights::byte_weights() const {
 
 namespace {
 
-// Largest blocks of copies: of bytes, both halves fit into the second-level cache; wider samples into the first.
-struct BlockSize {
-  std::size_t rows, columns;
-};
-constexpr BlockSize kCopied{128, 2048}, kTransposed{kernels::kRowsPerChunk, 192};
 // Copies of few rows are made of whole ones, which come in memory order; of many rows, of parts that stay in the cache.
 constexpr std::size_t kConvertedOfFew = 2048, kConvertedOfMany = 320;
 // Rows of a block for one tone, folded: of either half, so that those of the next block come meanwhile. For more, as
 // many as kernels take.
 constexpr std::size_t kSampleRows = 32, kFoldedRows = 16;
-
-struct Columns {
-  std::size_t first, count;
-};
-
-template <class Visit>
-void for_each_part(Columns columns, std::size_t largest, Visit visit) {
-  const std::size_t end = columns.first + columns.count;
-  for (std::size_t first = columns.first; first < end; first += largest)
-    visit(Columns{first, std::min(largest, end - first)});
-}
-
-template <class Sample>
-struct Rows {
-  const Sample* samples;
-  std::ptrdiff_t stride;
-};
-
-// Stored samples of any layout as dense rows: the frame's own memory or copies, or what a table says of each sample.
-template <class Stored, class Sample>
-class DenseRows {
- public:
-  DenseRows(const FramesView<const Stored>& view, std::size_t frame, std::size_t columns, std::span<const float> light)
-      : view_(view), frame_(frame), dense_(view.column_stride == 1 || columns == 1), light_(light) {
-    if constexpr (kFromBytes) table_.emplace(light);
-  }
-
-  [[nodiscard]] bool in_place() const { return dense_ && !kConverted; }
-  // Bytes to the frame after this one, which the same thread reads next; 0: none, or copies.
-  [[nodiscard]] std::ptrdiff_t to_next_frame() const {
-    return in_place() && frame_ + 1 < view_.frames ? view_.frame_stride : 0;
-  }
-  // Read-out along the stored rows, of bytes.
-  [[nodiscard]] bool is_transposed() const {
-    return std::is_same_v<Stored, std::uint8_t> && !dense_ && std::abs(view_.row_stride) == 1;
-  }
-
-  // Valid until the next call, unless in place. `to_next`: offset to the samples that will be read next.
-  Rows<Sample> read(std::size_t row, std::size_t rows, Columns columns, std::ptrdiff_t to_next = 0) {
-    const Rows<Stored> stored =
-        dense_ ? Rows<Stored>{view_.at(frame_, row, columns.first), view_.row_stride} : copy(row, rows, columns);
-    if constexpr (!kConverted)
-      return stored;
-    else
-      return convert(stored, rows, columns.count, dense_ ? to_next : 0);
-  }
-
- private:
-  static constexpr bool kConverted = !std::is_same_v<Stored, Sample>;
-  static constexpr bool kFromBytes = kConverted && std::is_same_v<Stored, std::uint8_t>;
-
-  Rows<Stored> copy(std::size_t row, std::size_t rows, Columns columns) {
-    copied_.resize(rows * columns.count);
-    const auto stride = static_cast<std::ptrdiff_t>(columns.count);
-    if constexpr (std::is_same_v<Stored, std::uint8_t>) {
-      if (is_transposed()) {
-        const bool backwards = view_.row_stride < 0;
-        kernels::transpose_bytes(view_.at(frame_, backwards ? row + rows - 1 : row, columns.first), view_.column_stride,
-                                 rows, columns.count, copied_.data());
-        if (!backwards) return {copied_.data(), stride};
-        return {copied_.data() + static_cast<std::ptrdiff_t>(rows - 1) * stride, -stride};
-      }
-      if (view_.column_stride > 1) {
-        for (std::size_t r = 0; r < rows; ++r)
-          kernels::take_every(view_.at(frame_, row + r, columns.first), static_cast<std::size_t>(view_.column_stride),
-                              columns.count, copied_.data() + r * columns.count);
-        return {copied_.data(), stride};
-      }
-    }
-    for (std::size_t r = 0; r < rows; ++r)
-      for (std::size_t c = 0; c < columns.count; ++c)
-        copied_[r * columns.count + c] = view_(frame_, row + r, columns.first + c);
-    return {copied_.data(), stride};
-  }
-
-  Rows<Sample> convert(const Rows<Stored>& stored, std::size_t rows, std::size_t count, std::ptrdiff_t to_next) {
-    converted_.resize(rows * count);
-    const kernels::StoredRows<Stored> from{stored.samples, stored.stride, to_next, rows, count};
-    if constexpr (kFromBytes)
-      kernels::look_up(from, *table_, converted_.data());
-    else
-      kernels::look_up(from, light_.data(), converted_.data());
-    return {converted_.data(), static_cast<std::ptrdiff_t>(count)};
-  }
-
-  const FramesView<const Stored>& view_;
-  std::size_t frame_;
-  bool dense_;
-  std::span<const float> light_;
-  std::optional<kernels::ByteTable> table_;
-  std::vector<Stored> copied_;
-  std::vector<Sample> converted_;
-};
 
 using ByteRows = DenseRows<std::uint8_t, std::uint8_t>;
 
@@ -535,59 +436,6 @@ Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::
         return result;
       },
       frames);
-}
-
-namespace {
-
-template <class Sample, class Stored, class Weight>
-std::vector<double> combine_columns(const FramesView<const Stored>& view, std::size_t frame,
-                                    std::span<const Weight> weights, std::span<const float> light) {
-  std::vector<double> combined(view.rows);
-  DenseRows<Stored, Sample> source(view, frame, view.columns, light);
-  const BlockSize most = source.is_transposed() ? kTransposed : BlockSize{kSampleRows, kCopied.columns};
-  for (std::size_t row = 0; row < view.rows; row += most.rows) {
-    const std::size_t here = std::min(most.rows, view.rows - row);
-    for_each_part({0, view.columns}, most.columns, [&](Columns part) {
-      const auto rows = source.read(row, here, part);
-      for (std::size_t r = 0; r < here; ++r)
-        combined[row + r] += kernels::weighted_sum(rows.samples + static_cast<std::ptrdiff_t>(r) * rows.stride,
-                                                   weights.data() + part.first, part.count);
-    });
-  }
-  return combined;
-}
-
-}  // namespace
-
-std::vector<double> combine_columns(const AnyFramesView& frames, std::size_t frame,
-                                    std::span<const std::int16_t> weights, std::span<const float> light) {
-  return std::visit(
-      [&]<class T>(const FramesView<const T>& view) {
-        require(frame < view.frames, "frame", frame, "below the number of frames");
-        require(weights.size() == view.columns, "weights", weights.size(), "one for each column");
-        check_light<T>(light);
-        if constexpr (std::is_same_v<T, std::uint8_t>)
-          if (light.empty()) return combine_columns<T>(view, frame, weights, {});
-        const std::vector<double> values(weights.begin(), weights.end());
-        if constexpr (std::is_integral_v<T>)
-          if (!light.empty()) return combine_columns<float>(view, frame, std::span(values), light);
-        if constexpr (!std::is_same_v<T, std::uint8_t>) return combine_columns<T>(view, frame, std::span(values), {});
-        return std::vector<double>();
-      },
-      frames);
-}
-
-ColumnTotals column_totals(const AnyFramesView& frames, std::size_t frame, std::span<const float> light) {
-  const auto* bytes = std::get_if<FramesView<const std::uint8_t>>(&frames);
-  const Shape shape = shape_of(frames);
-  if (bytes == nullptr || bytes->column_stride != 1 || !light.empty()) {
-    Projection sums = project(frames, frame, 0, shape.columns, {{}, 0, shape.rows, 1, 1}, light);
-    return {std::move(sums.totals), std::move(sums.maximum)};
-  }
-  ColumnTotals result{std::vector<double>(shape.columns), std::vector<double>(shape.columns)};
-  kernels::add_columns({bytes->at(frame, 0, 0), nullptr, bytes->row_stride, shape.rows, shape.columns},
-                       {result.totals.data(), nullptr, result.maximum.data()});
-  return result;
 }
 
 namespace {

@@ -380,33 +380,6 @@ void ProjectDoubles(const SampleBlock<double>& block, const SampleWeights& weigh
   ProjectSamples(block, weights, to);
 }
 
-template <class T>
-double weighted_sum_of(const T* HWY_RESTRICT row, const double* HWY_RESTRICT weights, std::size_t count) {
-  constexpr std::size_t kSums = 4;
-  const std::size_t lanes = hn::Lanes(d64);
-  Sum64 sums[kSums];
-  for_each_constant<kSums>([&](auto i) OCISAC_INLINE_LAMBDA { sums[i] = hn::Zero(d64); });
-  std::size_t c = 0;
-  for (; c + kSums * lanes <= count; c += kSums * lanes)
-    for_each_constant<kSums>([&](auto i) OCISAC_INLINE_LAMBDA {
-      sums[i] = hn::MulAdd(to_double(load_samples(row + c + i * lanes, nullptr)),
-                           hn::LoadU(d64, weights + c + i * lanes), sums[i]);
-    });
-  double sum = hn::GetLane(hn::SumOfLanes(d64, hn::Add(hn::Add(sums[0], sums[1]), hn::Add(sums[2], sums[3]))));
-  for (; c < count; ++c) sum += weights[c] * static_cast<double>(row[c]);
-  return sum;
-}
-
-double WeightedShorts(const std::uint16_t* row, const double* weights, std::size_t count) {
-  return weighted_sum_of(row, weights, count);
-}
-double WeightedFloats(const float* row, const double* weights, std::size_t count) {
-  return weighted_sum_of(row, weights, count);
-}
-double WeightedDoubles(const double* row, const double* weights, std::size_t count) {
-  return weighted_sum_of(row, weights, count);
-}
-
 bool TakesLightOfBytes() { return HWY_TARGET == HWY_AVX2; }
 
 }  // namespace HWY_NAMESPACE
@@ -420,9 +393,6 @@ HWY_EXPORT(ProjectLight);
 HWY_EXPORT(ProjectShorts);
 HWY_EXPORT(ProjectFloats);
 HWY_EXPORT(ProjectDoubles);
-HWY_EXPORT(WeightedShorts);
-HWY_EXPORT(WeightedFloats);
-HWY_EXPORT(WeightedDoubles);
 HWY_EXPORT(TakesLightOfBytes);
 
 template <>
@@ -443,21 +413,6 @@ void project_samples(const SampleBlock<float>& block, const SampleWeights& weigh
 template <>
 void project_samples(const SampleBlock<double>& block, const SampleWeights& weights, const ProjectionSums& to) {
   HWY_DYNAMIC_DISPATCH(ProjectDoubles)(block, weights, to);
-}
-
-template <>
-double weighted_sum(const std::uint16_t* row, const double* weights, std::size_t count) {
-  return HWY_DYNAMIC_DISPATCH(WeightedShorts)(row, weights, count);
-}
-
-template <>
-double weighted_sum(const float* row, const double* weights, std::size_t count) {
-  return HWY_DYNAMIC_DISPATCH(WeightedFloats)(row, weights, count);
-}
-
-template <>
-double weighted_sum(const double* row, const double* weights, std::size_t count) {
-  return HWY_DYNAMIC_DISPATCH(WeightedDoubles)(row, weights, count);
 }
 
 bool takes_light_of_bytes() { return HWY_DYNAMIC_DISPATCH(TakesLightOfBytes)(); }

@@ -41,8 +41,4 @@ void project_samples(const SampleBlock<T>& block, const SampleWeights& weights, 
 // True if the target whose code runs is faster with the light of bytes than with a copy of it.
 bool takes_light_of_bytes();
 
-// Σ weight·sample of a row.
-template <class T>
-double weighted_sum(const T* row, const double* weights, std::size_t count);
-
 }  // namespace ocisac::kernels

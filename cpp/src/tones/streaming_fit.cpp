@@ -90,12 +90,14 @@ bool keeps(double efficiency, const RowMajor& all_rows, const RowMajor& sums) {
 
 }  // namespace
 
-StreamingFit::StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows)
+StreamingFit::StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows,
+                           int limbs)
     : estimates_(1 + 2 * cycles_per_row.size()), weights_(std::vector<double>(rows), 1, rows, 1, 1) {
-  if (rows > 2 * estimates_) choose(rows, cycles_per_row, efficiency, most_rows);
+  if (rows > 2 * estimates_) choose(rows, cycles_per_row, efficiency, most_rows, limbs);
 }
 
-void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows) {
+void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows,
+                          int limbs) {
   const Candidate all_rows = candidate(rows, cycles_per_row, 1);
   flags_ = all_rows.flags;
   const Flags hard = flag::few_cycles | flag::unresolvable | flag::ill_conditioned;
@@ -107,7 +109,7 @@ void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_r
     const Candidate sums = candidate(rows, cycles_per_row, row_group);
     if (keeps(efficiency, all_rows.covariance, sums.covariance)) return adopt(rows, sums, 1);
   }
-  adopt(rows, all_rows, efficiency < 1 || rows >= kFewRows ? 1 : 3);
+  adopt(rows, all_rows, efficiency < 1 || rows >= kFewRows ? limbs : 3);
 }
 
 void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
@@ -143,11 +145,12 @@ int most_rows_added(std::size_t tones, bool bytes) {
 }  // namespace
 
 std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const std::vector<double>& cycles_per_row,
-                                                       double efficiency, bool bytes) {
-  static RecentlyUsed<std::tuple<std::size_t, double, int, std::vector<double>>, StreamingFit, 32> kept;
+                                                       double efficiency, bool bytes, int limbs) {
+  static RecentlyUsed<std::tuple<std::size_t, double, int, int, std::vector<double>>, StreamingFit, 32> kept;
   const int most_rows = most_rows_added(cycles_per_row.size(), bytes);
-  return kept.get({rows, efficiency, most_rows, cycles_per_row},
-                  [&] { return std::make_shared<const StreamingFit>(rows, cycles_per_row, efficiency, most_rows); });
+  return kept.get({rows, efficiency, most_rows, limbs, cycles_per_row}, [&] {
+    return std::make_shared<const StreamingFit>(rows, cycles_per_row, efficiency, most_rows, limbs);
+  });
 }
 
 void StreamingFit::add_up(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,

@@ -18,13 +18,13 @@ namespace ocisac {
 class StreamingFit {
  public:
   // Selects the largest D of 8, 4, 2, 1 up to `most_rows` whose efficiency is at least `efficiency` for every tone: the
-  // ratio of the amplitude's variances, with all rows over with sums. Weights for bytes are rounded to 13 bits or more;
-  // the estimate stays unbiased and its variance grows by less than 10⁻⁷.
-  StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows);
+  // ratio of the amplitude's variances, with all rows over with sums. Weights for bytes are rounded to 13 bits or more
+  // a limb; the estimate stays unbiased and its variance grows by less than 10⁻⁷.
+  StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows, int limbs);
 
   // The fastest plan for passes over bytes or other samples, cached for later calls (the 32 last used).
   static std::shared_ptr<const StreamingFit> plan(std::size_t rows, const std::vector<double>& cycles_per_row,
-                                                  double efficiency, bool bytes);
+                                                  double efficiency, bool bytes, int limbs = 1);
 
   // True if there are degrees of freedom left and every tone is resolvable, with at least a cycle, and separate from
   // others.
@@ -61,7 +61,7 @@ class StreamingFit {
  private:
   struct Candidate;
   static Candidate candidate(std::size_t rows, std::span<const double> cycles_per_row, int row_group);
-  void choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows);
+  void choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows, int limbs);
   void adopt(std::size_t rows, const Candidate& chosen, int limbs);
 
   std::size_t estimates_;

@@ -9,14 +9,15 @@
 #include <limits>
 #include <memory>
 #include <numbers>
+#include <numeric>
 #include <optional>
 #include <string>
 #include <type_traits>
 #include <utility>
 
-#include "columns/pruned_dft.hpp"
 #include "core/parallel.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
@@ -244,7 +245,7 @@ std::optional<double> exposure_cycles_of(const Context& context) {
 
 std::vector<int> harmonics_of(const Context& context, const Tone& tone) {
   const auto& options = *context.options;
-  if (options.waveform != WaveformShape::square) return {1};
+  if (options.waveform != WaveformShape::square || options.method == GainMethod::dft) return {1};
   auto harmonics = square_wave_harmonics(tone.cycles_per_row, options.duty);
   const auto folded = folded_harmonics_of(context, exposure_cycles_of(context)).orders;
   harmonics.insert(harmonics.end(), folded.begin(), folded.end());
@@ -265,45 +266,22 @@ Estimator fit_estimator(Context& context) {
   };
 }
 
-// Lines of the DFT nearest to the tones (eq. 25), those above half the row rate of negative frequencies.
-std::vector<std::size_t> lines_of(Context& context) {
-  const std::size_t rows = context.shape.rows;
-  std::vector<std::size_t> lines;
-  for (Tone& tone : context.tones) {
-    const double position = tone.cycles_per_row * static_cast<double>(rows), nearest = std::nearbyint(position);
-    const auto line = static_cast<std::size_t>(std::fmod(nearest, static_cast<double>(rows)));
-    if (position < 1) tone.flags |= flag::few_cycles;
-    if (tone.cycles_per_row > 0.5) tone.flags |= flag::aliased;
-    if (std::abs(position - nearest) > kOffBin) tone.flags |= flag::off_bin;
-    if (line == 0 || 2 * line == rows || rows < 4) tone.flags |= flag::unresolvable;
-    lines.push_back(line);
-  }
-  return lines;
-}
-
-// Steps 1–4 of the paper; noise is all energy outside of the mean and the bin.
-Estimator dft_estimator(Context& context) {
-  const std::size_t rows = context.shape.rows;
-  return [dft = PrunedDft(rows, lines_of(context)), tones = context.tones.size(), rows](
-             const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-             const ToneCurve& curve) {
-    thread_local PrunedDft::Columns found;
-    dft.transform(frames, frame, first, count, curve, found);
-    const auto length = static_cast<double>(rows);
-    std::vector<Estimates> estimates;
-    for (std::size_t k = 0; k < tones; ++k) {
-      Estimates of_tone{found.mean, {}, {}, {}, 1 / length, 2 / length, 2 / length, 0};
-      for (std::size_t c = 0; c < count; ++c) {
-        const auto line = 2.0 / length * found.lines[k * count + c];
-        of_tone.cosine.push_back(line.real());
-        of_tone.sine.push_back(-line.imag());
-        const double rest = std::max(found.squares[c] - std::norm(line) * length / 2, 0.0);
-        of_tone.noise_variance.push_back(rows > 3 ? rest / (length - 3) : kNaN);
-      }
-      estimates.push_back(std::move(of_tone));
-    }
-    return estimates;
-  };
+// Tones of a fit, or the lines of the DFT nearest to them (eq. 25), those above half the row rate of negative
+// frequencies: on a line, steps 1-4 of the paper are a fit of mean and tone, and noise is all energy outside of them.
+Tone tone_of(const Camera& camera, double frequency, const ToneGainOptions& options, std::size_t row_count) {
+  const auto rows = static_cast<double>(row_count);
+  Tone tone{frequency, frequency * camera.row_time, exposure_flags(camera, frequency),
+            -exposure_phase(camera, frequency)};
+  const double position = tone.cycles_per_row * rows, nearest = std::nearbyint(position);
+  require(tone.cycles_per_row > 0 && position < 0x1p52, "frequency", frequency,
+          "a frequency whose cycles in the frame can be counted");
+  if (options.method == GainMethod::fit) return tone;
+  if (position < 1) tone.flags |= flag::few_cycles;
+  if (tone.cycles_per_row > 0.5) tone.flags |= flag::aliased;
+  if (std::abs(position - nearest) > kOffBin) tone.flags |= flag::off_bin;
+  const double line = std::fmod(nearest, rows);
+  tone.cycles_per_row = line > 0 ? line / rows : 0.5;  // neither is resolvable
+  return tone;
 }
 
 void check_options(const ToneGainOptions& options, const Shape& shape) {
@@ -330,10 +308,7 @@ Context make_context(const AnyFramesView& frames, const Camera& camera, std::spa
   require(!frequencies.empty(), "frequency", "no values", "at least one frequency");
   for (const double frequency : frequencies) {
     require_positive("frequency", frequency);
-    const double cycles = frequency * camera.row_time;
-    require(cycles > 0 && cycles * static_cast<double>(context.shape.rows) < 0x1p52, "frequency", frequency,
-            "a frequency whose cycles in the frame can be counted");
-    context.tones.push_back({frequency, cycles, exposure_flags(camera, frequency), -exposure_phase(camera, frequency)});
+    context.tones.push_back(tone_of(camera, frequency, options, context.shape.rows));
   }
   return context;
 }
@@ -346,6 +321,12 @@ ToneGain empty_result(std::size_t tones, std::size_t frames, std::size_t columns
 
 ToneGainView view_of(ToneGain& result) {
   return {result.gain, result.gain_std, result.phase, result.mean, result.snr, result.flags};
+}
+
+ToneGainView part_of(const ToneGainView& result, std::size_t first, std::size_t size) {
+  const auto part = [&](auto values) { return values.subspan(first, size); };
+  return {part(result.gain), part(result.gain_std), part(result.phase),
+          part(result.mean), part(result.snr),      part(result.flags)};
 }
 
 void check_room(const ToneGainView& result, std::size_t size) {
@@ -379,10 +360,13 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, C
   const auto& options = *context.options;
   const ToneCurve& curve = context.camera->tone_curve;
   const bool linear = curve.kind == ToneCurve::Kind::linear;
-  const bool exact = std::holds_alternative<FramesView<const double>>(frames) && options.efficiency == 1;
-  if (options.method != GainMethod::fit || exact || (!linear && !holds_integers(frames))) return nullptr;
-  auto fit = StreamingFit::plan(context.shape.rows, model_cycles(context), options.efficiency,
-                                holds_linear_bytes(frames, curve));
+  constexpr int kLimbs = 3;  // of a transform, which agrees to 10⁻⁹ in every type
+  const bool is_fit = options.method == GainMethod::fit;
+  const double efficiency = is_fit ? options.efficiency : 1;
+  const bool exact = std::holds_alternative<FramesView<const double>>(frames) && efficiency == 1;
+  if (exact || (!linear && !holds_integers(frames))) return nullptr;
+  auto fit = StreamingFit::plan(context.shape.rows, model_cycles(context), efficiency,
+                                holds_linear_bytes(frames, curve), is_fit ? 1 : kLimbs);
   if (!fit->well_posed()) return nullptr;
   for (std::size_t k = 0; k < context.tones.size(); ++k)
     count_phase_from(context.tones[k], fit->middle(), fit->flags(k));
@@ -601,10 +585,6 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
                    std::span(tops).subspan(piece.frame * columns_of_frame, columns_of_frame), result);
 }
 
-Estimator make_estimator(Context& context) {
-  return context.options->method == GainMethod::fit ? fit_estimator(context) : dft_estimator(context);
-}
-
 // All columns of a frame combined.
 struct PooledColumn {
   std::vector<double> signal;  // (rows,), linear light
@@ -612,11 +592,11 @@ struct PooledColumn {
   bool saturated = false;
 };
 
-// With equal noise in all columns, brightness is the weight that maximises the signal-to-noise ratio; rounded to
-// integers, it costs 10⁻⁹ of it. `light`: of the columns, above dark. Saturated columns get none if others remain;
-// without light above the background, those of the least background are equal.
-std::vector<std::int16_t> weigh_columns(const Context& context, std::size_t frame, const ColumnTotals& light,
-                                        const StoredLight& stored, bool& saturated) {
+// With equal noise in all columns, brightness is the weight that maximises the signal-to-noise ratio. `light`: totals
+// and maxima of the columns, above dark. Saturated columns get none if others remain; without light above the
+// background, those of the least background are equal.
+std::vector<double> weigh_columns(const Context& context, std::size_t frame, const Projection& light,
+                                  const StoredLight& stored, bool& saturated) {
   const auto rows = static_cast<double>(context.shape.rows);
   std::vector<double> weights(context.shape.columns);
   for (std::size_t column = 0; column < weights.size(); ++column)
@@ -638,35 +618,48 @@ std::vector<std::int16_t> weigh_columns(const Context& context, std::size_t fram
   saturated = std::ranges::all_of(unsaturated, is_zero);
   if (!saturated) weights = std::move(unsaturated);
   const double largest = *std::max_element(weights.begin(), weights.end());
-  std::vector<std::int16_t> integers(weights.size());
-  for (std::size_t column = 0; column < weights.size(); ++column)
-    integers[column] = static_cast<std::int16_t>(std::nearbyint(weights[column] / largest * kMaxColumnWeight));
-  return integers;
+  for (double& weight : weights) weight /= largest;  // sums of large light do not overflow
+  const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
+  for (double& weight : weights) weight /= total;
+  return weights;
+}
+
+// As weighted_rows(); rows of contiguous linear bytes by integers, as columns of the turned frame.
+std::vector<double> pooled_rows(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
+                                std::span<const double> weights) {
+  constexpr int kLimbs = 3;
+  if (!holds_linear_bytes(frames, curve)) return weighted_rows(frames, frame, curve, weights);
+  auto turned = std::get<FramesView<const std::uint8_t>>(frames);
+  if (turned.column_stride != 1) return weighted_rows(frames, frame, curve, weights);
+  std::swap(turned.rows, turned.columns);
+  std::swap(turned.row_stride, turned.column_stride);
+  auto signal = project(turned, frame, 0, turned.columns, {weights, 1, turned.rows, 1, kLimbs}).sums;
+  for (double& light : signal) light -= curve.dark_level;
+  return signal;
 }
 
 // `frames` holds `frame` of the context as its frame number `at`.
 PooledColumn pool_columns(const AnyFramesView& frames, std::size_t at, const Context& context, std::size_t frame,
-                          const StoredLight& stored) {
-  const ColumnTotals light = column_totals(frames, at, stored.light());
+                          const ToneCurve& curve) {
+  const StoredLight stored = stored_light(frames, curve);
+  const Projection light =
+      project(frames, at, 0, context.shape.columns, {{}, 0, context.shape.rows, 1, 1}, stored.light());
   PooledColumn pooled;
   const auto weights = weigh_columns(context, frame, light, stored, pooled.saturated);
-  double total = 0;
-  for (const double w : weights) total += w;
-  pooled.signal = combine_columns(frames, at, weights, stored.light());
-  for (double& v : pooled.signal) v = v / total - stored.dark;
+  pooled.signal = pooled_rows(frames, at, curve, weights);
   for (std::size_t column = 0; column < weights.size(); ++column)
-    pooled.background += weights[column] / total * background_of(context, frame, column);
+    pooled.background += weights[column] * background_of(context, frame, column);
   return pooled;
 }
 
 PooledColumn pool_columns(const AnyFramesView& frames, const Context& context, std::size_t frame) {
   const ToneCurve& curve = context.camera->tone_curve;
-  StoredLight stored = stored_light(frames, curve);
-  if (curve.kind == ToneCurve::Kind::linear || stored.table) return pool_columns(frames, frame, context, frame, stored);
+  if (curve.kind == ToneCurve::Kind::linear || holds_integers(frames))
+    return pool_columns(frames, frame, context, frame, curve);
   const auto [frame_count, rows, columns] = context.shape;
   const auto signals = column_signals(frames, frame, 0, columns, curve);
   const FramesView<const double> light{signals.data(), 1, rows, columns, 0, 1, static_cast<std::ptrdiff_t>(rows)};
-  return pool_columns(light, 0, context, frame, stored);
+  return pool_columns(light, 0, context, frame, {});
 }
 
 // Largest samples of the columns from `first` on, row by row.
@@ -692,7 +685,7 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
   const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
   if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
   check_samples(frames);
-  const auto estimator = make_estimator(context);
+  const auto estimator = fit_estimator(context);
   std::vector<double> tops(frame_count * columns);
   const double level = saturation_level(frames, context.camera->tone_curve);
   const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
@@ -926,7 +919,13 @@ double full_depth_ratio(WaveformShape waveform, double duty) {
 void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                const ToneGainOptions& options, const ToneGainView& result) {
   Context context = make_context(frames, camera, frequencies, options);
-  check_room(result, frequencies.size() * context.shape.frames * context.shape.columns);
+  const std::size_t each = context.shape.frames * context.shape.columns;
+  check_room(result, frequencies.size() * each);
+  if (options.method == GainMethod::dft && frequencies.size() > 1) {
+    for (std::size_t k = 0; k < frequencies.size(); ++k)
+      tone_gain(frames, camera, frequencies.subspan(k, 1), options, part_of(result, k * each, each));
+    return;
+  }
   gains_of_model(frames, context, result);
   if (options.method == GainMethod::fit && options.robust)
     for_each_block(context.shape.frames, options.threads,
@@ -947,8 +946,14 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
   Context context = make_context(frames, camera, frequencies, options);
   context.whole_numbers = false;  // a mean of columns has fractions
   check_samples(frames);
-  const auto estimator = make_estimator(context);
-  check_room(result, frequencies.size() * context.shape.frames);
+  const std::size_t each = context.shape.frames;
+  check_room(result, frequencies.size() * each);
+  if (options.method == GainMethod::dft && frequencies.size() > 1) {
+    for (std::size_t k = 0; k < frequencies.size(); ++k)
+      pooled_tone_gain(frames, camera, frequencies.subspan(k, 1), options, part_of(result, k * each, each));
+    return;
+  }
+  const auto estimator = fit_estimator(context);
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
     const PooledColumn pooled = pool_columns(frames, context, frame);
     const auto write = [&](const Context& of_fit, const Estimator& own) {
@@ -967,7 +972,7 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
       Context with_others = make_context(frames, camera, frequencies, options);
       with_others.whole_numbers = false;
       with_others.others = around.tones;
-      write(with_others, make_estimator(with_others));
+      write(with_others, fit_estimator(with_others));
     }
     for (std::size_t k = 0; k < context.tones.size(); ++k)
       flag_misfit(around, k * context.shape.frames + frame, 1, result);

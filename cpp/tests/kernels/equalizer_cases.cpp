@@ -1,5 +1,4 @@
 #include "columns/equalizer_kernels.hpp"
-#include "columns/folding_kernels.hpp"
 #include "kernel_cases.hpp"
 
 namespace kernel_cases {
@@ -7,7 +6,6 @@ namespace kernel_cases {
 namespace {
 
 using ocisac::kernels::ColumnLines;
-using ocisac::kernels::FoldedRows;
 
 template <class T>
 constexpr double kTolerance = std::is_same_v<T, float> ? 1e-4 : 1e-12;
@@ -101,30 +99,6 @@ KernelCase product_case(std::size_t outputs, std::size_t inputs, std::size_t wid
                         kTolerance<T>, {1, outputs * width, outputs * width}, run, outputs > 50);
 }
 
-// (2·length + 2) × count
-template <class T>
-KernelCase fold_case(std::size_t count, std::size_t folds, std::size_t length) {
-  const std::size_t rows = folds * length, stride = count + 5;
-  auto samples = std::make_shared<Misaligned<T>>(random_rows<T>(rows, count, stride, 100, 20));
-  auto weights = std::make_shared<Misaligned<double>>(random_rows<double>(1, 2 * folds, 2 * folds));
-  const auto run = [=](bool plain, double* out) {
-    const FoldedRows<T> from{samples->data(), static_cast<std::ptrdiff_t>(stride), count, folds, length};
-    double* const sums = out + 2 * length * count;
-    if (!plain) return ocisac::kernels::fold<T>(from, weights->data(), out, {sums, sums + count});
-    std::fill_n(out, (2 * length + 2) * count, 0.0);
-    for (std::size_t n = 0; n < rows; ++n)
-      for (std::size_t c = 0; c < count; ++c) {
-        const double value = static_cast<double>(from.rows[n * stride + c]) - static_cast<double>(from.rows[c]);
-        out[n % length * count + c] += weights->data()[n / length] * value;
-        out[(n % length + length) * count + c] += weights->data()[folds + n / length] * value;
-        sums[c] += value;
-        sums[count + c] += value * value;
-      }
-  };
-  return kernel_case<double>("fold " + std::to_string(sizeof(T)) + " bytes, " + std::to_string(count) + " columns",
-                             1e-12, {2 * length + 2, count, count}, run, count > 1000);
-}
-
 template <class T>
 void add_cases_of(std::vector<KernelCase>& cases) {
   for (const std::size_t width : {16u, 32u, 48u}) {
@@ -145,18 +119,6 @@ std::vector<KernelCase> equalizer_cases() {
   std::vector<KernelCase> cases;
   add_cases_of<float>(cases);
   add_cases_of<double>(cases);
-  return cases;
-}
-
-std::vector<KernelCase> folding_cases() {
-  std::vector<KernelCase> cases;
-  for (const std::size_t count : kLengths) {
-    cases.push_back(fold_case<std::uint8_t>(count, 5, 9));
-    cases.push_back(fold_case<std::uint16_t>(count, 1, 13));
-    cases.push_back(fold_case<float>(count, 4, 3));
-    cases.push_back(fold_case<double>(count, 3, 4));
-  }
-  cases.push_back(fold_case<std::uint8_t>(1920, 30, 36));
   return cases;
 }
 

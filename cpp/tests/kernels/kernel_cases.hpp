@@ -32,7 +32,6 @@ std::vector<KernelCase> screening_cases();
 std::vector<KernelCase> refinement_cases();
 std::vector<KernelCase> equalizer_cases();
 std::vector<KernelCase> column_dft_cases();
-std::vector<KernelCase> folding_cases();
 std::vector<KernelCase> waveform_cases();
 std::vector<KernelCase> sequence_cases();
 std::vector<KernelCase> channel_cases();
@@ -44,7 +43,7 @@ inline std::vector<KernelCase> all() {
   std::vector<KernelCase> cases;
   for (const auto& some :
        {projection_cases, gain_cases, screening_cases, refinement_cases, equalizer_cases, column_dft_cases,
-        folding_cases, waveform_cases, sequence_cases, channel_cases, frequency_cases, packed_cases, pooling_cases})
+        waveform_cases, sequence_cases, channel_cases, frequency_cases, packed_cases, pooling_cases})
     for (auto& one : some()) cases.push_back(std::move(one));
   return cases;
 }

@@ -9,14 +9,14 @@ namespace {
 template <class T>
 KernelCase pooling_case(std::size_t rows, std::size_t columns) {
   constexpr std::size_t kSums = 8;
-  const double largest = std::numeric_limits<T>::max();
+  const double largest = std::is_integral_v<T> ? static_cast<double>(std::numeric_limits<T>::max()) : 1.0;
   const std::size_t stride = columns + 5;
   auto samples = std::make_shared<Misaligned<T>>(random_rows<T>(rows, columns, stride, 0.5 * largest, 0.2 * largest));
   auto weights = std::make_shared<Misaligned<double>>(random_rows<double>(1, columns, columns, 1, 0.5));
   const auto run = [=](bool plain, double* out) {
     if (!plain)
-      return ocisac::kernels::pool_rows({samples->data(), static_cast<std::ptrdiff_t>(stride), rows, columns},
-                                        weights->data(), out);
+      return ocisac::kernels::pool_rows<T>({samples->data(), static_cast<std::ptrdiff_t>(stride), rows, columns},
+                                           weights->data(), out);
     for (std::size_t r = 0; r < rows; ++r) {
       const T* row = samples->data() + r * stride;
       const std::size_t whole = columns / kSums * kSums;
@@ -27,9 +27,10 @@ KernelCase pooling_case(std::size_t rows, std::size_t columns) {
       for (std::size_t c = whole; c < columns; ++c) out[r] += weights->data()[c] * static_cast<double>(row[c]);
     }
   };
-  return kernel_case<double>(
-      "pool_rows " + std::to_string(8 * sizeof(T)) + " bit, " + std::to_string(rows) + " x " + std::to_string(columns),
-      0, {1, rows, rows}, run, rows > 500);
+  return kernel_case<double>("pool_rows " + std::to_string(8 * sizeof(T)) +
+                                 (std::is_integral_v<T> ? " bit, " : " bit float, ") + std::to_string(rows) + " x " +
+                                 std::to_string(columns),
+                             0, {1, rows, rows}, run, rows > 500);
 }
 
 template <class T>
@@ -45,6 +46,8 @@ std::vector<KernelCase> pooling_cases() {
   std::vector<KernelCase> cases;
   add_cases<std::uint8_t>(cases);
   add_cases<std::uint16_t>(cases);
+  add_cases<float>(cases);
+  add_cases<double>(cases);
   return cases;
 }
 

@@ -3,6 +3,8 @@
 #include <type_traits>
 
 #include "kernel_cases.hpp"
+#include "ocisac/camera/linear_light.hpp"
+#include "ocisac/columns/column_combination.hpp"
 #include "ocisac/tones/projection.hpp"
 
 namespace kernel_cases {
@@ -118,91 +120,40 @@ KernelCase projection_case(const char* type, const FrameCase& of, bool timed = f
   return {std::move(name), std::move(run), compare, 1e-12};
 }
 
-// A frame and weights of its columns.
-template <class T>
-struct Combination {
-  Frame<T> frame;
-  std::vector<std::int16_t> weights;
-
-  explicit Combination(const FrameCase& of) : frame(of) {
-    const auto random = random_rows<double>(1, of.columns, of.columns, 0, 6000);
-    for (std::size_t c = 0; c < of.columns; ++c)
-      weights.push_back(static_cast<std::int16_t>(
-          std::clamp<double>(random.data()[c], -ocisac::kMaxColumnWeight, ocisac::kMaxColumnWeight)));
-  }
-  [[nodiscard]] std::vector<double> combined() const {
-    return ocisac::combine_columns(frame.view, 0, weights, frame.light);
-  }
-};
-
-// Totals, then maxima.
-template <class T>
-double totals_deviation(const FrameCase& of) {
-  const Combination<T> input(of);
-  const auto [totals, maximum] = ocisac::column_totals(input.frame.view, 0, input.frame.light);
-  std::vector<double> want_totals(of.columns), want_maximum(of.columns, -kInfinite);
-  for (std::size_t r = 0; r < of.rows; ++r)
-    for (std::size_t c = 0; c < of.columns; ++c) {
-      const T sample = input.frame.view(0, r, c);
-      auto v = static_cast<double>(sample);
-      if constexpr (std::is_integral_v<T>)
-        if (of.curved) v = input.frame.light[sample];
-      want_totals[c] += v;
-      want_maximum[c] = std::max(want_maximum[c], v);
-    }
-  return std::max(deviation<double>(totals, want_totals), deviation<double>(maximum, want_maximum));
-}
-
-template <class T>
-KernelCase totals_case(const char* type, const FrameCase& of, bool timed = false) {
-  std::function<void()> run;
-  if (timed)
-    run = [input = std::make_shared<Combination<T>>(of), out = std::make_shared<ocisac::ColumnTotals>()] {
-      *out = ocisac::column_totals(input->frame.view, 0, input->frame.light);
-    };
-  return {std::string("column_totals<") + type + "> " + std::to_string(of.rows) + " × " + std::to_string(of.columns),
-          run, [of] { return totals_deviation<T>(of); }, 1e-12};
-}
-
-template <class T>
-double combination_deviation(const FrameCase& of) {
-  const Combination<T> input(of);
-  std::vector<double> want(of.rows);
-  for (std::size_t r = 0; r < of.rows; ++r)
-    for (std::size_t c = 0; c < of.columns; ++c) {
-      const T sample = input.frame.view(0, r, c);
-      auto v = static_cast<double>(sample);
-      if constexpr (std::is_integral_v<T>)
-        if (of.curved) v = input.frame.light[sample];
-      want[r] += input.weights[c] * v;
-    }
-  return deviation<double>(input.combined(), want);
-}
-
+// weighted_rows() with weights of the columns.
 template <class T>
 KernelCase combination_case(const char* type, const FrameCase& of, bool timed = false) {
-  auto name = std::string("combine_columns<") + type + "> " + std::to_string(of.rows) + " × " +
+  auto name = std::string("weighted_rows<") + type + "> " + std::to_string(of.rows) + " × " +
               std::to_string(of.columns) + ", step " + std::to_string(of.column_step) + (of.across ? ", across" : "") +
               (of.curved ? ", curved" : "");
+  const auto frame = std::make_shared<const Frame<T>>(of);
+  const auto weights = random_rows<double>(1, of.columns, of.columns);
+  const ocisac::ToneCurve curve{.kind = of.curved ? ocisac::ToneCurve::Kind::srgb : ocisac::ToneCurve::Kind::linear};
+  const auto combined = [=, weights = std::vector<double>(weights.data(), weights.data() + of.columns)] {
+    return ocisac::weighted_rows(frame->view, 0, curve, weights);
+  };
+  const auto compare = [=] {
+    const auto table = ocisac::light_table(frame->view, curve);
+    std::vector<double> want(of.rows);
+    for (std::size_t r = 0; r < of.rows; ++r)
+      for (std::size_t c = 0; c < of.columns; ++c) {
+        const T sample = frame->view(0, r, c);
+        auto v = static_cast<double>(sample);
+        if constexpr (std::is_integral_v<T>)
+          if (of.curved) v = table->rounded[sample];
+        want[r] += weights.data()[c] * v;
+      }
+    return deviation<double>(combined(), want);
+  };
   std::function<void()> run;
-  if (timed)
-    run = [input = std::make_shared<Combination<T>>(of), out = std::make_shared<std::vector<double>>()] {
-      *out = input->combined();
-    };
-  return {std::move(name), std::move(run), [of] { return combination_deviation<T>(of); }, 1e-12};
+  if (timed) run = [combined] { combined(); };
+  return {std::move(name), std::move(run), compare, 1e-12};
 }
 
 }  // namespace
 
 std::vector<KernelCase> projection_cases() {
   std::vector<KernelCase> cases;
-  for (const std::size_t columns : {1u, 15u, 16u, 33u, 64u, 70u, 131u})
-    for (const std::size_t rows : {1u, 2u, 7u, 8u, 17u, 300u}) {
-      cases.push_back(totals_case<std::uint8_t>("uint8", {rows, columns, 0, 1, 1, 1, rows % 2 == 1}));
-      cases.push_back(totals_case<float>("float32", {rows, columns, 0, 1, 1, 1 + rows % 2}));
-    }
-  cases.push_back(totals_case<std::uint8_t>("uint8", {1080, 1920, 0, 1, 1}, true));
-  cases.push_back(totals_case<float>("float32", {1080, 1920, 0, 1, 1}, true));
   cases.push_back(combination_case<std::uint8_t>("uint8", {3, 5000, 0, 1, 1}));
   for (const std::size_t columns : {1u, 2u, 7u, 15u, 16u, 17u, 31u, 33u, 64u, 70u, 131u, 156u})
     for (const std::size_t rows : {8u, 9u, 17u, 33u, 97u})

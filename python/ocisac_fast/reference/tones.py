@@ -85,18 +85,14 @@ def _tone_gain(
 def _pool(
     light: FloatArray, ambient: FloatArray, saturated: npt.NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """Combine the columns of each frame, weighted by brightness, without saturated ones if others remain.
-
-    Weights are integers of 14 bits, as in the kernels for bytes.
-    """
+    """Combine the columns of each frame, weighted by brightness, without saturated ones if others remain."""
     weights = np.maximum(light.mean(axis=1) - ambient, 0.0)
     dark = np.flatnonzero(~weights.any(axis=1))
     weights[dark] = (ambient == ambient.min(axis=1, keepdims=True))[dark]
     clean = np.where(saturated, 0.0, weights)
     only_saturated = np.asarray(~np.asarray(clean.any(axis=1)))
     weights = np.where(only_saturated[:, None], weights, clean)
-    weights = np.rint(weights / weights.max(axis=1, keepdims=True) * 2**14)
-    weights /= weights.sum(axis=1, keepdims=True)
+    weights = weights / weights.sum(axis=1, keepdims=True)
     column = np.einsum("jnc,jc->jn", light, weights)[:, :, None]
     return column, (weights * ambient).sum(axis=1, keepdims=True), only_saturated[:, None]
 

@@ -70,7 +70,7 @@ def tone_gain(
     and flags distortion and rows that deviate (docs/explanation/tones.md). A clean frame of 1080 x
     1920 bytes takes 60 % longer, others many times as long.
     ``"dft"`` is the paper's: the DFT's bin nearest to the tone (eqs. 24-25, figure 8), biased unless the tone completes
-    whole cycles in the frame (flag OFF_BIN); it is computed by OpenCV. What leaks counts as noise there, whose part of
+    whole cycles in the frame (flag OFF_BIN). What leaks counts as noise there, whose part of
     the magnitude is subtracted: up to 3e-4 even in light without noise. Both assume a mean and a tone that are constant
     along the column; :func:`varying_tone_gain` tests this.
 

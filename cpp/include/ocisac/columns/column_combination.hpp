@@ -68,6 +68,10 @@ CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, c
                                SaturatedColumns saturated = SaturatedColumns::leave_out,
                                std::span<const std::uint8_t> columns = {});
 
+// (rows) Linear light above dark of a frame's columns, each times its weight, (columns), and added up.
+std::vector<double> weighted_rows(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
+                                  std::span<const double> weights);
+
 // combine_columns for successive frames of one light. The first frame's weights are estimated in full; later every
 // second frame takes one step of the factor model from the previous weights, in O(blocks · rows) instead of
 // O(blocks² · rows). The frames between use the weights of the frame before, unless the light moved. Frames of a light

@@ -85,18 +85,6 @@ void project(const AnyFramesView& frames, std::size_t frame, std::size_t first, 
 Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
                            const RowWeights& weights, std::span<const float> light = {});
 
-// Sums and maxima of a frame's columns, (columns,) each; light as above.
-struct ColumnTotals {
-  std::vector<double> totals, maximum;
-};
-ColumnTotals column_totals(const AnyFramesView& frames, std::size_t frame, std::span<const float> light = {});
-
-// Weighted sums over the columns of a frame, (rows,): columns combined into one. weights: (columns,), at most
-// kMaxColumnWeight; light as above.
-inline constexpr int kMaxColumnWeight = 1 << 14;
-std::vector<double> combine_columns(const AnyFramesView& frames, std::size_t frame,
-                                    std::span<const std::int16_t> weights, std::span<const float> light = {});
-
 // SIMD targets of this build that this processor supports, best first, and the current one.
 std::vector<std::string> simd_targets();
 std::string simd_target();

@@ -1,0 +1,118 @@
+// Stored samples of any layout as dense rows, for loops over frames.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <optional>
+#include <span>
+#include <type_traits>
+#include <vector>
+
+#include "columns/row_kernels.hpp"
+#include "ocisac/core/views.hpp"
+
+namespace ocisac {
+
+// Largest blocks of copies: of bytes, both halves fit into the second-level cache; wider samples into the first.
+struct BlockSize {
+  std::size_t rows, columns;
+};
+inline constexpr BlockSize kCopied{128, 2048}, kTransposed{2048, 192};
+
+struct Columns {
+  std::size_t first, count;
+};
+
+template <class Visit>
+void for_each_part(Columns columns, std::size_t largest, Visit visit) {
+  const std::size_t end = columns.first + columns.count;
+  for (std::size_t first = columns.first; first < end; first += largest)
+    visit(Columns{first, std::min(largest, end - first)});
+}
+
+template <class Sample>
+struct Rows {
+  const Sample* samples;
+  std::ptrdiff_t stride;
+};
+
+// Stored samples of any layout as dense rows: the frame's own memory or copies, or what a table says of each sample.
+template <class Stored, class Sample>
+class DenseRows {
+ public:
+  DenseRows(const FramesView<const Stored>& view, std::size_t frame, std::size_t columns, std::span<const float> light)
+      : view_(view), frame_(frame), dense_(view.column_stride == 1 || columns == 1), light_(light) {
+    if constexpr (kFromBytes) table_.emplace(light);
+  }
+
+  [[nodiscard]] bool in_place() const { return dense_ && !kConverted; }
+  // Bytes to the frame after this one, which the same thread reads next; 0: none, or copies.
+  [[nodiscard]] std::ptrdiff_t to_next_frame() const {
+    return in_place() && frame_ + 1 < view_.frames ? view_.frame_stride : 0;
+  }
+  // Read-out along the stored rows, of bytes.
+  [[nodiscard]] bool is_transposed() const {
+    return std::is_same_v<Stored, std::uint8_t> && !dense_ && std::abs(view_.row_stride) == 1;
+  }
+
+  // Valid until the next call, unless in place. `to_next`: offset to the samples that will be read next.
+  Rows<Sample> read(std::size_t row, std::size_t rows, Columns columns, std::ptrdiff_t to_next = 0) {
+    const Rows<Stored> stored =
+        dense_ ? Rows<Stored>{view_.at(frame_, row, columns.first), view_.row_stride} : copy(row, rows, columns);
+    if constexpr (!kConverted)
+      return stored;
+    else
+      return convert(stored, rows, columns.count, dense_ ? to_next : 0);
+  }
+
+ private:
+  static constexpr bool kConverted = !std::is_same_v<Stored, Sample>;
+  static constexpr bool kFromBytes = kConverted && std::is_same_v<Stored, std::uint8_t>;
+
+  Rows<Stored> copy(std::size_t row, std::size_t rows, Columns columns) {
+    copied_.resize(rows * columns.count);
+    const auto stride = static_cast<std::ptrdiff_t>(columns.count);
+    if constexpr (std::is_same_v<Stored, std::uint8_t>) {
+      if (is_transposed()) {
+        const bool backwards = view_.row_stride < 0;
+        kernels::transpose_bytes(view_.at(frame_, backwards ? row + rows - 1 : row, columns.first), view_.column_stride,
+                                 rows, columns.count, copied_.data());
+        if (!backwards) return {copied_.data(), stride};
+        return {copied_.data() + static_cast<std::ptrdiff_t>(rows - 1) * stride, -stride};
+      }
+      if (view_.column_stride > 1) {
+        for (std::size_t r = 0; r < rows; ++r)
+          kernels::take_every(view_.at(frame_, row + r, columns.first), static_cast<std::size_t>(view_.column_stride),
+                              columns.count, copied_.data() + r * columns.count);
+        return {copied_.data(), stride};
+      }
+    }
+    for (std::size_t r = 0; r < rows; ++r)
+      for (std::size_t c = 0; c < columns.count; ++c)
+        copied_[r * columns.count + c] = view_(frame_, row + r, columns.first + c);
+    return {copied_.data(), stride};
+  }
+
+  Rows<Sample> convert(const Rows<Stored>& stored, std::size_t rows, std::size_t count, std::ptrdiff_t to_next) {
+    converted_.resize(rows * count);
+    const kernels::StoredRows<Stored> from{stored.samples, stored.stride, to_next, rows, count};
+    if constexpr (kFromBytes)
+      kernels::look_up(from, *table_, converted_.data());
+    else
+      kernels::look_up(from, light_.data(), converted_.data());
+    return {converted_.data(), static_cast<std::ptrdiff_t>(count)};
+  }
+
+  const FramesView<const Stored>& view_;
+  std::size_t frame_;
+  bool dense_;
+  std::span<const float> light_;
+  std::optional<kernels::ByteTable> table_;
+  std::vector<Stored> copied_;
+  std::vector<Sample> converted_;
+};
+
+}  // namespace ocisac
