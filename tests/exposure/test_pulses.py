@@ -134,7 +134,7 @@ def test_real_webcam(recordings: object) -> None:
         with open_recording(folder / f"logitech_30.1hz_duty_{100 * duty:.0f}.mkv") as stream:
             bands.append(pulse_bands(np.array([frame.mean(axis=1) for frame in stream])))
     every = calibrate_pulses(bands, 30.1, duties)
-    assert every.row_time == pytest.approx(45.69e-6, abs=3 * every.row_time_std)
+    assert every.row_time == pytest.approx(45.70e-6, abs=3 * every.row_time_std)
     assert every.row_time_std < 0.003 * every.row_time
     assert 100e-6 < every.exposure < 350e-6
     assert every.misfit < 0.03

@@ -230,7 +230,7 @@ def table_rows() -> list[list[str]]:
         ],
         ["slot width", "10, 5, 2 mm", "half a period: the printed f_x is 1/width, twice 1/(2·width)"],
         ["f_x", "100, 200, 500 /m", f"{truth} /m: {whole} whole periods ({periods} would not close)"],
-        ["f_x v", "–", f"{motion} Hz"],
+        ["f_x v", "175, 350, 875 Hz: 1.75 m/s × f_x", f"{motion} Hz"],
         [
             "noise, bits",
             "–",

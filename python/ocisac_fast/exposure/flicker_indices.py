@@ -25,7 +25,7 @@ class FlickerIndices(Result):
     """Flicker indices, each of the broadcast shape of the exposures.
 
     Attributes:
-        modulation_index: FMI = (max - min) / (max + min) over all phases, 0 to 1.
+        modulation_index: FMI = (max y - min y) / (max y + min y + 2B) over all phases, 0 to 1.
         detection_index: FDI, the probability that the lamp exceeds the background by the contrast.
         mitigation_probability: MMP, the probability of a level near the mean.
         missed: probability that an exposure receives no light of the lamp.
