@@ -346,6 +346,29 @@ def test_a_lamp_that_ends_within_a_row_inverts_no_chip(seed):
         assert min(np.mean(bits != chips) for chips in sent) <= 0.05
 
 
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_veil_about_a_lamp_is_not_read_as_the_lamp(seed):
+    """A tenth of the light of a lamp over a third of the rows in all others: no sure chips are wrong."""
+    packet = ocisac.transmit(bytes(range(16)), format=PacketFormat(block_bytes=4))
+    camera, waveform = Camera(ROW_TIME, 622e-6, frame_time=FRAME_TIME), packet.waveform(CHIP_RATE)
+    receiver, random = Receiver(camera, chip_rate=CHIP_RATE, format=packet.format), np.random.default_rng(seed)
+    first, last = np.add((360, 719), random.uniform(-1, 1, 2))
+    blurred = [[math.erf((n - end) / math.sqrt(2)) for n in range(1080)] for end in (first, last)]
+    lit = 0.1 + 0.5 * np.subtract(*blurred)
+    payloads = set()
+    for index in range(60):
+        light = ocisac.integrate_exposure(waveform, camera, 1080, start=index * FRAME_TIME)
+        frame = receiver.push(20 + 120 * lit * light + 0.3 * random.standard_normal(1080))
+        bits = np.frombuffer(frame.bits.encode(), np.uint8) - ord("0")
+        if frame.payload is not None:
+            payloads.add(frame.payload.data)
+        if bits.size and frame.error_rate < 0.01:
+            chip = round((index * FRAME_TIME + frame.phase * ROW_TIME - frame.exposure / 2) * CHIP_RATE)
+            sent = [packet.chips[(chip + np.arange(bits.size) + k) % packet.chips.size] for k in (-1, 0, 1)]
+            assert min(np.mean(bits != chips) for chips in sent) <= 0.05
+    assert payloads == {bytes(range(16))}
+
+
 def test_what_the_gap_and_the_code_leave():
     camera = Camera(ROW_TIME, frame_time=FRAME_TIME)
     possible = possible_goodput(1000, camera, chip_rate=CHIP_RATE, rows=1080)

@@ -25,6 +25,7 @@ constexpr double kVainStep = 0.02;       // standard errors
 constexpr double kLevelsStay = 0.03;     // relative to the swing
 constexpr double kRestStays = 0.3;       // relative to the noise, of the rows less slow light and tones
 constexpr double kEquallyGood = 1.2;     // ratio of residuals
+constexpr double kRateTolerance = 0.08;  // of a search, at least
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
 
@@ -209,7 +210,9 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
   const auto sound = [&](std::optional<FrameReading> reading) {
     if (reading && search.warped) reading = refine_warp(signal, std::move(*reading), exposure_known, search.effort);
     const Verdict least = search.warped ? Verdict::fits : Verdict::misfit;
-    return reading && reading->verdict >= least ? std::move(reading) : std::nullopt;
+    const bool has_rate = reading && std::abs(reading->channel.clock.rows_per_chip / search.rows_per_chip - 1) <
+                                         std::max(search.tolerance, kRateTolerance);
+    return has_rate && reading->verdict >= least ? std::move(reading) : std::nullopt;
   };
   const double chips = static_cast<double>(search.preamble.size());
   const double seen = chips - search.exposure_rows.value_or(0.0) / search.rows_per_chip;

@@ -7,8 +7,10 @@
 #include <numeric>
 #include <utility>
 
+#include "columns/moving_mean.hpp"
 #include "receiver/reading_verdict.hpp"
 #include "receiver/repeated_frames.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -24,6 +26,7 @@ constexpr double kProfileGain = 0.95;       // max ratio of the noise of a round
 constexpr double kBetterProfile = 0.8;      // the same of a profile that replaces one in use
 constexpr double kMaxProfileGrowth = 1.5;   // ratio of a frame's noise to that of those that the profile is of
 constexpr double kMinProfileSwing = 0.1;    // of the largest: darker rows are not read
+constexpr double kMinFittedSwing = 0.2;     // the same of a fitted profile, of the median
 constexpr std::size_t kOwnSmoothing = 3;    // rows either side, of the swing at a lamp's ends
 constexpr double kMinOwnSwing = 0.5;        // of the smoothed swing, of a row at a lamp's end
 constexpr double kProfileFrameShare = 0.5;  // of the kept frames that a profile must explain
@@ -44,6 +47,17 @@ RowRange swinging_rows(const RowProfile& first, std::span<const ProfileFrame> fr
   const auto swings = [&](std::size_t row) { return own->swing[row] > kMinOwnSwing * first.swing[row]; };
   while (rows.size() > 0 && !swings(rows.begin)) ++rows.begin;
   while (rows.size() > 0 && !swings(rows.end - 1)) --rows.end;
+  return rows;
+}
+
+// The rows without those at the ends that swing by little once their own swing is fitted: a veil about the lamp, whose
+// chips the profile's errors hide.
+RowRange lamp_rows(const RowProfile& fitted, RowRange rows) {
+  const auto swing = moving_mean(fitted.swing, kOwnSmoothing);
+  const auto first = swing.begin() + static_cast<std::ptrdiff_t>(rows.begin);
+  const double least = kMinFittedSwing * median({first, first + static_cast<std::ptrdiff_t>(rows.size())});
+  while (swing[rows.begin] < least) ++rows.begin;
+  while (swing[rows.end - 1] < least) --rows.end;
   return rows;
 }
 
@@ -224,6 +238,7 @@ std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row
     const double weight = kShapeWeights[std::min(round, kShapeWeights.size() - 1)];
     auto profile = fitted_profile(now.frames, shape, now.state, weight);
     if (!profile || !is_bright(*profile, now.profile.rows)) break;
+    now.profile.rows = lamp_rows(*profile, now.profile.rows);
     now.profile.profile = std::move(*profile);
   }
   if (!best || !(best->profile.fits || is_worth(*best))) return std::nullopt;

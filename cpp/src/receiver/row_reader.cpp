@@ -250,13 +250,17 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
   if (std::abs(brighter - 1) > kBrighter && variance_of(signal) > kMinVariance * brighter * brighter * state.variance)
     for (auto* levels : {&start.dark, &start.swing})
       for (double& level : *levels) level *= brighter;
+  const auto has_rate = [&](const std::optional<FrameReading>& reading) {
+    const double nominal = state.rows_per_chip.value_or(chip);
+    return reading && std::abs(reading->channel.clock.rows_per_chip / nominal - 1) < kRowTimeTolerance;
+  };
   std::optional<FrameReading> best;
   for (std::size_t phase = 0; phase < (sure && !model.warped ? 1 : kPhases); ++phase) {
     ChannelEstimate tried = start;
     tried.clock.phase += std::remainder(static_cast<double>(phase) / kPhases, 1.0) * chip;
     auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort, beside);
     if (reading && model.warped) reading = refine_warp(signal, *reading, model.exposure_known, &frame.effort);
-    if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
+    if (has_rate(reading) && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
     if (best && best->relative_noise < std::max(kAsNoisy * state.relative_noise, kNoResidual) && keeps_clock(*best))
       return best;
   }
@@ -267,7 +271,7 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
   if (shows_no_light(signal, frame, state)) return std::nullopt;
   auto extended = extend_reading(signal, best->channel, model.exposure_known, &frame.effort, {}, model.warped);
   if (extended && model.warped) extended = refine_warp(signal, *extended, model.exposure_known, &frame.effort);
-  if (extended && extended->relative_noise < kMaxNoiseRatio * state.relative_noise &&
+  if (has_rate(extended) && extended->relative_noise < kMaxNoiseRatio * state.relative_noise &&
       extended->verdict != Verdict::unsound)
     return extended;
   return std::nullopt;
