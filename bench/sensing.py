@@ -1,33 +1,26 @@
 #!/usr/bin/env python3
-"""Joint performance of sensing and communication: every measure with its aim, and whether it is reached.
+"""Lights found, followed and used as landmarks: every measure with its aim, and whether it is reached.
 
 find: recall, precision and false lights on the scenes of light_scenes.py; time of a 33-megapixel picture. track:
-lights that move and cross in a 1080p video. clean: the scenes and recordings of cleaning.py. control: the closed loop.
-front: the choice of exposure. locate: the camera's position. Recordings are used if --recordings or OCISAC_RECORDINGS
-gives a folder.
+lights that move and cross in a 1080p video. locate: the camera's position.
 
-usage: bench/sensing.py [--json] [--chart FILE] [--check] [--quick] [--only PART] [--recordings FOLDER]
+usage: bench/sensing.py [--json] [--chart FILE] [--check] [--quick] [--only PART]
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
-import pathlib
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import cleaning
 import light_scenes
 import numpy as np
 
 from ocisac_fast import SourceTracker, SquareWave, detect_sources, integrate_exposure, locate_camera
-from ocisac_fast.exposure import best_noisy_exposure
-from studies.drive.simulation import POLICIES, drive_past_light
 
 CAMERA = light_scenes.CAMERA
 
@@ -168,66 +161,6 @@ def edges_apart(pictures: list[np.ndarray]) -> float:
     return distances[0] - distances[1]
 
 
-def clean(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
-    measures, details = [], {}
-    for name, light in cleaning.lights().items():
-        on = {
-            ground: cleaning.means([cleaning.measured_scene(light, ground, lamp) for lamp in cleaning.LAMPS])
-            for ground in cleaning.GROUNDS
-        }
-        details[name], mean = on, on["boxes"]
-        measures += [
-            Measure("clean", f"dB over row means, {name} found", mean["found"] - mean["row_means"], 6.0, True),
-            Measure("clean", f"dB behind the oracle, {name} found", mean["oracle"] - mean["found"], 1.0),
-        ]
-        for ground in ("text", "clouds"):  # as periodic as a light; as deep as one
-            behind = on[ground]["oracle"] - on[ground]["found"]
-            measures.append(Measure("clean", f"dB behind the oracle, {name} found, {ground}", behind))
-    for name in cleaning.RECORDINGS if options.recordings else ():
-        seen = cleaning.recording(options.recordings / name)
-        done = seen.pop("remove_bands")
-        details[name] = [done, *seen.values()]
-        measures += [
-            Measure("clean", f"dB of row light taken, {name}", done["correlation_taken_db"], 20.0, True),
-            Measure("clean", f"largest change of a lit row, {name}", done["lit_rows_changed"], 0.03),
-            Measure("clean", f"dB of change of texture, {name}", abs(done["detail_db"]), 1.0),
-            Measure("clean", f"blurs that pass, {name}", sum(blur["passes"] for blur in seen.values()), 0.0),
-        ]
-    return measures, details
-
-
-def control(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
-    """The closed loop: largest advantage of closed form and best fixed exposure, by the information available, without
-    and with hysteresis; means of the objective."""
-    seconds = 1.0 if options.quick else 4.0
-    free, held = (drive_past_light(seconds=seconds, hysteresis=hysteresis) for hysteresis in (0.0, 0.01))
-    means = dict(zip(POLICIES, map(float, held.true.mean(axis=1)), strict=True))
-    ahead = [float(np.max(drive.known[1:] / drive.known[0])) - 1.0 for drive in (free, held)]
-    return [
-        Measure("control", "others ever ahead, share, no hysteresis", ahead[0], 1e-12),
-        Measure("control", "others ever ahead, share, hysteresis 1 %", ahead[1], 0.01),
-        Measure(
-            "control", "mean objective of the best fixed over ours", means["best fixed"] / means["controller"], 1.0
-        ),
-    ], {"mean_objective": means}
-
-
-def exposures(problems: int) -> float:
-    """Largest relative loss of the weighted sum of two tones compared with refined grids about the best point."""
-    random, worst = np.random.default_rng(7), 0.0
-    for _ in range(problems):
-        f = np.exp(random.uniform(np.log(100), np.log(3000), 2))
-        weights = np.exp(random.uniform(-5, 5, 2))
-        best = best_noisy_exposure(f, weights, (1e-9, 1 / f.min())).objective
-        grid = np.linspace(1e-9, 1 / f.min(), 20_001)
-        for _ in range(3):
-            sums = weights @ (np.abs(np.sin(np.pi * f[:, None] * grid)) / (np.pi * f[:, None]))
-            peak, step = grid[np.argmax(sums)], grid[1] - grid[0]
-            grid = np.linspace(max(peak - step, 1e-9), min(peak + step, 1 / f.min()), 2001)
-        worst = max(worst, float(sums.max()) / float(best) - 1.0)
-    return worst
-
-
 def locating(cases: int) -> float:
     """Largest error of the camera's position, m: six lights at 3 m, focal length 1500 pixels, noise 1 pixel."""
     lamps = np.array(
@@ -245,10 +178,6 @@ def locating(cases: int) -> float:
     return worst
 
 
-def front(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
-    return [Measure("front", "shortfall of the weighted sum, share", exposures(20 if options.quick else 200), 1e-9)], {}
-
-
 def locate(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
     return [Measure("locate", "largest error at 3 m, m", locating(30 if options.quick else 300), 0.05)], {}
 
@@ -256,9 +185,6 @@ def locate(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
 PARTS: dict[str, Callable[[argparse.Namespace], tuple[list[Measure], dict[str, Any]]]] = {
     "find": find,
     "track": track,
-    "clean": clean,
-    "control": control,
-    "front": front,
     "locate": locate,
 }
 
@@ -277,8 +203,6 @@ def main() -> None:
     parser.add_argument("--check", action="store_true", help="fail if an aim is not reached")
     parser.add_argument("--quick", action="store_true", help="fewer scenes")
     parser.add_argument("--only", choices=list(PARTS))
-    place = os.environ.get("OCISAC_RECORDINGS")
-    parser.add_argument("--recordings", type=pathlib.Path, default=pathlib.Path(place) if place else None)
     options = parser.parse_args()
     measures: list[Measure] = []
     details: dict[str, Any] = {}

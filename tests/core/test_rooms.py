@@ -157,7 +157,10 @@ def test_installed_headers_are_what_public_headers_reach():
 def types_for_all(source: str) -> Iterator[str]:
     """Names of the types that a C++ source defines at the top of namespaces that have names."""
     scopes: list[str] = []
-    token = r'//[^\n]*|"(?:\\.|[^"\\\n])*"|\bnamespace\b[^{;=]*\{|(?<![<,] )\b(?:struct|class) (\w+)(?!::)\b[^;{()<>]*\{|[{}]'
+    token = (
+        r'//[^\n]*|"(?:\\.|[^"\\\n])*"|\bnamespace\b[^{;=]*\{|'
+        r"(?<![<,] )\b(?:struct|class) (\w+)(?!::)\b[^;{()<>]*\{|[{}]"
+    )
     for match in re.finditer(token, source):
         text = match[0]
         if match[1] and all(scope.startswith("namespace ") and "kernels" not in scope for scope in scopes):

@@ -50,17 +50,6 @@ def test_lights_nearest_steps_and_data(facts):
     assert both["objective"] > 0
 
 
-def test_what_cannot_be_had_is_the_best_there_is(facts):
-    for arguments in (
-        ("--avoid", "100Hz,120Hz", "--bounds", "1ms,20ms"),
-        ("--avoid", "1kHz+-500Hz", "--bounds", "0,5ms"),
-        ("--avoid", "100Hz", "--comm", "101Hz", "--keep", "50%"),
-    ):
-        (found,) = facts("exposure", *arguments)
-        assert found["holds"] is False
-        assert found["modulation"] > 0.02
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

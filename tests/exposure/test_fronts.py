@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ocisac_fast.cli import main
 from ocisac_fast.exposure import best_noisy_exposure, exposure_front
 
 
@@ -35,9 +33,3 @@ def test_ours_is_on_the_front_and_the_best_of_any_weights(noise: float) -> None:
         near = np.linspace(best.exposure * (1 - 1e-4), min(best.exposure * (1 + 1e-4), longest), 20_001)
         around = weights @ (near * np.abs(np.sinc(f[:, None] * near))) / np.sqrt(1 + near / noise)
         assert best.objective == pytest.approx(around.max(), rel=1e-9)
-
-
-def test_front(tmp_path: Path) -> None:
-    front = tmp_path / "front.png"
-    assert main(["exposure", "--comm", "500", "--sense", "350", "--front", str(front)]) == 0
-    assert front.stat().st_size > 10_000

@@ -774,3 +774,16 @@ def test_jpeg_is_written_nearly_as_it_is(tmp_path, suffix, colours):
         write_frames(tmp_path / f"b{suffix}", [picture.astype(np.uint16)])
     with pytest.raises(FileError, match="2 frames"):
         write_frames(tmp_path / f"c{suffix}", [picture, picture])
+
+
+def test_luma_of_a_phone_video_is_of_limited_range(recordings):
+    with open_recording(recordings / "phone_video.mp4") as stream:
+        assert next(iter(stream)).shape == (1920, 1080)
+        assert (stream.response.dark_level, stream.response.white_level) == (16, 235)
+        assert (stream.frame_count, round(stream.frame_rate)) == (90, 30)
+
+
+def test_a_phone_still_says_that_it_is_srgb(recordings):
+    recording = read_frames(recordings / "luxapose_rig_a.jpg")
+    assert recording.frames.shape == (1, 4352, 7712, 3)
+    assert (recording.response.tone_curve, recording.response.stated_by) == ("srgb", "EXIF ColorSpace")

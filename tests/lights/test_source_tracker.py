@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_sources import CAMERA, add_lamp, scene, stored
 
-from ocisac_fast import Chips, SourceTracker, SquareWave, detect_sources
+from ocisac_fast import Chips, SourceTracker, SquareWave
 
 
 def frame_with(places, seed=0, shape=(360, 480)):
@@ -49,31 +49,11 @@ def test_a_hidden_light_is_waited_for_and_known_again():
     assert [t.identity for t in tracker.update(frame_with([(180, 80, 9000.0, 120.0)]))] == [1]
 
 
-def test_a_light_of_another_frequency_at_the_same_place_is_another():
-    tracker = SourceTracker(CAMERA)
-    tracker.update(frame_with([(180, 200, 9000.0, 120.0)]))
-    tracks = tracker.update(frame_with([(180, 200, 12000.0, 120.0)]))
-    assert [(t.identity, t.visible) for t in tracks] == [(0, False), (1, True)]
-
-
 def test_a_light_that_fades_stays():
     tracker = SourceTracker(CAMERA)
     for k, swing in enumerate((120.0, 60.0, 30.0, 15.0)):
         (track,) = tracker.update(frame_with([(180, 200, 9000.0, swing)], seed=k))
         assert track.visible
-
-
-def test_a_region_gives_what_the_whole_frame_gives():
-    frames = [frame_with([(180, 200, 9000.0, 120.0)], seed=k) for k in range(2)]
-    tracker = SourceTracker(CAMERA, full_every=10)
-    tracker.update(frames[0])
-    (track,) = tracker.update(frames[1])
-    (whole,) = detect_sources(frames[1], CAMERA)
-    assert abs(track.source.x - whole.x) <= 4
-    assert abs(track.source.y - whole.y) <= 4
-    assert track.source.frequency == pytest.approx(whole.frequency, rel=0.005)
-    spread = 2 * np.pi * 180 * CAMERA.row_time * abs(track.source.frequency - whole.frequency) + 0.1
-    assert abs(np.angle(np.exp(1j * (track.source.phase - whole.phase)))) < spread
 
 
 def test_a_light_followed_has_a_box_as_good_as_a_full_look_gives():
