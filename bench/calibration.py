@@ -7,7 +7,7 @@ is told, told wrong, or not told. Every chip has its log-likelihood ratio L and 
 1 / (1 + exp(|L|)); by decades of it, the share of wrong chips is compared with the mean rate told. Chips are numbered
 by the frame's own clock; a frame may be a chip early or late as a whole, the choice that the phase leaves.
 
-usage: bench/calibration.py [--chips N] [--first SEED] [--processes N] [--picture FILE] [--text FILE] [--json]
+usage: bench/calibration.py [--chips N] [--first SEED] [--processes N] [--picture FILE] [--text FILE]
     [--check payloads|rates]
 
 --check: exit status 1 for a wrong payload; with rates, also for a decade whose share is not within a factor of two of
@@ -19,7 +19,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import itertools
-import json
 import math
 import multiprocessing
 import sys
@@ -198,11 +197,6 @@ def counted(draw: Draw) -> Counts:
     return counts
 
 
-def facts_of(counts: Counts) -> dict[str, Any]:
-    """For JSON."""
-    return {name: np.asarray(value).tolist() for name, value in dataclasses.asdict(counts).items()}
-
-
 def measure(chips: int, first: int, processes: int) -> Counts:
     """Draws from a seed on, until at least so many chips are read, a few at once."""
     total, seeds = Counts.none(), itertools.count(first)
@@ -272,7 +266,6 @@ def main() -> int:
     parser.add_argument(
         "--text", help="a Markdown file with '<!-- calibration: table -->', '<!-- calibration: end -->'"
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("--check", choices=["payloads", "rates"], help="exit code 1 for a wrong payload, or rate")
     asked = parser.parse_args()
     counts = measure(asked.chips, asked.first, asked.processes)
@@ -280,7 +273,7 @@ def main() -> int:
         draw_picture(asked.picture, counts)
     if asked.text:
         fill_markers(asked.text, "calibration", {"table": table(counts)})
-    print(json.dumps(facts_of(counts)) if asked.json else table(counts))
+    print(table(counts))
     off = [k for k in range(DECADES) if counts.calibrated(k) is False]
     return 1 if asked.check and (counts.wrong_payloads or (asked.check == "rates" and off)) else 0
 

@@ -19,7 +19,7 @@ processor time of the first frame and of those after it.
 side: how many are cleaned, PSNR (peak 255, one gain a colour) stored, cleaned, and with the best gain of each row and
 colour (oracle), and how many of them became worse; the same photographs without bands.
 
-usage: bench/cleaning.py [--recordings FOLDER] [--slow FOLDER] [--video] [--picture FILE] [--json] [--quick] [--each]
+usage: bench/cleaning.py [--recordings FOLDER] [--slow FOLDER] [--video] [--picture FILE] [--quick] [--each]
        [--seeds N ...]
 """
 
@@ -261,17 +261,16 @@ def change_of_rows(picture: np.ndarray, before: np.ndarray, kept: np.ndarray, ro
     return float(np.max(change / np.maximum((before * kept)[rows].sum(axis=1), 1e-9)))
 
 
-def recording(path: pathlib.Path) -> dict[str, dict[str, Any]]:
+def recording(path: pathlib.Path) -> list[dict[str, Any]]:
     """Effect of remove_bands and of vertical blurs of 9, 31 and 101 rows on the colour with the strongest light."""
     from ocisac_fast.camera.linear_light import linear_light
     from ocisac_fast.files import read_frames
 
-    camera = Camera(1.0, tone_curve="srgb")
     stored = read_frames(path).frames
-    done = remove_bands(stored, camera)
+    done = remove_bands(stored, SRGB)
     colour = int(np.argmax(done.share[0].mean(axis=(0, 1)) * stored[0].mean(axis=(0, 1))))
     light = done.light[0, :, colour]
-    before, after = (linear_light(frames[0, ..., colour], camera) for frames in (stored, done.frames))
+    before, after = (linear_light(frames[0, ..., colour], SRGB) for frames in (stored, done.frames))
     marks, share = done.marks[0, ..., colour], done.share[0, ..., colour]
     kept = (marks == Mark.RESTORED) & (share > 0.5 * share.max())
     bright = np.quantile(light, 0.95)
@@ -281,20 +280,22 @@ def recording(path: pathlib.Path) -> dict[str, dict[str, Any]]:
         pictures[f"blur of {rows} rows"] = np.apply_along_axis(np.convolve, 0, before, box, "same")
     at_first = pooled_depth(before, light, kept)
     details = detail(before, light > 0.5 * bright)
-    result = {}
+    result = []
     for name, picture in pictures.items():
         taken = 20 * np.log10(at_first / pooled_depth(picture, light, kept))
         change = change_of_rows(picture, before, kept, light >= 0.98 * bright)
         kept_detail = 10 * np.log10(detail(picture, light > 0.5 * bright) / details)
-        result[name] = {
-            "name": name,
-            "correlation_taken_db": float(taken),
-            "none_left_db": float(20 * np.log10(at_first / depth_by_chance(picture, light, kept))),
-            "lit_rows_changed": change,
-            "detail_db": float(kept_detail),
-            "too_dark": float((marks == Mark.DARK).mean()),
-            "passes": bool(taken >= 20 and change < 0.03 and abs(kept_detail) <= 1),
-        }
+        result.append(
+            {
+                "name": name,
+                "correlation_taken_db": float(taken),
+                "none_left_db": float(20 * np.log10(at_first / depth_by_chance(picture, light, kept))),
+                "lit_rows_changed": change,
+                "detail_db": float(kept_detail),
+                "too_dark": float((marks == Mark.DARK).mean()),
+                "passes": bool(taken >= 20 and change < 0.03 and abs(kept_detail) <= 1),
+            }
+        )
     return result
 
 
@@ -305,15 +306,10 @@ def mains(folder: pathlib.Path) -> dict[str, float]:
     from ocisac_fast.files import read_frames
 
     stored = read_frames(folder / "mains_flicker.png").frames[0]
-    truth = read_frames(folder / "mains_flicker_truth.png").frames[0].astype(float)
-    cleaned = remove_bands(stored[np.newaxis], Camera(1.0, tone_curve="srgb")).frames[0]
-
-    def fitted(picture: np.ndarray, axis: tuple[int, ...]) -> float:
-        values = picture.astype(float)
-        gain = (values * truth).sum(axis=axis, keepdims=True) / (values**2).sum(axis=axis, keepdims=True)
-        return psnr(gain * values, truth, np.ones(truth.shape, bool))
-
-    return {"stored": fitted(stored, (0, 1)), "cleaned": fitted(cleaned, (0, 1)), "oracle": fitted(stored, (1,))}
+    truth = read_frames(folder / "mains_flicker_truth.png").frames[0]
+    cleaned = remove_bands(stored[None], SRGB).frames[0]
+    told = {"stored": (stored, (0, 1)), "cleaned": (cleaned, (0, 1)), "oracle": (stored, (1,))}
+    return {name: fitted_psnr(picture, truth, axis) for name, (picture, axis) in told.items()}
 
 
 SLOW_CYCLES, SLOW_DEPTHS = (1.0, 1.5, 2.2, 3.5), (0.1, 0.25, 0.5)
@@ -411,7 +407,6 @@ def main() -> None:
     parser.add_argument("--picture")
     parser.add_argument("--video", action="store_true", help="videos alone")
     parser.add_argument("--frames", type=int, default=18, help="of each video")
-    parser.add_argument("--json", action="store_true")
     parser.add_argument("--quick", action="store_true", help="boxes alone")
     parser.add_argument("--each", action="store_true", help="print dB below the oracle for every scene")
     parser.add_argument(
@@ -441,14 +436,11 @@ def main() -> None:
         if options.each:
             report["behind"][name] = {title: rounded(behind_the_oracle(seeds)) for title, seeds in each.items()}
     for name in RECORDINGS if options.recordings else ():
-        report["recordings"][name] = list(recording(options.recordings / name).values())
+        report["recordings"][name] = recording(options.recordings / name)
     if options.recordings:
         report["recordings"]["mains_flicker.png"] = [rounded(mains(options.recordings))]
     if options.picture:
         draw(options.picture)
-    if options.json:
-        print(json.dumps(report))
-        return
     for name, values in report["scenes"].items():
         print(name, values)
     for name, scenes in report["behind"].items():

@@ -6,7 +6,7 @@ are excluded. The limits are the project's aims; a limit is reached if the error
 bench/timing.py measures the same with the channel estimated. --picture draws every detector's error rate over the
 exposure, the theoretical one, and the bound of the closest pair.
 
-usage: bench/detection.py [--frames N] [--method NAME] [--json] [--check]
+usage: bench/detection.py [--frames N] [--method NAME] [--check]
        bench/detection.py --picture FILE [--frames N]
 """
 
@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import math
 import sys
 import time
@@ -131,7 +130,6 @@ def main() -> int:
     """Exit code 1 with --check if a limit is not reached."""
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
     parser.add_argument("--frames", type=int, default=0, help="frames per case; 0: as many as a limit needs, else 20")
-    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("--check", action="store_true", help="exit code 1 if a limit is not reached")
     parser.add_argument("--method", default="auto", help="the detector (default auto)")
     parser.add_argument("--picture", help="draw every detector's errors over the exposure to a .png, .svg or .pdf")
@@ -144,11 +142,7 @@ def main() -> int:
         # Three times as many chips as contain one error at the limit.
         enough = math.ceil(3 / case.limit / (ROWS / case.rows_per_chip - case.exposure_chips - 2))
         results.append(measure(case, arguments.frames or max(enough, 20), arguments.method))
-    if arguments.json:
-        records = [{**dataclasses.asdict(r), "rate": r.rate, "reached": r.reached} for r in results]
-        print(json.dumps({"rows": ROWS, "method": arguments.method, "results": records}))
-    else:
-        print_table(results)
+    print_table(results)
     return 1 if arguments.check and not all(r.reached for r in results) else 0
 
 

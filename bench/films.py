@@ -6,7 +6,7 @@ burst: the camera pans and zooms, with noise. Counted are frames with a light ab
 and without a flag but SATURATED, and frames that `remove_bands` changes. Sources and licences of the films that were
 measured: docs/explanation/lights.md.
 
-usage: bench/films.py FOLDER [--bursts] [--frames N] [--every N] [--no-clean] [--json]
+usage: bench/films.py FOLDER [--bursts] [--frames N] [--every N] [--no-clean]
 """
 
 from __future__ import annotations
@@ -80,7 +80,6 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=30, help="frames of each film")
     parser.add_argument("--every", type=int, default=1, help="every N-th film alone")
     parser.add_argument("--no-clean", dest="clean", action="store_false")
-    parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     every = {
         name: judge(frames, options.clean)
@@ -89,9 +88,7 @@ def main() -> None:
         )
     }
     sums = {key: sum(one[key] for one in every.values()) for key in next(iter(every.values()), {})}
-    print(json.dumps({"films": every, **sums}) if options.json else "\n".join(f"{k}: {v}" for k, v in every.items()))
-    if not options.json:
-        print("sum of", len(every), "films:", sums)
+    print(json.dumps({"films": every, **sums}))
 
 
 if __name__ == "__main__":

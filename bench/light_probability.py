@@ -8,13 +8,12 @@ fits to the other folds, which have other photographs, and of the code. The coef
 (cpp/src/lights/light_probability.cpp) are of an earlier version of the own pixels; its step to what users see is the
 correction that `--first 40000 --scenes 8200 --only tones` prints.
 
-usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--first SEED] [--only tones|data] [--json]
+usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--first SEED] [--only tones|data]
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -317,7 +316,6 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=4000)
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene; the fit's are 0 to 3999")
     parser.add_argument("--only", choices=("tones", "data"))
-    parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     pictures = photographs.read(options.photographs)
     report: dict[str, Any] = {"photographs": len(pictures)}
@@ -329,9 +327,6 @@ def main() -> None:
                 report["own pixels"] = fit(found.part(found.inside), names)
                 both = found
                 report["both"] = {"correction": correction(both), **of_the_code(both)}
-    if options.json:
-        print(json.dumps(report))
-        return
     print("photographs", report["photographs"])
     for kind in set(report) - {"photographs"}:
         for name, value in report[kind].items():

@@ -3,7 +3,7 @@
 
 A full-depth cosine moves across the rows; the exposure is as on the testbed.
 
-usage: bench/motion.py [--frames N] [--json]
+usage: bench/motion.py [--frames N]
 """
 
 from __future__ import annotations
@@ -63,17 +63,13 @@ def contrasts() -> list[dict[str, float]]:
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print a line for each row of both tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--frames", type=int, default=100)
-    parser.add_argument("--json", action="store_true")
     arguments = parser.parse_args()
     for rows in (frequencies(arguments.frames), contrasts()):
-        if not arguments.json:
-            print("  ".join(f"{name:>20}" for name in rows[0]))
         for row in rows:
-            line = "  ".join(f"{value:20.5g}" for value in row.values())
-            print(json.dumps(row) if arguments.json else line)
+            print(json.dumps(row))
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ read out down and across. False lights are counted for several `false_alarms`; t
 (light_probability.lamp), and of all lights reported at 0.9 and more the share of lamps is counted. Sources and
 licences of the pictures that were measured: docs/explanation/lights.md.
 
-usage: bench/photographs.py [--photographs FOLDER] [--every N] [--lamps] [--json]
+usage: bench/photographs.py [--photographs FOLDER] [--every N] [--lamps]
 """
 
 from __future__ import annotations
@@ -102,13 +102,12 @@ def main() -> None:
     add_option(parser)
     parser.add_argument("--every", type=int, default=1, help="every N-th photograph alone")
     parser.add_argument("--lamps", action="store_true", help="put lamps into the photographs as well")
-    parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     pictures = read(options.photographs)[:: options.every]
     report = {"photographs": len(pictures), "looks": 2 * len(pictures), **false_lights(pictures)}
     if options.lamps:
         report |= sure_lights(pictures)
-    print(json.dumps(report) if options.json else report)
+    print(json.dumps(report))
 
 
 if __name__ == "__main__":

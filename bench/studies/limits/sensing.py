@@ -14,7 +14,7 @@ from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.sensing.region import sense_region
 from ocisac_fast.tones.frequency import find_frequency
 from studies.chart.scenes import Float64s
-from studies.limits.catalogue import Point, limit, rms
+from studies.limits.catalogue import Point, limit, rms, shared_flags
 from studies.limits.plain_methods import circular_inverse
 
 _ROW_TIME, _FRAME_TIME, _EXPOSURE = 22.2e-6, 1 / 30, 622e-6
@@ -39,10 +39,7 @@ def _motion(speed: float, spatial_frequency: float | None = None) -> Point:
     known = KnownMotion(pitch=_PITCH, spatial_frequency=spatial_frequency)
     found = [sense_region(one, _CAMERA, motion=known) for one in frames]
     errors = [one.motion_frequency - truth for one in found]
-    flags = Flag(0)
-    for bit in Flag:
-        if sum(bool(one.flags & bit) for one in found) >= 3:
-            flags |= bit
+    flags = shared_flags(np.array([one.flags for one in found], np.uint32))
     return Point(speed, rms(plain), rms(errors), rms([one.motion_frequency_std for one in found]), flags)
 
 
