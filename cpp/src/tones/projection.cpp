@@ -124,30 +124,19 @@ int RowWeights::integer_weight(std::size_t part, std::size_t group) const {
   return static_cast<std::int16_t>(group % 2 == 0 ? pair & 0xffffU : pair >> 16);
 }
 
-bool RowWeights::has_symmetry(std::size_t part, int sign) const {
-  for (std::size_t g = 0; g < groups_ / 2; ++g)
-    if (integer_weight(part, g) != sign * integer_weight(part, groups_ - 1 - g)) return false;
-  return true;
-}
-
+// Rounding keeps the symmetry of the exact weights.
 void RowWeights::fold() {
   order_.resize(units_.size());
   std::iota(order_.begin(), order_.end(), std::size_t{0});
-  if (groups_ % 2 == 1) return;
-  std::vector<std::size_t> order;
-  for (const std::size_t part : order_)
-    if (has_symmetry(part, 1)) order.push_back(part);
-  const std::size_t even = order.size();
-  for (const std::size_t part : order_)
-    if (!has_symmetry(part, 1) && has_symmetry(part, -1)) order.push_back(part);
-  if (order.size() < order_.size()) return;
-  even_parts_ = even;
-  folded_pairs_.assign(order.size() * folded_pair_count(), 0);
-  for (std::size_t place = 0; place < order.size(); ++place) {
+  if (!folds_) return;
+  const std::size_t limbs = outputs_ > 0 ? units_.size() / outputs_ : 0;
+  even_parts_ = even_outputs_ * limbs;
+  for (const std::size_t output : output_order_)
+    for (std::size_t limb = 0; limb < limbs; ++limb) folded_order_.push_back(output * limbs + limb);
+  folded_pairs_.assign(folded_order_.size() * folded_pair_count(), 0);
+  for (std::size_t place = 0; place < folded_order_.size(); ++place)
     for (std::size_t g = 0; g < groups_ / 2; ++g)
-      put_weight(folded_pairs_[place * folded_pair_count() + g / 2], g, integer_weight(order[place], g));
-  }
-  folded_order_ = std::move(order);
+      put_weight(folded_pairs_[place * folded_pair_count() + g / 2], g, integer_weight(folded_order_[place], g));
 }
 
 std::vector<double> RowWeights::byte_weights() const {

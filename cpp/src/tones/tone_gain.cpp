@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <complex>
-#include <functional>
 #include <limits>
 #include <memory>
 #include <numbers>
@@ -193,11 +192,8 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
   }
 }
 
-// Estimates of each tone in columns first … first + count of a frame.
-using Estimator = std::function<std::vector<Estimates>(const AnyFramesView& frames, std::size_t frame,
-                                                       std::size_t first, std::size_t count, const ToneCurve& curve)>;
-
-std::vector<Estimates> estimates_of_fit(const HarmonicModel& model, const std::vector<double>& signals) {
+// Of each tone, from columns of linear light, (columns × rows).
+std::vector<Estimates> estimates_of(const HarmonicModel& model, const std::vector<double>& signals) {
   const auto rows = static_cast<Eigen::Index>(model.rows);
   const Eigen::Index count = static_cast<Eigen::Index>(signals.size()) / rows;
   const Eigen::Map<const Eigen::MatrixXd> y(signals.data(), rows, count);
@@ -209,15 +205,15 @@ std::vector<Estimates> estimates_of_fit(const HarmonicModel& model, const std::v
   std::vector<double> noise(static_cast<std::size_t>(count), kNaN);
   for (Eigen::Index column = 0; freedom > 0 && column < count; ++column)
     noise[static_cast<std::size_t>(column)] = residual.col(column).squaredNorm() / freedom;
-  const auto estimates_of = [&](std::size_t i) {
+  const auto estimate = [&](std::size_t i) {
     const auto column = values.col(static_cast<Eigen::Index>(i));
     return std::vector<double>(column.begin(), column.end());
   };
   const auto covariance = [&](std::size_t i, std::size_t j) { return model.covariance[i * model.estimates + j]; };
   std::vector<Estimates> estimates;
   for (std::size_t a = 1; a < 2 * model.tone_flags.size(); a += 2)
-    estimates.push_back({estimates_of(0), estimates_of(a), estimates_of(a + 1), noise, covariance(0, 0),
-                         covariance(a, a), covariance(a + 1, a + 1), covariance(0, a)});
+    estimates.push_back({estimate(0), estimate(a), estimate(a + 1), noise, covariance(0, 0), covariance(a, a),
+                         covariance(a + 1, a + 1), covariance(0, a)});
   return estimates;
 }
 
@@ -252,7 +248,8 @@ std::vector<int> harmonics_of(const Context& context, const Tone& tone) {
   return harmonics;
 }
 
-Estimator fit_estimator(Context& context) {
+// Counts the tones' phases from its middle row.
+HarmonicModel model_of(Context& context) {
   std::vector<ModelTone> model_tones;
   for (const Tone& tone : context.tones) model_tones.push_back({tone.cycles_per_row, harmonics_of(context, tone)});
   for (const double cycles : context.others) model_tones.push_back({cycles, {1}});
@@ -260,10 +257,7 @@ Estimator fit_estimator(Context& context) {
   const double middle = (static_cast<double>(context.shape.rows) - 1) / 2;
   for (std::size_t k = 0; k < context.tones.size(); ++k)
     count_phase_from(context.tones[k], middle, model.tone_flags[k]);
-  return [model = std::move(model)](const AnyFramesView& frames, std::size_t frame, std::size_t first,
-                                    std::size_t count, const ToneCurve& curve) {
-    return estimates_of_fit(model, column_signals(frames, frame, first, count, curve));
-  };
+  return model;
 }
 
 // Tones of a fit, or the lines of the DFT nearest to them (eq. 25), those above half the row rate of negative
@@ -685,7 +679,7 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
   const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
   if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
   check_samples(frames);
-  const auto estimator = fit_estimator(context);
+  const HarmonicModel model = model_of(context);
   std::vector<double> tops(frame_count * columns);
   const double level = saturation_level(frames, context.camera->tone_curve);
   const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
@@ -693,7 +687,7 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
     const std::size_t frame = block / blocks;
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
-    auto estimates = estimator(frames, frame, first, count, context.camera->tone_curve);
+    auto estimates = estimates_of(model, column_signals(frames, frame, first, count, context.camera->tone_curve));
     const auto samples = largest_samples(frames, frame, first, count);
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       take_off_background(context, frame, first, estimates[k].mean);
@@ -953,11 +947,11 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
       pooled_tone_gain(frames, camera, frequencies.subspan(k, 1), options, part_of(result, k * each, each));
     return;
   }
-  const auto estimator = fit_estimator(context);
+  const HarmonicModel model = model_of(context);
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
     const PooledColumn pooled = pool_columns(frames, context, frame);
-    const auto write = [&](const Context& of_fit, const Estimator& own) {
-      auto estimates = own(dense_view(pooled.signal.data(), 1, pooled.signal.size(), 1), 0, 0, 1, {});
+    const auto write = [&](const Context& of_fit, const HarmonicModel& own) {
+      auto estimates = estimates_of(own, pooled.signal);
       for (std::size_t k = 0; k < of_fit.tones.size(); ++k) {
         estimates[k].mean[0] -= pooled.background;
         const std::array saturated{pooled.saturated ? 1.0 : 0.0};
@@ -965,14 +959,14 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
                      result);
       }
     };
-    write(context, estimator);
+    write(context, model);
     if (options.method != GainMethod::fit || !options.robust || pooled.saturated) return;
     const Surroundings around = surroundings_of(context, {pooled.signal, pooled.background});
     if (!around.tones.empty()) {
       Context with_others = make_context(frames, camera, frequencies, options);
       with_others.whole_numbers = false;
       with_others.others = around.tones;
-      write(with_others, fit_estimator(with_others));
+      write(with_others, model_of(with_others));
     }
     for (std::size_t k = 0; k < context.tones.size(); ++k)
       flag_misfit(around, k * context.shape.frames + frame, 1, result);

@@ -8,8 +8,6 @@
 #include <optional>
 #include <tuple>
 
-#include "columns/equalizer_kernels.hpp"
-#include "columns/light_rows.hpp"
 #include "core/legendre.hpp"
 #include "core/parallel.hpp"
 #include "core/recently_used.hpp"
@@ -89,11 +87,9 @@ std::vector<int> usable_harmonics(std::vector<int> harmonics, std::size_t rows, 
 // cosine and the sine of the fundamental; the last three are those of tone_gain: mean, cosine, sine.
 struct Plan {
   Index terms = 1;
-  MatrixXd weights;        // (3·terms + 3 × rows)
-  MatrixXd covariance;     // of the parameters, for noise of variance 1
-  MatrixXd basis;          // (rows × parameters of the model), orthonormal
-  RowMajor projections;    // (3·terms + 3 + parameters of the model × rows) weights, then the basis transposed
-  RowMajor basis_by_rows;  // the basis
+  MatrixXd weights;     // (3·terms + 3 × rows)
+  MatrixXd covariance;  // of the parameters, for noise of variance 1
+  MatrixXd basis;       // (rows × parameters of the model), orthonormal
   // For passes over stored samples: the basis transposed, and what tone_gain's weights have beside it; parameters =
   // of_sums (3·terms + 3 × outputs)·sums.
   std::optional<RowWeights> sums;
@@ -151,9 +147,6 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
   plan.weights << fit.weights.transpose(), Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>>(
                                                steady.weights.data(), 3, design.rows());
   plan.covariance = product(plan.weights, plan.weights.transpose());
-  plan.projections.resize(plan.weights.rows() + plan.basis.cols(), design.rows());
-  plan.projections << plan.weights, plan.basis.transpose();
-  plan.basis_by_rows = plan.basis;
   plan.polynomials = legendre_at_places(options.degree);
   for (std::size_t i = 0; i < kPlaces; ++i) {
     const Eigen::VectorXd p = plan.polynomials.row(static_cast<Index>(i)).transpose();
@@ -249,55 +242,28 @@ Column judge(const Plan& plan, const Vector& parameters, double noise, double ba
   return {gain, gain_std, mean, bias, bias_std, flags};
 }
 
-// Memory of a thread, reused from call to call: light (rows × width) and what is left of it; parameters, then
-// coordinates in the basis (projections × width).
-struct Memory {
-  std::vector<double> light, rest, projections;
-  Projection sums;
-};
-
 // Parameters (3·terms + 3 × columns) and squares of what is left of the columns.
 struct Fitted {
   RowMajor parameters;
   std::vector<double> squares;
 };
 
-std::size_t aligned(std::size_t columns) {
-  return (columns + kernels::kBlockAlignment - 1) / kernels::kBlockAlignment * kernels::kBlockAlignment;
-}
-
 // Columns first … first + count of `fitted`, from their light: its rest itself is squared.
 void fit_exactly(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from, std::size_t first,
-                 std::size_t count, const ToneCurve& curve, Memory& memory, Fitted& fitted) {
-  const auto rows = static_cast<std::size_t>(plan.basis.rows()), terms = static_cast<std::size_t>(plan.basis.cols());
-  const auto parameters = static_cast<std::size_t>(plan.weights.rows());
-  const std::size_t width = aligned(count);
-  const auto stride = static_cast<std::ptrdiff_t>(width);
-  memory.light.resize(rows * width);
-  memory.projections.resize((parameters + terms) * width);
-  memory.rest.resize(rows * width);
-  light_rows(frames, frame, from + first, count, curve, width, memory.light.data());
-  kernels::matrix_times_rows(plan.projections.data(), parameters + terms, rows, memory.light.data(), stride,
-                             memory.projections.data(), stride, width);
-  kernels::matrix_times_rows(plan.basis_by_rows.data(), rows, terms, &memory.projections[parameters * width], stride,
-                             memory.rest.data(), stride, width);
-  const Eigen::Map<const RowMajor> found(memory.projections.data(), plan.weights.rows(), static_cast<Index>(width));
-  fitted.parameters.middleCols(static_cast<Index>(first), static_cast<Index>(count)) =
-      found.leftCols(static_cast<Index>(count));
-  std::fill_n(&fitted.squares[first], count, 0.0);
-  for (std::size_t n = 0; n < rows; ++n)
-    for (std::size_t c = 0; c < count; ++c) {
-      const double left = memory.light[n * width + c] - memory.rest[n * width + c];
-      fitted.squares[first + c] += left * left;
-    }
+                 std::size_t count, const ToneCurve& curve, Fitted& fitted) {
+  const auto signals = column_signals(frames, frame, from + first, count, curve);
+  const Eigen::Map<const MatrixXd> light(signals.data(), plan.basis.rows(), static_cast<Index>(count));
+  fitted.parameters.middleCols(static_cast<Index>(first), static_cast<Index>(count)) = product(plan.weights, light);
+  const MatrixXd rest = beside(plan.basis, light);
+  for (std::size_t c = 0; c < count; ++c) fitted.squares[first + c] = rest.col(static_cast<Index>(c)).squaredNorm();
 }
 
 // All columns in one pass over the stored samples: what is left is a difference of squares. True for the columns where
 // it is resolved.
 std::vector<bool> fit_stored(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from,
-                             double dark, Memory& memory, Fitted& fitted) {
+                             double dark, Fitted& fitted) {
   const std::size_t count = fitted.squares.size();
-  Projection& sums = memory.sums;
+  thread_local Projection sums;  // reused from call to call
   project(frames, frame, from, count, *plan.sums, {}, sums);
   const auto outputs = plan.of_sums.cols(), terms = plan.basis.cols();
   const Eigen::Map<const RowMajor> all(sums.sums.data(), outputs, static_cast<Index>(count));
@@ -316,16 +282,14 @@ std::vector<bool> fit_stored(const Plan& plan, const AnyFramesView& frames, std:
 
 void fit_block(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from,
                const ToneCurve& curve, Fitted& fitted) {
-  thread_local Memory memory;
   const std::size_t count = fitted.squares.size();
   std::vector<bool> resolved(count);
-  if (curve.kind == ToneCurve::Kind::linear)
-    resolved = fit_stored(plan, frames, frame, from, curve.dark_level, memory, fitted);
+  if (curve.kind == ToneCurve::Kind::linear) resolved = fit_stored(plan, frames, frame, from, curve.dark_level, fitted);
   for (std::size_t first = 0; first < count; first += kColumnsInCache) {
     const std::size_t here = std::min(kColumnsInCache, count - first);
     const auto begin = resolved.begin() + static_cast<std::ptrdiff_t>(first);
     if (std::all_of(begin, begin + static_cast<std::ptrdiff_t>(here), [](bool each) { return each; })) continue;
-    fit_exactly(plan, frames, frame, from, first, here, curve, memory, fitted);
+    fit_exactly(plan, frames, frame, from, first, here, curve, fitted);
   }
 }
 

@@ -53,7 +53,6 @@ class RowWeights {
   int row_group_;
   std::vector<double> weights_;
   [[nodiscard]] int integer_weight(std::size_t part, std::size_t group) const;
-  [[nodiscard]] bool has_symmetry(std::size_t part, int sign) const;
   void fold();
   void fold_exactly(std::span<const double> largest);
   std::vector<double> units_;
