@@ -37,7 +37,7 @@ constexpr double longest_frame = 1;      // s
 double explained_energy(const AnyFramesView& frames, double frequency) {
   const ColumnBlocks blocks = column_blocks(frames, std::numeric_limits<double>::quiet_NaN());
   const PeriodicModel model = periodic_model(frequency, blocks.rows, harmonics);
-  const PeriodicFit fit = fit_periodic(blocks.signals, blocks.rows, model, frequency);
+  const PeriodicFit fit = fit_periodic({blocks.signals, blocks.rows}, model, frequency);
   return std::accumulate(fit.periodic_energy.begin(), fit.periodic_energy.end(), 0.0) /
          static_cast<double>(blocks.width);
 }

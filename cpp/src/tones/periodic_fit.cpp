@@ -473,16 +473,6 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   return fit;
 }
 
-PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
-                         double frequency) {
-  return fit_periodic(PeriodicSignals(signals, rows), model, frequency);
-}
-
-PeriodicFit refine_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
-                            double frequency, double lower, double upper, int max_steps) {
-  return refine_periodic(PeriodicSignals(signals, rows), model, frequency, lower, upper, max_steps);
-}
-
 PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency, double lower,
                             double upper, int max_steps) {
   return refine_periodic(signals, model, fit_periodic(signals, model, std::clamp(frequency, lower, upper)), lower,

@@ -73,7 +73,7 @@ ToneColumns tone_columns(const AnyFramesView& frames, double frequency, double s
   if (blocks.rows <= model.parameters()) {
     return {std::vector<std::uint8_t>(blocks.columns, 1), std::vector<double>(blocks.columns), false};
   }
-  const PeriodicFit fit = fit_periodic(blocks.signals, blocks.rows, model, alias);
+  const PeriodicFit fit = fit_periodic({blocks.signals, blocks.rows}, model, alias);
   return spread_over_columns(blocks, tone_blocks(blocks, fit), fit);
 }
 

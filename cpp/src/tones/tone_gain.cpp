@@ -11,7 +11,6 @@
 #include <numeric>
 #include <optional>
 #include <string>
-#include <type_traits>
 #include <utility>
 
 #include "core/parallel.hpp"
@@ -481,29 +480,17 @@ std::size_t columns_per_part(std::size_t columns, std::size_t left, std::size_t 
   return std::max(share(share(columns, parts), kLine) * kLine, kColumnsPerPart);
 }
 
-// Columns of a frame's first row before the next cache line.
-std::size_t columns_before_line(const AnyFramesView& frames, std::size_t frame) {
-  return std::visit(
-      [&]<class T>(const FramesView<const T>& view) {
-        const std::size_t past = reinterpret_cast<std::uintptr_t>(view.at(frame, 0, 0)) % kLine;
-        return view.column_stride == 1 ? (kLine - past) % kLine / sizeof(T) : 0;
-      },
-      frames);
-}
-
-// Whole frames, which are read fastest; those that are left when every thread has had as many are split. Parts begin at
-// cache lines, so that no line is read twice. The results do not depend on the split.
-std::vector<Piece> pieces_of(const AnyFramesView& frames, const Shape& shape, std::size_t threads) {
+// Whole frames, which are read fastest; those that are left when every thread has had as many are split. The results do
+// not depend on the split.
+std::vector<Piece> pieces_of(const Shape& shape, std::size_t threads) {
   std::vector<Piece> pieces;
   const std::size_t left = threads > 1 ? shape.frames % threads : 0;
   const std::size_t part = std::min(columns_per_part(shape.columns, left, threads), kColumnsPerStream);
   for (std::size_t frame = 0; frame < shape.frames; ++frame) {
     const bool is_left = frame + left >= shape.frames;
-    std::size_t end = columns_before_line(frames, frame);
-    for (std::size_t first = 0; first < shape.columns; first = end) {
-      end = std::min(end + (is_left ? part : kColumnsPerStream), shape.columns);
-      pieces.push_back({frame, first, end - first});
-    }
+    const std::size_t most = is_left ? part : kColumnsPerStream;
+    for (std::size_t first = 0; first < shape.columns; first += most)
+      pieces.push_back({frame, first, std::min(most, shape.columns - first)});
   }
   return pieces;
 }
@@ -543,7 +530,7 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
   const StoredLight stored = stored_light(frames, context.camera->tone_curve);
   const bool bytes = holds_linear_bytes(frames, context.camera->tone_curve);
   const auto threads = static_cast<std::size_t>(context.options->threads);
-  const auto pieces = pieces_of(frames, context.shape, threads);
+  const auto pieces = pieces_of(context.shape, threads);
   const std::size_t columns_of_frame = context.shape.columns;
   const auto is_part = [&](const Piece& piece) { return piece.count < columns_of_frame; };
   std::vector<double> tops;  // of frames in parts
@@ -656,30 +643,13 @@ PooledColumn pool_columns(const AnyFramesView& frames, const Context& context, s
   return pool_columns(light, 0, context, frame, {});
 }
 
-// Largest samples of the columns from `first` on, row by row.
-std::vector<double> largest_samples(const AnyFramesView& frames, std::size_t frame, std::size_t first,
-                                    std::size_t count) {
-  return std::visit(
-      [&]<class T>(const FramesView<const T>& view) {
-        std::vector<T> largest(count, std::numeric_limits<T>::lowest());
-        for (std::size_t row = 0; row < view.rows; ++row) {
-          const T* const samples = view.at(frame, row, first);
-          if (view.column_stride == 1)
-            for (std::size_t i = 0; i < count; ++i) largest[i] = std::max(largest[i], samples[i]);
-          else
-            for (std::size_t i = 0; i < count; ++i) largest[i] = std::max(largest[i], view(frame, row, first + i));
-        }
-        return std::vector<double>(largest.begin(), largest.end());
-      },
-      frames);
-}
-
 // Gains of all columns by one model, with the flags of clipped ones.
 void gains_of_model(const AnyFramesView& frames, Context context, const ToneGainView& result) {
   const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
   if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
   check_samples(frames);
   const HarmonicModel model = model_of(context);
+  const RowWeights none({}, 0, context.shape.rows, 1, 1);
   std::vector<double> tops(frame_count * columns);
   const double level = saturation_level(frames, context.camera->tone_curve);
   const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
@@ -688,7 +658,7 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
     auto estimates = estimates_of(model, column_signals(frames, frame, first, count, context.camera->tone_curve));
-    const auto samples = largest_samples(frames, frame, first, count);
+    const auto samples = project(frames, frame, first, count, none).maximum;
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       take_off_background(context, frame, first, estimates[k].mean);
       write_result(context, context.tones[k], estimates[k].fitted(), {samples, level},
@@ -711,32 +681,6 @@ std::vector<FittedLight> lights_of(const Context& context) {
 }
 
 constexpr std::size_t kMaxColumns = 16;  // that are averaged for the test of a frame
-
-// Linear light, (rows,).
-std::vector<double> mean_of_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
-                                    std::size_t first, std::size_t count) {
-  const std::size_t rows = context.shape.rows;
-  const ToneCurve& curve = context.camera->tone_curve;
-  const double share = 1 / static_cast<double>(count);
-  std::vector<double> mean(rows);
-  if (curve.kind == ToneCurve::Kind::linear) {  // in memory order, without the signals of each column
-    std::visit(
-        [&]<class T>(const FramesView<const T>& view) {
-          using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
-          for (std::size_t row = 0; row < rows; ++row) {
-            Sum sum = 0;
-            for (std::size_t i = 0; i < count; ++i) sum += view(frame, row, first + i);
-            mean[row] = share * static_cast<double>(sum) - curve.dark_level;
-          }
-        },
-        frames);
-    return mean;
-  }
-  const auto signals = column_signals(frames, frame, first, count, curve);
-  for (std::size_t i = 0; i < count; ++i)
-    for (std::size_t row = 0; row < rows; ++row) mean[row] += share * signals[i * rows + row];
-  return mean;
-}
 
 // Linear light of columns and their background.
 struct TestedColumn {
@@ -770,7 +714,10 @@ TestedColumn strongest_columns(const AnyFramesView& frames, const Context& conte
   }
   double background = 0;
   for (std::size_t i = first; i < first + count; ++i) background += background_of(context, frame, i);
-  return {mean_of_columns(frames, context, frame, first, count), background / static_cast<double>(count)};
+  const double share = 1 / static_cast<double>(count);
+  const auto part =
+      part_of(frame_of(frames, frame), {.x = first, .y = 0, .width = count, .height = context.shape.rows});
+  return {weighted_rows(part, 0, context.camera->tone_curve, std::vector<double>(count, share)), background * share};
 }
 
 double square_sum(std::span<const double> values) {

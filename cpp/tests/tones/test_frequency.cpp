@@ -27,16 +27,16 @@ TEST_CASE("a Gauss-Newton step leads to the least residual energy") {
     signal.push_back(std::sin(two_pi * cycles) + 0.3 * std::cos(3 * two_pi * cycles + 1) + 0.01 * std::sin(n * n));
   }
   const ocisac::PeriodicModel model{2, {1, 3}};
-  const auto best = ocisac::refine_periodic(signal, 100, model, 0.0412, 0.01, 0.4);
+  const auto best = ocisac::refine_periodic({signal, 100}, model, 0.0412, 0.01, 0.4);
   CHECK(best.frequency == doctest::Approx(0.0417).epsilon(1e-3));
   for (const double aside : {-1e-5, 1e-5})
-    CHECK(ocisac::fit_periodic(signal, 100, model, best.frequency + aside).total_residual() > best.total_residual());
+    CHECK(ocisac::fit_periodic({signal, 100}, model, best.frequency + aside).total_residual() > best.total_residual());
   const ocisac::PeriodicSignals prepared(signal, 100);
   const auto begun = ocisac::fit_periodic(prepared, model, 0.0412);
   CHECK(ocisac::refine_periodic(prepared, model, begun, 0.01, 0.4).frequency == best.frequency);
-  const auto cut = ocisac::refine_periodic(signal, 100, model, 0.05, 0.043, 0.4);
+  const auto cut = ocisac::refine_periodic({signal, 100}, model, 0.05, 0.043, 0.4);
   CHECK(cut.frequency == 0.043);
-  CHECK_THROWS_AS(ocisac::fit_periodic(signal, 5, model, 0.1), std::invalid_argument);
+  CHECK_THROWS_AS(ocisac::fit_periodic({signal, 5}, model, 0.1), std::invalid_argument);
 }
 
 // The harmonic is the strongest line, whose misfit a fundamental between two lines of the spectrum has to undercut.
@@ -70,10 +70,10 @@ TEST_CASE("combined columns keep the power of the noise and all of the tone") {
         signals[k * rows + n] =
             std::cos(two_pi * 0.051 * static_cast<double>(n) + phase_step * static_cast<double>(k)) + normal(random);
     const auto model = ocisac::periodic_model(0.051, rows, 1);
-    const auto apart = ocisac::fit_periodic(signals, rows, model, 0.051);
+    const auto apart = ocisac::fit_periodic({signals, rows}, model, 0.051);
     const auto combined = ocisac::combine_by_tone(signals, rows, count, model, apart);
     CHECK(combined.per_frame == (phase_step == 0 ? 1 : 2));
-    const auto together = ocisac::fit_periodic(combined.signals, rows, model, 0.051);
+    const auto together = ocisac::fit_periodic({combined.signals, rows}, model, 0.051);
     CHECK(together.harmonic_energy[0] == doctest::Approx(apart.harmonic_energy[0]).epsilon(0.002));
     const double spare = static_cast<double>(combined.per_frame * (rows - model.parameters()));
     CHECK(together.total_residual() / spare == doctest::Approx(0.04).epsilon(0.25));

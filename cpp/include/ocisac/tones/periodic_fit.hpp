@@ -61,16 +61,12 @@ class PeriodicSignals {
   std::vector<double> energies_, even_, odd_, trend_;
 };
 
-// `signals`: (count × rows) dense, preferably with mean removed (energies are differences); more rows than parameters
-// of the model; f in cycles per row.
-PeriodicFit fit_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
-                         double frequency);
+// Signals preferably with mean removed (energies are differences); more rows than parameters of the model; f in cycles
+// per row. Without `with_step`, `step` is 0, in half the time.
 PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
-                         bool with_step = true);  // without it, `step` is 0, in half the time
+                         bool with_step = true);
 
 // The minimum over f near `frequency`, within [lower, upper] cycles per row.
-PeriodicFit refine_periodic(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
-                            double frequency, double lower, double upper, int max_steps = 30);
 PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency, double lower,
                             double upper, int max_steps = 30);
 // The same from a fit within these bounds, with its step.
