@@ -405,8 +405,7 @@ std::vector<double> weighted_samples(const FramesView<const Stored>& view, std::
   for (std::size_t row = 0; row < view.rows; row += most.rows) {
     const std::size_t here = std::min(most.rows, view.rows - row);
     for_each_part({0, view.columns}, most.columns, [&](Columns part) {
-      const auto rows = source.read(row, here, part);
-      kernels::pool_rows<Sample>({rows.samples, rows.stride, here, part.count}, &weights[part.first], of_part.data());
+      kernels::pool_rows(source.read(row, here, part), &weights[part.first], of_part.data());
       for (std::size_t r = 0; r < here; ++r) signal[row + r] += of_part[r];
     });
   }

@@ -33,12 +33,6 @@ void for_each_part(Columns columns, std::size_t largest, Visit visit) {
     visit(Columns{first, std::min(largest, end - first)});
 }
 
-template <class Sample>
-struct Rows {
-  const Sample* samples;
-  std::ptrdiff_t stride;
-};
-
 // Stored samples of any layout as dense rows: the frame's own memory or copies, or what a table says of each sample.
 template <class Stored, class Sample>
 class DenseRows {
@@ -59,51 +53,52 @@ class DenseRows {
   }
 
   // Valid until the next call, unless in place. `to_next`: offset to the samples that will be read next.
-  Rows<Sample> read(std::size_t row, std::size_t rows, Columns columns, std::ptrdiff_t to_next = 0) {
-    const Rows<Stored> stored =
-        dense_ ? Rows<Stored>{view_.at(frame_, row, columns.first), view_.row_stride} : copy(row, rows, columns);
-    if constexpr (!kConverted)
+  kernels::StoredRows<Sample> read(std::size_t row, std::size_t rows, Columns columns, std::ptrdiff_t to_next = 0) {
+    kernels::StoredRows<Stored> stored{view_.at(frame_, row, columns.first), view_.row_stride, to_next, rows,
+                                       columns.count};
+    if (!dense_) copy(row, columns, stored);
+    if constexpr (!kConverted) {
       return stored;
-    else
-      return convert(stored, rows, columns.count, dense_ ? to_next : 0);
+    } else {
+      converted_.resize(rows * columns.count);
+      if constexpr (kFromBytes)
+        kernels::look_up(stored, *table_, converted_.data());
+      else
+        kernels::look_up(stored, light_.data(), converted_.data());
+      return {converted_.data(), static_cast<std::ptrdiff_t>(columns.count), 0, rows, columns.count};
+    }
   }
 
  private:
   static constexpr bool kConverted = !std::is_same_v<Stored, Sample>;
   static constexpr bool kFromBytes = kConverted && std::is_same_v<Stored, std::uint8_t>;
 
-  Rows<Stored> copy(std::size_t row, std::size_t rows, Columns columns) {
-    copied_.resize(rows * columns.count);
-    const auto stride = static_cast<std::ptrdiff_t>(columns.count);
+  // Rows from `row` on, into dense memory.
+  void copy(std::size_t row, Columns columns, kernels::StoredRows<Stored>& to) {
+    copied_.resize(to.rows * columns.count);
+    to.samples = copied_.data();
+    to.stride = static_cast<std::ptrdiff_t>(columns.count);
+    to.to_next = 0;
     if constexpr (std::is_same_v<Stored, std::uint8_t>) {
       if (is_transposed()) {
         const bool backwards = view_.row_stride < 0;
-        kernels::transpose_bytes(view_.at(frame_, backwards ? row + rows - 1 : row, columns.first), view_.column_stride,
-                                 rows, columns.count, copied_.data());
-        if (!backwards) return {copied_.data(), stride};
-        return {copied_.data() + static_cast<std::ptrdiff_t>(rows - 1) * stride, -stride};
+        kernels::transpose_bytes(view_.at(frame_, backwards ? row + to.rows - 1 : row, columns.first),
+                                 view_.column_stride, to.rows, columns.count, copied_.data());
+        if (!backwards) return;
+        to.samples += static_cast<std::ptrdiff_t>(to.rows - 1) * to.stride;
+        to.stride = -to.stride;
+        return;
       }
       if (view_.column_stride > 1) {
-        for (std::size_t r = 0; r < rows; ++r)
+        for (std::size_t r = 0; r < to.rows; ++r)
           kernels::take_every(view_.at(frame_, row + r, columns.first), static_cast<std::size_t>(view_.column_stride),
                               columns.count, copied_.data() + r * columns.count);
-        return {copied_.data(), stride};
+        return;
       }
     }
-    for (std::size_t r = 0; r < rows; ++r)
+    for (std::size_t r = 0; r < to.rows; ++r)
       for (std::size_t c = 0; c < columns.count; ++c)
         copied_[r * columns.count + c] = view_(frame_, row + r, columns.first + c);
-    return {copied_.data(), stride};
-  }
-
-  Rows<Sample> convert(const Rows<Stored>& stored, std::size_t rows, std::size_t count, std::ptrdiff_t to_next) {
-    converted_.resize(rows * count);
-    const kernels::StoredRows<Stored> from{stored.samples, stored.stride, to_next, rows, count};
-    if constexpr (kFromBytes)
-      kernels::look_up(from, *table_, converted_.data());
-    else
-      kernels::look_up(from, light_.data(), converted_.data());
-    return {converted_.data(), static_cast<std::ptrdiff_t>(count)};
   }
 
   const FramesView<const Stored>& view_;

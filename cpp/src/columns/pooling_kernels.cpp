@@ -66,7 +66,7 @@ HWY_INLINE void pool_group(const T* const (&rows)[kGroup], std::size_t columns, 
 }
 
 template <class T>
-HWY_INLINE void pool_all(const PooledRows<T>& from, const double* weights, double* to) {
+HWY_INLINE void pool_all(const StoredRows<T>& from, const double* weights, double* to) {
   for (std::size_t first = 0; first < from.rows; first += kGroup) {
     const T* rows[kGroup];
     double* sums[kGroup];
@@ -82,12 +82,12 @@ HWY_INLINE void pool_all(const PooledRows<T>& from, const double* weights, doubl
   }
 }
 
-void PoolBytes(const PooledRows<std::uint8_t>& from, const double* weights, double* to) { pool_all(from, weights, to); }
-void PoolWords(const PooledRows<std::uint16_t>& from, const double* weights, double* to) {
+void PoolBytes(const StoredRows<std::uint8_t>& from, const double* weights, double* to) { pool_all(from, weights, to); }
+void PoolWords(const StoredRows<std::uint16_t>& from, const double* weights, double* to) {
   pool_all(from, weights, to);
 }
-void PoolFloats(const PooledRows<float>& from, const double* weights, double* to) { pool_all(from, weights, to); }
-void PoolDoubles(const PooledRows<double>& from, const double* weights, double* to) { pool_all(from, weights, to); }
+void PoolFloats(const StoredRows<float>& from, const double* weights, double* to) { pool_all(from, weights, to); }
+void PoolDoubles(const StoredRows<double>& from, const double* weights, double* to) { pool_all(from, weights, to); }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace ocisac::kernels
@@ -103,22 +103,22 @@ HWY_EXPORT(PoolFloats);
 HWY_EXPORT(PoolDoubles);
 
 template <>
-void pool_rows(const PooledRows<std::uint8_t>& from, const double* weights, double* to) {
+void pool_rows(const StoredRows<std::uint8_t>& from, const double* weights, double* to) {
   HWY_DYNAMIC_DISPATCH(PoolBytes)(from, weights, to);
 }
 
 template <>
-void pool_rows(const PooledRows<std::uint16_t>& from, const double* weights, double* to) {
+void pool_rows(const StoredRows<std::uint16_t>& from, const double* weights, double* to) {
   HWY_DYNAMIC_DISPATCH(PoolWords)(from, weights, to);
 }
 
 template <>
-void pool_rows(const PooledRows<float>& from, const double* weights, double* to) {
+void pool_rows(const StoredRows<float>& from, const double* weights, double* to) {
   HWY_DYNAMIC_DISPATCH(PoolFloats)(from, weights, to);
 }
 
 template <>
-void pool_rows(const PooledRows<double>& from, const double* weights, double* to) {
+void pool_rows(const StoredRows<double>& from, const double* weights, double* to) {
   HWY_DYNAMIC_DISPATCH(PoolDoubles)(from, weights, to);
 }
 

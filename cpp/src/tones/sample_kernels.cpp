@@ -98,9 +98,6 @@ HWY_INLINE void ask_for_samples(const T* pixels, const std::array<std::ptrdiff_t
     ask_for<(kBytes + kLine - 1) / kLine>(reinterpret_cast<const std::uint8_t*>(pixels + offset));
 }
 
-// Accumulators of one strip, the sums `stride` apart.
-using StripSums = ProjectionSums;
-
 // Sum of a group of rows of a vector's columns; raises the maximum. The rows ask for the lines `ahead`.
 template <bool kSingle, class T, class Ahead>
 HWY_INLINE RowSum<T> sum_of_samples(const T* HWY_RESTRICT pixels, const double* light, std::ptrdiff_t stride,
@@ -134,7 +131,7 @@ struct StripAhead {
 // sum and difference are twice as large.
 template <std::size_t kOutputs, std::size_t kVectors, bool kKeep, bool kFold, bool kSingle, class T, class Ahead>
 HWY_INLINE void add_groups(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
-                           const StripSums& to, double* HWY_RESTRICT kept) {
+                           const ProjectionSums& to, double* HWY_RESTRICT kept) {
   static_assert(!kFold || kOutputs == 0 || kOutputs == 2);
   constexpr std::size_t kRoom = std::max<std::size_t>(kOutputs, 1);
   const std::size_t lanes = hn::Lanes(d64);
@@ -198,7 +195,7 @@ HWY_INLINE void add_groups(const SampleBlock<T>& strip, const Ahead& ahead, cons
 // The outputs `which`, from kept sums of groups.
 template <std::size_t kOutputs, std::size_t kVectors>
 HWY_INLINE void add_kept_outputs(const double* HWY_RESTRICT kept, std::size_t groups, const SampleWeights& weights,
-                                 const std::size_t* which, const StripSums& to) {
+                                 const std::size_t* which, const ProjectionSums& to) {
   const std::size_t lanes = hn::Lanes(d64);
   Sum64 out[kOutputs][kVectors];
   const double* row[kOutputs];
@@ -225,7 +222,7 @@ HWY_INLINE void add_kept_outputs(const double* HWY_RESTRICT kept, std::size_t gr
 
 template <std::size_t kVectors>
 HWY_INLINE void add_kept_outputs(const double* kept, std::size_t groups, const SampleWeights& weights,
-                                 std::span<const std::size_t> which, const StripSums& to) {
+                                 std::span<const std::size_t> which, const ProjectionSums& to) {
   std::size_t done = 0;
   const auto add = [&]<std::size_t kOutputs>() {
     for (; done + kOutputs <= which.size(); done += kOutputs)
@@ -239,7 +236,7 @@ HWY_INLINE void add_kept_outputs(const double* kept, std::size_t groups, const S
 // All outputs of one strip.
 template <std::size_t kVectors, bool kSingle, class T, class Ahead>
 void add_sample_strip(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
-                      const StripSums& to) {
+                      const ProjectionSums& to) {
   const auto add = [&]<std::size_t kOutputs, bool kKeep, bool kFold>(double* kept) {
     add_groups<kOutputs, kVectors, kKeep, kFold, kSingle>(strip, ahead, weights, to, kept);
   };
@@ -260,7 +257,7 @@ void add_sample_strip(const SampleBlock<T>& strip, const Ahead& ahead, const Sam
 
 template <std::size_t kVectors, class T, class Ahead>
 void add_sample_strip(const SampleBlock<T>& strip, const Ahead& ahead, const SampleWeights& weights,
-                      const StripSums& to) {
+                      const ProjectionSums& to) {
   if constexpr (kVectors > 1)  // for the last columns of a row, groups of one row need no code of their own
     if (weights.row_group == 1) return add_sample_strip<kVectors, true>(strip, ahead, weights, to);
   add_sample_strip<kVectors, false>(strip, ahead, weights, to);

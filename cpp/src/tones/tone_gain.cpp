@@ -155,16 +155,10 @@ bool is_quantised(const kernels::FittedTone& estimates, std::size_t i, double am
   return rounding_pull(amplitude, noise, recurrences) > std::sqrt(radial);
 }
 
-// Largest sample of each column, (columns,), and the level from which it is saturated.
-struct Peaks {
-  std::span<const double> samples;
-  double saturated;
-};
-
 // Writes gain, standard error, phase, mean, snr and flags of one tone for the columns from `first` of the result on;
-// the estimates' mean is the source's own.
-void write_result(const Context& context, const Tone& tone, kernels::FittedTone estimates, const Peaks& peaks,
-                  std::size_t first, const ToneGainView& result) {
+// the estimates' mean is the source's own. `tops`: largest sample of each column, `level`: from which it is saturated.
+void write_result(const Context& context, const Tone& tone, kernels::FittedTone estimates, std::span<const double> tops,
+                  double level, std::size_t first, const ToneGainView& result) {
   const std::size_t count = estimates.count;
   estimates.full_depth_ratio = context.ratio;
   estimates.phase_at_zero = tone.phase_at_zero;
@@ -173,7 +167,7 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
   const bool any = kernels::gains_of_fit(estimates, {&result.gain[first], &result.gain_std[first], &result.phase[first],
                                                      &result.mean[first], &result.snr[first], remarks.data()});
   for (std::size_t i = 0; i < count; ++i)
-    result.flags[first + i] = tone.flags | (peaks.samples[i] >= peaks.saturated ? flag::saturated : 0);
+    result.flags[first + i] = tone.flags | (tops[i] >= level ? flag::saturated : 0);
   if (!any && !(tone.flags & flag::unresolvable)) return;
   std::vector<Recurrence> recurrences;
   if (context.whole_numbers) recurrences = recurrences_of(tone.cycles_per_row, context.shape.rows);
@@ -550,9 +544,9 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
       const auto mean = std::span(columns.parameters).first(here);
       take_off(stored.dark, mean);
       take_off_background(context, frame, first + done, mean);
-      const Peaks peaks{std::span(sums.maximum).subspan(done, here), stored.saturated};
+      const auto maxima = std::span(sums.maximum).subspan(done, here);
       for (std::size_t k = 0; k < context.tones.size(); ++k)
-        write_result(context, context.tones[k], fitted_tone(fit, columns, k), peaks,
+        write_result(context, context.tones[k], fitted_tone(fit, columns, k), maxima, stored.saturated,
                      index_of(context, k, frame) + first + done, result);
     }
     if (is_part(pieces[block]))
@@ -566,9 +560,9 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
                    std::span(tops).subspan(piece.frame * columns_of_frame, columns_of_frame), result);
 }
 
-// All columns of a frame combined.
+// Columns of a frame combined.
 struct PooledColumn {
-  std::vector<double> signal;  // (rows,), linear light
+  std::vector<double> signal;  // (rows,), linear light; empty: none are
   double background = 0;
   bool saturated = false;
 };
@@ -661,7 +655,7 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
     const auto samples = project(frames, frame, first, count, none).maximum;
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       take_off_background(context, frame, first, estimates[k].mean);
-      write_result(context, context.tones[k], estimates[k].fitted(), {samples, level},
+      write_result(context, context.tones[k], estimates[k].fitted(), samples, level,
                    index_of(context, k, frame) + first, result);
     }
     std::ranges::copy(samples, &tops[frame * columns + first]);
@@ -682,14 +676,8 @@ std::vector<FittedLight> lights_of(const Context& context) {
 
 constexpr std::size_t kMaxColumns = 16;  // that are averaged for the test of a frame
 
-// Linear light of columns and their background.
-struct TestedColumn {
-  std::vector<double> light;  // (rows); empty: none to be tested
-  double background = 0;
-};
-
 // Mean of up to 16 neighbouring columns with the strongest tone, without saturated ones; empty if all are.
-TestedColumn strongest_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
+PooledColumn strongest_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
                                const ToneGainView& result) {
   constexpr Flags kUnusable = flag::saturated | flag::unresolvable | flag::no_light;
   const std::size_t columns = context.shape.columns, start = index_of(context, 0, frame);
@@ -767,14 +755,14 @@ double unevenness_of(const Context& context, const std::optional<ColumnFit>& col
 }
 
 // Other tones, and what is wrong beside them in parts of the gain; nothing where the model leaves noise.
-Surroundings surroundings_of(const Context& context, const TestedColumn& column) {
-  const auto alone = ColumnFit::of(context, column.light);
+Surroundings surroundings_of(const Context& context, const PooledColumn& column) {
+  const auto alone = ColumnFit::of(context, column.signal);
   if (!alone || (unevenness_of(context, alone, column.background) == 0 && !may_have_surroundings(*alone, context)))
     return {};
-  Surroundings around = surroundings(column.light, lights_of(context));
+  Surroundings around = surroundings(column.signal, lights_of(context));
   Context with_others = context;
   with_others.others = around.tones;
-  around.unevenness = unevenness_of(with_others, ColumnFit::of(with_others, column.light), column.background);
+  around.unevenness = unevenness_of(with_others, ColumnFit::of(with_others, column.signal), column.background);
   return around;
 }
 
@@ -902,13 +890,13 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
       for (std::size_t k = 0; k < of_fit.tones.size(); ++k) {
         estimates[k].mean[0] -= pooled.background;
         const std::array saturated{pooled.saturated ? 1.0 : 0.0};
-        write_result(of_fit, of_fit.tones[k], estimates[k].fitted(), {saturated, 1}, k * context.shape.frames + frame,
+        write_result(of_fit, of_fit.tones[k], estimates[k].fitted(), saturated, 1, k * context.shape.frames + frame,
                      result);
       }
     };
     write(context, model);
     if (options.method != GainMethod::fit || !options.robust || pooled.saturated) return;
-    const Surroundings around = surroundings_of(context, {pooled.signal, pooled.background});
+    const Surroundings around = surroundings_of(context, pooled);
     if (!around.tones.empty()) {
       Context with_others = make_context(frames, camera, frequencies, options);
       with_others.whole_numbers = false;

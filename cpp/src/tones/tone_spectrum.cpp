@@ -10,6 +10,7 @@
 
 #include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/find_frequency.hpp"
@@ -17,19 +18,6 @@
 namespace ocisac {
 
 namespace {
-
-// (rows) the mean of all columns in linear light.
-std::vector<double> mean_column(const AnyFramesView& frame, const ToneCurve& curve) {
-  constexpr std::size_t block = 64;  // columns at a time
-  const auto [frames, rows, columns] = shape_of(frame);
-  std::vector<double> mean(rows);
-  for (std::size_t first = 0; first < columns; first += block) {
-    const auto signals = column_signals(frame, 0, first, std::min(block, columns - first), curve);
-    for (std::size_t k = 0; k < signals.size(); ++k) mean[k % rows] += signals[k];
-  }
-  for (double& light : mean) light /= static_cast<double>(columns);
-  return mean;
-}
 
 // Calls `use` with a dense view of the selected columns.
 template <class Use>
@@ -90,7 +78,8 @@ ToneSpectrum tone_spectrum(const AnyFramesView& frame, const Camera& camera, con
     std::ranges::fill(selected.used, std::uint8_t{1});
   with_columns(frame, selected.used, [&](const AnyFramesView& columns) {
     result.columns = shape_of(columns).columns;
-    result.column = mean_column(columns, camera.tone_curve);
+    const std::vector<double> weights(result.columns, 1 / static_cast<double>(result.columns));
+    result.column = weighted_rows(columns, 0, camera.tone_curve, weights);
     if (!std::isfinite(result.frequency)) return;
     ToneGainOptions wanted;
     wanted.waveform = options.waveform;

@@ -208,17 +208,13 @@ double quadratic(const MatrixXd& covariance, const Vector& slope) {
   return std::max(sum, 0.0);
 }
 
-struct Column {
-  double gain, gain_std, mean, bias, bias_std;
-  Flags flags;
-};
-
-// `steady_gain`, `steady_std`, `flags`: those of tone_gain.
-Column judge(const Plan& plan, const Vector& parameters, double noise, double background, double ratio,
-             double steady_gain, double steady_std, Flags flags) {
-  const double mean = parameters(0) - background;
+// Writes the result of a column, whose flags are there. `steady_gain`, `steady_std`: those of tone_gain.
+void judge(const Plan& plan, const Vector& parameters, double noise, double background, double ratio,
+           double steady_gain, double steady_std, VaryingToneGain& result, std::size_t index) {
+  const double mean = result.mean[index] = parameters(0) - background;
+  Flags& flags = result.flags[index];
   if (!(mean > 0)) flags |= flag::no_light;
-  if (flags & (flag::unresolvable | flag::no_light)) return {kNaN, kNaN, mean, kNaN, kNaN, flags};
+  if (flags & (flag::unresolvable | flag::no_light)) return;
   // In units of the mean: squares neither overflow nor vanish.
   const Vector relative = parameters / mean;
   const double relative_noise = std::sqrt(noise) / mean;
@@ -239,7 +235,10 @@ Column judge(const Plan& plan, const Vector& parameters, double noise, double ba
   const double bias = steady_gain - gain, bias_std = error(slope);
   if (gain < std::max(kWeak * gain_std, kRounding)) flags |= flag::weak;
   if (std::abs(bias) > std::max({kSure * bias_std, steady_std, kRounding})) flags |= flag::model_misfit;
-  return {gain, gain_std, mean, bias, bias_std, flags};
+  result.gain[index] = gain;
+  result.gain_std[index] = gain_std;
+  result.bias[index] = bias;
+  result.bias_std[index] = bias_std;
 }
 
 // Parameters (3·terms + 3 × columns) and squares of what is left of the columns.
@@ -328,15 +327,9 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
       const std::size_t index = frame * shape.columns + first + i;
       const double ambient = background.empty() ? 0 : background.size() == 1 ? background[0] : background[index];
       const double noise = fitted.squares[i] / plan.freedom();
-      const Flags flags = (steady.flags[index] & ~flag::weak) | plan.flags;
-      const Column judged = judge(plan, fitted.parameters.col(static_cast<Index>(i)), noise, ambient, ratio,
-                                  steady.gain[index], steady.gain_std[index], flags);
-      result.gain[index] = judged.gain;
-      result.gain_std[index] = judged.gain_std;
-      result.mean[index] = judged.mean;
-      result.bias[index] = judged.bias;
-      result.bias_std[index] = judged.bias_std;
-      result.flags[index] = judged.flags;
+      result.flags[index] = (steady.flags[index] & ~flag::weak) | plan.flags;
+      judge(plan, fitted.parameters.col(static_cast<Index>(i)), noise, ambient, ratio, steady.gain[index],
+            steady.gain_std[index], result, index);
     }
   });
   return result;
