@@ -49,6 +49,7 @@ def scene_of(*surfaces: scene.Surface, camera: Camera = CAMERA) -> scene.Scene:
 
 
 NO_FRAMES = [np.zeros((0, 8)), np.zeros((64, 0)), np.zeros((64, 8), complex)]
+PERHAPS_COLOURS = [np.zeros((64, 48, colours), np.uint8) for colours in (3, 4)]
 NO_COLUMNS = [*NO_FRAMES, np.zeros((2, 2, 2, 2)), np.array([["a"]]), np.full((64, 8), NAN), np.full((64, 8), INF)]
 
 REFUSED: dict[str, dict[str, list[Any]]] = {
@@ -126,11 +127,12 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     },
     "exposure.best_noisy_exposure": {
         "frequency": [of(frequencies=(0.0,))], "weights": [(0.0,), (1.0, 2.0)],
-        "bounds": [(0.0, 1.0), (2.0, 1.0), (1.0,), (1e-3, 1e9)], "noise_exposure": [0.0, NAN], "step": [1.0, -1.0],
+        "bounds": [(0.0, 1.0), (2.0, 1.0), (1.0,), (1e-3, 1e9)], "noise_exposure": [0.0, NAN],
+        "step": [1.0, -1.0, 5e-324, 1e-30],
     },
     "exposure.ExposureController": {
         "shortest": [of(exposures=(0.0, 1.0))], "longest": [of(exposures=(2.0, 1.0))], "exposures": [(2.0,)],
-        "step": [1.0], "highest_gain": [of(gains=(2.0, 1.0))], "lowest_gain": [of(gains=(0.0, 1.0))],
+        "step": [1.0, 5e-324, 1e-30], "highest_gain": [of(gains=(2.0, 1.0))], "lowest_gain": [of(gains=(0.0, 1.0))],
         "weights": [(0.0, 0.0), (-1.0, 1.0)], "hysteresis": [NAN], "levels": [0.4], "min_snr": [-1.0],
         "noise_level": [0.0],
     },
@@ -229,6 +231,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "line_code": ["rz", ["0", "1", "1"], ["01", "01"], ["01", "2"], [0, 1]], "block_bytes": [0, 2.5, 300],
         "preamble": ["long"],
     },
+    "packets.merge_receptions": {"window": [-1]},
     "packets.encode_line_code": {"bits": [[0, 2], [[0]], of(bits=[0] * 7, line_code="8b10b")]},
     "packets.decode_line_code": {"llr": [of(llr=[1.0] * 7, line_code="4b6b"), [NAN]]},
     "packets.PacketAssembler.push": {"llr": [[NAN], [1j]]},
@@ -243,18 +246,20 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     "lights.SourceTracker": {"patience": [-1], "reach": [0.0, NAN], "full_every": [0]},
     "lights.detect_sources": {
         "false_alarms": [0.0, NAN, 1.5], "min_cycles": [1.0, INF], "max_sources": [0],
-        "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2))], "columns": [of(frames=np.full((64, 64), NAN))],
+        "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2)), np.zeros((1, 64, 48, 3), np.uint8), *PERHAPS_COLOURS],
+        "columns": [of(frames=np.full((64, 64), NAN))],
     },
     "receiver.compare_bits": {"received": ["012", ["01", "2"]], "sent": ["", "0a", [0.5], [[0, 1]]]},
     "receiver.receive": {
-        "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2, 2)), np.zeros((1, 4, 4, 0))],
+        "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2, 2)), np.zeros((1, 4, 4, 0)), *PERHAPS_COLOURS],
         "columns": [of(frames=np.full((9, 4), NAN))], "chip_rate": [0.0, INF, 7.5e4], "colour": [1, -1],
     },
     "receiver.Receiver": {
         "chip_rate": [-1.0, 1e6], "search_passes": [0], "format": ["manchester"],
     },
     "receiver.Receiver.push": {
-        "frame": [np.zeros((2, 2, 2, 2)), np.zeros((0, 4)), np.zeros(9, complex)], "number": [1.5],
+        "frame": [np.zeros((2, 2, 2, 2)), np.zeros((2, 64, 48)), np.zeros((0, 4)), np.zeros(9, complex)],
+        "number": [1.5],
         "colour": [call(lambda: receiver.Receiver(CAMERA, colour=3).push(np.zeros((9, 9, 3))))],
         "time": [NAN], "exposure": [0.0], "gain": [-1.0],
     },
@@ -263,14 +268,14 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "frequency": [0.0], "waveform": ["saw"], "duty": [1.0], "background": [NAN, "dark"],
     },
     "cleaning.remove_bands": {
-        "frames": [*NO_FRAMES, np.zeros(9), np.zeros((7, 3)), np.full((64, 8), NAN)],
+        "frames": [*NO_FRAMES, np.zeros(9), np.zeros((7, 3)), np.full((64, 8), NAN), *PERHAPS_COLOURS],
         "light": [np.ones(5), np.zeros(64), np.full(64, -1.0)], "exposure": [of(light=TONE, camera=Camera(1e-5))],
         "model": ["sawtooth"], "keep": ["all"], "level": ["high"], "options": [{"toe": 0.1}],
     },
     "cleaning.VideoCleaner.push": {"frame": [np.zeros((2, 64, 48))]},
     "cleaning.CleaningOptions": {"noise": [0.0, "2"], "max_gain": [1.0], "toe": [1.5, NAN]},
     "cleaning.subtract_still": {
-        "frames": [FRAME[None]], "still": [np.zeros((3, 3))], "neighbours": [0],
+        "frames": [FRAME[None], *PERHAPS_COLOURS], "still": [np.zeros((3, 3))], "neighbours": [0],
     },
     "scene.Plain": {"level": [1.5]},
     "scene.Grating": {"duty": [1]},
@@ -290,7 +295,13 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "frame_time": [call(lambda: scene_of(camera=Camera(1e-5, 1e-3)).plan(frames=2))],
     },
     "scene.render": {"frames": [2], "noise": [True], "threads": [0]},
-    "sensing.sense": {"frames": [np.zeros(100)], "depth": [0.0], "unlit": [np.zeros((5, 5))], "waveform": ["saw"]},
+    "sensing.sense": {
+        "frames": [np.zeros(100), *PERHAPS_COLOURS], "depth": [0.0], "unlit": [np.zeros((5, 5))], "waveform": ["saw"],
+    },
+    "sensing.restore_contrast": {
+        "camera.exposure": [of(camera=Camera(1e-5))],
+        "columns": [of(columns=np.ones(100), camera=Camera(22.2e-6, 600e-6))],
+    },
     "sensing.background_light": {"frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2))]},
     "sensing.sense_region": {
         "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2))],

@@ -20,6 +20,10 @@ ROOT = Path(__file__).parents[2]
 ARCHITECTURE = ROOT / "docs" / "reference" / "architecture.md"
 ROOMS = re.findall(r"^\| `(\w+)` \|", ARCHITECTURE.read_text(encoding="utf-8"), re.MULTILINE)
 
+NAMELESS = ("device", "web", "rows", "columns", "smoke")  # without Python names
+NAMED = [room for room in ROOMS if room not in NAMELESS]
+GRAMMAR = [room for room in NAMED if room not in ("cli", "reference")]  # nor programs, nor twins
+
 MAX_ARGUMENTS = 10  # tone_gain has 10, all in the table of names that others rely on
 MAX_POSITIONAL = 3  # data, camera, and what the function is named after: a frequency, a channel, rows
 
@@ -58,17 +62,7 @@ def is_result(value: Any) -> bool:
 
 def callables() -> Iterator[Any]:
     """Functions, methods and the constructors of classes that users make, of all rooms but the twins'."""
-    for room in ROOMS:
-        if room in (
-            "device",
-            "web",
-            "rows",
-            "columns",
-            "cli",
-            "smoke",
-            "reference",
-        ):  # without Python names, programs, twins
-            continue
+    for room in GRAMMAR:
         for name, value in public(room):
             if inspect.isclass(value):
                 for method, function in vars(value).items():
@@ -101,7 +95,7 @@ def test_a_call_follows_the_grammar(name: str, function: Callable[..., Any]) -> 
     assert optional <= NATURAL.get(name, set()), "optional arguments are given by keyword"
 
 
-@pytest.mark.parametrize("room", [room for room in ROOMS if room not in ("device", "web", "rows", "columns", "smoke")])
+@pytest.mark.parametrize("room", NAMED)
 def test_no_public_name_is_of_the_old_grammar(room: str) -> None:
     for name, value in public(room):
         fields = [] if not inspect.isclass(value) else [one for one in vars(value) if not one.startswith("_")]
@@ -115,9 +109,7 @@ def entries(value: Any) -> dict[str, str]:
     return {name: entry for names, entry in found for name in names.split(", ")}
 
 
-@pytest.mark.parametrize(
-    "room", [room for room in ROOMS if room not in ("device", "web", "rows", "columns", "smoke", "cli", "reference")]
-)
+@pytest.mark.parametrize("room", GRAMMAR)
 def test_an_exposure_is_in_seconds_unless_its_name_says_rows(room: str) -> None:
     for name, value in public(room):
         for parameter, text in entries(value).items():
@@ -131,8 +123,7 @@ def option_classes() -> list[Any]:
     """Frozen classes that group options: every field has a default."""
     return [
         pytest.param(value, id=name)
-        for room in ROOMS
-        if room not in ("device", "web", "rows", "columns", "cli", "smoke", "reference")
+        for room in GRAMMAR
         for name, value in public(room)
         if hasattr(value, "__dataclass_fields__")
         and not is_result(value)

@@ -68,8 +68,3 @@ def test_numbers_and_texts_are_different_lights() -> None:
 def test_refuses(bad: str, message: str) -> None:
     with pytest.raises(ValueError, match=message.replace("{", "\\{")):
         merge_receptions([line(1, 0.0), bad])
-
-
-def test_refuses_a_window_without_meaning() -> None:
-    with pytest.raises(ValueError, match="window: got -1"):
-        merge_receptions([], window=-1)
