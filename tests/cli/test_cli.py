@@ -184,8 +184,23 @@ def test_what_goes_wrong_outside_a_laboratory_is_simulated(facts, tmp_path):
 
     path = tmp_path / "lamp.npy"
     light = ("--waveform", "chips", "--bits", "0110", "--chip-rate", "8kHz", "--rise", "0.5", "--fall", "0.3")
-    size = ("--rows", 90, "--columns", 40, "--frames", 3, "--frame-rate", 30, "--bit-depth", "float")
-    wrong = ("--lamp-width", 9, "--tilt", 3, "--texture", "0.2", "--hum", "0.5", "--mains", 60, "--jitter", "50us")
+    size = ("--rows", 90, "--columns", 40, "--frames", 3, "--frame-rate", 30, "--bit-depth", "16")
+    wrong = (
+        "--lamp-width",
+        9,
+        "--tilt",
+        3,
+        "--texture",
+        "0.2",
+        "--hum",
+        "0.5",
+        "--mains",
+        60,
+        "--jitter",
+        "50us",
+        "--noise",
+        5,
+    )
     facts("simulate", *light, *TESTBED, *DARK, *size, *wrong, "--swing", 80, "--seed", 7, "-o", path)
     want = simulate_frames(
         Chips("0110", 8e3, repeat=True, rise=0.5, fall=0.3),
@@ -197,7 +212,8 @@ def test_what_goes_wrong_outside_a_laboratory_is_simulated(facts, tmp_path):
         reflectance=texture(90, 40, 0.2, seed=7),
         ambient=Tone(120.0, amplitude=0.5),
         jitter=50e-6,
-        dtype=np.float32,
+        noise=5.0,
+        dtype=np.uint16,
         seed=7,
     )
     np.testing.assert_array_equal(np.load(path), list(want))
