@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
-import pathlib
 from typing import Any
 
+import equalisation
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -15,7 +14,6 @@ import ocisac_fast.tones as of
 from ocisac_fast import Camera, reference
 from ocisac_fast.tones import EqualizerReport, lost_frequencies
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 ROW_TIME = 10e-6
 Floats = npt.NDArray[np.float64]
 
@@ -54,16 +52,6 @@ def plain_inverse(column: Floats, exposure_rows: float, max_boost: float = 10.0)
 
 def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-def equalisation() -> Any:
-    """The module bench/equalisation.py."""
-    spec = importlib.util.spec_from_file_location("equalisation", ROOT / "bench" / "equalisation.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 class TestRestores:
@@ -147,7 +135,7 @@ class TestRestores:
     def test_wiener_is_behind_no_plain_method(
         self, kind: str, value: float, exposure_rows: float, sigma: float, most: float
     ) -> None:
-        error = equalisation().errors(kind, value, exposure_rows, sigma, 720, 6)
+        error = equalisation.errors(kind, value, exposure_rows, sigma, 720, 6)
         assert error["wiener"] < 1.06 * min(error["inverse"], error["shift"])  # 0.5 dB
         assert error["wiener"] < most
 
@@ -160,16 +148,15 @@ class TestRestores:
         ],
     )
     def test_wiener_is_within_3_db_of_what_all_covariances_allow(self, kind: str, value: float) -> None:
-        error = equalisation().errors(kind, value, 5.0, 0.01, 300, 10, draws=2000)
+        error = equalisation.errors(kind, value, 5.0, 0.01, 300, 10, draws=2000)
         assert error["wiener"] < 10 ** (3 / 20) * error["oracle"]
 
     @pytest.mark.nightly
     def test_wiener_over_the_grid_of_the_bench(self) -> None:
-        bench = equalisation()
-        for case in bench.cases():
+        for case in equalisation.cases():
             if case[:2] == ("swell at an end", 8.0):
                 continue  # up to 1.4 dB: docs/explanation/tones.md
-            error = bench.errors(*case, 720, 20)
+            error = equalisation.errors(*case, 720, 20)
             assert error["wiener"] < 1.06 * min(error["inverse"], error["shift"]), case
 
     def test_last_half_exposure(self) -> None:
