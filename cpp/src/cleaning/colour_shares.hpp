@@ -17,8 +17,7 @@ struct BandedColour {
 // Shares (rows × columns) of each colour; all are of one shape.
 //
 // A light that is the only one, or that lights all alike, has one share; shares by pixel then follow texture. They
-// replace one share for each colour only where they increase the likelihood more than they do by chance: twice as much
-// as for an even light that is put onto the cleaned picture, with the course of this one, moved along the rows.
+// replace one share for each colour only where they increase the likelihood by more than they do under an even light.
 std::vector<std::vector<double>> colour_shares(std::span<const BandedColour> colours);
 
 }  // namespace ocisac

@@ -7,6 +7,7 @@
 
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/edge_aware_filter.hpp"
+#include "cleaning/merged_blocks.hpp"
 #include "cleaning/smooth_shares.hpp"
 #include "core/check_interrupt.hpp"
 
@@ -19,19 +20,7 @@ struct Step {
   double reach;    // pixels
 };
 // Wide at first, so that bands with a wrong share are not taken for edges.
-constexpr std::array<Step, 13> plan{{{0.5, 48},
-                                     {0.5, 48},
-                                     {0.5, 48},
-                                     {0.3, 32},
-                                     {0.3, 32},
-                                     {0.2, 32},
-                                     {0.1, 24},
-                                     {0.1, 24},
-                                     {0.05, 16},
-                                     {0.05, 16},
-                                     {0.05, 12},
-                                     {0.05, 8},
-                                     {0.05, 8}}};
+constexpr std::array<Step, 6> plan{{{0.5, 48}, {0.3, 32}, {0.2, 32}, {0.1, 24}, {0.05, 16}, {0.05, 8}}};
 // Relative change of light that halves the passage weight, per row of the lag: a larger lag gives fewer comparisons,
 // which need a wider reach. Between frames the lag does not matter.
 constexpr double edge_of_lag = 0.025, min_edge = 0.03, max_edge = 0.25, edge_of_frames = 0.15;
@@ -41,18 +30,9 @@ constexpr double lags_of_guide = 4;             // for the guide: edges of the c
 constexpr double edge_noise = 9;                // in variances: suppresses edges caused by noise
 constexpr double texture_between_frames = 0.2;  // relative to that between rows; due to small motion
 
-// At the border of a lamp's light the steady light c·(1 − q/q_max) is continuous.
-constexpr int rounds_at_lamp_edges = 3;
-constexpr double texture_at_lamp_edges = 0.05, reach_of_steady = 12, edge_of_steady = 0.15;
-constexpr double reach_of_choice = 3;  // pixels over which the evidence for one of two shares is summed
-constexpr double min_log_ratio = 3;    // min log-likelihood ratio to accept the other share
-constexpr std::array<std::size_t, 3> steps_of_range{1, 3, 8};  // successive windows: 12 pixels each way in total
-
-constexpr std::size_t wide = 6;             // steps of the plan, at first
+constexpr std::size_t wide = 3;             // steps of the plan, at first
 constexpr std::size_t merged_at_first = 4;  // columns per sum in the wide steps
-constexpr int rounds_before_smooth = 2;     // at lamp edges
-constexpr int smooth_steps = 6;
-constexpr double smooth_texture = 0.05;
+constexpr int smooth_steps = 4, even_steps = 6;
 
 // Evidence of one picture, cleaned with the current shares, for a change of them.
 struct Evidence {
@@ -132,23 +112,6 @@ void passages(const Cleaned& guide, std::size_t apart, double reach, double edge
   }
 }
 
-// Means of the unsaturated pixels of neighbouring columns.
-void merge_columns(const BandedPicture& picture, std::span<double> light, std::span<double> variance) {
-  const std::size_t lines = picture.frames * picture.rows, columns = light.size() / lines;
-  for (std::size_t k = 0; k < light.size(); ++k) {
-    const std::size_t line = k / columns * picture.columns, first = k % columns * merged_at_first;
-    double sum = 0, noise = 0, count = 0;
-    for (std::size_t i = line + first; i < line + std::min(first + merged_at_first, picture.columns); ++i) {
-      if (!std::isfinite(picture.variance[i])) continue;
-      sum += picture.light[i];
-      noise += picture.variance[i];
-      ++count;
-    }
-    light[k] = count > 0 ? sum / count : 0;
-    variance[k] = count > 0 ? noise / (count * count) : INFINITY;
-  }
-}
-
 class ShareEstimator {
  public:
   // `merged`: number of columns of the picture per column of this one.
@@ -178,11 +141,16 @@ class ShareEstimator {
     else
       wide_steps();
     for (std::size_t k = wide; k < plan.size(); ++k) step_of_each(plan[k]);
-    // several frames of a still scene determine the share of each pixel without this
-    const int rounds = picture_.frames == 1 ? (smooth ? rounds_before_smooth : rounds_at_lamp_edges) : 0;
-    for (int k = 0; k < rounds; ++k) step_at_lamp_edges();
     if (smooth) smooth_shares();
     return std::move(share_);
+  }
+
+  // One share for all pixels.
+  double estimate_even() {
+    start();
+    for (const double texture : row_textures) step_of_all(texture);
+    for (int k = 0; k < even_steps; ++k) step_of_all(row_textures.back());
+    return share_.front();
   }
 
  private:
@@ -209,8 +177,8 @@ class ShareEstimator {
     }
   }
 
-  void step_of_all() {
-    gather(plan.front().texture, false);
+  void step_of_all(double texture) {
+    gather(texture, false);
     const double pull = std::accumulate(evidence_.pull.begin(), evidence_.pull.end(), 0.0);
     const double weight = std::accumulate(evidence_.weight.begin(), evidence_.weight.end(), 0.0);
     if (weight > 0) std::fill(share_.begin(), share_.end(), std::clamp(share_[0] + pull / weight, 0.0, max_share_));
@@ -228,18 +196,27 @@ class ShareEstimator {
 
   void smooth(std::vector<double>& values) { filter_.all_around(down_, across_, values); }
 
-  void wide_steps() {
+  void start() {
     share_.assign(pixels_, std::min(0.5 * max_share_, 1.0));
-    for (int k = 0; k < 4; ++k) step_of_all();
+    for (int k = 0; k < 4; ++k) step_of_all(plan.front().texture);
+  }
+
+  void wide_steps() {
+    start();
     for (std::size_t k = 0; k < wide; ++k) step_of_each(plan[k]);
   }
 
   // wide_steps on sums of columns.
   void take_wide_steps(std::span<const double> row_light) {
-    const std::size_t columns = (picture_.columns + merged_at_first - 1) / merged_at_first;
-    std::vector<double> light(picture_.frames * picture_.rows * columns), variance(light.size());
-    merge_columns(picture_, light, variance);
-    ShareEstimator merged({light, variance, picture_.frames, picture_.rows, columns}, row_light, merged_at_first);
+    const std::size_t lines = picture_.frames * picture_.rows;
+    const Blocks blocks = merged_along({lines,
+                                        picture_.columns,
+                                        {picture_.light.begin(), picture_.light.end()},
+                                        {picture_.variance.begin(), picture_.variance.end()}},
+                                       merged_at_first);
+    const std::size_t columns = blocks.columns;
+    ShareEstimator merged({blocks.light, blocks.variance, picture_.frames, picture_.rows, columns}, row_light,
+                          merged_at_first);
     merged.wide_steps();
     share_.resize(pixels_);
     for (std::size_t i = 0; i < pixels_; ++i)
@@ -249,103 +226,10 @@ class ShareEstimator {
   void smooth_shares() {
     ShareSmoother smoother(picture_.rows, picture_.columns);
     for (int k = 0; k < smooth_steps; ++k) {
-      gather(smooth_texture, false);
+      gather(plan.back().texture, false);
       smoother.step(evidence_.pull, evidence_.weight, share_);
       for (double& value : share_) value = std::clamp(value, 0.0, max_share_);
     }
-  }
-
-  // An alternative share for each pixel, from the steady light of its surroundings; accepted where the likelihood gain
-  // exceeds min_log_ratio.
-  void step_at_lamp_edges() {
-    gather(texture_at_lamp_edges);
-    finish_guide(guide_);
-    const double lag = static_cast<double>(lag_);
-    for (std::size_t i = 0; i < pixels_; ++i) {
-      const double off = std::max(1 - share_[i] / max_share_, 0.0);
-      now_.light[i] = guide_.light[i] * off;
-      now_.variance[i] = guide_.variance[i];
-    }
-    passages(now_, picture_.columns, std::max(reach_of_steady, lags_of_reach * lag), edge_of_steady, down_);
-    passages(now_, 1, reach_of_steady, edge_of_steady, across_);
-    for (std::size_t i = 0; i < pixels_; ++i) {
-      evidence_.weight[i] += 1;
-      evidence_.pull[i] = evidence_.weight[i] * now_.light[i];
-    }
-    smooth(evidence_.pull);
-    smooth(evidence_.weight);
-    std::vector<double>& other = now_.light;
-    for (std::size_t i = 0; i < pixels_; ++i) {
-      const double steady = evidence_.pull[i] / evidence_.weight[i];
-      other[i] = guide_.light[i] > 0 ? max_share_ * (1 - steady / guide_.light[i]) : share_[i];
-    }
-    keep_in_range(other);
-    evidence_.pull.assign(pixels_, 0);
-    add_gains(other);
-    std::fill(down_.begin(), down_.end(), std::exp(-1 / std::max(reach_of_choice, lag)));
-    std::fill(across_.begin(), across_.end(), std::exp(-1 / reach_of_choice));
-    smooth(evidence_.pull);
-    for (std::size_t i = 0; i < pixels_; ++i)
-      if (evidence_.pull[i] > min_log_ratio) share_[i] = other[i];
-  }
-
-  // Clamps values to the range of the shares within 12 pixels.
-  void keep_in_range(std::vector<double>& values) {
-    std::vector<double>& extreme = evidence_.pull;
-    for (const bool lowest : {true, false}) {
-      extreme = share_;
-      for (const std::size_t step : steps_of_range) {
-        take_extremes(step, lowest, true, extreme);
-        take_extremes(step, lowest, false, extreme);
-      }
-      for (std::size_t i = 0; i < pixels_; ++i)
-        values[i] = lowest ? std::max(values[i], extreme[i]) : std::min(values[i], extreme[i]);
-    }
-  }
-
-  // Minimum or maximum of each value and those `step` rows (columns) before and after; clamped at the borders.
-  void take_extremes(std::size_t step, bool lowest, bool of_rows, std::vector<double>& values) {
-    std::swap(now_.slope, values);
-    const std::vector<double>& from = now_.slope;
-    const std::size_t rows = picture_.rows, columns = picture_.columns;
-    for (std::size_t row = 0; row < rows; ++row) {
-      check_interrupt();
-      const std::size_t above = of_rows ? row - std::min(step, row) : row;
-      const std::size_t below = of_rows ? std::min(row + step, rows - 1) : row;
-      for (std::size_t column = 0; column < columns; ++column) {
-        const double before = from[above * columns + (of_rows ? column : column - std::min(step, column))];
-        const double after = from[below * columns + (of_rows ? column : std::min(column + step, columns - 1))];
-        const double here = from[row * columns + column];
-        values[row * columns + column] = lowest ? std::min({here, before, after}) : std::max({here, before, after});
-      }
-    }
-  }
-
-  // Adds the log-likelihood ratio of the other shares over the current ones, from pairs of rows.
-  void add_gains(const std::vector<double>& other) {
-    const std::size_t columns = picture_.columns;
-    for (std::size_t row = 0; row + lag_ < picture_.rows; ++row) {
-      check_interrupt();
-      for (std::size_t a = row * columns; a < (row + 1) * columns; ++a) {
-        const std::size_t b = a + lag_ * columns;
-        const double with = misfit(a, light_left(other[a], change_[row]), b, light_left(other[b], change_[row + lag_]));
-        const double without =
-            misfit(a, light_left(share_[a], change_[row]), b, light_left(share_[b], change_[row + lag_]));
-        if (!std::isfinite(with) || !std::isfinite(without)) continue;
-        const double gain = 0.25 * std::log(without / with);
-        evidence_.pull[a] += gain;
-        evidence_.pull[b] += gain;
-      }
-    }
-  }
-
-  // Squared relative difference of two pixels of equal texture, divided by the light left in them; infinite: no
-  // information.
-  double misfit(std::size_t a, double left_a, std::size_t b, double left_b) const {
-    const double one = picture_.light[a] / left_a, two = picture_.light[b] / left_b, mean = 0.5 * (one + two);
-    const double noise = picture_.variance[a] / (left_a * left_a) + picture_.variance[b] / (left_b * left_b);
-    constexpr double texture = texture_at_lamp_edges * texture_at_lamp_edges;
-    return mean > 0 ? texture + ((two - one) * (two - one) + noise) / (mean * mean) : INFINITY;
   }
 
   void find_passages(double reach) {
@@ -401,6 +285,11 @@ std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows) 
 std::vector<double> light_share(const BandedPicture& picture, std::span<const double> row_light, bool smooth) {
   check(picture, row_light);
   return ShareEstimator(picture, row_light).estimate(row_light, smooth);
+}
+
+double even_share(const BandedPicture& picture, std::span<const double> row_light) {
+  check(picture, row_light);
+  return ShareEstimator(picture, row_light).estimate_even();
 }
 
 }  // namespace ocisac

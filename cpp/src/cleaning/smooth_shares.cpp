@@ -12,7 +12,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double variation = 40;  // λ, in log likelihood: equals the evidence of 20 pixels for a change of 1 in share
+constexpr double variation = 20;  // λ, in log likelihood: equals the evidence of 10 pixels for a change of 1 in share
 constexpr double min_slope = 1e-3;                       // ε, per pixel
 constexpr std::size_t block = 8;                         // side of a block with one trend, pixels
 constexpr double reach_of_trend = 40;                    // pixels

@@ -30,13 +30,15 @@ std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows);
 //
 // Iteratively reweighted least squares over pairs of pixels `comparison_lag` rows apart, and over the same pixel in
 // neighbouring frames. Each estimate is averaged over its surroundings; the reach decreases from 48 to 8 pixels (at
-// least 2 lags), and edges of the cleaned picture limit it. For one frame, an alternative share that continues the
-// surrounding steady light, as at the border of a lamp's light, then replaces the estimate where its likelihood is
-// higher. `smooth`: the widest steps run on sums of 4 columns, and a last stage reduces the shares' total variation
-// about slow slopes, subject to the pairs of pixels. Means over columns do not need this stage.
+// least 2 lags), and edges of the cleaned picture limit it. `smooth`: the widest steps run on sums of 4 columns, and a
+// last stage reduces the shares' total variation about slow slopes, subject to the pairs of pixels. Means over columns
+// do not need this stage.
 // row_light: (frames × rows), finite, >= 0, mean about 1. Run time is proportional to the pixels; memory: 22 buffers of
 // their size.
 std::vector<double> light_share(const BandedPicture& picture, std::span<const double> row_light, bool smooth = true);
+
+// One share of the light for all pixels, by the same comparisons.
+double even_share(const BandedPicture& picture, std::span<const double> row_light);
 
 struct RowLight {
   std::vector<double> light;        // (rows)
