@@ -82,55 +82,20 @@ Values guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, 
   return guide;
 }
 
-// Values of blocks (rows × columns, `size` along each axis) at every place (down × across), interpolated.
-Values enlarged(const Values& values, std::size_t size, std::size_t down, std::size_t across) {
-  const std::size_t rows = blocks_of(down, size), columns = blocks_of(across, size);
-  Values result;
-  result.reserve(down * across);
-  for (std::size_t n = 0; n < down; ++n) {
-    const BetweenBlocks row = place_in_blocks(n, size, rows);
-    for (std::size_t k = 0; k < across; ++k) {
-      const BetweenBlocks column = place_in_blocks(k, size, columns);
-      const auto along = [&](std::size_t at) {
-        const double one = values[row.before * columns + at], two = values[row.after * columns + at];
-        return one + row.weight * (two - one);
-      };
-      const double left = along(column.before);
-      result.push_back(left + column.weight * (along(column.after) - left));
-    }
-  }
-  return result;
-}
-
-// How blocks of the shares moved since the frame before, and which of them are new.
-struct BlockMotion {
-  PictureMotion motion;
-  std::vector<std::uint8_t> is_new;
-};
-
-BlockMotion motion_of_blocks(const PictureChange& change, std::size_t rows, std::size_t columns) {
-  const std::size_t size = guide_size(rows * columns), across = blocks_of(columns, size);
-  BlockMotion result{
-      {enlarged(change.motion.down, size, rows, columns), enlarged(change.motion.right, size, rows, columns)}, {}};
-  for (Values* ways : {&result.motion.down, &result.motion.right})
-    for (double& way : *ways) way *= static_cast<double>(size);
-  for (std::size_t n = 0; n < rows; ++n)
-    for (std::size_t k = 0; k < columns; ++k) result.is_new.push_back(change.is_new[n / size * across + k / size]);
-  return result;
-}
-
 // Shares of the frame before, and how many estimates each consists of.
 struct Carried {
   std::vector<KeptShares> shares;
   Values estimates;
 };
 
-// Moved with the picture; what is new has no estimate.
-void move(const BlockMotion& motion, std::size_t columns, Carried& carried) {
-  for (KeptShares& shares : carried.shares) shares.share = moved_picture(shares.share, columns, motion.motion);
-  carried.estimates = moved_picture(carried.estimates, columns, motion.motion);
+// Moved with the picture, whose places are `size` × `size` blocks of shares; what is new has no estimate.
+void move(const PictureChange& change, std::size_t size, std::size_t columns, Carried& carried) {
+  const double down = change.down * static_cast<double>(size), right = change.right * static_cast<double>(size);
+  for (KeptShares& shares : carried.shares) shares.share = moved_picture(shares.share, columns, down, right);
+  carried.estimates = moved_picture(carried.estimates, columns, down, right);
   for (std::size_t i = 0; i < carried.estimates.size(); ++i)
-    if (motion.is_new[i] != 0) carried.estimates[i] = 0;
+    if (change.is_new[i / columns / size * blocks_of(columns, size) + i % columns / size] != 0)
+      carried.estimates[i] = 0;
 }
 
 // Joined by the shares of this frame.
@@ -351,7 +316,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
     }
   } else {
     Carried carried{std::move(now.shares), std::move(now.estimates)};
-    move(motion_of_blocks(change, rows, columns), columns, carried);
+    move(change, size, columns, carried);
     if (is_due(carried.estimates, now.frames)) estimate(blocks, now.lights, carried);
     now.shares = std::move(carried.shares);
     now.estimates = std::move(carried.estimates);
