@@ -212,14 +212,8 @@ std::optional<ChipLight> find_chip_light(const ColumnBundles& picture, const Row
   require(rows.light.size() == picture.rows() && rows.information.size() == picture.rows(), "rows", rows.light.size(),
           "one value a row");
   const Flags refused = flag::no_signal | (always ? 0 : flag::too_few_edges);
-  std::vector<ChipFit> fits;
-  for (const Values& each : {levelled(rows.light), rows.light}) {
-    if (std::optional<ChipFit> fit = fitted_chips(each, rows.information, refused)) fits.push_back(*std::move(fit));
-    if (!always && !fits.empty() && fits.front().explained < enough) return {};
-  }
-  if (fits.empty()) return {};
-  const auto best = std::max_element(fits.begin(), fits.end(),
-                                     [](const ChipFit& a, const ChipFit& b) { return a.explained < b.explained; });
+  const std::optional<ChipFit> best = fitted_chips(levelled(rows.light), rows.information, refused);
+  if (!best || (!always && best->explained < enough)) return {};
   Values light = fully_modulated_rows(best->light);
   const RowLightPrior within{.basis = span_of(best->basis)};
   for (int again = 0; again < 2; ++again) {

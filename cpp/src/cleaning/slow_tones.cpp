@@ -464,13 +464,10 @@ struct Fitted {
   double log_area;
 };
 
-// Damped Gauss–Newton (Levenberg and Marquardt) with the likeliest S and change, and the likeliest or a given floor.
-Fitted fitted(const Frames& frames, const std::vector<SlowTone>& start, const Expected& expected,
-              std::optional<std::size_t> floor = {}) {
+// Damped Gauss–Newton (Levenberg and Marquardt) with the likeliest S, floor and change.
+Fitted fitted(const Frames& frames, const std::vector<SlowTone>& start, const Expected& expected) {
   constexpr double fixed = 1e-9;
-  Evidence evidence = evidence_of(frames, without(frames, start));
-  for (std::size_t k = 0; k < evidence.still.size() && floor; ++k)
-    if (k % floors.size() != *floor) evidence.still[k] = -HUGE_VAL;
+  const Evidence evidence = evidence_of(frames, without(frames, start));
   const auto likely = [](const std::vector<double>& all) {
     return static_cast<std::size_t>(std::ranges::max_element(all) - all.begin());
   };
@@ -543,17 +540,7 @@ std::vector<SlowTone> joined(const Frames& frames, std::vector<SlowTone> tones, 
                              std::size_t tried) {
   tones.push_back(tone);
   const double step = frames.places.size() > 1 ? turn / static_cast<double>(phase_steps) : 0;
-  const Expected expected{sizes.back(), near_at_most, step, true};
-  Fitted all = fitted(frames, tones, expected);
-  // From afar the floor depends on the start: what a wave taken for its logarithm leaves.
-  double most = -HUGE_VAL;
-  for (std::size_t floor = 0; floor < floors.size() && tried > 1; ++floor) {
-    const Fitted one = fitted(frames, fitted(frames, tones, expected, floor).tones, expected, floor);
-    const double evidence = evidence_of(frames, without(frames, one.tones)).all() + one.log_area;
-    if (evidence <= most) continue;
-    most = evidence;
-    all = one;
-  }
+  Fitted all = fitted(frames, tones, {sizes.back(), near_at_most, step, true});
   SlowTone& last = all.tones.back();
   last.log_odds = std::max(tone.log_odds, log_odds_of(frames, all, tried));
   for (std::size_t i = 0; i < 2; ++i) last.variance[i] += tone.variance[i];

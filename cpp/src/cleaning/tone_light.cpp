@@ -120,11 +120,9 @@ Basis slow_and_periodic(std::size_t rows, const Values& waves) {
   return basis;
 }
 
-// Least squares of the rows, weighted by their information: what the slow terms and the waves explain; each of the
-// waves (rows × 2·waves).
+// Least squares of the rows, weighted by their information: what the slow terms and the waves explain, and the waves.
 struct OfRows {
-  Values explained;
-  Basis waves;
+  Values explained, waves;
 };
 
 OfRows fitted_to_rows(const RowLight& rows, const Values& waves) {
@@ -133,7 +131,7 @@ OfRows fitted_to_rows(const RowLight& rows, const Values& waves) {
   const Basis weighted = root.asDiagonal() * basis;
   const Eigen::VectorXd terms = fitted_terms(weighted, root.cwiseProduct(vector_of(rows.light)));
   const auto count = 2 * static_cast<Eigen::Index>(waves.size());
-  return {values_of(basis * terms), basis.rightCols(count) * terms.tail(count).asDiagonal()};
+  return {values_of(basis * terms), values_of(basis.rightCols(count) * terms.tail(count))};
 }
 
 // The frequency of the rows, which may be of any scale.
@@ -157,23 +155,19 @@ std::optional<ToneLight> with_second(const RowLight& rows, double frequency) {
   return tone;
 }
 
-// The fundamental alone, or with harmonics or a second lamp if these decrease the misfit clearly. Periodic texture
-// resembles harmonics if the fit starts with those of the rows, so both starts are tried.
-// None where `must_gain` and the fundamental is no better than none.
-std::optional<ToneLight> likeliest(const ColumnBundles& picture, const RowLight& rows, const Basis& waves,
+// The fundamental alone, or with harmonics or a second lamp if these decrease the misfit clearly. The fit starts with
+// the fundamental, because periodic texture resembles the harmonics of the rows. None where `must_gain` and the
+// fundamental is no better than none.
+std::optional<ToneLight> likeliest(const ColumnBundles& picture, const RowLight& rows, const Values& fundamental,
                                    const ToneLight& tone, bool must_gain) {
-  const Eigen::Index count = waves.cols() / 2;
-  const Values fundamental = values_of(waves.col(0) + waves.col(count)), all_of_rows = values_of(waves.rowwise().sum());
-  const ToneLight alone = fitted_tone(picture, fundamental, {{}, tone.frequency});
-  if (must_gain && picture.gain(alone.light) < min_gain) return {};
+  ToneLight best = fitted_tone(picture, fundamental, {{}, tone.frequency});
+  if (must_gain && picture.gain(best.light) < min_gain) return {};
   const auto lag = static_cast<std::size_t>(std::max(std::nearbyint(quarter / tone.frequency), 1.0));
   std::vector<ToneLight> others;
-  if (tone.harmonics > 1)
-    for (const Values* start : {&fundamental, &all_of_rows}) others.push_back(fitted_tone(picture, *start, tone));
-  if (const std::optional<ToneLight> two = with_second(rows, alone.frequency))
-    others.push_back(fitted_tone(picture, values_of(fitted_to_rows(rows, waves_of(*two)).waves.rowwise().sum()), *two));
-  ToneLight best = alone;
-  double least = others.empty() ? 0 : picture.misfit(alone.light, lag);
+  if (tone.harmonics > 1) others.push_back(fitted_tone(picture, fundamental, tone));
+  if (const std::optional<ToneLight> two = with_second(rows, best.frequency))
+    others.push_back(fitted_tone(picture, fitted_to_rows(rows, waves_of(*two)).waves, *two));
+  double least = others.empty() ? 0 : picture.misfit(best.light, lag);
   for (ToneLight& tried : others) {
     const double misfit = picture.misfit(tried.light, lag);
     if (misfit >= least - much_likelier) continue;
@@ -200,15 +194,14 @@ std::optional<ToneLight> find_tone_light(const ColumnBundles& picture, const Row
   const ToneLight tone{{}, found.frequency, found.harmonics};
   const Values waves = waves_of(tone);
   if (waves.empty() || is_slow(found.frequency, picture.rows())) return {};  // slow lights, or shades
-  const OfRows fit = fitted_to_rows(rows, waves);
   const auto is_enough = [&](const Values& explained) {
     return !enough || explained_share(rows.light, explained, rows.information) >= *enough;
   };
-  if (!is_enough(fit.explained)) {
+  if (!is_enough(fitted_to_rows(rows, waves).explained)) {
     const std::optional<ToneLight> two = with_second(rows, found.frequency);
     if (!two || !is_enough(fitted_to_rows(rows, waves_of(*two)).explained)) return {};
   }
-  return likeliest(picture, rows, fit.waves, tone, enough.has_value());
+  return likeliest(picture, rows, fitted_to_rows(rows, {tone.frequency}).waves, tone, enough.has_value());
 }
 
 ToneLight tone_light_at(const ColumnBundles& picture, const ToneLight& tone, double frequency) {
