@@ -29,27 +29,29 @@ constexpr std::size_t kRowsPerBlock = kWide ? 64 : 32, kRowsForMore = kWide ? 64
 
 #if HWY_TARGET == HWY_SCALAR
 
-// Plain loops for targets without vectors.
-void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
+// A plain loop for targets without vectors.
+void project(const ByteBlock& block, std::ptrdiff_t row_step, std::ptrdiff_t column_step, const ByteWeights& weights,
+             const ProjectionSums& to) {
   const auto group = static_cast<std::size_t>(weights.row_group);
   if (to.first) {
     for (double* values : {to.moments.totals, to.moments.squares, to.moments.maximum})
       std::fill_n(values, block.columns, 0.0);
     for (const std::size_t part : weights.parts) std::fill_n(to.sums + part * to.stride, block.columns, 0.0);
   }
-  const auto sum_of_group = [&](const std::uint8_t* pixels, std::size_t c) {
+  const auto sum_of_group = [&](const std::uint8_t* pixel, std::size_t c) {
     std::int32_t sum = 0;
-    for (std::size_t r = 0; r < group; ++r, pixels += block.row_stride) {
-      to.moments.maximum[c] = std::max(to.moments.maximum[c], static_cast<double>(pixels[c]));
-      sum += pixels[c];
+    for (std::size_t r = 0; r < group; ++r, pixel += row_step) {
+      to.moments.maximum[c] = std::max(to.moments.maximum[c], static_cast<double>(*pixel));
+      sum += *pixel;
     }
     return sum;
   };
   for (std::size_t g = 0; g < block.groups; ++g)
     for (std::size_t c = 0; c < block.columns; ++c) {
-      const auto rows = static_cast<std::ptrdiff_t>(g * group) * block.row_stride;
-      const std::int32_t near = sum_of_group(block.pixels + rows, c);
-      const std::int32_t far = block.mirrored ? sum_of_group(block.mirrored - rows, c) : 0;
+      const auto rows = static_cast<std::ptrdiff_t>(g * group) * row_step;
+      const auto column = static_cast<std::ptrdiff_t>(c) * column_step;
+      const std::int32_t near = sum_of_group(block.pixels + column + rows, c);
+      const std::int32_t far = block.mirrored ? sum_of_group(block.mirrored + column - rows, c) : 0;
       for (std::size_t p = 0; p < weights.parts.size(); ++p) {
         const auto pair = static_cast<std::uint32_t>(weights.pairs[p * weights.stride + g / 2]);
         const auto weight = static_cast<std::int16_t>(g % 2 == 0 ? pair & 0xffffU : pair >> 16);
@@ -62,32 +64,11 @@ void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const Proj
     for (std::size_t c = 0; c < block.columns; ++c) to.sums[part * to.stride + c] *= weights.unit(part, to.last);
 }
 
+void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
+  project(block, block.row_stride, 1, weights, to);
+}
 void ProjectAcross(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
-  const auto add = [&](double* out, std::size_t c, double value, double unit = 1) {
-    out[c] = unit * (value + (to.first ? 0 : out[c]));
-  };
-  for (std::size_t c = 0; c < block.columns; ++c) {
-    const std::uint8_t* pixels = block.pixels + static_cast<std::ptrdiff_t>(c) * block.row_stride;
-    for (std::size_t p = 0; p < weights.parts.size(); ++p) {
-      std::int64_t sum = 0;
-      for (std::size_t r = 0; r < block.groups; ++r) {
-        const auto pair = static_cast<std::uint32_t>(weights.pairs[p * weights.stride + r / 2]);
-        sum += static_cast<std::int16_t>(r % 2 == 0 ? pair & 0xffffU : pair >> 16) * pixels[r];
-      }
-      const std::size_t part = weights.parts[p];
-      add(to.sums + part * to.stride, c, static_cast<double>(sum), weights.unit(part, to.last));
-    }
-    std::int64_t total = 0, squares = 0;
-    int top = 0;
-    for (std::size_t r = 0; r < block.groups; ++r) {
-      total += pixels[r];
-      squares += pixels[r] * pixels[r];
-      top = std::max<int>(top, pixels[r]);
-    }
-    add(to.moments.totals, c, static_cast<double>(total));
-    add(to.moments.squares, c, static_cast<double>(squares));
-    to.moments.maximum[c] = std::max<double>(top, to.first ? 0 : to.moments.maximum[c]);
-  }
+  project(block, 1, block.row_stride, weights, to);
 }
 
 #else

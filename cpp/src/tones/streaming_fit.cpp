@@ -69,15 +69,6 @@ StreamingFit::Candidate StreamingFit::candidate(std::size_t rows, std::span<cons
 
 namespace {
 
-// Fast bound on the efficiency of the sums, for many cycles in the frame. Tones must not alias.
-bool may_keep(double efficiency, std::span<const double> cycles_per_row, int row_group) {
-  constexpr double kFewCycles = 0.95;  // tolerance for the effect of few cycles
-  return std::ranges::all_of(cycles_per_row, [&](double cycles) {
-    const double gain = group_gain(cycles, row_group);
-    return efficiency < 1 && cycles * row_group < 0.5 && gain * gain >= kFewCycles * efficiency;
-  });
-}
-
 // True if the sums preserve the required fraction of every tone's information.
 bool keeps(double efficiency, const RowMajor& all_rows, const RowMajor& sums) {
   for (Eigen::Index a = 1; a < sums.rows(); a += 2) {
@@ -104,7 +95,7 @@ void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_r
   well_posed_ = std::ranges::none_of(flags_, [](Flags flags) { return (flags & hard) != 0; });
   if (!well_posed_) return;
   for (const int row_group : {8, 4, 2}) {
-    if (row_group > most_rows || !may_keep(efficiency, cycles_per_row, row_group)) continue;
+    if (row_group > most_rows || efficiency == 1) continue;
     if (rows / static_cast<std::size_t>(row_group) <= 2 * estimates_) continue;
     const Candidate sums = candidate(rows, cycles_per_row, row_group);
     if (keeps(efficiency, all_rows.covariance, sums.covariance)) return adopt(rows, sums, 1);

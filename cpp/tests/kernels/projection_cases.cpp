@@ -6,6 +6,7 @@
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/tones/projection.hpp"
+#include "plain_projection.hpp"
 
 namespace kernel_cases {
 
@@ -87,7 +88,7 @@ struct Frame {
 template <class T>
 double projection_deviation(const Frame<T>& frame, const FrameCase& of) {
   const auto got = ocisac::project(frame.view, 0, 0, of.columns, frame.weights, frame.light);
-  const auto want = ocisac::project_plainly(frame.view, 0, 0, of.columns, frame.weights, frame.light);
+  const auto want = project_plainly(frame.view, 0, 0, of.columns, frame.weights, frame.light);
   const std::size_t groups = of.rows / static_cast<std::size_t>(of.row_group);
   const bool folded = !frame.weights.folded_pairs().empty();
   if (got.maximum != want.maximum || (groups > 4 && folded != (of.symmetric && groups % 2 == 0))) return kInfinite;

@@ -80,10 +80,6 @@ Projection project(const AnyFramesView& frames, std::size_t frame, std::size_t f
 void project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
              const RowWeights& weights, std::span<const float> light, Projection& result);
 
-// Reference implementation of the kernels as a plain loop; bytes are multiplied with byte_weights().
-Projection project_plainly(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-                           const RowWeights& weights, std::span<const float> light = {});
-
 // SIMD targets of this build that this processor supports, best first, and the current one.
 std::vector<std::string> simd_targets();
 std::string simd_target();
