@@ -13,6 +13,7 @@ namespace ocisac {
 struct ModelTone {
   double cycles_per_row;
   std::vector<int> harmonics;  // starts with 1
+  bool operator==(const ModelTone&) const = default;
 };
 
 // The multiples of a square wave of `duty` that lie below half the row rate and do not vanish; at least {1}.

@@ -11,6 +11,7 @@
 
 #include "columns/dense_rows.hpp"
 #include "columns/row_kernels.hpp"
+#include "light/time_line.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 #include "tones/byte_kernels.hpp"
@@ -81,7 +82,7 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
     for (std::size_t g = 0; g < groups_; ++g) {
       double rest = weights_[o * groups_ + g] / scale;
       for (std::size_t part = first; part < units_.size(); ++part) {
-        const double whole = std::clamp(std::nearbyint(rest), -integer, integer);
+        const double whole = std::clamp(nearest_whole(rest), -integer, integer);
         rest = (rest - whole) * 2 * integer;
         put_weight(pairs_[part * pair_count() + g / 2], g, static_cast<int>(whole));
       }

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "core/parallel.hpp"
+#include "core/recently_used.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/constants.hpp"
@@ -242,14 +243,17 @@ std::vector<int> harmonics_of(const Context& context, const Tone& tone) {
 }
 
 // Counts the tones' phases from its middle row.
-HarmonicModel model_of(Context& context) {
-  std::vector<ModelTone> model_tones;
-  for (const Tone& tone : context.tones) model_tones.push_back({tone.cycles_per_row, harmonics_of(context, tone)});
-  for (const double cycles : context.others) model_tones.push_back({cycles, {1}});
-  auto model = harmonic_model(context.shape.rows, model_tones);
+std::shared_ptr<const HarmonicModel> model_of(Context& context) {
+  using Key = std::pair<std::size_t, std::vector<ModelTone>>;
+  static RecentlyUsed<Key, HarmonicModel, 8> kept;  // frames of one camera need the same
+  Key key{context.shape.rows, {}};
+  for (const Tone& tone : context.tones) key.second.push_back({tone.cycles_per_row, harmonics_of(context, tone)});
+  for (const double cycles : context.others) key.second.push_back({cycles, {1}});
+  auto model =
+      kept.get(key, [&] { return std::make_shared<const HarmonicModel>(harmonic_model(key.first, key.second)); });
   const double middle = (static_cast<double>(context.shape.rows) - 1) / 2;
   for (std::size_t k = 0; k < context.tones.size(); ++k)
-    count_phase_from(context.tones[k], middle, model.tone_flags[k]);
+    count_phase_from(context.tones[k], middle, model->tone_flags[k]);
   return model;
 }
 
@@ -642,7 +646,7 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
   const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
   if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
   check_samples(frames);
-  const HarmonicModel model = model_of(context);
+  const auto model = model_of(context);
   const RowWeights none({}, 0, context.shape.rows, 1, 1);
   std::vector<double> tops(frame_count * columns);
   const double level = saturation_level(frames, context.camera->tone_curve);
@@ -651,7 +655,7 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
     const std::size_t frame = block / blocks;
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
-    auto estimates = estimates_of(model, column_signals(frames, frame, first, count, context.camera->tone_curve));
+    auto estimates = estimates_of(*model, column_signals(frames, frame, first, count, context.camera->tone_curve));
     const auto samples = project(frames, frame, first, count, none).maximum;
     for (std::size_t k = 0; k < context.tones.size(); ++k) {
       take_off_background(context, frame, first, estimates[k].mean);
@@ -882,7 +886,7 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
       pooled_tone_gain(frames, camera, frequencies.subspan(k, 1), options, part_of(result, k * each, each));
     return;
   }
-  const HarmonicModel model = model_of(context);
+  const auto model = model_of(context);
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
     const PooledColumn pooled = pool_columns(frames, context, frame);
     const auto write = [&](const Context& of_fit, const HarmonicModel& own) {
@@ -894,14 +898,14 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
                      result);
       }
     };
-    write(context, model);
+    write(context, *model);
     if (options.method != GainMethod::fit || !options.robust || pooled.saturated) return;
     const Surroundings around = surroundings_of(context, pooled);
     if (!around.tones.empty()) {
       Context with_others = make_context(frames, camera, frequencies, options);
       with_others.whole_numbers = false;
       with_others.others = around.tones;
-      write(with_others, model_of(with_others));
+      write(with_others, *model_of(with_others));
     }
     for (std::size_t k = 0; k < context.tones.size(); ++k)
       flag_misfit(around, k * context.shape.frames + frame, 1, result);
