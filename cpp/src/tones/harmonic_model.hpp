@@ -46,6 +46,11 @@ struct HarmonicModel {
   std::vector<Flags> tone_flags;
 };
 
+// True for the flags of a tone of at least a cycle that the rows tell from all else.
+constexpr bool is_well_posed(Flags flags) {
+  return (flags & (flag::few_cycles | flag::unresolvable | flag::ill_conditioned)) == 0;
+}
+
 // Throws std::invalid_argument for 0 rows and for frequencies that are not finite and positive.
 HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones);
 

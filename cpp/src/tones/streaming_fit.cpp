@@ -91,8 +91,7 @@ void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_r
                           int limbs) {
   const Candidate all_rows = candidate(rows, cycles_per_row, 1);
   flags_ = all_rows.flags;
-  const Flags hard = flag::few_cycles | flag::unresolvable | flag::ill_conditioned;
-  well_posed_ = std::ranges::none_of(flags_, [](Flags flags) { return (flags & hard) != 0; });
+  well_posed_ = std::ranges::all_of(flags_, is_well_posed);
   if (!well_posed_) return;
   for (const int row_group : {8, 4, 2}) {
     if (row_group > most_rows || efficiency == 1) continue;
@@ -109,7 +108,6 @@ void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
   middle_ = (static_cast<double>(groups * static_cast<std::size_t>(chosen.row_group)) - 1) / 2;
   freedom_ = static_cast<double>(groups - estimates_) * chosen.row_group;
   covariance_ = dense(chosen.covariance);
-  design_.assign(chosen.design.data(), chosen.design.data() + chosen.design.size());
   gram_ = dense(transposed_product(chosen.design, chosen.design));
   // The mean's row is omitted: with those of the tones, the plain sum spans the same estimates.
   const auto tones = chosen.weights.rows() - 1;
@@ -156,19 +154,6 @@ void StreamingFit::estimate(const Projection& sums, bool bytes, std::size_t firs
   kernels::parameters_of_sums({estimates_, count, sums.totals.size(), &sums.totals[first], &sums.sums[first],
                                &sums.squares[first], (bytes ? of_bytes_ : of_samples_).data(), gram_.data(), freedom_},
                               to.parameters.data(), to.noise_variance.data());
-}
-
-StreamingFit::Residual StreamingFit::residual(std::span<const double> column) const {
-  const auto size = static_cast<Eigen::Index>(estimates_), groups = static_cast<Eigen::Index>(weights_.groups());
-  const Eigen::Index rows_in_one = weights_.row_group();
-  Eigen::VectorXd weighted(size);
-  Eigen::VectorXd sums =
-      Eigen::Map<const Eigen::MatrixXd>(column.data(), rows_in_one, groups).colwise().sum().transpose();
-  weighted(0) = sums.sum();
-  weighted.tail(size - 1) = Eigen::Map<const RowMajor>(weights_.weights().data(), size - 1, groups) * sums;
-  const Eigen::VectorXd parameters = Eigen::Map<const RowMajor>(of_samples_.data(), size, size) * weighted;
-  sums -= Eigen::Map<const Eigen::MatrixXd>(design_.data(), groups, size) * parameters;
-  return {{parameters.begin(), parameters.end()}, {sums.begin(), sums.end()}};
 }
 
 }  // namespace ocisac

@@ -42,16 +42,8 @@ class StreamingFit {
   // and resized; its memory is reused.
   void estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count, Columns& to) const;
 
-  struct Residual {
-    std::vector<double> parameters;  // (1 + 2·tones)
-    std::vector<double> left;        // (groups of rows): sums of the rows less those of the model
-  };
-  [[nodiscard]] Residual residual(std::span<const double> column) const;
-
   // Covariance of the parameters for row noise of variance 1.
   [[nodiscard]] double covariance(std::size_t i, std::size_t j) const { return covariance_[i * estimates_ + j]; }
-  // Squares of sums over this: variance of a row.
-  [[nodiscard]] double freedom() const { return freedom_; }
   [[nodiscard]] std::size_t rows_added() const {  // the first ones
     return weights_.groups() * static_cast<std::size_t>(weights_.row_group());
   }
@@ -70,7 +62,6 @@ class StreamingFit {
   double freedom_ = 0;              // degrees of freedom of the noise times D: squares of sums → variance of a row
   std::vector<Flags> flags_;        // of the tones
   std::vector<double> covariance_;  // (estimates × estimates)
-  std::vector<double> design_;      // (groups × estimates) by column, of the sums
   std::vector<double> gram_;        // (estimates × estimates): AᵀA of the design A of the sums
   // Matrices from totals and weighted sums to estimates (estimates × estimates), for exact weights and for those of
   // bytes.

@@ -242,15 +242,17 @@ std::vector<int> harmonics_of(const Context& context, const Tone& tone) {
   return harmonics;
 }
 
+std::shared_ptr<const HarmonicModel> kept_model(std::size_t rows, const std::vector<ModelTone>& tones) {
+  static RecentlyUsed<std::pair<std::size_t, std::vector<ModelTone>>, HarmonicModel, 8> kept;
+  return kept.get({rows, tones}, [&] { return std::make_shared<const HarmonicModel>(harmonic_model(rows, tones)); });
+}
+
 // Counts the tones' phases from its middle row.
 std::shared_ptr<const HarmonicModel> model_of(Context& context) {
-  using Key = std::pair<std::size_t, std::vector<ModelTone>>;
-  static RecentlyUsed<Key, HarmonicModel, 8> kept;  // frames of one camera need the same
-  Key key{context.shape.rows, {}};
-  for (const Tone& tone : context.tones) key.second.push_back({tone.cycles_per_row, harmonics_of(context, tone)});
-  for (const double cycles : context.others) key.second.push_back({cycles, {1}});
-  auto model =
-      kept.get(key, [&] { return std::make_shared<const HarmonicModel>(harmonic_model(key.first, key.second)); });
+  std::vector<ModelTone> tones;
+  for (const Tone& tone : context.tones) tones.push_back({tone.cycles_per_row, harmonics_of(context, tone)});
+  for (const double cycles : context.others) tones.push_back({cycles, {1}});
+  auto model = kept_model(context.shape.rows, tones);
   const double middle = (static_cast<double>(context.shape.rows) - 1) / 2;
   for (std::size_t k = 0; k < context.tones.size(); ++k)
     count_phase_from(context.tones[k], middle, model->tone_flags[k]);
@@ -712,49 +714,54 @@ PooledColumn strongest_columns(const AnyFramesView& frames, const Context& conte
   return {weighted_rows(part, 0, context.camera->tone_curve, std::vector<double>(count, share)), background * share};
 }
 
-double square_sum(std::span<const double> values) {
-  return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size())).squaredNorm();
-}
-
-// A column's fit, and what it leaves of all rows.
+// A column's fit of all oscillations, and what it leaves.
 struct ColumnFit {
-  std::shared_ptr<const StreamingFit> fit;
-  StreamingFit::Residual found;
+  std::shared_ptr<const HarmonicModel> model;
+  Eigen::VectorXd parameters, left;
 
   // Without a result: nothing is left but rounding, or too little is known.
   static std::optional<ColumnFit> of(const Context& context, std::span<const double> column) {
     constexpr double kRounding = 1e-9;  // of the column
-    auto fit = StreamingFit::plan(context.shape.rows, model_cycles(context), 1, false);
-    if (column.empty() || !fit->well_posed()) return {};
-    auto found = fit->residual(column);
-    if (square_sum(found.left) <= kRounding * kRounding * square_sum(column)) return {};
-    return ColumnFit{std::move(fit), std::move(found)};
+    std::vector<ModelTone> oscillations;
+    for (const double cycles : model_cycles(context)) oscillations.push_back({cycles, {1}});
+    auto model = kept_model(context.shape.rows, oscillations);
+    if (column.empty() || model->rows <= 2 * model->estimates || !std::ranges::all_of(model->tone_flags, is_well_posed))
+      return {};
+    const auto rows = static_cast<Eigen::Index>(model->rows), size = static_cast<Eigen::Index>(model->estimates);
+    const Eigen::Map<const Eigen::VectorXd> y(column.data(), rows);
+    const Eigen::Map<const Eigen::MatrixXd> weights(model->weights.data(), rows, size),
+        basis(model->basis.data(), rows, size);
+    Eigen::VectorXd left = beside(basis, y);
+    if (left.norm() <= kRounding * y.norm()) return {};
+    return ColumnFit{std::move(model), transposed_product(weights, y), std::move(left)};
   }
 
   [[nodiscard]] std::complex<double> level(std::size_t tone) const {
-    return {found.parameters[2 * tone + 1], -found.parameters[2 * tone + 2]};
+    const auto at = static_cast<Eigen::Index>(2 * tone + 1);
+    return {parameters(at), -parameters(at + 1)};
   }
+  [[nodiscard]] std::span<const double> rest() const { return {left.data(), model->rows}; }
 };
 
 // False if the model leaves nothing but noise of a column: the test of every frame, a thousand times faster than
 // `surroundings`.
 bool may_have_surroundings(const ColumnFit& column, const Context& context) {
-  const auto& left = column.found.left;
-  if (!is_white(left)) return true;
+  if (!is_white(column.rest())) return true;
   if (context.options->waveform != WaveformShape::square || context.tones.size() != 1) return false;
   const auto orders = harmonics_of(context, context.tones[0]);
   std::vector<HarmonicLine> lines;
   for (std::size_t k = 0; k < orders.size(); ++k) lines.push_back({orders[k], column.level(k)});
-  const double noise = square_sum(left) / column.fit->freedom();
-  return harmonic_distortion(lights_of(context)[0], lines, noise * column.fit->covariance(1, 1)) > 0;
+  const HarmonicModel& model = *column.model;
+  const double noise = column.left.squaredNorm() / static_cast<double>(model.rows - model.parameters);
+  return harmonic_distortion(lights_of(context)[0], lines, noise * model.covariance[model.estimates + 1]) > 0;
 }
 
 // The largest of all tones.
 double unevenness_of(const Context& context, const std::optional<ColumnFit>& column, double background) {
   double worst = 0;
   for (std::size_t k = 0; column && k < context.tones.size(); ++k)
-    worst = std::max(worst, unevenness(column->found.left, context.tones[k].cycles_per_row,
-                                       column->found.parameters[0] - background, column->level(k)));
+    worst = std::max(worst, unevenness(column->rest(), context.tones[k].cycles_per_row,
+                                       column->parameters(0) - background, column->level(k)));
   return worst;
 }
 
