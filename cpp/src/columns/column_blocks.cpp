@@ -16,11 +16,6 @@ namespace {
 constexpr std::size_t max_blocks = 64;     // per frame; a light of 1/64 of the frame's width fills one
 constexpr std::size_t max_signals = 1024;  // over all frames
 
-struct Sum {
-  double light = 0;
-  std::size_t saturated = 0;
-};
-
 // The smallest integer that is saturated, above all samples if none is.
 template <class T>
 std::uint32_t saturated_from(double saturation) {
@@ -28,39 +23,19 @@ std::uint32_t saturated_from(double saturation) {
   return static_cast<std::uint32_t>(std::ceil(std::max(level_or_more, 0.0)));
 }
 
-// 2^16 samples of 16 bits fit into the integer sum.
+// Adds samples to `light`, and those at the saturation level to `saturated`.
 template <class T>
-Sum sum_run(const T* samples, std::size_t count, std::ptrdiff_t stride, double saturation) {
-  if constexpr (std::is_integral_v<T>) {
-    const std::uint32_t level = saturated_from<T>(saturation);
-    Sum total;
-    for (std::size_t first = 0; first < count; first += 65536) {
-      const std::size_t last = std::min(count, first + 65536);
-      std::uint32_t light = 0, saturated = 0;
-      for (std::size_t i = first; i < last; ++i) {
-        const std::uint32_t value = samples[static_cast<std::ptrdiff_t>(i) * stride];
-        light += value;
-        saturated += value >= level;
-      }
-      total.light += light;
-      total.saturated += saturated;
-    }
-    return total;
-  } else {
-    Sum total;
-    for (std::size_t i = 0; i < count; ++i) {
-      const auto value = static_cast<double>(samples[static_cast<std::ptrdiff_t>(i) * stride]);
-      total.light += value;
-      total.saturated += value >= saturation;
-    }
-    return total;
+void add_run(const T* samples, std::size_t count, std::ptrdiff_t stride, double saturation, double& light,
+             double& saturated) {
+  std::conditional_t<std::is_integral_v<T>, std::uint64_t, double> sum = 0;
+  std::size_t reaching = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const T value = samples[static_cast<std::ptrdiff_t>(i) * stride];
+    sum += value;
+    reaching += static_cast<double>(value) >= saturation;
   }
-}
-
-// The constant stride of contiguous samples lets the compiler vectorise.
-template <class T>
-Sum sum_of_block(const T* samples, std::size_t count, std::ptrdiff_t stride, double saturation) {
-  return stride == 1 ? sum_run(samples, count, 1, saturation) : sum_run(samples, count, stride, saturation);
+  light += static_cast<double>(sum);
+  saturated += static_cast<double>(reaching);
 }
 
 // Adds the blocks of one frame to `signals`, (blocks × rows), and their sums over the rows to `totals`.
@@ -82,10 +57,11 @@ void add_frame(const FramesView<const T>& view, double saturation, ColumnBlocks&
       }
     for (std::size_t block = 0; block < out.blocks; ++block) {
       const std::size_t first = block * out.width;
-      const Sum sum = sum_of_block(samples + static_cast<std::ptrdiff_t>(first) * view.column_stride,
-                                   std::min(out.width, view.columns - first), view.column_stride, saturation);
-      totals[block] += signals[block * view.rows + row] = sum.light;
-      out.saturated_share[block] += static_cast<double>(sum.saturated);
+      double& sum = signals[block * view.rows + row];
+      add_run(samples + static_cast<std::ptrdiff_t>(first) * view.column_stride,
+              std::min(out.width, view.columns - first), view.column_stride, saturation, sum,
+              out.saturated_share[block]);
+      totals[block] += sum;
     }
   }
 }
