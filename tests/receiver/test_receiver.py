@@ -291,26 +291,6 @@ def test_a_rough_chip_rate_is_enough_where_edges_are_few():
     assert Flag.TOO_FEW_EDGES in ocisac.receive(frame.as_bytes(), CAMERA)[0].flags
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_a_lamp_in_few_rows_is_read_by_the_length_of_its_edges(seed):
-    """Four edges of a lamp in 15 % of the rows, whose outlines are edges as well, but sharper."""
-    random = np.random.default_rng(seed)
-    pitch, exposure, first = random.uniform(11.5, 13.0), random.uniform(5.0, 9.0), int(random.integers(200, 800))
-    chips = np.array([1] * 6 + [0] * int(random.integers(4, 6)) + [1, 0, 1, 1])
-    light = exposed_chips(chips, 1080, pitch, exposure, first - exposure - 0.5)
-    last = first + int(pitch * (chips.size - 1))  # in light
-    rows = np.full(1080, 20.0)
-    rows[first:last] += 100 * light[first:last]
-    frame = rows[:, None] + 0.5 * random.standard_normal((1080, 48))
-    got = ocisac.receive(frame, Camera(1.0, exposure))[0]
-    assert got.flags == Flag.TOO_FEW_EDGES
-    assert got.rows_per_chip == pytest.approx(pitch, abs=0.2)
-    lit = np.flatnonzero(got.relative_levels)
-    assert "".join(got.bits[k] for k in lit) in "".join(map(str, chips))
-    assert lit.size >= chips.size - 3
-    assert not ocisac.receive(frame, Camera(1.0))[0].bits  # the exposure is the evidence
-
-
 @pytest.mark.parametrize(
     ("frame", "flag"),
     [

@@ -27,7 +27,6 @@ constexpr std::size_t kMinEdges = 4;
 constexpr std::size_t kCandidates = 16;
 constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kMaxDuty = 0.2;       // chips, in the search; the bound after the fit is slightly larger
-constexpr double kLengthError = 0.03;  // of the exposure, the least
 constexpr double kMaxResidual = 0.17;  // chips; edges at random places have 1/√12 = 0.29
 
 double median(std::vector<double> values) {
@@ -228,15 +227,6 @@ bool locked(const ChipTiming& timing) {
   return timing.residual <= kMaxResidual * timing.lattice.clock.rows_per_chip && timing.certainty > kMinCertainty;
 }
 
-// Log-odds of edges of an exposure's length against edges of lengths that are uniform up to twice of it, nats.
-double evidence_of_lengths(std::span<const double> lengths, double exposure) {
-  double squares = 0;
-  for (double length : lengths) squares += std::pow(length - exposure, 2);
-  const auto count = static_cast<double>(lengths.size());
-  const double spread = std::max(std::sqrt(squares / std::max(count, 1.0)), kLengthError * exposure);
-  return std::max(count * std::log(exposure / (std::sqrt(3.0) * spread)), 0.0);
-}
-
 // True if a lattice of a whole number of these chips fits the edges of a better threshold. A wrong one delays falling
 // edges, for some exposures by half a chip, and edges at random places of a fast lattice fit no slower one.
 bool divides(const ChipTiming& timing, const ChipTiming& better) {
@@ -320,8 +310,7 @@ std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, Fre
   return best;
 }
 
-TimingSearch find_chip_timing(std::span<const double> signal, double noise, FrequencyRange range,
-                              std::optional<double> exposure) {
+TimingSearch find_chip_timing(std::span<const double> signal, double noise, FrequencyRange range) {
   const double span = span_of(signal);
   const double spread = std::isnan(noise) ? noise_on_steady_light(signal) : noise;
   TimingSearch search{std::nullopt, std::numeric_limits<std::size_t>::max()};
@@ -341,7 +330,6 @@ TimingSearch find_chip_timing(std::span<const double> signal, double noise, Freq
       best = std::move(timing);
       best->edges = edges;
     }
-    if (best && exposure) best->certainty += evidence_of_lengths(ramp_lengths(smooth, points), *exposure);
     if (best && locked(*best)) {
       search.timing = std::move(best);
       break;

@@ -38,10 +38,8 @@ struct TimingSearch {
 
 // Lattice of minimal description length for the edges: their residual, the lattice places with an edge, and collisions
 // of edges at one place. Several thresholds are tried, and smoothing for long chips. `noise`: standard deviation of the
-// signal, NaN where unknown. `exposure`, rows: edges as long as it count as evidence of a flickering light, so few
-// edges suffice; absent: their length is not looked at.
-TimingSearch find_chip_timing(std::span<const double> signal, double noise, FrequencyRange range,
-                              std::optional<double> exposure = {});
+// signal, NaN where unknown.
+TimingSearch find_chip_timing(std::span<const double> signal, double noise, FrequencyRange range);
 
 // The lattice for edges at one threshold; absent if none is consistent. `rows`: length of the frame.
 std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, FrequencyRange range);

@@ -115,15 +115,6 @@ Edges edges_between(std::span<const double> signal, std::span<const std::size_t>
   return edges;
 }
 
-std::vector<double> ramp_lengths(std::span<const double> signal, std::span<const std::size_t> points) {
-  constexpr double kLow = 0.2, kHigh = 0.65;
-  const Edges low = edges_between(signal, points, kLow), high = edges_between(signal, points, kHigh);
-  std::vector<double> lengths(low.rows.size());
-  std::ranges::transform(low.rows, high.rows, lengths.begin(),
-                         [](double a, double b) { return std::abs(b - a) / (kHigh - kLow); });
-  return lengths;
-}
-
 Edges reliable_edges(const Edges& edges, std::span<const double> signal, std::span<const std::size_t> points) {
   const auto heights = swings_between(signal, points);
   const std::size_t count = heights.size();

@@ -22,10 +22,6 @@ struct Edges {
 // Places where the signal crosses `share` of the height (from dark to bright) between neighbouring turning points.
 Edges edges_between(std::span<const double> signal, std::span<const std::size_t> points, double share);
 
-// Length of each edge if its light rises in a straight line as by an exposure, rows: between a fifth and two thirds of
-// the height, scaled to all of it.
-std::vector<double> ramp_lengths(std::span<const double> signal, std::span<const std::size_t> points);
-
 // All edges except a low one at either end: a run cut by the frame's edge may not reach its level.
 Edges reliable_edges(const Edges& edges, std::span<const double> signal, std::span<const std::size_t> points);
 

@@ -22,8 +22,6 @@ constexpr double kDarkRuns = 4, kMinDarkRuns = 1.5;
 constexpr double kDarkChips = 16;
 constexpr double kDarkChance = 0.01;  // of a run as long as the dark rows beyond a lamp
 constexpr std::size_t kMinTurns = 8;
-constexpr double kResolved = 4;  // rows, the shortest exposure whose edges differ from an outline of a row or two
-constexpr double kSharpShare = 0.5, kSlowShare = 2;  // of the exposure
 
 // The value at an index of the sorted ones.
 double quantile(std::span<const double> values, std::size_t index) {
@@ -72,25 +70,15 @@ std::size_t dark_rows(std::span<const double> signal, std::size_t steady, double
   return count;
 }
 
-// Standard deviation of the noise, and turning points of light that varies by much more.
-struct Turns {
-  double span, spread;
-  std::vector<std::size_t> points;
-};
-
-Turns turns_of(std::span<const double> signal, double noise, double most_noise) {
-  const std::size_t tail = signal.size() / 50;
-  const double span = quantile(signal, signal.size() - 1 - tail) - quantile(signal, tail);
-  const double spread = std::isfinite(noise) ? std::min(noise, most_noise * span) : 0.0;
-  return {span, spread, turning_points(signal, std::max(kTurnErrors * spread, kMinTurn * span))};
-}
-
 }  // namespace
 
 LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& seen, const DarkRows& dark) {
   LitRows lit{seen, 0};
   if (signal.size() < 2) return lit;
-  const auto [span, spread, points] = turns_of(signal, noise, dark.most_noise);
+  const std::size_t tail = signal.size() / 50;
+  const double span = quantile(signal, signal.size() - 1 - tail) - quantile(signal, tail);
+  const double spread = std::isfinite(noise) ? std::min(noise, dark.most_noise * span) : 0.0;
+  const auto points = turning_points(signal, std::max(kTurnErrors * spread, kMinTurn * span));
   if (points.size() < kMinTurns + 2) return lit;
   // The first point is row 0; the second and the last one lie anywhere in steady rows.
   std::vector<std::size_t> runs;
@@ -123,35 +111,6 @@ LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& s
   if (rows.end == signal.size()) rows.end = seen.end;
   if (rows.begin < rows.end) lit.rows = rows;
   return lit;
-}
-
-std::optional<LitRows> rows_within_outline(std::span<const double> signal, double noise, double exposure) {
-  if (signal.size() < 2 || exposure < kResolved) return std::nullopt;
-  const auto points = turns_of(signal, noise, DarkRows{}.most_noise).points;
-  const auto lengths = ramp_lengths(signal, points);
-  const auto places = edges_between(signal, points, 0.5).rows;
-  std::vector<double> edges;
-  std::optional<double> before, after;  // outlines
-  double shortest = static_cast<double>(signal.size());
-  for (std::size_t k = 0; k < lengths.size(); ++k) {
-    if (lengths[k] > kSlowShare * exposure) continue;
-    if (lengths[k] < kSharpShare * exposure) {
-      if (edges.empty())
-        before = places[k];
-      else if (!after)
-        after = places[k];
-      continue;
-    }
-    if (after) return std::nullopt;
-    if (!edges.empty()) shortest = std::min(shortest, places[k] - edges.back());
-    edges.push_back(places[k]);
-  }
-  if ((!before && !after) || edges.size() < 2) return std::nullopt;
-  // Where there is no outline the light ends dark.
-  const double first = std::max(before.value_or(edges.front() - shortest), 0.0);
-  const double last = std::min(after.value_or(edges.back() + shortest), static_cast<double>(signal.size()));
-  return LitRows{{static_cast<std::size_t>(std::ceil(first)), static_cast<std::size_t>(std::ceil(last))},
-                 static_cast<std::size_t>(shortest)};
 }
 
 }  // namespace ocisac

@@ -34,10 +34,4 @@ inline LitRows lit_rows(std::span<const double> signal, double noise) {
   return lit_rows(signal, noise, {0, signal.size()});
 }
 
-// Lit rows by the length of edges, where too few rows are lit for lit_rows: an edge of the light takes as many rows as
-// the exposure, one of the lamp's outline takes fewer. From the last outline before the first edge of the light to the
-// first outline after the last one, or, where a lamp ends dark, a shortest run beyond its edges. Absent without an
-// outline, or if one lies between edges of the light. `exposure`: rows.
-std::optional<LitRows> rows_within_outline(std::span<const double> signal, double noise, double exposure);
-
 }  // namespace ocisac

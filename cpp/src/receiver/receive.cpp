@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <complex>
 #include <iterator>
 #include <limits>
-#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -43,13 +41,10 @@ constexpr int kMaxShears = 3;
 constexpr double kCommon = 0.9;                                // of the expected correlation of a light's columns
 constexpr double kDarkShare = 0.25;                            // of a bright chip of the lamp's width there
 constexpr std::size_t kSurelyPeriodic = 12, kFewPeriodic = 5;  // bits
-constexpr double kFrequencyStep = 0.002;                       // relative
-constexpr int kFrequencySteps = 50;
-constexpr std::size_t kMostAtOnce = 4;  // rows of a group
-constexpr double kInterpolated = 0.1;   // of the second differences of the other rows
-constexpr double kLowestTone = 300, kHighestTone = 3000,
-                 kEvident = 60;                          // Hz; over its neighbourhood
-constexpr double kMinHumCycles = 1, kMinToneCycles = 8;  // in the frame
+constexpr std::size_t kMostAtOnce = 4;                         // rows of a group
+constexpr double kInterpolated = 0.1;                          // of the second differences of the other rows
+constexpr double kLowestTone = 300, kHighestTone = 3000;       // Hz
+constexpr double kMinHumCycles = 1, kMinToneCycles = 8;        // in the frame
 constexpr int kSquareRounds = 3;
 constexpr std::size_t kEnds = 8;                    // of the rows make an end
 constexpr double kMinShare = 0.3, kMaxShare = 1.5;  // of the light beside the lamp in its columns
@@ -173,49 +168,6 @@ std::optional<Decoded> detect_and_refine(std::span<const double> signal, const C
   return decoded;
 }
 
-// Frequency of a light of about frequency `near`, cycles per row: the largest transform of what remains of its moving
-// mean over a cycle. A lamp's profile, which is positive, moves no line.
-double frequency_near(std::span<const double> signal, double near) {
-  const auto slow = moving_mean(signal, static_cast<std::size_t>(std::lround(0.5 / near)));
-  const auto power = [&](int step) {
-    std::complex<double> sum = 0;
-    for (std::size_t n = 0; n < signal.size(); ++n)
-      sum += (signal[n] - slow[n]) *
-             std::polar(1.0, -2 * std::numbers::pi * near * (1 + step * kFrequencyStep) * static_cast<double>(n));
-    return std::norm(sum);
-  };
-  int best = 0;
-  double largest = 0;
-  for (int step = -kFrequencySteps; step <= kFrequencySteps; ++step)
-    if (const double here = power(step); here > largest) largest = here, best = step;
-  const double before = power(best - 1), after = power(best + 1), bend = before - 2 * largest + after;
-  return near * (1 + kFrequencyStep * (best + (bend < 0 ? 0.5 * (before - after) / bend : 0.0)));
-}
-
-// The chips of a light that repeats after `period` chips, by its frequency, which uses all rows, not its edges alone.
-// Runs of two chips each are one chip.
-Decoded by_frequency(std::span<const double> signal, std::optional<double> exposure_rows, Decoded found,
-                     std::size_t period) {
-  const auto& bits = found.detection.bits;
-  ChipClock clock = found.grid.clock;
-  const double near = 1 / (static_cast<double>(period) * clock.rows_per_chip);
-  std::size_t middle = found.grid.count / 2;
-  while (middle > 1 && bits[middle] == bits[middle - 1]) --middle;
-  clock.phase = found.grid.start(middle);
-  const bool twice = period == 4 && std::accumulate(bits.begin(), bits.begin() + 4, 0) == 2;
-  if (twice) period = 2;
-  clock.rows_per_chip = 1 / (static_cast<double>(period) * frequency_near(signal, near));
-  const ChipGrid grid = whole_chips(clock, signal.size());
-  std::vector<std::uint8_t> guess(grid.count);
-  for (std::size_t k = 0; k < grid.count; ++k) {
-    const double chip = (grid.centre(k) - found.grid.start(0)) / found.grid.clock.rows_per_chip;
-    guess[k] = bits[static_cast<std::size_t>(std::clamp(chip, 0.0, static_cast<double>(bits.size()) - 1))];
-  }
-  auto sliced = slice(signal, grid, exposure_rows, guess);
-  if (!sliced || snr_of(sliced->relative_levels) < kMinSnr) return found;
-  return {grid, std::move(*sliced), twice ? 2 * found.rows_per_chip_std : found.rows_per_chip_std};
-}
-
 // If nearly all runs between the first and the last edge, which may be the lamp's ends, are multiples of n > 1 chips,
 // the true chips are n times as long, whatever rate was given: single edges, of defects or of another lamp, do not lie
 // on their lattice. Every second run of random chips and of a line code is odd at least. Absent where n is 1 or there
@@ -303,13 +255,11 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure_ro
 }
 
 // Chip timing of the lit rows, relative to row `begin`.
-TimingSearch find_lit_timing(const CombinedColumn& column, RowRange lit, std::size_t begin, FrequencyRange range,
-                             std::optional<double> exposure_of_edges) {
+TimingSearch find_lit_timing(const CombinedColumn& column, RowRange lit, std::size_t begin, FrequencyRange range) {
   const std::size_t first = lit.begin > 0 ? lit.begin + 1 : 0;
   const std::size_t last = lit.end < column.signal.size() ? lit.end - 1 : lit.end;
   if (last < first + 2) return {};
-  auto search =
-      find_chip_timing(std::span(column.signal).subspan(first, last - first), column.noise, range, exposure_of_edges);
+  auto search = find_chip_timing(std::span(column.signal).subspan(first, last - first), column.noise, range);
   if (!search.timing) return search;
   const double moved = static_cast<double>(first) - static_cast<double>(begin);
   search.timing->lattice.clock.phase += moved;
@@ -375,17 +325,14 @@ bool ends_sharply(const SlicedChips& seen) {
   return std::min(first, last) > kSharp * most;
 }
 
-// Chips of the lit rows. `edges`: those of the light that were found. `outlined`: the rows end with the lamp, so all
-// edges within are those of an exposure.
+// Chips of the lit rows. `edges`: those of the light that were found.
 std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& lit, const Search& what,
-                                   std::size_t& edges, bool outlined = false) {
+                                   std::size_t& edges) {
   // Chips that end dark show it a chip beyond the last row that stands out.
-  const std::size_t beyond = outlined ? 0 : lit.shortest;
-  const std::size_t begin = lit.rows.begin - std::min(beyond, lit.rows.begin);
-  const std::size_t end = std::min(lit.rows.end + beyond, column.signal.size());
+  const std::size_t begin = lit.rows.begin - std::min(lit.shortest, lit.rows.begin);
+  const std::size_t end = std::min(lit.rows.end + lit.shortest, column.signal.size());
   const auto signal = std::span(column.signal).subspan(begin, end - begin);
-  const auto search =
-      find_lit_timing(column, lit.rows, begin, what.range, outlined ? what.exposure_rows : std::nullopt);
+  const auto search = find_lit_timing(column, lit.rows, begin, what.range);
   edges = search.edges;
   if (!search.timing) return std::nullopt;
   auto decoded = detect_and_refine(signal, *search.timing, what.exposure_rows);
@@ -395,8 +342,6 @@ std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& 
   if (!decoded || snr_of(decoded->detection.relative_levels) < kMinSnr) return std::nullopt;
   decoded->uneven = wanders(search.timing->edges, (slower ? *slower : *search.timing).lattice) ||
                     is_read_in_groups(signal, decoded->grid.clock, what.exposure_rows);
-  if (const auto period = chip_period(decoded->detection.bits, kFewPeriodic))
-    decoded = by_frequency(signal, what.exposure_rows, std::move(*decoded), *period);
   decoded->grid.clock.phase += static_cast<double>(begin);
   auto seen = within(*decoded, lit.rows, column.signal.size());
   if (seen.grid.count == 0) return std::nullopt;
@@ -414,12 +359,7 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   const RowRange all{0, column.signal.size()};
   const auto lit = lit_rows(column.signal, column.noise, all, dark);
   auto decoded = decode_rows(column, lit, what, edges);
-  if (!decoded && what.exposure_rows) {
-    const auto within = rows_within_outline(column.signal, column.noise, *what.exposure_rows);
-    std::size_t of_lamp = 0;
-    if (within) decoded = decode_rows(column, *within, what, of_lamp, true);
-    if (decoded) edges = of_lamp;
-  } else if (decoded) {
+  if (decoded) {
     // Rows beyond the lamp that are no more uneven than its light is.
     const auto fewer =
         lit_rows(column.signal, column.noise, all,
@@ -557,7 +497,7 @@ bool decode_within(const CombinedColumn& column, const LitRows& lit, const Searc
   return true;
 }
 
-// As decode, but that noise is not searched; without chips, with weak ones, or beside an evident tone, other light is
+// As decode, but that noise is not searched; without chips, or with weak ones, other light is
 // removed from the rows and detection repeated. Steady rows beside a lamp show no other light.
 bool decode_any(const CombinedColumn& column, const Search& what, double row_time, Received& received) {
   if (is_noise(column.signal)) {
@@ -569,7 +509,7 @@ bool decode_any(const CombinedColumn& column, const Search& what, double row_tim
   const auto lit = lit_rows(column.signal, column.noise);
   if (decode_within(column, lit, what, received)) return true;
   const auto tone = other_tone(column.signal, row_time);
-  if (decoded && (received.flags & flag::weak) == 0 && tone.prominence < kEvident) return true;
+  if (decoded && (received.flags & flag::weak) == 0) return true;
   if (lit.rows.size() < column.signal.size()) return decoded;
   bool better = decoded;
   // `square`: frequency of the square wave that was removed, cycles per row, else 0.

@@ -54,31 +54,3 @@ TEST_CASE("a lamp that fills the frame keeps all rows, and so does a frame witho
   CHECK(ocisac::lit_rows(std::vector<double>(1000, 5.0), 0).rows.size() == 1000);
   CHECK(ocisac::lit_rows(std::vector<double>{1.0}, 0).rows.size() == 1);
 }
-
-TEST_CASE("an outline is sharper than the exposure's edges and ends the lit rows") {
-  // Light of 12 rows a chip through an exposure of 6, in rows 200 to 329; it begins bright and ends as `chips` do.
-  const auto lamp = [](const std::vector<int>& chips) {
-    std::vector<double> rows(600, 20.0);
-    for (std::size_t row = 200; row < 330; ++row) {
-      double light = 0;
-      for (std::size_t line = row - 200; line < row - 194; ++line)
-        light += chips[std::min(line / 12, chips.size() - 1)] / 6.0;
-      rows[row] += 100 * light;
-    }
-    return rows;
-  };
-  const auto bright = ocisac::rows_within_outline(lamp({1, 1, 0, 0, 0, 1, 0, 1}), 0.1, 6);
-  REQUIRE(bright);
-  CHECK(bright->rows.begin == 200);
-  CHECK(bright->rows.end == 330);
-  CHECK(bright->shortest == 12);
-  const auto dark = ocisac::rows_within_outline(lamp({1, 1, 0, 1, 0}), 0.1, 6);
-  REQUIRE(dark);
-  CHECK(dark->rows.begin == 200);
-  CHECK(dark->rows.end >= 200 + 4 * 12 + 6);
-  CHECK(dark->rows.end <= 200 + 5 * 12 + 6);
-  CHECK(!ocisac::rows_within_outline(lamp({1, 1, 0, 1, 0}), 0.1, 2));    // such edges are as sharp as outlines
-  CHECK(!ocisac::rows_within_outline(lamp({0}), 0.1, 6));                // no light
-  CHECK(!ocisac::rows_within_outline(lamp_rows(0, 1000, 0.1), 0.1, 6));  // no outline
-  CHECK(!ocisac::rows_within_outline(std::vector<double>{1.0}, 0, 6));
-}
