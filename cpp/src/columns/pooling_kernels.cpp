@@ -18,7 +18,6 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr std::size_t kSums = 8;   // of a row, for vectors of any target
 constexpr std::size_t kGroup = 4;  // rows pooled at once: they share weights and hide each other's latency
-constexpr std::size_t kLine = 64;  // bytes
 constexpr std::size_t kAhead = 8;  // rows that are asked for early: the processor foresees no line of the next row
 
 const hn::CappedTag<double, kSums> d_sum;

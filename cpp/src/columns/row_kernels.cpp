@@ -266,7 +266,7 @@ namespace {
 template <class T>
 void look_up_singly(const StoredRows<T>& from, std::size_t first, const float* HWY_RESTRICT light,
                     float* HWY_RESTRICT to) {
-  constexpr std::size_t kInLine = 64 / sizeof(T);
+  constexpr std::size_t kInLine = kLine / sizeof(T);
   for (std::size_t r = 0; r < from.rows; ++r, to += from.columns) {
     const T* HWY_RESTRICT row = from.samples + static_cast<std::ptrdiff_t>(r) * from.stride;
     std::size_t c = first;

@@ -10,6 +10,8 @@
 
 namespace ocisac::kernels {
 
+inline constexpr std::size_t kLine = 64;  // bytes of a cache line
+
 // Every `step`-th byte, `count` of them, the first at `from`: one colour of interleaved ones, the luma of YUYV.
 void take_every(const std::uint8_t* from, std::size_t step, std::size_t count, std::uint8_t* to);
 

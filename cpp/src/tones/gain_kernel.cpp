@@ -17,8 +17,6 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-constexpr double kWeak = 3;                   // standard errors
-constexpr double kRounding = 1e-9;            // contrast of rounding errors of a steady column
 constexpr double kRoundingOfSquares = 1e-14;  // of a column's sum of squares
 
 const hn::ScalableTag<double> d64;

@@ -5,6 +5,9 @@
 
 namespace ocisac::kernels {
 
+inline constexpr double kWeak = 3;         // standard errors below which a tone is weak
+inline constexpr double kRounding = 1e-9;  // contrast of rounding errors of a steady column
+
 // Weighted sums of many columns: totals (count,), sums (estimates − 1 × count, `stride` apart) and squares (count,),
 // the sum of a column's squared samples. parameters = transform·(totals, sums), with transform: estimates × estimates.
 // noise variance of a row = (squares − parametersᵀ·gram·parameters)/freedom.

@@ -27,8 +27,6 @@ namespace HWY_NAMESPACE {
 // Vectors as wide as a cache line and twice the number of registers: AVX-512.
 constexpr bool kWide = HWY_TARGET <= HWY_AVX3;
 
-constexpr std::size_t kLine = 64;  // bytes of a cache line
-
 template <std::size_t kLines, bool kEarly = false>
 HWY_INLINE void ask_for(const std::uint8_t* run) {
   for (std::size_t i = 0; i < kLines; ++i) kEarly ? ask_early_for(run + i * kLine) : hwy::Prefetch(run + i * kLine);

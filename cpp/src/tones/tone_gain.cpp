@@ -382,12 +382,14 @@ kernels::FittedTone fitted_tone(const StreamingFit& fit, const StreamingFit::Col
           0};
 }
 
+constexpr double kHalfStep = 0.5;  // between stored values
+
 // Flags columns in which more samples are at a pile than would shift the mean by its standard error: at k samples it is
 // shifted by at most 0.8 σ k/rows, less than σ/√rows for k below √rows. A few are chance, and noise below half a step
 // makes piles itself.
 void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t frame, const Pile& pile,
                const ToneGainView& result) {
-  constexpr double kChance = 5, kThinsOut = 1.25, kLast = 20, kRunsOfNoise = 0.25, kNoise = 4, kHalfStep = 0.5;
+  constexpr double kChance = 5, kThinsOut = 1.25, kLast = 20, kRunsOfNoise = 0.25, kNoise = 4;
   const auto counts = count_pile(frames, frame, pile);
   const double allowed = kChance + 0.5 * std::sqrt(static_cast<double>(context.shape.rows));
   const double step = std::abs(pile.beside - pile.level);
@@ -417,7 +419,7 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
 // square wave has crests that its fundamental does not tell.
 bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::size_t frame, std::size_t column,
                     double largest, const ToneGainView& result) {
-  constexpr double kLargest = 1.2, kLeast = 0.8, kOfAll = 4, kHalfStep = 0.5;  // σ beyond the light
+  constexpr double kLargest = 1.2, kLeast = 0.8, kOfAll = 4;  // σ beyond the light
   const ToneCurve& curve = context.camera->tone_curve;
   if (curve.kind != ToneCurve::Kind::linear || context.options->waveform == WaveformShape::square) return true;
   double depth = 0;
@@ -471,13 +473,11 @@ struct Piece {
   std::size_t frame, first, count;
 };
 
-constexpr std::size_t kLine = 64;  // bytes of a cache line
-
 // Width of the parts of the frames that are left: halves, or as many as there are threads for each.
 std::size_t columns_per_part(std::size_t columns, std::size_t left, std::size_t threads) {
   const auto share = [](std::size_t of, std::size_t parts) { return (of + parts - 1) / parts; };
   const std::size_t parts = std::max<std::size_t>(share(threads, std::max<std::size_t>(left, 1)), 2);
-  return std::max(share(share(columns, parts), kLine) * kLine, kColumnsPerPart);
+  return std::max(share(columns, parts), kColumnsPerPart);
 }
 
 // Whole frames, which are read fastest; those that are left when every thread has had as many are split. The results do

@@ -16,6 +16,7 @@
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/projection.hpp"
 #include "rows/fit.hpp"
+#include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
 
 namespace ocisac {
@@ -28,9 +29,7 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 // Of one column, at most 3·5 + 3: on the stack.
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 18, 1>;
 
-constexpr double kSure = 4;         // standard errors above which a bias is significant
-constexpr double kWeak = 3;         // standard errors
-constexpr double kRounding = 1e-9;  // gains below it are rounding
+constexpr double kSure = 4;  // standard errors above which a bias is significant
 constexpr std::size_t kColumnsPerBlock = 640;
 constexpr std::size_t kColumnsInCache = 32;  // their light and what is left of it fit the second-level cache
 // Share of a column's energy that the model leaves: below it, energies of model and column differ by too few digits.
@@ -233,8 +232,8 @@ void judge(const Plan& plan, const Vector& parameters, double noise, double back
   if (amplitude > 0) slope.tail(2) += relative.tail(2) / (amplitude * steady_mean);
   slope(at) -= amplitude / (steady_mean * steady_mean);
   const double bias = steady_gain - gain, bias_std = error(slope);
-  if (gain < std::max(kWeak * gain_std, kRounding)) flags |= flag::weak;
-  if (std::abs(bias) > std::max({kSure * bias_std, steady_std, kRounding})) flags |= flag::model_misfit;
+  if (gain < std::max(kernels::kWeak * gain_std, kernels::kRounding)) flags |= flag::weak;
+  if (std::abs(bias) > std::max({kSure * bias_std, steady_std, kernels::kRounding})) flags |= flag::model_misfit;
   result.gain[index] = gain;
   result.gain_std[index] = gain_std;
   result.bias[index] = bias;
