@@ -153,13 +153,9 @@ CommonCourse common_course(const BandedPicture& picture, const CommonCourse* of_
   check(picture, Values(picture.rows, 1.0));
   require(picture.frames == 1 && picture.rows >= 4, "rows", picture.rows, "4 or more, of one frame");
   const std::size_t count = mode_count(picture.rows);
-  Blocks blocks{picture.rows,
-                picture.columns,
-                {picture.light.begin(), picture.light.end()},
-                {picture.variance.begin(), picture.variance.end()}};
   const std::size_t height = std::max<std::size_t>(1, picture.rows / (4 * count));
   const std::size_t width = blocks_of(picture.columns, most_columns);
-  blocks = merged_along(merged_down(blocks, height), width);
+  const Blocks blocks = merged_along(merged_down(copy_of(picture), height), width);
   const Differences all = differences_of(blocks, count);
   Eigen::VectorXd modes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
   if (of_all != nullptr)

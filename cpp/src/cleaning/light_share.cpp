@@ -208,12 +208,7 @@ class ShareEstimator {
 
   // wide_steps on sums of columns.
   void take_wide_steps(std::span<const double> row_light) {
-    const std::size_t lines = picture_.frames * picture_.rows;
-    const Blocks blocks = merged_along({lines,
-                                        picture_.columns,
-                                        {picture_.light.begin(), picture_.light.end()},
-                                        {picture_.variance.begin(), picture_.variance.end()}},
-                                       merged_at_first);
+    const Blocks blocks = merged_along(copy_of(picture_), merged_at_first);
     const std::size_t columns = blocks.columns;
     ShareEstimator merged({blocks.light, blocks.variance, picture_.frames, picture_.rows, columns}, row_light,
                           merged_at_first);

@@ -6,6 +6,7 @@
 
 #include "cleaning/block_shares.hpp"
 #include "core/check_interrupt.hpp"
+#include "ocisac/core/require.hpp"
 
 namespace ocisac {
 
@@ -38,6 +39,25 @@ Blocks merged(const Blocks& from, std::size_t height, std::size_t width) {
 }
 
 }  // namespace
+
+Blocks copy_of(const BandedPicture& picture) {
+  return {picture.frames * picture.rows,
+          picture.columns,
+          {picture.light.begin(), picture.light.end()},
+          {picture.variance.begin(), picture.variance.end()}};
+}
+
+Blocks sum_of(std::span<const BandedPicture> colours) {
+  Blocks sum = copy_of(colours.front());
+  for (const BandedPicture& colour : colours.subspan(1)) {
+    require(colour.light.size() == sum.light.size(), "colours", colour.light.size(), "pictures of one shape");
+    for (std::size_t i = 0; i < sum.light.size(); ++i) {
+      sum.light[i] += colour.light[i];
+      sum.variance[i] += colour.variance[i];
+    }
+  }
+  return sum;
+}
 
 Blocks merged_down(const Blocks& from, std::size_t count) { return merged(from, count, 1); }
 

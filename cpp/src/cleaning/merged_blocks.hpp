@@ -2,7 +2,10 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 #include <vector>
+
+#include "ocisac/cleaning/light_share.hpp"
 
 namespace ocisac {
 
@@ -10,7 +13,13 @@ namespace ocisac {
 struct Blocks {
   std::size_t rows = 0, columns = 0;
   std::vector<double> light, variance;
+
+  [[nodiscard]] BandedPicture picture() const { return {light, variance, 1, rows, columns}; }
 };
+
+// A picture's pixels; the sums of those of several colours.
+Blocks copy_of(const BandedPicture& picture);
+Blocks sum_of(std::span<const BandedPicture> colours);
 
 // Means of the known ones of `count` neighbours, down the rows or along them; the last ones have what is left.
 Blocks merged_down(const Blocks& from, std::size_t count);

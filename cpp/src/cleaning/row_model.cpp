@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "cleaning/chip_light.hpp"
+#include "cleaning/merged_blocks.hpp"
 #include "cleaning/quantile.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/core/require.hpp"
@@ -26,16 +27,10 @@ ModelledLight light_of(Values rows, RowModel model, double frequency) {
   return {std::move(rows), full, model, frequency, {}};
 }
 
-// The sum of some colours, as one picture.
 ColumnBundles sum_of(std::span<const BandedPicture> colours, std::span<const std::size_t> some) {
-  const BandedPicture& first = colours[some.front()];
-  Values light(first.light.begin(), first.light.end()), variance(first.variance.begin(), first.variance.end());
-  for (const std::size_t k : some.subspan(1))
-    for (std::size_t i = 0; i < light.size(); ++i) {
-      light[i] += colours[k].light[i];
-      variance[i] += colours[k].variance[i];
-    }
-  return ColumnBundles({light, variance, 1, first.rows, first.columns});
+  std::vector<BandedPicture> pictures;
+  for (const std::size_t k : some) pictures.push_back(colours[k]);
+  return ColumnBundles(sum_of(pictures).picture());
 }
 
 // Colours of similar course: their sum, and the index of their light.

@@ -253,12 +253,9 @@ std::vector<KeptShares> shares_of(const StoredScene& scene, std::span<const Colo
     Blocks all{0, 0, {}, {}};
     for (std::size_t frame = 0; frame < scene.frames(); ++frame) {
       const BandedPicture picture = scene.picture(frame, colour);
-      const Blocks one = merged_down(merged_along({picture.rows,
-                                                   picture.columns,
-                                                   {picture.light.begin(), picture.light.end()},
-                                                   {picture.variance.begin(), picture.variance.end()}},
-                                                  block.block_columns / std::min(scene.merged(), block.block_columns)),
-                                     block.block_rows);
+      const Blocks one = merged_down(
+          merged_along(copy_of(picture), block.block_columns / std::min(scene.merged(), block.block_columns)),
+          block.block_rows);
       all.rows = one.rows;
       all.columns = one.columns;
       all.light.insert(all.light.end(), one.light.begin(), one.light.end());

@@ -5,6 +5,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "cleaning/merged_blocks.hpp"
 #include "cleaning/slow_shares.hpp"
 #include "cleaning/slow_tones.hpp"
 #include "core/check_interrupt.hpp"
@@ -104,15 +105,7 @@ FrameCourses courses_of(const std::vector<BandedPicture>& colours) {
     const CommonCourse only = common_course(colours.front());
     return {only, {only}};
   }
-  std::vector<double> light(colours.front().light.size()), variance(light.size());
-  for (const BandedPicture& colour : colours) {
-    require(colour.light.size() == light.size(), "colours", colour.light.size(), "pictures of one shape");
-    for (std::size_t i = 0; i < light.size(); ++i) {
-      light[i] += colour.light[i];
-      variance[i] += colour.variance[i];
-    }
-  }
-  FrameCourses result{common_course({light, variance, 1, colours.front().rows, colours.front().columns}), {}};
+  FrameCourses result{common_course(sum_of(colours).picture()), {}};
   for (const BandedPicture& colour : colours) result.colours.push_back(common_course(colour, &result.all));
   return result;
 }

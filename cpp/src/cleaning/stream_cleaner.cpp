@@ -33,13 +33,6 @@ constexpr double more_left = 0.1;             // of the light than when it was f
 constexpr std::size_t frames_of_search = 32, searched_frames = 3;  // where none has a light
 constexpr double most_jitter = 0.25;  // of a time stamp, in frames: phases of slow tones are those of whole ones
 
-Blocks copy_of(const BandedPicture& picture) {
-  return {picture.rows,
-          picture.columns,
-          {picture.light.begin(), picture.light.end()},
-          {picture.variance.begin(), picture.variance.end()}};
-}
-
 // Means of one colour over the blocks of its shares.
 Blocks in_blocks(const StoredScene& stored, std::size_t colour, const KeptShares& shares) {
   const std::size_t width = std::max<std::size_t>(1, shares.block_columns / stored.merged());
@@ -351,25 +344,17 @@ ColourLights StreamCleaner::followed_lights(const StoredScene& stored) const {
   const ColourLights& before = before_->lights;
   ColourLights found{{}, before.of_colour};
   for (std::size_t light = 0; light < before.lights.size(); ++light) {
-    Values sum, variance;
-    std::size_t first = before.of_colour.size();
-    for (std::size_t colour = 0; colour < before.of_colour.size(); ++colour) {
-      if (before.of_colour[colour] != light) continue;
-      const BandedPicture picture = stored.picture(0, colour);
-      first = std::min(first, colour);
-      sum.resize(picture.light.size());
-      variance.resize(picture.light.size());
-      for (std::size_t i = 0; i < sum.size(); ++i) {
-        sum[i] += picture.light[i];
-        variance[i] += picture.variance[i];
-      }
-    }
+    const auto first = static_cast<std::size_t>(std::ranges::find(before.of_colour, light) - before.of_colour.begin());
     const ModelledLight& own = before.lights[light];
     if (first == before.of_colour.size()) {  // of no colour any more: each of its group has one of its own
       found.lights.push_back(own);
       continue;
     }
-    const BandedPicture picture{sum, variance, 1, stored.rows(), sum.size() / stored.rows()};
+    std::vector<BandedPicture> colours;
+    for (std::size_t colour = first; colour < before.of_colour.size(); ++colour)
+      if (before.of_colour[colour] == light) colours.push_back(stored.picture(0, colour));
+    const Blocks sum = sum_of(colours);
+    const BandedPicture picture = sum.picture();
     if (!own.tone) {
       found.lights.push_back(find_row_light(ColumnBundles(picture), own.model));
       continue;

@@ -19,10 +19,10 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr int steps_to_fit = 24, steps_to_follow = 10;  // with known shares, from another frame
-constexpr double much_likelier = 0.01;                  // min. decrease of the misfit
-constexpr double largest_change = 0.25;                 // cycles in the frame: the range of a linear step
-constexpr double quarter = 0.25;                        // cycles between compared rows
+constexpr int steps = 10;                // of Gauss and Newton
+constexpr double much_likelier = 0.01;   // min. decrease of the misfit
+constexpr double largest_change = 0.25;  // cycles in the frame: the range of a linear step
+constexpr double quarter = 0.25;         // cycles between compared rows
 
 double from_middle(Eigen::Index row, Eigen::Index rows) {
   return static_cast<double>(row) - 0.5 * static_cast<double>(rows - 1);
@@ -68,7 +68,7 @@ Values fully_modulated(Values tone) {
 
 // The tone fitted to the picture from `light`, and the frequency f of each lamp by one Gauss–Newton step; d/df is
 // proportional to the row.
-ToneLight tone_of_picture(const ColumnBundles& picture, std::span<const double> light, ToneLight tone, int steps) {
+ToneLight tone_of_picture(const ColumnBundles& picture, std::span<const double> light, ToneLight tone) {
   const Values waves = waves_of(tone);
   const auto count = static_cast<Eigen::Index>(waves.size());
   std::vector<Eigen::Index> fundamentals{0};
@@ -103,7 +103,7 @@ ToneLight tone_of_picture(const ColumnBundles& picture, std::span<const double> 
 
 ToneLight fitted_tone(const ColumnBundles& picture, const Values& start, ToneLight tone) {
   tone.light = fully_modulated(start);
-  for (int again = 0; again < 2; ++again) tone = tone_of_picture(picture, tone.light, tone, steps_to_fit);
+  for (int again = 0; again < 2; ++again) tone = tone_of_picture(picture, tone.light, tone);
   return tone;
 }
 
@@ -209,7 +209,7 @@ ToneLight tone_light_at(const ColumnBundles& picture, const ToneLight& tone, dou
   check(picture, moved);
   const Values waves = waves_of(moved);
   const Basis basis = periodic_basis(picture.rows(), waves);
-  const RowLight refined = picture.refined(tone.light, {.basis = span_of(basis)}, steps_to_fit);
+  const RowLight refined = picture.refined(tone.light, {.basis = span_of(basis)}, steps);
   const Eigen::VectorXd terms = fitted_terms(basis, vector_of(refined.light));
   const auto count = 2 * static_cast<Eigen::Index>(waves.size());
   moved.light = fully_modulated(values_of(basis.rightCols(count) * terms.tail(count)));
@@ -218,7 +218,7 @@ ToneLight tone_light_at(const ColumnBundles& picture, const ToneLight& tone, dou
 
 ToneLight followed_tone_light(const ColumnBundles& picture, const ToneLight& tone) {
   check(picture, tone);
-  return tone_of_picture(picture, Values(picture.rows(), 1.0), tone, steps_to_follow);
+  return tone_of_picture(picture, Values(picture.rows(), 1.0), tone);
 }
 
 }  // namespace ocisac
