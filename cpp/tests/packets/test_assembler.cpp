@@ -353,8 +353,10 @@ TEST_CASE("the report counts bytes, parts and doubt, and the share of what is ne
   CHECK(report.doubtful == 0);
   CHECK(report.share == doctest::Approx(32 / 85.0));
 
-  // Half of the first byte and the last bit of the last are not seen; a doubtful bit that is no word.
-  auto llr = sender.soft(4 * kBlock + kStart + 8, 4 * kByte - 10);
+  // Half of the first byte and the last chip of the last are not seen, the one before it hardly; a doubtful bit that is
+  // no word.
+  auto llr = sender.soft(4 * kBlock + kStart + 8, 4 * kByte - 9);
+  llr.back() *= 0.01;
   llr[2 * kByte - 8] = llr[2 * kByte - 7] = 0.9;
   report = assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(kStart + 8), llr);
   CHECK(report.outcome == StretchOutcome::placed);
@@ -457,7 +459,9 @@ TEST_CASE("a packet of another parity or length takes over at the second header 
   const Sender first(80, 0), other(80, 1), longer(500, 2);
   PacketAssembler assembler(first.format);
   for (std::size_t block = 0; block < 8; ++block) assembler.push(place_of_block(block), first.blocks(block, 1));
-  CHECK(blocks_needed(assembler, other, 32, 40) == 11);  // the first one waits for the second
+  CHECK(assembler.push(place_of_block(32), other.blocks(32, 1)).share > 0);  // of the first packet
+  CHECK(assembler.push(place_of_block(33), other.blocks(33, 1)).share == 0);
+  CHECK(blocks_needed(assembler, other, 34, 40) == 9);  // the first header waits for the second
   for (std::size_t block = 64; block < 70; ++block) assembler.push(place_of_block(block), other.blocks(block, 1));
   CHECK(blocks_needed(assembler, longer, 192, 200) > 0);
 }
