@@ -42,34 +42,28 @@ struct Oscillation {
   double cycles_per_row;
 };
 
-struct Oscillations {
-  std::vector<Oscillation> all;  // fundamentals first
-  std::size_t fundamentals = 0;
-};
-
 // Oscillations that the rows determine: the fundamentals, then harmonics in ascending order until half of the degrees
 // of freedom are used, without those within a quarter of a bin of another tone's fundamental.
-Oscillations usable_oscillations(std::span<const ModelTone> tones, std::size_t rows, std::span<Flags> flags) {
-  Oscillations usable;
-  std::vector<Oscillation> harmonics;
+std::vector<Oscillation> usable_oscillations(std::span<const ModelTone> tones, std::size_t rows,
+                                             std::span<Flags> flags) {
+  std::vector<Oscillation> usable, harmonics;
   for (std::size_t k = 0; k < tones.size(); ++k) {
     if (flags[k] & flag::unresolvable) continue;
-    usable.all.push_back({k, tones[k].cycles_per_row});
+    usable.push_back({k, tones[k].cycles_per_row});
     for (const int h : tones[k].harmonics)
       if (h > 1) harmonics.push_back({k, h * tones[k].cycles_per_row});
   }
-  usable.fundamentals = usable.all.size();
   std::ranges::stable_sort(harmonics, {}, &Oscillation::cycles_per_row);
   const double quarter_bin = 0.25 / static_cast<double>(rows);
   for (const Oscillation& harmonic : harmonics) {
-    const bool taken = std::ranges::any_of(usable.all, [&](const Oscillation& other) {
+    const bool taken = std::ranges::any_of(usable, [&](const Oscillation& other) {
       return std::abs(other.cycles_per_row - harmonic.cycles_per_row) < quarter_bin;
     });
-    const bool rows_left = 2 * (2 * usable.all.size() + 3) <= rows + 2;
+    const bool rows_left = 2 * (2 * usable.size() + 3) <= rows + 2;
     if (taken || !rows_left || at_multiple_of_half_row_rate(harmonic.cycles_per_row))
       flags[harmonic.tone] |= flag::harmonics_dropped;
     else
-      usable.all.push_back(harmonic);
+      usable.push_back(harmonic);
   }
   return usable;
 }
@@ -188,17 +182,17 @@ HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones)
     model.tone_flags.push_back(frequency_flags(tone.cycles_per_row, rows) | too_few_rows);
   }
 
-  const Oscillations oscillations = usable_oscillations(tones, rows, model.tone_flags);
+  const auto oscillations = usable_oscillations(tones, rows, model.tone_flags);
   const RowSampling half = folded_rows(rows);
-  const auto wanted = static_cast<Index>(oscillations.fundamentals);
+  const auto wanted = std::ranges::count_if(model.tone_flags, [](Flags f) { return !(f & flag::unresolvable); });
   std::vector<std::size_t> even_places{0};
   std::vector<std::size_t> odd_places;
-  for (std::size_t k = 0; k < oscillations.fundamentals; ++k) {
-    even_places.push_back(2 * oscillations.all[k].tone + 1);
-    odd_places.push_back(2 * oscillations.all[k].tone + 2);
+  for (std::size_t k = 0; k < static_cast<std::size_t>(wanted); ++k) {
+    even_places.push_back(2 * oscillations[k].tone + 1);
+    odd_places.push_back(2 * oscillations[k].tone + 2);
   }
   std::vector<double> frequencies;
-  for (const Oscillation& oscillation : oscillations.all) frequencies.push_back(oscillation.cycles_per_row);
+  for (const Oscillation& oscillation : oscillations) frequencies.push_back(oscillation.cycles_per_row);
   const MatrixXd design = tone_design(half, frequencies);
   const auto count = static_cast<Index>(frequencies.size());
   MatrixXd cosines(design.rows(), count + 1), sines(design.rows(), count);  // symmetric ones, antisymmetric ones
