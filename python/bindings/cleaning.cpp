@@ -37,7 +37,7 @@ std::vector<std::vector<ModelledLight>> lights_by_colour(const SceneLight& light
 
 py::list shares_as_arrays(const SceneLight& light, const StoredScene& scene) {
   py::list result;
-  for (const KeptShares& shares : light.shares) {
+  for (const BlockShares& shares : light.shares) {
     const std::size_t down = (scene.rows() + shares.block_rows - 1) / shares.block_rows;
     const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(down),
                                          static_cast<py::ssize_t>(shares.share.size() / down)};
@@ -81,7 +81,7 @@ py::tuple run_find_scene_light(const std::vector<py::array>& colours, const Came
 }
 
 template <class Sample>
-py::tuple restored_as(const StoredScene& scene, std::size_t frame, std::size_t colour, const KeptShares& shares,
+py::tuple restored_as(const StoredScene& scene, std::size_t frame, std::size_t colour, const BlockShares& shares,
                       const Restoration& to) {
   const auto done = unlocked([&] { return scene.restored<Sample>(frame, colour, shares, to); });
   const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(scene.rows()),
@@ -92,7 +92,7 @@ py::tuple restored_as(const StoredScene& scene, std::size_t frame, std::size_t c
 py::tuple run_restored(const HeldScene& held, std::size_t frame, std::size_t colour, const Doubles& share,
                        std::size_t block_rows, std::size_t block_columns, const Doubles& rows, double level,
                        double max_gain) {
-  const KeptShares shares{{share.data(), share.data() + share.size()}, block_rows, block_columns};
+  const BlockShares shares{{share.data(), share.data() + share.size()}, block_rows, block_columns};
   const Restoration to{span_of(rows), level, max_gain};
   const bool is_bytes = held.arrays.front().dtype().equal(py::dtype::of<std::uint8_t>());
   return is_bytes ? restored_as<std::uint8_t>(held.scene, frame, colour, shares, to)

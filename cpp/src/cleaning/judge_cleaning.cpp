@@ -15,6 +15,7 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t most_groups = 24;                  // of columns
+constexpr std::size_t enough_columns = 96;               // evenly spaced, that are judged
 constexpr double min_left = 0.125;                       // lower bound of a light that is a divisor
 constexpr double floor_of_light = 0.01;                  // of the mean light, below which logarithms show noise
 constexpr double half_left = 0.5, much_left = 0.6;       // of the row light
@@ -38,9 +39,8 @@ struct Compared {
   Side before, after;
 };
 
-Compared compared(const BandedPicture& picture, std::span<const double> row_light, const BlockShares& shares,
-                  std::size_t max_columns) {
-  const std::size_t every = std::max<std::size_t>(1, picture.columns / max_columns);
+Compared compared(const BandedPicture& picture, std::span<const double> row_light, const BlockShares& shares) {
+  const std::size_t every = std::max<std::size_t>(1, picture.columns / enough_columns);
   const std::size_t columns = blocks_of(picture.columns, every), pixels = picture.rows * columns;
   const std::size_t blocks = blocks_of(picture.columns, shares.block_columns);
   Compared result{picture.rows, columns, Side(pixels), Side(pixels)};
@@ -207,12 +207,11 @@ double texture_of(const Values& light, const std::vector<std::uint8_t>& kept, st
 }  // namespace
 
 CleaningVerdict judge_cleaning(const BandedPicture& picture, std::span<const double> row_light,
-                               const BlockShares& shares, std::size_t max_columns) {
+                               const BlockShares& shares) {
   check(picture, row_light);
   require(picture.frames == 1, "frames", picture.frames, "1");
-  require(max_columns > 0, "max_columns", max_columns, "1 or more");
   check(shares, picture.rows, picture.columns);
-  const Compared sides = compared(picture, row_light, shares, max_columns);
+  const Compared sides = compared(picture, row_light, shares);
   CleaningVerdict verdict;
   const std::size_t lag = comparison_lag(row_light, picture.rows);
   judge_misfit(sides, lag, verdict);

@@ -56,6 +56,10 @@ class StoredValues {
 
 }  // namespace
 
+bool BlockShares::is_one() const {
+  return std::ranges::all_of(share, [&](double other) { return other == share.front(); });
+}
+
 template <class Sample>
 MergedPicture merge_columns(std::span<const Sample> stored, std::size_t columns, std::size_t merged,
                             const StoredLight& table) {

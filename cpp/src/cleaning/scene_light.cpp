@@ -20,7 +20,6 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr std::size_t most_judged_columns = 256;               // of a picture
 constexpr double left_by_chips = 0.125, level_of_lines = 0.5;  // chips on some columns that leave more are its lines
 constexpr double much_left = 0.25;                             // of the bands' swing: another light is searched
 constexpr std::size_t whole_pixels =
@@ -64,7 +63,7 @@ std::size_t lag_of(const StoredScene& scene, std::span<const ColourLights> light
 
 // Rows and columns of the blocks of a picture. Means of rows as far apart as those compared change as the rows of a
 // tone do.
-KeptShares blocks_in(const StoredScene& scene, bool of_tones, std::size_t lag) {
+BlockShares blocks_in(const StoredScene& scene, bool of_tones, std::size_t lag) {
   const std::size_t pixels = scene.rows() * scene.columns(), most = of_tones ? lag : lag / 4;
   if (!of_tones && pixels <= whole_pixels) return {{}, 1, 1};
   const double each = std::max(static_cast<double>(pixels) / blocks_of_shares, 1.0);
@@ -131,7 +130,7 @@ std::vector<SlowLight> slow_light_left(const StoredScene& scene, const Camera& c
   for (std::size_t frame = 0; frame < frames.size(); ++frame)
     for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
       BandedPicture& picture = frames[frame][colour];
-      const KeptShares& shares = light.shares[colour];
+      const BlockShares& shares = light.shares[colour];
       const Values& rows = light.lights[frame].lights[light.lights[frame].of_colour[colour]].light;
       const std::size_t across = blocks_of(scene.columns(), shares.block_columns);
       Values& values = cleaned.emplace_back(picture.light.begin(), picture.light.end());
@@ -153,13 +152,13 @@ SceneLight with_shares(const StoredScene& scene, std::vector<ColourLights> light
   SceneLight result{std::move(lights), {}, {}, {}, {}};
   result.shares = shares_of(scene, result.lights);
   for (std::size_t frame = 0; frame < scene.frames(); ++frame)
-    result.verdicts.push_back(verdict_on(scene, frame, result.lights[frame], result.shares, most_judged_columns));
+    result.verdicts.push_back(verdict_on(scene, frame, result.lights[frame], result.shares));
   return result;
 }
 
 // The shares of the colours are alike but for a factor.
-bool are_alike(std::span<const KeptShares> shares) {
-  return std::ranges::all_of(shares, [&](const KeptShares& own) {
+bool are_alike(std::span<const BlockShares> shares) {
+  return std::ranges::all_of(shares, [&](const BlockShares& own) {
     for (std::size_t i = 0; i < own.share.size(); ++i)
       if (std::abs(own.share[i] * shares[0].share[0] - shares[0].share[i] * own.share[0]) > 1e-9) return false;
     return true;
@@ -168,7 +167,7 @@ bool are_alike(std::span<const KeptShares> shares) {
 
 // Full light of a colour above its mean. Where the shares of the colours are alike, that which lifts pixels by one
 // factor: that of the colour whose light varies least, so that the picture keeps its colours.
-double highest_lift(const ColourLights& lights, std::span<const KeptShares> shares, std::size_t colour) {
+double highest_lift(const ColourLights& lights, std::span<const BlockShares> shares, std::size_t colour) {
   const auto lift_of = [&](std::size_t k) { return lights.lights[lights.of_colour[k]].full - 1; };
   const double own = shares[colour].share.front();
   if (!(own > 0) || !are_alike(shares)) return lift_of(colour);
@@ -179,7 +178,7 @@ double highest_lift(const ColourLights& lights, std::span<const KeptShares> shar
 
 // How far the light of a frame may be raised; below -1 where it burns even at its darkest.
 double highest_rise(const StoredScene& scene, std::size_t frame, const ColourLights& lights,
-                    std::span<const KeptShares> shares) {
+                    std::span<const BlockShares> shares) {
   const double pixels = static_cast<double>(scene.rows()) * static_cast<double>(scene.columns());
   const auto every =
       std::max<std::size_t>(1, static_cast<std::size_t>(std::sqrt(pixels / static_cast<double>(most_sampled))));
@@ -194,7 +193,7 @@ double highest_rise(const StoredScene& scene, std::size_t frame, const ColourLig
       bool is_burnt = false;
       for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
         const ModelledLight& own = lights.lights[lights.of_colour[colour]];
-        const KeptShares& blocks = shares[colour];
+        const BlockShares& blocks = shares[colour];
         const double share = blocks.share[row / blocks.block_rows * blocks_of(scene.columns(), blocks.block_columns) +
                                           column / blocks.block_columns];
         const double light = scene.light_at(frame, colour, row, column);
@@ -229,7 +228,7 @@ SceneLight left_alone(const StoredScene& scene, std::string reason) {
   even.light.assign(scene.rows(), 1);
   const ColourLights lights{{even}, std::vector<std::size_t>(scene.colours())};
   return {std::vector<ColourLights>(scene.frames(), lights),
-          std::vector<KeptShares>(scene.colours(), KeptShares{{0.0}, scene.rows(), scene.columns()}),
+          std::vector<BlockShares>(scene.colours(), BlockShares{{0.0}, scene.rows(), scene.columns()}),
           std::vector<CleaningVerdict>(scene.frames()),
           std::move(reason),
           {}};
@@ -245,8 +244,8 @@ bool has_equal_rows(const StoredScene& scene) {
   return true;
 }
 
-std::vector<KeptShares> shares_of(const StoredScene& scene, std::span<const ColourLights> lights) {
-  const KeptShares block = blocks_in(scene, all_tones(lights), lag_of(scene, lights));
+std::vector<BlockShares> shares_of(const StoredScene& scene, std::span<const ColourLights> lights) {
+  const BlockShares block = blocks_in(scene, all_tones(lights), lag_of(scene, lights));
   std::vector<Blocks> pictures;
   std::vector<Values> rows;
   for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
@@ -268,20 +267,20 @@ std::vector<KeptShares> shares_of(const StoredScene& scene, std::span<const Colo
   for (std::size_t k = 0; k < pictures.size(); ++k)
     colours.push_back(
         {{pictures[k].light, pictures[k].variance, scene.frames(), pictures[k].rows, pictures[k].columns}, rows[k]});
-  std::vector<KeptShares> result;
+  std::vector<BlockShares> result;
   for (Values& share : colour_shares(colours))
     result.push_back({std::move(share), block.block_rows, block.block_columns});
   return result;
 }
 
 CleaningVerdict verdict_on(const StoredScene& scene, std::size_t frame, const ColourLights& lights,
-                           std::span<const KeptShares> shares, std::size_t max_columns) {
+                           std::span<const BlockShares> shares) {
   std::vector<CleaningVerdict> verdicts;
   for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
-    const KeptShares& own = shares[colour];
+    const BlockShares& own = shares[colour];
     const BlockShares merged{own.share, own.block_rows, blocks_of(own.block_columns, scene.merged())};
-    verdicts.push_back(judge_cleaning(scene.picture(frame, colour), lights.lights[lights.of_colour[colour]].light,
-                                      merged, max_columns));
+    verdicts.push_back(
+        judge_cleaning(scene.picture(frame, colour), lights.lights[lights.of_colour[colour]].light, merged));
   }
   return mean_verdict(verdicts);
 }
@@ -313,7 +312,7 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
       lights.of_colour.push_back(k);
       lights.lights.push_back(std::move(own));
     }
-    CleaningVerdict verdict = verdict_on(scene, frame, lights, result.shares, most_judged_columns);
+    CleaningVerdict verdict = verdict_on(scene, frame, lights, result.shares);
     verdict.light_left = slow[frame].verdict.left;
     verdict.worse = slow[frame].verdict.worse;
     verdict.level = slow[frame].verdict.level;
@@ -365,7 +364,7 @@ SceneLight estimated(StoredScene& scene, const Camera& camera, RowModel model, b
     SceneLight other = light_of_slow(scene, slow);
     const ModelledLight& first = found.lights.front().lights.front();
     const bool are_two = first.tone && first.tone->second > 0 && mean.gain > mean_verdict(other.verdicts).gain;
-    const bool is_even = main == RowModel::tone && std::ranges::all_of(found.shares, &KeptShares::is_one);
+    const bool is_even = main == RowModel::tone && std::ranges::all_of(found.shares, &BlockShares::is_one);
     if (!found.unchanged.empty() || main == RowModel::rows || mean.light_left > much_left || (is_even && !are_two))
       return other;
   }

@@ -104,10 +104,6 @@ double slope_of_lifted(double stored, double toe, double white) {
   return 0.5 + 0.5 * (size + 2 * toe * white) / std::sqrt(size * (size + 4 * toe * white));
 }
 
-bool KeptShares::is_one() const {
-  return std::ranges::all_of(share, [&](double other) { return other == share.front(); });
-}
-
 StoredScene::StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& curve, std::optional<double> noise,
                          double toe, bool is_read)
     : colours_(std::move(colours)), curve_(curve) {
@@ -211,17 +207,17 @@ std::vector<BandedPicture> StoredScene::colours_of(std::size_t frame) const {
 }
 
 template <class Sample>
-RestoredPicture<Sample> StoredScene::restored(std::size_t frame, std::size_t colour, const KeptShares& shares,
+RestoredPicture<Sample> StoredScene::restored(std::size_t frame, std::size_t colour, const BlockShares& shares,
                                               const Restoration& to) const {
   const auto* const view = std::get_if<FramesView<const Sample>>(&colours_.at(colour));
   require(view != nullptr && by_table() && frame < frames_, "frame", frame, "a frame of samples of this type");
   const std::vector<Sample> plane = plane_of(*view, frame);
-  return restore_picture<Sample>(plane, columns_, shares.view(), to, {table_.light, table_.variance}, table_.bounds);
+  return restore_picture<Sample>(plane, columns_, shares, to, {table_.light, table_.variance}, table_.bounds);
 }
 
-template RestoredPicture<std::uint8_t> StoredScene::restored(std::size_t, std::size_t, const KeptShares&,
+template RestoredPicture<std::uint8_t> StoredScene::restored(std::size_t, std::size_t, const BlockShares&,
                                                              const Restoration&) const;
-template RestoredPicture<std::uint16_t> StoredScene::restored(std::size_t, std::size_t, const KeptShares&,
+template RestoredPicture<std::uint16_t> StoredScene::restored(std::size_t, std::size_t, const BlockShares&,
                                                               const Restoration&) const;
 
 }  // namespace ocisac

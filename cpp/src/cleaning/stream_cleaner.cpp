@@ -21,10 +21,9 @@ using Values = std::vector<double>;
 
 constexpr std::size_t frames_of_shares = 8, frames_of_one_share = 64;  // between estimates: of pixels, of the picture
 constexpr double most_estimates = 6;                                   // whose mean the shares are
-constexpr double new_part = 1.0 / 16;       // of the picture, from which on shares are estimated at once
-constexpr double guide_blocks = 1U << 15U;  // of the picture whose displacement is measured
-constexpr double cut = 0.5;                 // of the picture unlike the frame before: another scene
-constexpr std::size_t judged_columns = 64;
+constexpr double new_part = 1.0 / 16;         // of the picture, from which on shares are estimated at once
+constexpr double guide_blocks = 1U << 15U;    // of the picture whose displacement is measured
+constexpr double cut = 0.5;                   // of the picture unlike the frame before: another scene
 constexpr std::size_t most_frequencies = 64;  // frames whose mean frequency is followed
 constexpr double floor_of_light = 0.02;       // of the mean light, below which logarithms show noise
 constexpr std::size_t most_moved = 32;        // part of the rows that a picture moves by in a frame
@@ -34,12 +33,12 @@ constexpr std::size_t frames_of_search = 32, searched_frames = 3;  // where none
 constexpr double most_jitter = 0.25;  // of a time stamp, in frames: phases of slow tones are those of whole ones
 
 // Means of one colour over the blocks of its shares.
-Blocks in_blocks(const StoredScene& stored, std::size_t colour, const KeptShares& shares) {
+Blocks in_blocks(const StoredScene& stored, std::size_t colour, const BlockShares& shares) {
   const std::size_t width = std::max<std::size_t>(1, shares.block_columns / stored.merged());
   return merged_down(merged_along(copy_of(stored.picture(0, colour)), width), shares.block_rows);
 }
 
-std::vector<Blocks> all_in_blocks(const StoredScene& stored, const KeptShares& shares) {
+std::vector<Blocks> all_in_blocks(const StoredScene& stored, const BlockShares& shares) {
   std::vector<Blocks> blocks;
   for (std::size_t colour = 0; colour < stored.colours(); ++colour) blocks.push_back(in_blocks(stored, colour, shares));
   return blocks;
@@ -56,7 +55,7 @@ const Values& light_of(const ColourLights& lights, std::size_t colour) {
 }
 
 // Logarithm of the cleaned light of blocks, all colours added, in some 32,000 larger blocks.
-Values guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, std::span<const KeptShares> shares) {
+Values guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, std::span<const BlockShares> shares) {
   Blocks picture = colours.front();
   std::fill(picture.light.begin(), picture.light.end(), 0.0);
   std::fill(picture.variance.begin(), picture.variance.end(), 1.0);
@@ -77,14 +76,14 @@ Values guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, 
 
 // Shares of the frame before, and how many estimates each consists of.
 struct Carried {
-  std::vector<KeptShares> shares;
+  std::vector<BlockShares> shares;
   Values estimates;
 };
 
 // Moved with the picture, whose places are `size` × `size` blocks of shares; what is new has no estimate.
 void move(const PictureChange& change, std::size_t size, std::size_t columns, Carried& carried) {
   const double down = change.down * static_cast<double>(size), right = change.right * static_cast<double>(size);
-  for (KeptShares& shares : carried.shares) shares.share = moved_picture(shares.share, columns, down, right);
+  for (BlockShares& shares : carried.shares) shares.share = moved_picture(shares.share, columns, down, right);
   carried.estimates = moved_picture(carried.estimates, columns, down, right);
   for (std::size_t i = 0; i < carried.estimates.size(); ++i)
     if (change.is_new[i / columns / size * blocks_of(columns, size) + i % columns / size] != 0)
@@ -302,7 +301,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   const PictureChange change = picture_change({before_->guide, down, across}, {now.guide, down, across});
   const auto unlike = std::accumulate(change.is_new.begin(), change.is_new.end(), std::size_t{0});
   if (static_cast<double>(unlike) > cut * static_cast<double>(change.is_new.size())) return {};
-  if (std::ranges::all_of(now.shares, &KeptShares::is_one)) {
+  if (std::ranges::all_of(now.shares, &BlockShares::is_one)) {
     if (now.frames % frames_of_one_share == 0) {
       now.shares = shares_of(stored, {&now.lights, 1});
       now.estimates.assign(now.shares.front().share.size(), 1.0);
@@ -314,7 +313,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
     now.shares = std::move(carried.shares);
     now.estimates = std::move(carried.estimates);
   }
-  CleaningVerdict verdict = verdict_on(stored, 0, now.lights, now.shares, judged_columns);
+  CleaningVerdict verdict = verdict_on(stored, 0, now.lights, now.shares);
   verdict.slow_bands = now.slow_bands;
   if (!objection_to(verdict).empty()) return {};
   Frame frame{std::move(stored), {{now.lights}, now.shares, {verdict}, {}, {}}};
@@ -359,7 +358,7 @@ ColourLights StreamCleaner::followed_lights(const StoredScene& stored) const {
       found.lights.push_back(find_row_light(ColumnBundles(picture), own.model));
       continue;
     }
-    const KeptShares& shares = before_->shares[first];
+    const BlockShares& shares = before_->shares[first];
     const std::size_t across = blocks_of(stored.columns(), shares.block_columns), down = shares.share.size() / across;
     Values of_columns(picture.columns);
     for (std::size_t k = 0; k < of_columns.size(); ++k)

@@ -32,7 +32,7 @@ struct Tilted {
   static double of_row(double row) { return 1 + std::cos(2 * std::numbers::pi * row / 15); }
 
   CleaningVerdict judged() const {
-    return judge_cleaning({light, variance, 1, rows, columns}, row_light, {share, rows, columns}, columns);
+    return judge_cleaning({light, variance, 1, rows, columns}, row_light, {{share.begin(), share.end()}, rows, columns});
   }
 };
 

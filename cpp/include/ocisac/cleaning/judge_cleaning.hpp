@@ -25,10 +25,9 @@ struct CleaningVerdict {
 };
 
 // Compares one colour of a frame (picture.frames is 1) before and after division by its row light, mean 1, with its
-// shares; blocks are in columns of the picture. At most some `max_columns` evenly spaced columns count; slow_bands is
-// not measured here.
+// shares; blocks are in columns of the picture. Some 100 evenly spaced columns count; slow_bands is not measured here.
 CleaningVerdict judge_cleaning(const BandedPicture& picture, std::span<const double> row_light,
-                               const BlockShares& shares, std::size_t max_columns);
+                               const BlockShares& shares);
 
 // The mean of each number, weighted by the energy of the row light's swing: dark colours show noise. At least one.
 CleaningVerdict mean_verdict(std::span<const CleaningVerdict> verdicts);

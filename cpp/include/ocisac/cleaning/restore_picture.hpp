@@ -25,8 +25,10 @@ MergedPicture merge_columns(std::span<const Sample> stored, std::size_t columns,
 
 // Shares of the light in blocks of pixels; between the blocks' centres they are interpolated.
 struct BlockShares {
-  std::span<const double> share;  // (ceil(rows/block_rows) × ceil(columns/block_columns))
+  std::vector<double> share;  // (ceil(rows/block_rows) × ceil(columns/block_columns))
   std::size_t block_rows = 1, block_columns = 1;
+
+  [[nodiscard]] bool is_one() const;  // all pixels have the same share
 };
 
 // Light of the rows of one frame, mean 1; level of the steady light; largest gain.

@@ -17,7 +17,7 @@ namespace ocisac {
 
 struct SceneLight {
   std::vector<ColourLights> lights;       // of each frame
-  std::vector<KeptShares> shares;         // of each colour
+  std::vector<BlockShares> shares;        // of each colour
   std::vector<CleaningVerdict> verdicts;  // on each frame
   std::string unchanged;                  // why the frames are better left as they are; else empty
   std::vector<SlowLight> slow;            // of each frame; empty where another light is removed or given
@@ -48,10 +48,10 @@ void keep_highlights(const StoredScene& scene, SceneLight& light, double most = 
 SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow);
 
 // The share of each colour's row light in blocks of pixels; `lights`: of each frame.
-std::vector<KeptShares> shares_of(const StoredScene& scene, std::span<const ColourLights> lights);
+std::vector<BlockShares> shares_of(const StoredScene& scene, std::span<const ColourLights> lights);
 
-// The mean verdict on the colours of one frame, by at most some `max_columns` columns.
+// The mean verdict on the colours of one frame.
 CleaningVerdict verdict_on(const StoredScene& scene, std::size_t frame, const ColourLights& lights,
-                           std::span<const KeptShares> shares, std::size_t max_columns);
+                           std::span<const BlockShares> shares);
 
 }  // namespace ocisac

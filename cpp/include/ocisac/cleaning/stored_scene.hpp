@@ -19,15 +19,6 @@ namespace ocisac {
 double lifted_light(double stored, double toe, double white);
 double slope_of_lifted(double stored, double toe, double white);
 
-// Shares (rows × columns of blocks) that are kept.
-struct KeptShares {
-  std::vector<double> share;
-  std::size_t block_rows = 1, block_columns = 1;  // pixels of a block
-
-  [[nodiscard]] BlockShares view() const { return {share, block_rows, block_columns}; }
-  [[nodiscard]] bool is_one() const;  // all pixels have the same share
-};
-
 class StoredScene {
  public:
   // `colours`: one view each, of one shape; their memory must outlive the scene. `noise`: standard deviation of a
@@ -58,7 +49,7 @@ class StoredScene {
 
   // Stored values under steady light, marks and shares of one colour of one frame (restore_picture).
   template <class Sample>
-  [[nodiscard]] RestoredPicture<Sample> restored(std::size_t frame, std::size_t colour, const KeptShares& shares,
+  [[nodiscard]] RestoredPicture<Sample> restored(std::size_t frame, std::size_t colour, const BlockShares& shares,
                                                  const Restoration& to) const;
 
  private:

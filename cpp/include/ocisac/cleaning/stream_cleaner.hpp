@@ -46,7 +46,7 @@ class StreamCleaner {
   // The frame before: lights and shares of the colours, its picture, and what the estimates consist of.
   struct Before {
     ColourLights lights;
-    std::vector<KeptShares> shares;
+    std::vector<BlockShares> shares;
     std::vector<double> guide;                  // logarithm of the cleaned picture, in large blocks
     std::size_t columns;                        // of the camera
     double toe, noise, slow_bands, light_left;  // in the last frame that was cleaned alone
