@@ -466,6 +466,15 @@ TEST_CASE("a packet of another parity or length takes over at the second header 
   CHECK(blocks_needed(assembler, longer, 192, 200) > 0);
 }
 
+TEST_CASE("stretches of one instant tell no rate, and wait where they are") {
+  const Sender sender(80);
+  PacketAssembler assembler(sender.format);
+  for (std::size_t block = 0; block < 2; ++block)
+    assembler.push(place_of_block(block), sender.blocks(block, 1), {.time = 0.0});
+  assembler.set_rate(kBlock);
+  CHECK(blocks_needed(assembler, sender, 2, 40) == 9);
+}
+
 TEST_CASE("one header of another packet does no harm") {
   const Sender sender(80, 0), other(80, 1), longer(1300, 0);
   for (const Sender* stranger : {&other, &longer}) {
