@@ -3,7 +3,6 @@
 #include "ocisac/lights/calibrate.hpp"
 #include "ocisac/lights/detect_sources.hpp"
 #include "ocisac/lights/known_light.hpp"
-#include "ocisac/lights/picture_overview.hpp"
 #include "tones.hpp"
 
 namespace ocisac::bindings {
@@ -100,18 +99,6 @@ void register_lights(py::module_& module) {
   module.def("light_candidates", &candidates, arg("frame"), arg("camera"), arg("data"));
   module.def("follow_sources", &follow, arg("frame"), arg("camera"), arg("expected"), arg("false_alarms"),
              arg("min_cycles"));
-  py::class_<PictureOverview>(module, "PictureOverview")
-      .def(py::init([](const py::array& frame) {
-             const AnyFramesView view = any_view(frame);
-             return unlocked([&] { return PictureOverview(view); });
-           }),
-           arg("frame"))
-      .def(
-          "has_changed",
-          [](const PictureOverview& then, const PictureOverview& now, const std::vector<Region>& lights) {
-            return unlocked([&] { return then.has_changed(now, lights); });
-          },
-          arg("now"), arg("lights"));
   py::class_<KnownLight>(module, "KnownLight")
       .def(py::init(&known_light), arg("frame"), arg("camera"), arg("box"), arg("frequency"), arg("carries_data"))
       .def_property_readonly("first", [](const KnownLight& light) { return as_tuple(light.first()); })

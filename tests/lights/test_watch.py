@@ -29,13 +29,13 @@ def video(places_of, frames, **options):
     return [frame_of(places_of(k), seed=k, **options) for k in range(frames)]
 
 
-def watch(frames, search_every=30, camera=CAMERA):
+def watch(frames, search_every=8, camera=CAMERA):
     return list(watch_lights(frames, camera, search_every))
 
 
 def searched(count):
-    """The first four frames are."""
-    return [k < 4 for k in range(count)]
+    """The first four frames are, and then every eighth."""
+    return [k < 4 or (k - 3) % 8 == 0 for k in range(count)]
 
 
 def at(seen, column):
@@ -84,32 +84,12 @@ def test_phases_of_a_standing_light_advance_with_the_clock():
 
 
 @pytest.mark.parametrize("appears", [9, 11, 45])
-def test_a_light_that_appears_in_a_still_picture_is_found_within_eight_frames(appears):
+def test_a_light_that_appears_is_found_within_eight_frames(appears):
     places = [(120, 100, 9000.0, 120.0), (240, 330, 13000.0, 60.0)]
     found = watch(video(lambda k: places[: 1 + (k >= appears)], appears + 10))
     first = next(seen.frame for seen in found if at(seen, 330))
     assert appears <= first <= appears + 8
-    assert sum(seen.searched for seen in found) == 4 + 1
     assert at(found[-1], 100)[1] == at(found[0], 100)[1] != at(found[-1], 330)[1]
-
-
-def test_searches_of_a_picture_that_moves_are_as_many_as_wanted():
-    background = np.random.default_rng(0).normal(0.0, 10.0, (60, 90))
-
-    def moving(k):
-        texture = np.kron(background, np.ones((12, 12)))[: SHAPE[0], 4 * k : 4 * k + SHAPE[1]]
-        return stored(frame_of([(120, 100, 9000.0, 120.0)] + [(240, 330, 13000.0, 120.0)] * (k > 62), seed=k) + texture)
-
-    found = watch([moving(k) for k in range(100)], 20)
-    searches = [seen.frame for seen in found if seen.searched]
-    assert len(searches) <= 4 + 3 + 100 / 20
-    assert max(np.diff([*searches, 100])) <= 24
-    assert all(at(seen, 330) for seen in found if seen.frame >= 62 + 24)
-
-
-def test_a_picture_that_seems_unchanged_is_searched_after_ten_intervals():
-    found = watch(video(lambda _: [(120, 100, 9000.0, 120.0)], 45), 2)
-    assert [seen.frame for seen in found if seen.searched] == [0, 1, 2, 3, 23, 43]
 
 
 def test_a_light_that_the_first_frame_hides_is_found_in_the_next():

@@ -173,27 +173,18 @@ double variance_by_median(std::vector<double>& magnitudes) {
   return *middle * *middle / (kMedianOfNormal * kMedianOfNormal);
 }
 
-template <class T>
-double noise_variance(const T* values, std::size_t rows, std::size_t columns, std::size_t stride, std::size_t step) {
+double noise_variance(const Patch& patch, const PatchRange& core) {
+  const std::size_t end_row = std::min(core.end_row + 1, patch.rows), end = std::min(core.end_group + 1, patch.groups);
+  const bool one_group = end - core.first_group < 2;
   std::vector<double> differences;
-  differences.reserve(rows * columns / step);
-  for (std::size_t n = 0; n + 1 < rows; n += step)
-    for (std::size_t c = 0; c < std::max<std::size_t>(columns, 2) - 1; ++c) {
-      const T* at = values + n * stride + c;
-      const double down = static_cast<double>(at[0]) - static_cast<double>(at[stride]);
-      const double next = columns < 2 ? 0 : static_cast<double>(at[1]) - static_cast<double>(at[stride + 1]);
+  differences.reserve(core.size());
+  for (std::size_t n = core.first_row; n + 1 < end_row; ++n)
+    for (std::size_t g = core.first_group; g < (one_group ? end : end - 1); ++g) {
+      const double* at = &patch.logs[n * patch.stride + g];
+      const double down = at[0] - at[patch.stride], next = one_group ? 0 : at[1] - at[patch.stride + 1];
       if (std::isfinite(down - next)) differences.push_back(std::abs(down - next));
     }
-  return differences.empty() ? 0 : variance_by_median(differences) / (columns < 2 ? 2 : 4);
-}
-
-template double noise_variance(const double*, std::size_t, std::size_t, std::size_t, std::size_t);
-template double noise_variance(const float*, std::size_t, std::size_t, std::size_t, std::size_t);
-
-double noise_variance(const Patch& patch, const PatchRange& core) {
-  return noise_variance(&patch.logs[core.first_row * patch.stride + core.first_group],
-                        std::min(core.end_row + 1, patch.rows) - core.first_row,
-                        std::min(core.end_group + 1, patch.groups) - core.first_group, patch.stride);
+  return differences.empty() ? 0 : variance_by_median(differences) / (one_group ? 2 : 4);
 }
 
 Complex turned(double cycles) {

@@ -63,12 +63,8 @@ struct ComplexValues {
   [[nodiscard]] std::complex<double> operator[](std::size_t i) const { return {real[i], imaginary[i]}; }
 };
 
-// Noise variance of values (rows × stride) from the median of mixed differences over neighbouring rows, every
-// `step`-th, and columns, which is robust against edges and strokes; of rows alone in a single column. T: float or
-// double.
-template <class T>
-double noise_variance(const T* values, std::size_t rows, std::size_t columns, std::size_t stride, std::size_t step = 1);
-// That of an element of log light.
+// Noise variance of an element of log light, from the median of mixed differences over neighbouring rows and groups,
+// which is robust against edges and strokes; of rows alone in a single group.
 double noise_variance(const Patch& patch, const PatchRange& core);
 
 // Variance of a normal distribution of mean 0 by the median of magnitudes, one or more, which it reorders.

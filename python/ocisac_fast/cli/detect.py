@@ -51,7 +51,7 @@ _KEYS = (
 @click.option(
     "--search-every",
     type=click.IntRange(1),
-    default=30,
+    default=8,
     show_default=True,
     help="Frames between searches for new lights; lights found are followed. 1: search every frame by itself.",
 )
@@ -74,9 +74,9 @@ def detect(
     Colours are averaged unless --channel selects one. x, y are the top left corner of a light's box in stored pixels.
     Each frame gives one object; the most probable light comes first, and a light keeps its number.
 
-    The first four frames are searched, and eight after one that misses a light; others where the picture beside the
-    lights changed, one in --search-every, else one in ten times as many: new lights appear that much later. In between
-    a light that looks as before is measured where it is; frequency, size and probability stay. Others are refined.
+    The first four frames are searched, eight after one that misses a light, and one in --search-every: new lights
+    appear that much later. In between a light that looks as before is measured where it is; frequency, size and
+    probability stay. Others are refined.
     """
     options = {"false_alarms": false_alarms, "min_cycles": min_cycles}
     header = True

@@ -10,19 +10,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import as_grey_frames, box_in_time_order
-from ocisac_fast.core.regions import Region
 from ocisac_fast.lights.sources import LightSource, detect_sources
 from ocisac_fast.lights.tracker import SourceTracker, Track
 
 Frame = npt.NDArray[Any]
 
 GROUP = 4  # frames that are compared in a search
-UNCHANGED = 10  # intervals after which a picture that seems unchanged is searched
-SAVED = 3  # searches, of intervals without one
-_LOOKS = 8  # frames between comparisons with the picture last searched
+_ALERT = 8  # frames that are searched after one that misses a light
 _FOREVER = 1 << 62  # frames
 
 
@@ -53,15 +48,13 @@ def watch_lights(
     A search covers a whole frame and compares it with its neighbours in a group. The first four frames are searched,
     also those of another shape or type, so that a light is found that not every frame shows. Between searches the
     lights found are followed (:class:`SourceTracker`). After a frame that misses one the next eight are searched: it
-    may be faint, or a burst of data that begins at other rows in each frame. Another search needs a reason: the picture
-    beside the lights has changed since the last one, which is tested in every eighth frame. There is one such search in
-    ``search_every`` frames on average; up to three that were saved while there was no reason come at once. Without a
-    reason a search comes after ten times as many frames.
+    may be faint, or a burst of data that begins at other rows in each frame.
 
     Args:
         frames: (rows, columns) as stored.
         camera: as for ``detect_sources``.
-        search_every: 1: each frame is searched by itself and compared, in groups that follow each other.
+        search_every: frames from a search to the next. 1: each frame is searched by itself and compared, in groups
+            that follow each other.
         group: number of frames that are compared; 1: none, and lights are numbered in each frame by itself.
         options: false_alarms and min_cycles of ``detect_sources``.
     """
@@ -88,34 +81,23 @@ def watch_lights(
 
 
 class _Watch:
-    """The lights of now, and the picture in which they were searched."""
+    """The lights of now."""
 
     def __init__(self, camera: Camera, options: dict[str, Any]) -> None:
         self._camera = camera
         self._tracker = SourceTracker(camera, full_every=_FOREVER, reflections=True, search_hidden=False, **options)
         self._origins: dict[int, int] = {}  # number of a reflection: that of its light
-        self._overview: _core.PictureOverview | None = None
-        self._places: list[Region] = []  # of the lights in it
-        self._since, self._alert, self._saved, self._first = 0, 0, float(SAVED), GROUP
+        self._since, self._alert, self._first = 0, 0, GROUP
         self._kind: tuple[Any, ...] = ()
 
     def is_due(self, frame: Frame, search_every: int) -> bool:
         """True if the frame is to be searched."""
-        self._since, self._saved = self._since + 1, min(self._saved + 1.0 / search_every, SAVED)
+        self._since += 1
         missing = any(track.hidden == 1 for track in self._tracker.tracks)  # seen in the frame before the last
-        self._alert = _LOOKS if missing else max(self._alert - 1, 0)
+        self._alert = _ALERT if missing else max(self._alert - 1, 0)
         if (frame.shape, frame.dtype) != self._kind:
             self._first = GROUP
-        if self._first or self._alert or self._since >= UNCHANGED * search_every:
-            return True
-        if self._saved < 1.0 or self._since % min(_LOOKS, search_every):
-            return False
-        if self._overview is None:
-            return False
-        pixels = self._in_time_order(frame)
-        lights = [*self._places, *(track.source.region for track in self._tracker.tracks if track.visible)]
-        boxes = [box_in_time_order(light, pixels.shape, self._camera.scan_axis) for light in lights]
-        return self._overview.has_changed(_core.PictureOverview(pixels), boxes)
+        return bool(self._first or self._alert) or self._since >= search_every
 
     def searched(self, index: int, frame: Frame, sources: list[LightSource]) -> SeenLights:
         """Go on with the lights of a search."""
@@ -125,12 +107,8 @@ class _Watch:
             for one in sources
             if one.reflection_of is not None
         }
-        self._overview = _core.PictureOverview(self._in_time_order(frame))
         self._kind = (frame.shape, frame.dtype)
-        self._places = [one.region for one in sources]
         self._since = 0
-        if not (self._first or self._alert):
-            self._saved = max(self._saved - 1.0, 0.0)
         self._first = max(self._first - 1, 0)
         return self._seen(index, frame, True)
 
@@ -138,10 +116,6 @@ class _Watch:
         """Go on without a search."""
         self._tracker.update(frame, sources=None if self._tracker.tracks else [])
         return self._seen(index, frame, False)
-
-    def _in_time_order(self, frame: Frame) -> Frame:
-        pixels: Frame = as_grey_frames(frame, "frame", self._camera.scan_axis, single=True)[0]
-        return pixels
 
     def _seen(self, index: int, frame: Frame, searched: bool) -> SeenLights:
         visible = sorted((one for one in self._tracker.tracks if one.visible), key=lambda one: -one.source.probability)
