@@ -1,20 +1,21 @@
 #!/usr/bin/env python3
-"""Fit of the probability that a detected tone is a light, and its calibration on scenes that were not fitted.
+"""Fit of the probability that a detected tone or waveform is a light, and its calibration.
 
-Grounds of light_scenes.py, half of them without a light, with lamps of 2.5 cycles and more; crops of photographs in
-both directions, half of them with lamps put onto them; and, one in eleven, whole scenes of light_scenes.py. The
-printed coefficients are of tones in their whole boxes and of their own pixels; calibration is judged fold by fold, with
-fits to the other folds, which have other photographs, and of the code. The coefficients of the code's fit
-(cpp/src/lights/light_probability.cpp) are of an earlier version of the own pixels; its step to what users see is the
-correction that `--first 40000 --scenes 8200 --only tones` prints.
+Pictures: grounds of light_scenes.py and crops of photographs in both directions, half of them with lamps of 2.5 cycles
+and more put onto them; one in eleven is a scene of light_scenes.py; and whole photographs, each without lamps and with
+some. Photographs that photographs.KEPT_OUT names are left out. --write writes the coefficients to
+cpp/src/lights/light_model.hpp; the odds required of a light follow from its false ones in photographs without lamps,
+by fits to the other folds, which have other photographs. Calibration is printed of these fits and of the code.
 
-usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--first SEED] [--only tones|data]
+usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--first SEED] [--write]
 """
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass, fields
+import pathlib
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import light_scenes
@@ -24,34 +25,28 @@ import photographs
 from ocisac_fast import Chips, SquareWave, Tone, Waveform, _core, integrate_exposure
 from ocisac_fast.packets import encode_line_code
 
-NAMES = (
-    "suspects", "cycles", "width", "texture", "uneven", "aperiodic", "uncommon", "depth", "contour", "company", "across"
-)  # fmt: skip
-COMPANY = NAMES.index("company")
-DATA_NAMES = ("suspects", "edges", "clock", "width", "texture", "uncommon", "aperiodic")
+MODEL = pathlib.Path(__file__).parents[1] / "cpp/src/lights/light_model.hpp"
 NARROW = 200  # columns of a frame that a light fills
 BENCH_SCENES = 11  # every one of these is a scene of light_scenes.py
 SAME_FREQUENCY = 0.03  # relative, as of light_scenes.judge
-FOLDS = 6  # of scenes by their seeds; each has photographs of its own
+FOLDS = 6  # of pictures; each has photographs of its own
 MOST_LIGHTS = 7  # of scene()
-MANY_LIGHTS = 10  # expected number of others beyond which a picture is one of many; 7, 8.5 and 12 fit worse
 SPOT = 0.75  # reach of a lamp's light around its centre, relative to its size
-RIDGE = 1.0  # prior precision of a coefficient, of features in standard deviations
+
+Lamps = list[dict[str, float]]
+Picture = tuple[np.ndarray, Lamps, int, bool]  # bytes, truth, fold, and whether it is a whole photograph without lamps
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """Features (candidates, features), 1 for lights, and the seed of each candidate's picture."""
+    """Terms (candidates, terms), 1 for lights, and the fold of each candidate's picture."""
 
-    features: np.ndarray
+    terms: np.ndarray
     light: np.ndarray
-    seed: np.ndarray
-    told: np.ndarray  # probability by the code
-    fitted: np.ndarray  # before its correction
-    inside: np.ndarray  # features of its own pixels
-
-    def part(self, used: np.ndarray) -> Candidates:
-        return Candidates(*(getattr(self, field.name)[used] for field in fields(self)))
+    fold: np.ndarray
+    plain: np.ndarray  # True in a whole photograph without lamps
+    odds: np.ndarray  # by which those of the model are multiplied
+    probability: np.ndarray  # by the code
 
 
 def wave_of(random: np.random.Generator, frequency: float, data: bool) -> Waveform:
@@ -109,7 +104,7 @@ def crop(random: np.random.Generator, photo: np.ndarray) -> np.ndarray:
     return np.asarray(255.0 * (photo / 255.0) ** float(np.exp(random.uniform(-0.4, 0.4))))
 
 
-def scene(seed: int, photos: list[np.ndarray], data: bool = False) -> tuple[np.ndarray, list[dict[str, float]]]:
+def scene(seed: int, photos: list[np.ndarray], data: bool = False) -> tuple[np.ndarray, Lamps]:
     """Bytes, and the truth of each light."""
     random = np.random.default_rng(90_000 + seed)
     lights = int(random.integers(1, 3 if data else MOST_LIGHTS + 1)) if random.random() < 0.5 else 0
@@ -124,7 +119,7 @@ def scene(seed: int, photos: list[np.ndarray], data: bool = False) -> tuple[np.n
         noise = float(np.exp(random.uniform(0.0, np.log(8.0))))
     if random.random() < 0.1:  # few columns
         picture = picture[:, : int(random.integers(16, NARROW))]
-    truth: list[dict[str, float]] = []
+    truth: Lamps = []
     for _ in range(lights):
         before = picture.copy()
         one = lamp(random, picture, data)
@@ -138,7 +133,7 @@ def scene(seed: int, photos: list[np.ndarray], data: bool = False) -> tuple[np.n
     return np.clip(np.rint(noisy), 0, 255).astype(np.uint8), truth
 
 
-def any_scene(seed: int, photos: list[np.ndarray], data: bool) -> tuple[np.ndarray, list[dict[str, float]]]:
+def any_scene(seed: int, photos: list[np.ndarray], data: bool) -> tuple[np.ndarray, Lamps]:
     """As scene(); of tones, one in eleven with up to 20 lights."""
     if data or seed % BENCH_SCENES:
         return scene(seed, photos, data)
@@ -148,9 +143,7 @@ def any_scene(seed: int, photos: list[np.ndarray], data: bool) -> tuple[np.ndarr
     return frame, truth
 
 
-def is_light(
-    box: tuple[int, int, int, int], frequency: float, truth: list[dict[str, float]], data: bool = False
-) -> bool:
+def is_light(box: tuple[int, int, int, int], frequency: float, truth: Lamps, data: bool = False) -> bool:
     """True if a box holds a light of ``truth``.
 
     Its middle lies within the lamp, and its frequency agrees within 3 % (any frequency for data); or it touches the
@@ -168,49 +161,66 @@ def is_light(
     return False
 
 
-def candidates(count: int, photos: list[np.ndarray], data: bool = False, first: int = 0) -> Candidates:
-    rows: list[list[float]] = []
-    light, seeds, told, fitted, inside = [], [], [], [], []
+def pictures(count: int, first: int, photos: list[np.ndarray], data: bool) -> Iterator[Picture]:
     for seed in range(first, first + count):
-        frame, truth = any_scene(seed, photos, data)
-        found = _core.light_candidates(frame[None], light_scenes.CAMERA._handle, data)
-        for box, frequency, probability, before, features, own in found:
-            rows.append(features)
-            light.append(is_light(box, frequency, truth, data))
-            seeds.append(seed)
-            told.append(probability)
-            fitted.append(before)
-            inside.append(own)
-    columns = (rows, np.array(light, float), seeds, told, fitted, inside)
-    return Candidates(*(np.array(column) for column in columns))
+        yield *any_scene(seed, photos, data), seed % FOLDS, False
+    for k, look in enumerate(photographs.looks(photos)):
+        fold = k // 2 % FOLDS
+        yield look, [], fold, True
+        yield *with_lamps(look, k, data), fold, False
 
 
-def terms(features: np.ndarray) -> np.ndarray:
-    """The features and their squares."""
-    return np.concatenate([features, features**2], axis=1)
+def with_lamps(look: np.ndarray, seed: int, data: bool = False) -> tuple[np.ndarray, Lamps]:
+    """A photograph with up to three lamps, and noise."""
+    random = np.random.default_rng(seed)
+    picture = look.astype(np.float64)
+    truth = [lamp(random, picture, data) for _ in range(random.integers(0, 4))]
+    noisy = picture + random.standard_normal(picture.shape)
+    return np.clip(np.rint(noisy), 0, 255).astype(np.uint8), truth
 
 
-def fitted(features: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """Logistic regression by Newton steps: the intercept, then a coefficient for each term.
+def candidates(all_pictures: Iterator[Picture], data: bool) -> Candidates:
+    rows = []
+    for frame, truth, fold, plain in all_pictures:
+        for box, frequency, probability, odds, terms in _core.light_candidates(
+            frame[None], light_scenes.CAMERA._handle, data
+        ):
+            rows.append((terms, is_light(box, frequency, truth, data), fold, plain, odds, probability))
+    return Candidates(*(np.array(column) for column in zip(*rows, strict=True)))
 
-    The first feature, ln(suspects), has the coefficient -1 and no square: every suspect is a chance of a texture.
+
+def fitted(terms: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """Logistic regression of terms in standard deviations: the intercept, then the coefficient of each term."""
+    from sklearn.linear_model import LogisticRegression
+
+    mean, spread = terms.mean(axis=0), terms.std(axis=0)
+    model = LogisticRegression(max_iter=1000).fit((terms - mean) / spread, light)
+    weights = model.coef_[0] / spread
+    return np.concatenate([model.intercept_ - weights @ mean, weights])
+
+
+def of_other_folds(found: Candidates) -> np.ndarray:
+    """Probability of each candidate, with its odds, by a fit to the other folds."""
+    logits = np.empty(len(found.light))
+    for fold in range(FOLDS):
+        judged = found.fold == fold
+        values = fitted(found.terms[~judged], found.light[~judged])
+        logits[judged] = values[0] + found.terms[judged] @ values[1:]
+    return 1 / (1 + np.exp(-logits) / found.odds)
+
+
+def required_odds(found: Candidates, probability: np.ndarray, looks: int) -> float:
+    """Odds at one false light a photograph, such that half of each of photographs.RATES is held; they go with 1/rate.
+
+    The other half is for the other kind, data or tones.
     """
-    offset = -features[:, 0]
-    features = terms(features[:, 1:])
-    mean, spread = features.mean(axis=0), features.std(axis=0) + 1e-9
-    design = np.concatenate([np.ones((len(features), 1)), (features - mean) / spread], axis=1)
-    prior = np.diag([0.0] + [RIDGE] * features.shape[1])
-    values = np.zeros(design.shape[1])
-    values[0] = -offset.mean()
-    for _ in range(40):
-        told = 1 / (1 + np.exp(-(offset + design @ values)))
-        slope = design.T @ (light - told) - prior @ values
-        bend = (design * (told * (1 - told))[:, None]).T @ design + prior
-        step = np.linalg.solve(bend, slope)
-        values = values + step / max(1.0, float(np.abs(step).max()))
-    of_features = values[1:] / spread
-    linear, square = np.split(of_features, 2)
-    return np.concatenate([[values[0] - of_features @ mean, -1.0], linear, [0.0], square])
+    false = np.sort(probability[found.plain])[::-1]
+    odds = [0.0]
+    for rate in photographs.RATES:
+        allowed = int(rate * looks / 2)
+        if allowed < len(false):
+            odds.append(rate * false[allowed] / (1 - false[allowed]))
+    return max(odds)
 
 
 def calibration(told: np.ndarray, light: np.ndarray) -> list[dict[str, float]]:
@@ -225,72 +235,6 @@ def calibration(told: np.ndarray, light: np.ndarray) -> list[dict[str, float]]:
     return bins
 
 
-def logits(values: np.ndarray, features: np.ndarray) -> np.ndarray:
-    return np.asarray(values[0] + terms(features) @ values[1:])
-
-
-def likeliest(design: np.ndarray, light: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Coefficients of a logistic regression by maximum likelihood: Newton steps of at most 0.2."""
-    values = start
-    for _ in range(40):
-        told = 1 / (1 + np.exp(-design @ values))
-        bend = (design * (told * (1 - told))[:, None]).T @ design + 1e-6 * np.eye(len(values))
-        step = np.linalg.solve(bend, design.T @ (light - told))
-        values = values + 0.2 * step / max(0.2, float(np.abs(step).max()))
-    return values
-
-
-def shrunk(found: Candidates, used: np.ndarray) -> np.ndarray:
-    """A fit to the candidates `used`, corrected to what fits without a fold tell of that fold.
-
-    It is moved, scaled, and its weight of company changed. A fit is too sure of photographs that it has not seen: their
-    textures are few.
-    """
-    fold = found.seed % FOLDS
-    fresh = np.full(len(found.light), np.nan)
-    for one in np.unique(fold[used]):
-        others = used & (fold != one)
-        fresh[fold == one] = logits(fitted(found.features[others], found.light[others]), found.features[fold == one])
-    company = found.features[used][:, COMPANY : COMPANY + 1]  # none of data
-    design = np.concatenate([np.ones((int(used.sum()), 1)), fresh[used][:, None], company], axis=1)
-    change = likeliest(design, found.light[used], np.eye(design.shape[1])[1])
-    values = change[1] * fitted(found.features[used], found.light[used])
-    values[0] += change[0]
-    values[1 + COMPANY : 1 + COMPANY + company.shape[1]] += change[2:]
-    return np.asarray(values)
-
-
-def fit(found: Candidates, names: tuple[str, ...]) -> dict[str, Any]:
-    """Coefficients fitted to all candidates; calibration of fits without a fold on that fold."""
-    fresh = np.empty(len(found.light))
-    for fold in range(FOLDS):
-        judged = found.seed % FOLDS == fold
-        fresh[judged] = 1 / (1 + np.exp(-logits(shrunk(found, ~judged), found.features[judged])))
-    values = shrunk(found, np.ones(len(found.light), bool))
-    return {
-        "candidates": len(found.light),
-        "lights": int(found.light.sum()),
-        "intercept": round(float(values[0]), 3),
-        "linear": dict(zip(names, np.round(values[1 : 1 + len(names)], 3).tolist(), strict=True)),
-        "square": dict(zip(names, np.round(values[1 + len(names) :], 3).tolist(), strict=True)),
-        "calibration": calibration(fresh, found.light),
-        **of_the_code(found),
-    }
-
-
-def correction(found: Candidates) -> dict[str, float]:
-    """Fit the code's step from its fit p to the probability that users see, by maximum likelihood.
-
-    Its logit is above·(−ln(1 − p)) + below·ln p + shift (beta calibration, Kull et al. 2017) and, among K other lights,
-    many_lights/(1 + e^(10 − K)).
-    """
-    fitted = np.clip(found.fitted, 1e-12, 1 - 1e-12)
-    many = 1 / (1 + np.exp(MANY_LIGHTS - np.expm1(found.features[:, COMPANY])))
-    design = np.stack([-np.log(1 - fitted), np.log(fitted), np.ones(len(fitted)), many], axis=1)
-    values = likeliest(design, found.light, np.array([1.0, 1.0, 0.0, 0.0]))
-    return dict(zip(("above", "below", "shift", "many_lights"), np.round(values, 2).tolist(), strict=True))
-
-
 def between(told: np.ndarray, light: np.ndarray) -> dict[str, float]:
     """Compare probabilities from 0.1 to 0.9 with the share of lights; the standard error holds if they are right."""
     inside = (told >= 0.1) & (told < 0.9)
@@ -300,14 +244,32 @@ def between(told: np.ndarray, light: np.ndarray) -> dict[str, float]:
     return {"count": count, **dict(zip(("told", "lights"), means, strict=True)), "standard_error": error}
 
 
-def of_the_code(found: Candidates) -> dict[str, Any]:
-    """Calibration of the code's probabilities: of all scenes, those with up to 20 lights, and the others."""
-    many = found.seed % BENCH_SCENES == 0
-    parts = {"": found, "_many_lights": found.part(many), "_other_scenes": found.part(~many)}
+def report_of(found: Candidates, probability: np.ndarray) -> dict[str, Any]:
     return {
-        **{f"calibration_of_the_code{name}": calibration(part.told, part.light) for name, part in parts.items()},
-        **{f"between_0.1_and_0.9{name}": between(part.told, part.light) for name, part in parts.items()},
+        "candidates": len(found.light),
+        "lights": int(found.light.sum()),
+        "calibration": calibration(probability, found.light),
+        "calibration_of_the_code": calibration(found.probability, found.light),
+        "between_0.1_and_0.9": between(probability, found.light),
+        "between_0.1_and_0.9_of_the_code": between(found.probability, found.light),
     }
+
+
+def write(tone: np.ndarray, data: np.ndarray, odds: float) -> None:
+    def constant(name: str, values: np.ndarray) -> str:
+        numbers = ", ".join(f"{value:.4g}" for value in values[1:])
+        return (
+            f"inline constexpr double k{name}Intercept = {values[0]:.4g};\n"
+            f"inline constexpr std::array<double, {len(values) - 1}> k{name}Weights{{{numbers}}};\n"
+        )
+
+    MODEL.write_text(
+        "// Logistic models of lights, as written by bench/light_probability.py --write.\n#pragma once\n\n"
+        "#include <array>\n\nnamespace ocisac {\n\n"
+        f"{constant('Tone', tone)}{constant('Data', data)}"
+        f"inline constexpr double kRequiredOdds = {odds:.2g};  // at one false light in a photograph\n\n"
+        "}  // namespace ocisac\n"
+    )
 
 
 def main() -> None:
@@ -315,20 +277,24 @@ def main() -> None:
     photographs.add_option(parser)
     parser.add_argument("--scenes", type=int, default=4000)
     parser.add_argument("--first", type=int, default=0, help="seed of the first scene; the fit's are 0 to 3999")
-    parser.add_argument("--only", choices=("tones", "data"))
+    parser.add_argument("--write", action="store_true", help="write the fit to cpp/src/lights/light_model.hpp")
     options = parser.parse_args()
-    pictures = photographs.read(options.photographs)
-    report: dict[str, Any] = {"photographs": len(pictures)}
-    for kind, names in (("tones", NAMES), ("data", DATA_NAMES)):
-        if options.only in (None, kind):
-            found = candidates(options.scenes, pictures, kind == "data", options.first)
-            report[kind] = fit(found.part(~found.inside), names)
-            if kind == "tones":
-                report["own pixels"] = fit(found.part(found.inside), names)
-                both = found
-                report["both"] = {"correction": correction(both), **of_the_code(both)}
+    photos = photographs.read(options.photographs, to_fit=True)
+    report: dict[str, Any] = {"photographs": len(photos)}
+    models, odds = {}, {}
+    for kind in ("tones", "data"):
+        data = kind == "data"
+        found = candidates(pictures(options.scenes, options.first, photos, data), data)
+        probability = of_other_folds(found)
+        models[kind] = fitted(found.terms, found.light)
+        odds[kind] = required_odds(found, probability, 2 * len(photos))
+        report[kind] = report_of(found, probability) | {"required_odds": odds[kind]}
+    if options.write:
+        # Data are rarer than tones: a prior by which both need the same odds.
+        models["data"][0] -= np.log(odds["data"] / odds["tones"])
+        write(models["tones"], models["data"], odds["tones"])
     print("photographs", report["photographs"])
-    for kind in set(report) - {"photographs"}:
+    for kind in models:
         for name, value in report[kind].items():
             print(kind, name, value if not isinstance(value, list) else "")
             for row in value if isinstance(value, list) else ():

@@ -3,7 +3,7 @@
 
 Every photograph of a folder, or every sample picture of scikit-image where it is installed, is searched with its rows
 read out down and across. False lights are counted for several `false_alarms`; then each picture gets lamps
-(light_probability.lamp), and of all lights reported at 0.9 and more the share of lamps is counted. Sources and
+(light_probability.with_lamps), and of all lights reported at 0.9 and more the share of lamps is counted. Sources and
 licences of the pictures that were measured: docs/explanation/lights.md.
 
 usage: bench/photographs.py [--photographs FOLDER] [--every N] [--lamps]
@@ -36,7 +36,7 @@ KEPT_OUT = ("opencv", "lomiri16", "lomiri20", "mate", "plasma", "ukui")
 CAMERA = Camera(1e-5, exposure=2e-5)
 MIN_SIZE = 160  # pixels, rows and columns
 RATES = (1.0, 0.1, 0.01)  # false alarms a picture, the highest first
-MOST_LAMPS, SURE = 3, 0.9
+SURE = 0.9
 
 
 def add_option(parser: argparse.ArgumentParser) -> None:
@@ -90,10 +90,7 @@ def sure_lights(pictures: list[np.ndarray]) -> dict[str, float]:
     """Lights reported at SURE and more where lamps were put in, and the share of them that are lamps."""
     reported = lamps = 0
     for seed, look in enumerate(looks(pictures)):
-        random = np.random.default_rng(seed)
-        picture = look.astype(np.float64)
-        truth = [light_probability.lamp(random, picture, False) for _ in range(random.integers(0, MOST_LAMPS + 1))]
-        frame = np.clip(np.rint(picture + random.standard_normal(picture.shape)), 0, 255).astype(np.uint8)
+        frame, truth = light_probability.with_lamps(look, seed)
         for light in detect_sources(frame, CAMERA, false_alarms=RATES[0]):
             if light.probability < SURE or light.reflection_of is not None:
                 continue

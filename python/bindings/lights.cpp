@@ -34,7 +34,7 @@ py::list candidates(const py::array& frame, const Camera& camera, bool data) {
   const AnyFramesView view = any_view(frame);
   py::list list;
   for (const LightCandidate& one : unlocked([&] { return light_candidates(view, camera, data); }))
-    list.append(py::make_tuple(one.box, one.frequency, one.probability, one.fitted, one.features, one.inside));
+    list.append(py::make_tuple(one.box, one.frequency, one.probability, one.odds, one.terms));
   return list;
 }
 

@@ -30,7 +30,7 @@ LightSource source_of(const SearchedFrame& in, const Detection& found) {
   LightSource source;
   source.frame = in.frame.index;
   source.box = found.box;
-  source.probability = found.reported;
+  source.probability = found.probability;
   source.frequency = frequency;
   source.frequency_std = light.frequency_std / row_time;
   source.gain = gain.gain, source.gain_std = gain.gain_std;
@@ -48,9 +48,9 @@ LightSource source_of(const SearchedFrame& in, const Detection& found) {
   return source;
 }
 
-std::vector<LightSource> sources_of(const SearchedFrame& in, Detections found) {
+std::vector<LightSource> sources_of(const SearchedFrame& in, const Detections& found) {
   std::vector<LightSource> sources;
-  for (const Detection& one : listed_lights(in, std::move(found))) sources.push_back(source_of(in, one));
+  for (const Detection& one : listed_lights(in, found)) sources.push_back(source_of(in, one));
   return sources;
 }
 
@@ -118,7 +118,7 @@ std::vector<LightSource> follow_sources(const AnyFramesView& frame, const Camera
     const double cycles_per_row = light->frequency * camera.row_time;
     found = searched(in, std::move(found), light->region, {&cycles_per_row, light->data ? 0U : 1U});
   }
-  return sources_of(in, std::move(found));
+  return sources_of(in, found);
 }
 
 }  // namespace ocisac

@@ -113,7 +113,7 @@ std::vector<Detection> with_joined_parts(const LitFrame& frame, std::vector<Dete
         continue;
       }
       one.expected = one.expected || other.expected;
-      one.reported = std::max(one.reported, other.reported);
+      one.probability = std::max(one.probability, other.probability);
       one.data = one.data || other.data || !beside || !one_frequency(one.light.frequency, other.light.frequency);
       one.merged += 1 + other.merged;
       one.joined = true;
@@ -137,7 +137,7 @@ std::vector<Detection> with_reflections(std::vector<Detection> found) {
 std::vector<Detection> by_probability(const std::vector<Detection>& found) {
   std::vector<std::size_t> order(found.size()), place(found.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  std::ranges::stable_sort(order, std::greater{}, [&](std::size_t i) { return found[i].reported; });
+  std::ranges::stable_sort(order, std::greater{}, [&](std::size_t i) { return found[i].probability; });
   for (std::size_t k = 0; k < order.size(); ++k) place[order[k]] = k;
   std::vector<Detection> sorted;
   for (const std::size_t i : order) {

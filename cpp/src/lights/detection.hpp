@@ -10,6 +10,7 @@
 #include "lights/refinement.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/core/views.hpp"
+#include "ocisac/lights/detect_sources.hpp"
 
 namespace ocisac {
 
@@ -25,9 +26,15 @@ struct Detection {
   bool reflection_by_phase = false;
   double odds = 1;         // of a light, by which those of its looks are multiplied
   double appearance = 0;   // probability by the looks of this tone
-  double alone = 0;        // with its odds, without regard to other lights
-  double probability = 0;  // with regard to them
-  double reported = 0;     // probability for users
+  double probability = 0;  // with its odds, and with regard to other lights
+};
+
+// Detections of a frame so far. Chances of a texture are the suspects that no light explains, and the tones beside it.
+struct Detections {
+  std::size_t suspects = 1;               // that no light explains, in the last search
+  std::vector<Detection> lights;          // convincing ones
+  std::vector<Detection> doubtful;        // tones of the last search that are not
+  std::vector<LightCandidate> waveforms;  // that may be data
 };
 
 constexpr double kLooksLikeLight = 0.5;  // appearance of a tone that may belong to a texture of many

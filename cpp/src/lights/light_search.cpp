@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <functional>
 #include <iterator>
 #include <optional>
@@ -20,6 +21,7 @@ namespace {
 
 constexpr std::size_t kMaxSuspects = 256;
 constexpr std::size_t kMinColumns = 8;  // beside a light
+constexpr double kSeenBefore = 10;      // odds of a light that the last frame showed here
 constexpr double kMuchClearer = 1.5;    // ratio of signal-to-noise ratios
 constexpr double kEdgesBeyond = 1.5;    // cycles that both edges of a whole box may lie beyond those of the own pixels
 constexpr double kShortestInner = 2;    // cycles of an inner box; its outline may be longer
@@ -27,8 +29,6 @@ constexpr double kShortestInner = 2;    // cycles of an inner box; its outline m
 using Columns = IndexRange;
 
 Columns all_columns(const SearchedFrame& in) { return {0, shape_of(in.frame.frames).columns}; }
-
-OtherLights around(const Detections& found) { return {found.suspects, found.lights, found.doubtful}; }
 
 std::vector<Suspect> suspects_in(const SearchedFrame& in, const Region& region, Coarsening coarsening) {
   auto suspects = screen_sources(in.frame, region, in.options.false_alarms, coarsening);
@@ -45,6 +45,11 @@ std::optional<RefinedLight> refine(const SearchedFrame& in, Suspect suspect, con
   auto light = refine_source(part, suspect, edge == inner_box ? inner : in.limits, edge);
   if (light) light->box.x += within.begin;
   return light;
+}
+
+LightCandidate candidate_of(const SearchedFrame& in, const Detection& one, std::span<const double> terms) {
+  return {
+      one.light.box, one.light.frequency / in.camera.row_time, one.probability, one.odds, {terms.begin(), terms.end()}};
 }
 
 Suspect suspect_at(const Region& box, double frequency) { return {box, frequency, 1, 0, box}; }
@@ -73,8 +78,8 @@ std::vector<Detection> lamps_of(const SearchedFrame& in, const Detection& light,
   std::vector<Detection> lamps;
   for (const LightPart& part : parts_beside(in.frame, part_of(light.light))) {
     const auto lamp = refine(in, suspect_at(part.box, part.frequency), {part.box.x, part.box.right()}, whole_box);
-    const auto one = lamp ? judged(in, *lamp, around(found)) : std::nullopt;
-    if (one && is_convincing(in, *one, found.suspects)) lamps.push_back(*one);
+    const auto one = lamp ? judged(in, *lamp, found) : std::nullopt;
+    if (one && is_convincing(in, *one)) lamps.push_back(*one);
   }
   if (lamps.size() < 2) lamps.assign(1, light);
   return lamps;
@@ -89,10 +94,10 @@ Detections with_tone(const SearchedFrame& in, Detections found, const Detection&
 std::optional<Detection> most_probable(const SearchedFrame& in, const Suspect& suspect, const Detections& found) {
   const auto tone = [&](const Suspect& of, double edge) {
     const auto light = refine(in, of, all_columns(in), edge);
-    return light ? judged(in, *light, around(found)) : std::nullopt;
+    return light ? judged(in, *light, found) : std::nullopt;
   };
   const auto whole = tone(suspect, whole_box);
-  if (whole && is_convincing(in, *whole, found.suspects)) return whole;
+  if (whole && is_convincing(in, *whole)) return whole;
   const auto inner = tone({suspect.best, suspect.frequency, suspect.share, 0, suspect.best}, inner_box);
   const bool better = inner && (!whole || inner->probability > whole->probability);
   return better ? inner : whole;
@@ -103,7 +108,7 @@ Detections with_tones_of(const SearchedFrame& in, Detections found, const Suspec
   for (auto rest = unexplained(suspect, found.lights); rest;) {
     const auto one = most_probable(in, *rest, found);
     if (!one) break;
-    const bool convincing = is_convincing(in, *one, found.suspects);
+    const bool convincing = is_convincing(in, *one);
     if (convincing)
       found = with_tone(in, std::move(found), *one);
     else
@@ -136,11 +141,10 @@ Detections reconsidered(const SearchedFrame& in, Detections found, std::span<con
                        return std::ranges::none_of(
                            found.lights, [&](const Detection& one) { return is_explained(suspect, one.light); });
                      }));
-    for (std::size_t i = earlier; i < found.lights.size(); ++i)
-      found.lights[i] = judged_again(found.lights[i], around(found));
-    for (Detection& one : found.doubtful) one = judged_again(one, around(found));
+    for (std::size_t i = earlier; i < found.lights.size(); ++i) found.lights[i] = judged_again(found.lights[i], found);
+    for (Detection& one : found.doubtful) one = judged_again(one, found);
     const auto next = std::ranges::find_if(found.doubtful, [&](const Detection& one) {
-      return is_convincing(in, one, found.suspects) && !is_double_of_any(one, found.lights);
+      return is_convincing(in, one) && !is_double_of_any(one, found.lights);
     });
     if (next == found.doubtful.end()) break;
     const Detection one = *next;
@@ -148,8 +152,8 @@ Detections reconsidered(const SearchedFrame& in, Detections found, std::span<con
     found = with_tone(in, std::move(found), one);
   }
   const auto first = found.lights.begin() + static_cast<std::ptrdiff_t>(earlier);
-  const auto rest = std::stable_partition(first, found.lights.end(),
-                                          [&](const Detection& one) { return is_convincing(in, one, found.suspects); });
+  const auto rest =
+      std::stable_partition(first, found.lights.end(), [&](const Detection& one) { return is_convincing(in, one); });
   found.doubtful.insert(found.doubtful.end(), rest, found.lights.end());
   found.lights.erase(rest, found.lights.end());
   return found;
@@ -167,8 +171,8 @@ Detections with_lamps_beside(const SearchedFrame& in, Detections found, const Re
         one_light_across(in.frame, part_of(light), {suspect.box, suspect.frequency}))
       continue;
     const auto other = refine(in, suspect, within, whole_box);
-    const auto one = other && !same_frequency(*other, light) ? judged(in, *other, around(found)) : std::nullopt;
-    if (one && is_convincing(in, *one, found.suspects) && !is_double_of_any(*one, found.lights))
+    const auto one = other && !same_frequency(*other, light) ? judged(in, *other, found) : std::nullopt;
+    if (one && is_convincing(in, *one) && !is_double_of_any(*one, found.lights))
       found = with_tone(in, std::move(found), *one);
   }
   return found;
@@ -192,12 +196,16 @@ Detections searched_beside(const SearchedFrame& in, Detections found, const Refi
 
 // True for a tone, and for lamps above each other, whose columns also have a common swing.
 bool is_made_of_tones(const RefinedLight& light, std::span<const Detection> lights) {
-  std::size_t rows = 0;
-  for (const Detection& one : lights)
-    if (is_tone(one) && is_settled(one) &&
-        shared_length(one.light.box.x, one.light.box.width, light.box.x, light.box.width) > 0)
-      rows += shared_length(one.light.box.y, one.light.box.height, light.box.y, light.box.height);
-  return 2 * rows > light.box.height;
+  std::vector<std::uint8_t> rows(light.box.height);
+  for (const Detection& one : lights) {
+    const Region& box = one.light.box;
+    if (!is_tone(one) || !is_settled(one) || shared_length(box.x, box.width, light.box.x, light.box.width) == 0)
+      continue;
+    const std::size_t first = std::clamp(box.y, light.box.y, light.box.bottom());
+    const std::size_t end = std::clamp(box.bottom(), light.box.y, light.box.bottom());
+    std::fill_n(rows.begin() + static_cast<std::ptrdiff_t>(first - light.box.y), end - first, std::uint8_t{1});
+  }
+  return 4 * static_cast<std::size_t>(std::ranges::count(rows, 1)) > 3 * rows.size();
 }
 
 Detections with_data(const SearchedFrame& in, Detections found, std::span<const Suspect> suspects) {
@@ -211,9 +219,9 @@ Detections with_data(const SearchedFrame& in, Detections found, std::span<const 
         std::ranges::any_of(found.doubtful, resembles))
       continue;
     const auto data = find_data_light(in.frame, suspect);
-    auto one = data ? judged(in, *data, suspects.size(), around(found)) : std::nullopt;
+    auto one = data ? judged(in, *data, suspects.size(), found) : std::nullopt;
     if (!one) continue;
-    found.waveforms.push_back(candidate_of(in, *one, features_of(*data, suspects.size()), false));
+    found.waveforms.push_back(candidate_of(in, *one, terms_of(*data, suspects.size())));
     if (!is_convincing(in, *one)) continue;
     if (is_made_of_tones(one->light, found.lights)) {
       tones.push_back(one->light);
@@ -228,22 +236,19 @@ Detections with_data(const SearchedFrame& in, Detections found, std::span<const 
 }
 
 // Frequency of a short light from its own pixels, without bias by its outline. Box and measures too where they are
-// much clearer and the box is shorter: texture that swings in phase with the light made its box too large. A sharp
-// edge is 0.4 cycles further out at 0.15 of the amplitude than it is. Absent if the light is too short then.
-std::optional<Detection> sharpened(const SearchedFrame& in, Detection one) {
+// much clearer and the box is smaller: texture that swings in phase with the light made its box too large. A sharp edge
+// is 0.4 cycles further out at 0.15 of the amplitude than it is.
+Detection sharpened(const SearchedFrame& in, Detection one) {
   RefinedLight& light = one.light;
   if (one.data || light.inside || static_cast<double>(light.box.height) * light.frequency > longest_inner) return one;
   const auto own = refine(in, suspect_at(light.box, light.frequency), all_columns(in), inner_box);
-  if (!own || !near_frequency(own->frequency, light.frequency)) return one;
-  const bool fits = is_measurable(*own, in.limits);
+  if (!own || !near_frequency(own->frequency, light.frequency) || !is_measurable(*own, in.limits)) return one;
   const auto shorter = static_cast<double>(light.box.height) - static_cast<double>(own->box.height);
   const bool smaller = shorter * light.frequency >= kEdgesBeyond || much_narrower(own->box, light.box);
-  if (!one.expected && smaller && own->snr >= kMuchClearer * light.snr) {
-    if (!fits) return {};
+  if (!one.expected && smaller && own->snr >= kMuchClearer * light.snr)
     light = *own, one.box = own->box;
-  } else if (fits) {
+  else
     light.frequency = own->frequency, light.frequency_std = own->frequency_std, light.phase = own->phase;
-  }
   return one;
 }
 
@@ -251,9 +256,12 @@ std::optional<Detection> sharpened(const SearchedFrame& in, Detection one) {
 
 bool add_expected(const SearchedFrame& in, const Region& box, double cycles_per_row, Detections& found) {
   const auto light = refine_source(in.frame, suspect_at(box, cycles_per_row), in.limits, whole_box, 1);
-  auto one = light ? judged(in, *light, around(found)) : std::nullopt;
-  if (!one || !is_convincing(in, *one, found.suspects)) return false;
+  auto one = light ? judged(in, *light, found) : std::nullopt;
+  if (!one) return false;
   one->expected = true;
+  one->odds *= kSeenBefore;
+  *one = judged_again(*one, found);
+  if (!is_convincing(in, *one)) return false;
   if (is_double_of_any(*one, found.lights)) return false;
   found.lights.push_back(*one);
   return true;
@@ -277,10 +285,9 @@ Detections searched(const SearchedFrame& in, Detections found, const Region& reg
   return with_data(in, std::move(found), suspects);
 }
 
-std::vector<Detection> listed_lights(const SearchedFrame& in, Detections found) {
+std::vector<Detection> listed_lights(const SearchedFrame& in, const Detections& found) {
   std::vector<Detection> lights;
-  for (const Detection& one : without_doubles(std::move(found.lights)))
-    if (const auto sharp = sharpened(in, one)) lights.push_back(*sharp);
+  for (const Detection& one : without_doubles(found.lights)) lights.push_back(sharpened(in, one));
   lights = without_doubles(std::move(lights));  // boxes of a light and of texture that it is part of
   lights = with_reflections(with_joined_parts(in.frame, std::move(lights)));
   lights.resize(std::min(lights.size(), in.options.max_sources));
@@ -296,9 +303,8 @@ std::vector<LightCandidate> tone_candidates(const SearchedFrame& in, const Detec
   std::vector<LightCandidate> all;
   for (const Detection& one : tones) {
     if (one.data) continue;
-    const Detection now = judged_again(one, around(found));
-    if (const auto sharp = sharpened(in, now))
-      all.push_back(candidate_of(in, *sharp, features_of(now, around(found)), now.light.inside));
+    const Detection now = judged_again(one, found);
+    all.push_back(candidate_of(in, sharpened(in, now), terms_of(now, found)));
   }
   return all;
 }

@@ -12,14 +12,6 @@
 
 namespace ocisac {
 
-// Detections of a frame so far.
-struct Detections {
-  std::size_t suspects = 1;               // that no light explains, in the last search
-  std::vector<Detection> lights;          // convincing ones
-  std::vector<Detection> doubtful;        // tones of the last search that are not
-  std::vector<LightCandidate> waveforms;  // that may be data
-};
-
 // Adds the light if it is confirmed in the box and no other detection is there; returns false if not.
 bool add_expected(const SearchedFrame& in, const Region& box, double cycles_per_row, Detections& found);
 
@@ -29,7 +21,7 @@ Detections searched(const SearchedFrame& in, Detections found, const Region& reg
                     std::span<const double> frequencies = {});
 
 // The lights as listed: sharpened, without doubles, with joined parts and reflections, the most probable first.
-std::vector<Detection> listed_lights(const SearchedFrame& in, Detections found);
+std::vector<Detection> listed_lights(const SearchedFrame& in, const Detections& found);
 
 // All measurable tones of a frame, of any probability, with box and frequency of listed_lights().
 std::vector<LightCandidate> tone_candidates(const SearchedFrame& in, const Detections& found);

@@ -3,8 +3,6 @@
 
 #include <cstddef>
 #include <optional>
-#include <span>
-#include <vector>
 
 #include "lights/data_light.hpp"
 #include "lights/detection.hpp"
@@ -26,34 +24,24 @@ struct SearchedFrame {
 SearchedFrame searched_frame(const AnyFramesView& frames, std::size_t index, const Camera& camera,
                              const DetectOptions& options);
 
-// Chances of a texture: the suspects that no light explains; and the lights and other tones found beside it.
-struct OtherLights {
-  std::size_t suspects = 1;
-  std::span<const Detection> lights, doubtful;
-};
+ToneTerms terms_of(const Detection& one, const Detections& found);
 
-ToneFeatures features_of(const Detection& one, const OtherLights& around);
-
-// True for a tone of enough rows, cycles and amplitude. The pixels of an outline agree with a tone, or it is none.
+// True for a tone of enough rows, cycles and amplitude whose frequency is known.
 bool is_measurable(const RefinedLight& light, const LightLimits& limits);
 
 // A measurable tone with its probability.
-std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const OtherLights& around);
+std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const Detections& found);
 
 // The tone with its probabilities among other suspects and lights.
-Detection judged_again(Detection one, const OtherLights& around);
+Detection judged_again(Detection one, const Detections& found);
 
 // True for a tone that looks like a light but behaves as a texture.
 bool is_texture(const Detection& one);
 
-bool is_convincing(const SearchedFrame& in, const Detection& one, std::size_t suspects);
-
-// A waveform with enough evidence and its probability. `suspects`: those of the picture.
+// A waveform with its probability. `suspects`: those of the picture.
 std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, std::size_t suspects,
-                                const OtherLights& around);
-bool is_convincing(const SearchedFrame& in, const Detection& data);
+                                const Detections& found);
 
-LightCandidate candidate_of(const SearchedFrame& in, const Detection& one, std::span<const double> features,
-                            bool inside);
+bool is_convincing(const SearchedFrame& in, const Detection& one);
 
 }  // namespace ocisac

@@ -50,11 +50,12 @@ def calibrate(
     """Estimate the row time from a light of known frequency: T_r = (cycles per row) / frequency.
 
     A tone that explains the whole frame is used as :func:`find_frequency` finds it. Otherwise the frequency is that of
-    the light, among those that :func:`detect_sources` finds, that explains most of the picture, measured in its box:
-    the outline of a lamp, text and drawn lines bias a tone over the whole frame. ``MODEL_MISFIT`` is set where light
-    and whole frame disagree, where the light's probability is below 0.58, where it is in less than a fiftieth of the
-    columns, as text is, where a tone that explains a part of the frame, or less than three cycles of it, is no light
-    (it may be an outline), and where a frame would last longer than a second (a frequency in kHz).
+    the light, among those that :func:`detect_sources` finds, whose swing has the largest energy: the outline of a lamp,
+    text and drawn lines bias a tone over the whole frame. ``MODEL_MISFIT`` is set where light and whole frame disagree,
+    where the light's probability is below 0.58 and its swing less than a twentieth of the picture's, where it is in
+    less than a fiftieth of the columns, as text is, where a tone that explains a part of the frame, or less than three
+    cycles of it, is no light (it may be an outline), and where a frame would last longer than a second (a frequency in
+    kHz).
 
     Args:
         columns: as for :func:`find_frequency`; the columns that show the light are selected among them.

@@ -126,7 +126,7 @@ def find_periodic(frames: npt.ArrayLike, camera: Camera) -> FoundPeriodic:
     in_order = camera.in_time_order
     lights = [
         PeriodicRegion(one.region, *_per_row(one, in_order))
-        for one in detect_sources(pictures[0], in_order)
+        for one in detect_sources(pictures, in_order, frame=0)
         if one.reflection_of is None
     ]
     textures = periodic_regions(_changing(pictures, in_order), still=len(pictures) == 1)

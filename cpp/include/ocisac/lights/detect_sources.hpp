@@ -46,14 +46,13 @@ struct LightSource {
 std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camera& camera,
                                         const DetectOptions& options = {});
 
-// A tone or waveform that may be a light, with the features of the model of its probability.
+// A tone or waveform that may be a light, with the terms of the model of its probability.
 struct LightCandidate {
   Region box;
   double frequency;  // Hz
   double probability;
-  double fitted;  // probability before its correction
-  std::vector<double> features;
-  bool inside;  // features of a light's own pixels
+  double odds;  // by which those of the model are multiplied
+  std::vector<double> terms;
 };
 
 // All tones of one frame that may be lights, or waveforms that may be data, of any probability: what the models of the
