@@ -18,9 +18,8 @@ constexpr std::size_t most_groups = 24;                  // of columns
 constexpr std::size_t enough_columns = 96;               // evenly spaced, that are judged
 constexpr double min_left = 0.125;                       // lower bound of a light that is a divisor
 constexpr double floor_of_light = 0.01;                  // of the mean light, below which logarithms show noise
-constexpr double half_left = 0.5, much_left = 0.6;       // of the row light
+constexpr double most_left = 0.25;                       // of the row light; of a texture 0.28 and more
 constexpr double min_level = 0.25;                       // of a light on part of the picture 0.4 and more
-constexpr double max_worse = 0.25;                       // share of the columns
 constexpr double min_part = 0.8;                         // of a group's pixels, of rows that count
 constexpr double smallest = 1e-100, independent = 1e-9;  // of a term that another one does not explain
 
@@ -244,11 +243,9 @@ CleaningVerdict mean_verdict(std::span<const CleaningVerdict> verdicts) {
 std::string objection_to(const CleaningVerdict& verdict) {
   if (!(verdict.energy > 0)) return "no bands: all rows have the same light";
   if (verdict.light_left > 1) return "the bands would be stronger than before";
-  if (verdict.gain < min_gain && (verdict.light_left > half_left || verdict.gain < 0))
-    return "no light of the rows: they would differ as much as before";
-  if (verdict.light_left > much_left && verdict.level < min_level) return "bands that tilt or curve";
-  if (verdict.light_left > much_left && verdict.worse > max_worse) return "some columns would get worse";
-  return {};
+  if (verdict.gain < 0) return "no light of the rows: they would differ as much as before";
+  if (verdict.light_left < most_left) return {};
+  return verdict.level < min_level ? "bands that tilt or curve" : "rows of the picture, or of light that is not even";
 }
 
 }  // namespace ocisac

@@ -21,7 +21,7 @@ namespace {
 using Values = std::vector<double>;
 
 constexpr double left_by_chips = 0.125, level_of_lines = 0.5;  // chips on some columns that leave more are its lines
-constexpr double much_left = 0.25;                             // of the bands' swing: another light is searched
+constexpr double least_shown = 1.5;  // cycles of a light in a frame that its rows show, whatever the picture's shades
 constexpr std::size_t whole_pixels =
     1U << 19U;  // of a picture under chips up to which every pixel has a share of its own
 constexpr double blocks_of_shares =
@@ -320,6 +320,9 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
     result.lights.push_back(std::move(lights));
   }
   result.slow = std::move(slow);
+  // A light of other frames, or of another frequency. Below that a shade of the picture may hide the light.
+  if (result.slow.back().common.front().cycles > least_shown && mean_verdict(result.verdicts).gain < 0)
+    result.unchanged = "slow bands: the rows would differ more than before";
   return result;
 }
 
@@ -331,11 +334,13 @@ SceneLight estimated(StoredScene& scene, const Camera& camera, RowModel model, b
   std::vector<SlowLight> slow;
   if (given.empty() && (model == RowModel::automatic || model == RowModel::tone))
     slow = find_slow_lights(pictures_of(scene), camera, earlier);
-  const bool is_slow =
-      !slow.empty() && std::ranges::all_of(slow, [](const SlowLight& own) { return own.objection.empty(); });
+  std::optional<SceneLight> slow_found;
+  if (!slow.empty() && std::ranges::all_of(slow, [](const SlowLight& own) { return own.objection.empty(); }))
+    slow_found = light_of_slow(scene, slow);
+  if (slow_found && !slow_found->unchanged.empty()) slow_found.reset();
   // The shares of faster tones vary with the place where pairs of rows show it.
-  if (is_slow && slow.front().common.front().cycles * slowest_rows < static_cast<double>(scene.rows()))
-    return light_of_slow(scene, std::move(slow));
+  if (slow_found && slow.front().common.front().cycles * slowest_rows < static_cast<double>(scene.rows()))
+    return *std::move(slow_found);
   std::vector<ColourLights> lights =
       given.empty() ? lights_of(scene, model) : std::vector<ColourLights>(given.begin(), given.end());
   const bool is_curved = camera.tone_curve.kind != ToneCurve::Kind::linear;
@@ -347,7 +352,7 @@ SceneLight estimated(StoredScene& scene, const Camera& camera, RowModel model, b
     }
   }
   const RowModel main = lights.front().lights[lights.front().of_colour[0]].model;
-  if (model == RowModel::automatic && main == RowModel::rows && !is_slow && given.empty()) {
+  if (model == RowModel::automatic && main == RowModel::rows && !slow_found && given.empty()) {
     SceneLight found = left_alone(scene, "no tone and no chips: the rows may be the picture's own");
     tell_slow_bands(slow, found);
     found.slow = std::move(slow);
@@ -356,17 +361,13 @@ SceneLight estimated(StoredScene& scene, const Camera& camera, RowModel model, b
   SceneLight found = with_shares(scene, std::move(lights));
   const CleaningVerdict mean = mean_verdict(found.verdicts);
   if (given.empty()) found.unchanged = objection_to(mean);
-  const bool are_lines =
-      mean.light_left > much_left || (mean.light_left > left_by_chips && mean.level < level_of_lines);
+  const bool are_lines = mean.light_left > left_by_chips && mean.level < level_of_lines;
   if (found.unchanged.empty() && model == RowModel::automatic && main == RowModel::chips && are_lines)
     found.unchanged = "chips that explain the rows in part";
-  if (is_slow) {
-    SceneLight other = light_of_slow(scene, slow);
-    const ModelledLight& first = found.lights.front().lights.front();
-    const bool are_two = first.tone && first.tone->second > 0 && mean.gain > mean_verdict(other.verdicts).gain;
+  if (slow_found) {
     const bool is_even = main == RowModel::tone && std::ranges::all_of(found.shares, &BlockShares::is_one);
-    if (!found.unchanged.empty() || main == RowModel::rows || mean.light_left > much_left || (is_even && !are_two))
-      return other;
+    const bool explains_more = mean_verdict(slow_found->verdicts).gain >= mean.gain;
+    if (!found.unchanged.empty() || main == RowModel::rows || (is_even && explains_more)) return *std::move(slow_found);
   }
   if (!slow.empty() && !found.unchanged.empty()) {
     const auto seen = std::find_if(slow.begin(), slow.end(), [](const SlowLight& own) { return own.amplitude > 0; });

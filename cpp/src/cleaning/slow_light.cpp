@@ -23,6 +23,7 @@ constexpr double min_level = 0.25, max_worse = 0.25;
 constexpr double least_move = 0.05;   // cycles from frame to frame
 constexpr double most_other = 0.5;    // of the difference of two frames of one scene
 constexpr double by_chance = 13.8;    // chi square of two terms that one in a thousand exceeds
+constexpr double least_seen = 0.5;    // of tones that are on
 constexpr double least_light = 0.02;  // what a tone curve makes of dark rows may need an amplitude above 1
 constexpr const char* not_sure = "slow bands that the picture's own shades may be";
 constexpr const char* disagrees = "slow bands that are others than those of the frames before";
@@ -118,10 +119,12 @@ std::vector<SlowTone> in_frame(std::vector<SlowTone> tones, std::ptrdiff_t frame
 // Chi square of the difference of two frames with the tones and without them; what chance may change it by.
 struct Difference {
   double with = 0, without = 0, chance = 0;
+  double seen = 1;  // of the tones in the second frame, if they are in the first
 
-  [[nodiscard]] bool is_grown() const { return without >= with + chance; }
-  // By most of it: the frames are of one scene.
-  [[nodiscard]] bool is_less() const { return without + std::max(chance, most_other * with) <= with; }
+  // By most of it: the frames are of one scene, and the tones are on in both.
+  [[nodiscard]] bool is_less() const {
+    return without + std::max(chance, most_other * with) <= with && seen >= least_seen;
+  }
 };
 
 // `first`: the tones in the frame of number `place`.
@@ -129,13 +132,15 @@ Difference difference_of(const CommonCourse& before, const CommonCourse& course,
                          std::ptrdiff_t place) {
   const std::vector<double> then = modes_of_light(in_frame(first, before.place - place), course.modes.size());
   const std::vector<double> now = modes_of_light(in_frame(first, course.place - place), course.modes.size());
-  double with = 0, without = 0;
+  double with = 0, without = 0, product = 0, energy = 1e-300;
   for (std::size_t k = 0; k < now.size(); ++k) {
     const double variance = course.variance[k] + before.variance[k], change = course.modes[k] - before.modes[k];
     with += square(change) / variance;
     without += square(change - now[k] + then[k]) / variance;
+    product += now[k] * (change + then[k]) / variance;
+    energy += square(now[k]) / variance;
   }
-  return {with, without, by_chance * static_cast<double>(first.size())};
+  return {with, without, by_chance * static_cast<double>(first.size()), product / energy};
 }
 
 }  // namespace
@@ -218,7 +223,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     const SlowTone& main = tones.front();
     const bool is_sure = std::ranges::all_of(tones, [](const SlowTone& tone) { return tone.is_sure(); });
     const bool is_other =
-        frame != start && difference_of(courses[frame - 1], courses[frame], first, courses[start].place).is_grown();
+        frame != start && !difference_of(courses[frame - 1], courses[frame], first, courses[start].place).is_less();
     result.push_back({tones_of_colours(courses[frame], of_colours[frame - earlier.courses.size()], tones), tones,
                       courses[frame], main.log_odds > std::log(likely) ? main.amplitude() : 0, verdict,
                       !is_sure   ? not_sure

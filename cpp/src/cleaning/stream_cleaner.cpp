@@ -275,6 +275,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::slowly(const std::vector<AnyF
   std::vector<SlowLight> slow = find_slow_lights(frame, camera_, earlier_, slow_->common);
   if (!slow.back().objection.empty()) return {};
   SceneLight light = light_of_slow(stored, std::move(slow));
+  if (!light.unchanged.empty()) return {};
   keep_highlights(stored, light, rise_);
   keep_slow(light);
   return Frame{std::move(stored), std::move(light)};
