@@ -164,3 +164,35 @@ def test_frames_before_a_slow_light_was_sure_are_cleaned_again() -> None:
     assert cleaner.again(other, 1).unchanged[0]
     with pytest.raises(ValueError, match="ago"):
         cleaner.again(stored, 0)
+
+
+@pytest.mark.parametrize("off", [{2, 3}, {0, 1, 2, 3}, {4}, {1, 3}, {5, 6, 7}], ids=str)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_lamp_that_is_off_for_some_frames_keeps_its_frequency(off: set[int], seed: int) -> None:
+    """Frames without light are not compared with lit ones as if a slower tone were in both."""
+    random = np.random.default_rng(seed)
+    picture = 150 * albedo(seed, ROWS, COLUMNS)
+    cleaner = VideoCleaner(Camera(2e-5, frame_time=1 / 30))
+    for k in range(10):
+        angle = 2 * np.pi * 1000 * (2e-5 * np.arange(ROWS) + k / 30)
+        light = 0.6 + (0.0 if k in off else 0.4) * np.cos(angle)
+        stored = np.clip(np.rint(picture * light[:, None] + random.normal(0, 1, picture.shape)), 0, 255)
+        done = cleaner.push(stored.astype(np.uint8))
+        left = (done.frames / picture).mean(axis=1)
+        assert left.std() < 0.04 * left.mean(), k  # 0.47 under the lamp
+        assert bool(done.unchanged[0]) == (k in off)
+        assert k in off or done.frequency[0] == pytest.approx(1000, abs=1)
+
+
+def test_light_that_the_rows_deny_is_left() -> None:
+    """Smooth shades are periodic over two to four cycles by chance; much of a light that is none is left by dividing."""
+    y, x = np.fft.fftfreq(300)[:, None], np.fft.rfftfreq(200)
+    cleaned = 0
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        slope = (1.2, 1.5, 2.0)[seed % 3]
+        spectrum = random.normal(size=(300, 101)) + 1j * random.normal(size=(300, 101))
+        shades = np.fft.irfft2(spectrum / np.maximum(np.hypot(y, x), 1 / 300) ** slope, s=(300, 200))
+        shades = 128 + 40 * shades / shades.std() + random.normal(0, 1.5, shades.shape)
+        cleaned += not remove_bands(np.clip(np.rint(shades), 0, 255).astype(np.uint8), Camera(2e-5)).unchanged[0]
+    assert cleaned == 0
