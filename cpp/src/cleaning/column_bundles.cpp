@@ -16,7 +16,7 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr std::size_t most_columns = 192, least_columns = 48, most_samples = 1U << 16U;  // of all bundles
+constexpr std::size_t most_columns = 192, least_columns = 48, most_samples = 1U << 17U;  // of all bundles
 constexpr std::size_t rows_of_shares = 512;   // means of rows show the shares of columns as well as each does
 constexpr std::size_t rows_of_lag = 4;        // means in the lag between compared rows
 constexpr double bright = 0.95, dark = 0.02;  // quantiles
@@ -152,8 +152,8 @@ RowLight ColumnBundles::free() const {
   Values start = without_trend(row_means(picture()));
   const double mean = mean_of(start);
   for (double& value : start) value /= mean;
-  const RowLight first = refined_with(share, start, {}, 6);
-  const RowLight found = refined(fully_modulated_rows(without_trend(first.light)));
+  RowLight found = refined_with(share, start, {}, 6);
+  for (int again = 0; again < 2; ++again) found = refined(fully_modulated_rows(without_trend(found.light)));
   return {fully_modulated_rows(without_trend(found.light)), found.information};
 }
 
