@@ -23,6 +23,7 @@ constexpr double kExposureStays = 0.01;  // relative
 constexpr double kVainStep = 0.02;       // standard errors
 constexpr double kLevelsStay = 0.03;     // relative to the swing
 constexpr double kRestStays = 0.3;       // relative to the noise, of the rows less slow light and tones
+constexpr double kEquallyGood = 1.2;     // ratio of residuals
 constexpr double kRateTolerance = 0.08;  // of a search, at least
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
@@ -169,6 +170,15 @@ std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t ro
     if (at >= 0 && at < std::ssize(reading.llr)) bits.push_back(reading.llr[static_cast<std::size_t>(at)] > 0);
   }
   return bits;
+}
+
+FrameReading with_shortest_exposure(FrameReading reading, SearchEffort* effort) {
+  const auto start = with_shortest_exposure(reading.channel, whole_bits(reading, reading.rest.size()));
+  auto shorter = start ? read_frame(reading.rest, *start, false, effort) : std::nullopt;
+  if (!shorter || !(shorter->channel.noise < kEquallyGood * reading.channel.noise)) return reading;
+  shorter->warp = std::move(reading.warp);
+  shorter->nuisance = std::move(reading.nuisance);
+  return std::move(*shorter);
 }
 
 namespace {

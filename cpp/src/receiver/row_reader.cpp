@@ -399,6 +399,7 @@ std::optional<FrameReading> RowReader::read_with(const SignalModel& model, Frame
       if (shaped && shaped->relative_noise < reading->relative_noise) reading = std::move(shaped);
     }
   }
+  if (reading && !state.exposure) return with_shortest_exposure(std::move(*reading), &frame.effort);
   return reading;
 }
 

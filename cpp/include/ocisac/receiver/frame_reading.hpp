@@ -112,6 +112,10 @@ FrameReading refine_warp(std::span<const double> signal, FrameReading reading, b
 // central differences. The light of equal rise and fall L obeys chips = L + τ·dL/dt, which the exposure keeps.
 std::vector<double> sharpened(std::span<const double> signal, double rows);
 
+// A reading of periodic chips again with the shortest exposure that explains it: their rows do not determine the
+// exposure. Other readings as they are.
+FrameReading with_shortest_exposure(FrameReading reading, SearchEffort* effort = nullptr);
+
 // Bits of the chips that lie whole in `rows` rows.
 std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t rows);
 
