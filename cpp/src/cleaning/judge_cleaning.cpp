@@ -70,19 +70,9 @@ PairMisfit total(std::span<const PairMisfit> of_columns) {
   return sum;
 }
 
-void judge_misfit(const Compared& picture, std::size_t lag, CleaningVerdict& verdict) {
-  const std::size_t columns = picture.columns, groups = std::min(most_groups, columns);
-  const std::vector<PairMisfit> before = misfit_of(picture.before, columns, lag);
-  const std::vector<PairMisfit> after = misfit_of(picture.after, columns, lag);
-  verdict.gain = total(before).mean() - total(after).mean();
-  std::size_t grown = 0;
-  for (std::size_t group = 0, first = 0; group < groups; ++group) {
-    const std::size_t count = columns / groups + (group < columns % groups ? 1 : 0);
-    const auto mean = [&](std::span<const PairMisfit> all) { return total(all.subspan(first, count)).mean(); };
-    grown += mean(after) > mean(before) ? 1 : 0;
-    first += count;
-  }
-  verdict.worse = static_cast<double>(grown) / static_cast<double>(groups);
+double decrease_of_misfit(const Compared& picture, std::size_t lag) {
+  const auto mean = [&](const Side& side) { return total(misfit_of(side, picture.columns, lag)).mean(); };
+  return mean(picture.before) - mean(picture.after);
 }
 
 // The row light and its gradient, which a shift adds, of standard deviation 1.
@@ -213,7 +203,7 @@ CleaningVerdict judge_cleaning(const BandedPicture& picture, std::span<const dou
   const Compared sides = compared(picture, row_light, shares);
   CleaningVerdict verdict;
   const std::size_t lag = comparison_lag(row_light, picture.rows);
-  judge_misfit(sides, lag, verdict);
+  verdict.gain = decrease_of_misfit(sides, lag);
   judge_swing(sides, row_light, lag, verdict);
   const double before = texture_of(sides.before.light, sides.after.kept, sides.columns);
   const double after = texture_of(sides.after.light, sides.after.kept, sides.columns);
@@ -232,7 +222,6 @@ CleaningVerdict mean_verdict(std::span<const CleaningVerdict> verdicts) {
     mean.light_left += weight * one.light_left;
     mean.texture_change += weight * one.texture_change;
     mean.gain += weight * one.gain;
-    mean.worse += weight * one.worse;
     mean.level += weight * one.level;
     mean.slow_bands += weight * one.slow_bands;
     mean.energy += weight * one.energy;

@@ -314,7 +314,6 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
     }
     CleaningVerdict verdict = verdict_on(scene, frame, lights, result.shares);
     verdict.light_left = slow[frame].verdict.left;
-    verdict.worse = slow[frame].verdict.worse;
     verdict.level = slow[frame].verdict.level;
     result.verdicts.push_back(verdict);
     result.lights.push_back(std::move(lights));

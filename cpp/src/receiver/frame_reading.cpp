@@ -7,6 +7,7 @@
 #include <string_view>
 #include <utility>
 
+#include "chips/chip_period.hpp"
 #include "ocisac/chips/detect_chips.hpp"
 #include "ocisac/chips/preamble.hpp"
 #include "ocisac/chips/refine_channel.hpp"

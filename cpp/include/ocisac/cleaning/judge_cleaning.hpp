@@ -17,7 +17,6 @@ struct CleaningVerdict {
   double light_left = 0;      // swing of the row light in the columns after cleaning, over that before
   double texture_change = 0;  // energy of texture after cleaning over that before, dB
   double gain = 0;            // decrease of the misfit of rows a few apart (row_misfit)
-  double worse = 0;           // share of the groups of columns whose misfit increases
   double level = 1;           // coherence of the bands over the columns, 1 for level bands, 0 for tilted ones
   double slow_bands =
       0;              // amplitude, relative to the light, of bands above 128 rows that are left; 0 if none are likely
