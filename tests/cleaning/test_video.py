@@ -185,7 +185,7 @@ def test_lamp_that_is_off_for_some_frames_keeps_its_frequency(off: set[int], see
 
 
 def test_light_that_the_rows_deny_is_left() -> None:
-    """Smooth shades are periodic over two to four cycles by chance; much of a light that is none is left by dividing."""
+    """Smooth shades are periodic over two to four cycles by chance, but in each group of columns otherwise."""
     y, x = np.fft.fftfreq(300)[:, None], np.fft.rfftfreq(200)
     cleaned = 0
     for seed in range(40):

@@ -19,8 +19,8 @@ double sliced_error_rate(double gain, std::span<const double> others, double noi
 //   mlse:  Σ w·Q(distance/(2σ)) over the most likely error events, w: wrong chips times the probability of their
 //          pattern
 //
-// The events are one chip; 01 for 10; 010 for 101; 01 for 10 twice, an exposure apart. Their sum is limited to 1/2. It is
-// no bound: it counts overlaps twice, and leaves other events out.
+// The events are one chip; 01 for 10; 010 for 101; 01 for 10 twice, an exposure apart. Their sum is limited to 1/2. It
+// is no bound: it counts overlaps twice, and leaves other events out.
 struct DetectorErrorRates {
   double slicer, inverse, wiener, dfe, mlse;
 };
