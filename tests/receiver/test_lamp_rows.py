@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ocisac_fast as ocisac
-from ocisac_fast import Camera, Chips, Flag, integrate_exposure
+from ocisac_fast import Camera, Chips, Flag, SquareWave, integrate_exposure
 from ocisac_fast.files import read_frames
 
 ROWS, COLUMNS = 900, 500
@@ -77,6 +77,38 @@ def test_a_lamp_with_a_dark_ring_is_one_periodic_light_of_its_frequency(seed):
     (got,) = ocisac.receive(photographed(2 + 100 * light, seed), Camera(1.0))
     assert got.flags & (Flag.PERIODIC | Flag.WEAK)  # weak: dark where the ring is
     assert 2 * got.rows_per_chip == pytest.approx(period, rel=0.005)
+
+
+@pytest.mark.parametrize("duty", [0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.87, 0.9])
+def test_a_lamp_dimmed_at_any_frequency_is_periodic(duty):
+    random = np.random.default_rng(int(100 * duty))
+    for period in random.uniform(15, 120, 12):
+        if duty * period < 2 or (1 - duty) * period < 2:  # shorter than a chip may be
+            continue
+        wave = SquareWave(1 / period, duty=duty, phase=random.uniform(0, 2 * np.pi))
+        light = integrate_exposure(wave, Camera(1.0, 3.0), ROWS)[:, None] * np.ones(100)
+        (got,) = ocisac.receive(photographed(20 + 180 * light, int(period), noise=1.5), Camera(1.0, 3.0))
+        assert got.flags & Flag.PERIODIC
+
+
+@pytest.mark.parametrize("words", [["0", "1"], ["01", "10"], ["1000", "0100", "0010", "0001"]])
+def test_data_are_not_periodic(words):
+    random = np.random.default_rng(len(words))
+    for frame in range(60):
+        pitch = random.uniform(3, 8)
+        light = rows_of("".join(random.choice(words, 400)), pitch, 3.0) * np.ones(24)
+        for got in ocisac.receive(photographed(20 + 180 * light, frame, noise=1.5), Camera(1.0, 3.0)):
+            assert not got.flags & Flag.PERIODIC
+
+
+@pytest.mark.parametrize("word_seed", range(8))
+def test_a_line_coded_word_that_repeats_is_data(word_seed):
+    random = np.random.default_rng(word_seed)
+    word = "".join(random.choice(["01", "10"], 12))
+    light = rows_of(word * 10, 5.3, 3.0) * np.ones(24)
+    got = ocisac.receive(photographed(20 + 180 * light, word_seed), Camera(1.0, 3.0))[0]
+    assert got.bits in word * 10
+    assert not got.flags
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -8,28 +8,50 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kMaxPeriod = 4, kMinBitsForExposure = 12;
+constexpr double kSurelyPeriodic = 6;  // bits of evidence
 
+// Rises of chips that repeat.
+std::size_t rises_in(std::span<const std::uint8_t> period) {
+  std::size_t rises = 0;
+  for (std::size_t k = 0; k < period.size(); ++k) rises += period[k] < period[(k + 1) % period.size()];
+  return rises;
 }
 
-std::optional<std::size_t> chip_period(std::span<const std::uint8_t> bits, std::size_t min_bits) {
-  if (bits.size() < min_bits) return std::nullopt;
-  for (std::size_t period = 1; period <= kMaxPeriod; ++period)
-    if (std::equal(bits.begin() + static_cast<std::ptrdiff_t>(period), bits.end(), bits.begin())) return period;
+// Chips that the first run has more than the next one of its kind, if there is one.
+template <class Iterator>
+std::size_t excess(Iterator first, Iterator last) {
+  if (first == last) return 0;
+  const auto fall = std::find(first, last, !*first), next = std::find(fall, last, *first);
+  const auto next_fall = std::find(next, last, !*first);
+  return next == last ? 0 : static_cast<std::size_t>(std::max(fall - first - (next_fall - next), std::ptrdiff_t{0}));
+}
+
+}  // namespace
+
+std::optional<std::span<const std::uint8_t>> chip_period(std::span<const std::uint8_t> bits) {
+  bits = bits.subspan(excess(bits.begin(), bits.end()));
+  bits = bits.first(bits.size() - excess(bits.rbegin(), bits.rend()));
+  const auto evidence = [&](std::size_t period) {
+    const auto length = static_cast<double>(period);
+    return static_cast<double>(bits.size()) - length - std::log2(length);
+  };
+  for (std::size_t period = 1; 2 * period <= bits.size() && evidence(period) >= kSurelyPeriodic; ++period)
+    if (rises_in(bits.first(period)) < 2 && std::ranges::equal(bits.subspan(period), bits.first(bits.size() - period)))
+      return bits.first(period);
   return std::nullopt;
 }
 
 std::optional<ChannelEstimate> with_shortest_exposure(ChannelEstimate channel, std::span<const std::uint8_t> bits) {
-  const auto found = chip_period(bits, kMinBitsForExposure);
+  const auto found = chip_period(bits);
   if (!found) return std::nullopt;
   ChipClock& clock = channel.clock;
-  const auto period = static_cast<double>(*found);
-  const double mean = std::accumulate(bits.begin(), bits.begin() + static_cast<std::ptrdiff_t>(*found), 0.0) / period;
+  const auto period = static_cast<double>(found->size());
+  const double mean = std::accumulate(found->begin(), found->end(), 0.0) / period;
   const double exposure = clock.exposure_rows / clock.rows_per_chip;
   double shortest = std::fmod(exposure, period);
   const double whole_periods = exposure - shortest;  // chips
   double constant = whole_periods * mean;
-  if (*found == 2 && shortest > 1) {
+  if (found->size() == 2 && shortest > 1) {
     constant += shortest - 1;
     shortest = 2 - shortest;
   }

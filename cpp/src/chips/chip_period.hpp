@@ -10,9 +10,12 @@
 
 namespace ocisac {
 
-// Smallest period in chips, up to 4, with which all bits repeat. Absent without one, and for fewer bits than
-// `min_bits`: 24 random bits have a period by chance once in half a million.
-std::optional<std::size_t> chip_period(std::span<const std::uint8_t> bits, std::size_t min_bits = 24);
+// Smallest period of P chips, with one rise and one fall or none, with which all n bits repeat, two periods or more:
+// light of a dimmed lamp or of still bars. Data that repeat, such as a line-coded word, rise more than once in a
+// period. The first and the last run count as many chips as the next one of their kind at most: a lamp that fades looks
+// dark beyond. Absent where chance explains the period as well: n - P random bits equal those before them, with one of
+// P periods, with a probability of P/2^(n - P), which may be 1/64 at most.
+std::optional<std::span<const std::uint8_t>> chip_period(std::span<const std::uint8_t> bits);
 
 // Channel of the shortest exposure that shows chips of the given bits in the same rows. With s_E the mean of chips of
 // period P (chips) and mean m over an exposure of E chips, and k whole periods in it:

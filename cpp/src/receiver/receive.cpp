@@ -38,13 +38,12 @@ constexpr std::size_t kPart = 16;                          // chips
 constexpr double kMinSnr = 2;                              // noise divided at its median has 1.8
 constexpr double kSameLight = 0.9;                         // cosine between the swings of a signal and of a light
 constexpr int kMaxShears = 3;
-constexpr double kCommon = 0.9;                                // of the expected correlation of a light's columns
-constexpr double kDarkShare = 0.25;                            // of a bright chip of the lamp's width there
-constexpr std::size_t kSurelyPeriodic = 12, kFewPeriodic = 5;  // bits
-constexpr std::size_t kMostAtOnce = 4;                         // rows of a group
-constexpr double kInterpolated = 0.1;                          // of the second differences of the other rows
-constexpr double kLowestTone = 300, kHighestTone = 3000;       // Hz
-constexpr double kMinHumCycles = 1, kMinToneCycles = 8;        // in the frame
+constexpr double kCommon = 0.9;                           // of the expected correlation of a light's columns
+constexpr double kDarkShare = 0.25;                       // of a bright chip of the lamp's width there
+constexpr std::size_t kMostAtOnce = 4;                    // rows of a group
+constexpr double kInterpolated = 0.1;                     // of the second differences of the other rows
+constexpr double kLowestTone = 300, kHighestTone = 3000;  // Hz
+constexpr double kMinHumCycles = 1, kMinToneCycles = 8;   // in the frame
 constexpr int kSquareRounds = 3;
 constexpr std::size_t kEnds = 8;                    // of the rows make an end
 constexpr double kMinShare = 0.3, kMaxShare = 1.5;  // of the light beside the lamp in its columns
@@ -250,7 +249,7 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure_ro
   if (received.snr < kWeakSnr || snr_of_weakest_part(received.detection.relative_levels) < kWeakPart)
     received.flags |= flag::weak;
   if (decoded.uneven) received.flags |= flag::model_misfit;
-  if (chip_period(received.detection.bits, kSurelyPeriodic)) received.flags |= flag::periodic;
+  if (chip_period(received.detection.bits)) received.flags |= flag::periodic;
   if (exposure_rows && *exposure_rows > kLongestSliced * received.rows_per_chip) received.flags |= flag::long_exposure;
 }
 
@@ -766,7 +765,7 @@ std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std:
         sources.insert(seen ? sources.begin() : sources.end(), std::move(source.received));
       else if (seen)
         sources.insert(sources.begin(), whole.received);
-      else if (chip_period(source.received.detection.bits, kFewPeriodic))
+      else if ((source.received.flags & flag::periodic) != 0)
         periodic.push_back(std::move(source.received));
     }
     std::ranges::move(periodic, std::back_inserter(sources));

@@ -2,23 +2,70 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <random>
 #include <vector>
 
 #include "chips/chip_period.hpp"
 
+namespace {
+
+using Bits = std::vector<std::uint8_t>;
+
+Bits repeated(Bits bits, std::size_t count) {
+  for (std::size_t k = 0; bits.size() < count; ++k) bits.push_back(bits[k]);
+  return bits;
+}
+
+std::size_t period_of(const Bits& bits) {
+  const auto period = ocisac::chip_period(bits);
+  return period ? period->size() : 0;
+}
+
+}  // namespace
+
 TEST_CASE("bits have the smallest period that repeats throughout") {
-  const auto repeated = [](std::vector<std::uint8_t> bits, std::size_t count) {
-    for (std::size_t k = 0; bits.size() < count; ++k) bits.push_back(bits[k]);
-    return bits;
-  };
-  CHECK(ocisac::chip_period(repeated({1, 0}, 24)) == 2);
-  CHECK(ocisac::chip_period(repeated({1, 0, 0}, 30)) == 3);
-  CHECK(ocisac::chip_period(repeated({1, 1, 0, 0}, 30)) == 4);
-  CHECK(!ocisac::chip_period(repeated({1, 0, 1, 1, 0}, 30)));
-  CHECK(!ocisac::chip_period(repeated({1, 0}, 23)));
+  CHECK(period_of({}) == 0);
+  CHECK(period_of(Bits(24, 1)) == 1);
+  CHECK(period_of(repeated({1, 0}, 24)) == 2);
+  CHECK(period_of(repeated({1, 0, 0}, 30)) == 3);
+  CHECK(period_of(repeated({1, 1, 0, 0}, 30)) == 4);
   auto broken = repeated({1, 0}, 40);
   broken[20] = 0;
-  CHECK(!ocisac::chip_period(broken));
+  CHECK(period_of(broken) == 0);
+}
+
+TEST_CASE("lamps dimmed at any duty are periodic, from as many bits as chance does not explain") {
+  for (std::size_t period = 2; period < 40; ++period)
+    for (std::size_t bright = 1; bright < period; ++bright) {
+      Bits bits(period);
+      for (std::size_t k = 0; k < bright; ++k) bits[(k + bright) % period] = 1;
+      CHECK(period_of(repeated(bits, 3 * period + 6)) == period);
+      CHECK(period_of(repeated(bits, period + 6)) == 0);
+    }
+}
+
+TEST_CASE("data that repeat have more than one rise in a period") {
+  CHECK(period_of(repeated({1, 0, 1, 1, 0}, 200)) == 0);
+  CHECK(period_of(repeated({0, 1, 1, 0, 1, 0, 0, 1, 0, 1, 0, 1, 1, 0, 1, 0, 0, 1, 1, 0}, 200)) == 0);
+}
+
+TEST_CASE("dark chips beyond a lamp that fades do not hide its period") {
+  auto bits = repeated({1, 0, 0}, 40);
+  bits.insert(bits.begin(), 7, 0);
+  bits.insert(bits.end(), 5, 0);
+  CHECK(period_of(bits) == 3);
+}
+
+TEST_CASE("random bits have no period") {
+  std::mt19937 random(3);
+  std::bernoulli_distribution even;
+  std::size_t periodic = 0;
+  for (int draw = 0; draw < 20000; ++draw) {
+    Bits bits(24);
+    for (auto& bit : bits) bit = even(random);
+    periodic += period_of(bits) > 0;
+  }
+  CHECK(periodic <= 5);
 }
 
 TEST_CASE("periodic chips show the same rows with the shortest exposure") {

@@ -61,7 +61,7 @@ class Flag(Named):
     LONG_EXPOSURE = 1 << 18
     """``receive``: the exposure is longer than a chip; the bits are not to be trusted."""
     PERIODIC = 1 << 19
-    """``receive``: the same up to four chips over and over, as of a PWM lamp or still bars, from which data
+    """``receive``: one rise and one fall over and over, as of a dimmed lamp (PWM) or still bars, from which data
     cannot be distinguished."""
     MODEL_MISFIT = 1 << 24
     """``tone_gain``: harmonics of the strongest columns fit neither waveform nor exposure (a tone curve that was not

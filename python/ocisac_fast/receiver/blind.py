@@ -96,7 +96,7 @@ def receive(
         sources are separated if they are side by side or above each other; a single one by its
         colours, which are unmixed blindly (camera
         and lamp have other primaries). Further ones are returned only if their bits are certain or
-        repeat every few chips (PERIODIC from 12 bits on).
+        those of a lamp without data (PERIODIC).
 
     Raises:
         ValueError: an argument outside its range or of the wrong shape or type; the message names it.

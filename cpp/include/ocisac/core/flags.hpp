@@ -25,7 +25,7 @@ inline constexpr Flags at_bound = 1U << 11;       // search: the best frequency 
 inline constexpr Flags no_signal = 1U << 16;      // receive: no chips found, no bits
 inline constexpr Flags too_few_edges = 1U << 17;  // receive: too few changes of the light to be sure of the chip rate
 inline constexpr Flags long_exposure = 1U << 18;  // receive: longer than a chip; the bits are not to be trusted
-inline constexpr Flags periodic = 1U << 19;       // receive: the same few chips over and over; no data tell from that
+inline constexpr Flags periodic = 1U << 19;       // receive: one rise and one fall over and over; no data tell from it
 // Harmonics that fit neither waveform nor exposure, another tone too near, or a light that varies along the column:
 // tone_gain is biased. Receiver: more is left of the rows than noise; bits are
 // less sure than their likelihoods.
