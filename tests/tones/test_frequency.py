@@ -318,6 +318,21 @@ def test_noise_is_no_tone(count):
             assert oc.find_frequency(random.normal(0, 1, (rows, count)), PER_ROW).flags & Flag.NO_TONE
 
 
+@pytest.mark.parametrize("spread", [0.5, 2, 8])
+def test_noise_that_all_columns_share_is_no_tone(spread):
+    """Every column shows the same peak of its spectrum; a tone of the same swing stands out of it."""
+    random = np.random.default_rng(13)
+    found, missed = 0, 0
+    for _ in range(100):
+        rows = random.normal(0, spread, (400, 1))
+        noise = np.rint(128 + rows + random.normal(0, 2, (400, 40)))
+        found += not oc.find_frequency(noise, PER_ROW).flags & Flag.NO_TONE
+        seen = oc.find_frequency(noise + spread * tone(0.07, 400)[:, np.newaxis], PER_ROW)
+        missed += bool(seen.flags & Flag.NO_TONE) or abs(seen.frequency - 0.07) > 5 * seen.frequency_std
+    assert found <= 1
+    assert missed <= 1
+
+
 def test_few_cycles_and_bounds_are_flagged():
     columns = 3 + tone(1.5 / 500, 500) + np.random.default_rng(1).normal(0, 0.05, 500)
     assert oc.find_frequency(columns, PER_ROW).flags == Flag.FEW_CYCLES

@@ -330,17 +330,21 @@ std::vector<double> summed(const ColumnBlocks& blocks) {
   return sums;
 }
 
-// Significance test: with an individual noise level per signal, (rows − p)·log(1 + tone/residual) of a tone of given
-// frequency is a sum of two squared standard normal variables. `count`: of all signals, constant ones included.
-bool shows_tone(const UnitSignals& signals, std::size_t count, double frequency) {
-  const std::size_t rows = signals.signals().rows;
-  const auto model = periodic_model(frequency, rows, 1);
-  const auto fit = fit_periodic(signals.prepared(), model, frequency, false);
+// Significance test: with an individual noise level per signal, (rows − p)·log(1 + periodic/residual) of a model of
+// given frequency is a sum of squared standard normal variables, two for each harmonic. `count`: of all signals,
+// constant ones included.
+bool is_significant(const PeriodicFit& fit, const PeriodicModel& model, std::size_t rows, std::size_t count) {
   const auto spare = static_cast<double>(rows - model.parameters());
   double evidence = 0;
   for (std::size_t s = 0; s < fit.periodic_energy.size(); ++s)
     if (fit.periodic_energy[s] > 0) evidence += spare * std::log1p(fit.periodic_energy[s] / fit.residual_energy[s]);
-  return evidence > chance_energy(2 * count);
+  return evidence > chance_energy(2 * count * model.harmonics.size());
+}
+
+bool shows_tone(const UnitSignals& signals, std::size_t count, double frequency) {
+  const std::size_t rows = signals.signals().rows;
+  const auto model = periodic_model(frequency, rows, 1);
+  return is_significant(fit_periodic(signals.prepared(), model, frequency, false), model, rows, count);
 }
 
 struct Sighting {
@@ -409,7 +413,9 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);
   if (final.fit.frequency <= range.lower || final.fit.frequency >= range.upper) flags |= flag::at_bound;
-  if (!sighting.in_parts && !sighting.in_sum) flags |= flag::no_tone;
+  // Noise that the columns share is no tone: it must stand out of what is common to them, too.
+  if ((!sighting.in_parts && !sighting.in_sum) || !is_significant(final.fit, final.model, blocks.rows, signals.count()))
+    flags |= flag::no_tone;
   if (has_weak_fundamental(signals, final.fit.frequency, range)) flags |= flag::model_misfit;
   const double noise = final.noise_power * rows * static_cast<double>(signals.count());
   return {final.fit.frequency,          std,   sum(final.fit.periodic_energy) / noise,
