@@ -105,6 +105,13 @@ def test_too_few_rows_are_flagged(rows):
     assert np.isnan(found.row_time)
 
 
+@pytest.mark.parametrize("spread", [0.5, 8])
+def test_rows_that_are_noise_are_refused(spread):
+    random = np.random.default_rng(15)
+    pictures = random.normal(128, 1.5, (100, 400, 60)) + random.normal(0, spread, (100, 400, 1))
+    assert sum(not oc.calibrate(np.rint(picture), 1000.0).flags for picture in pictures) <= 1
+
+
 def test_a_frame_of_more_than_a_second_is_flagged():
     columns = 100.0 + 50.0 * tone(0.02, 800, 1.0)[:, np.newaxis] * np.ones(40)
     columns += np.random.default_rng(1).normal(0, 1, columns.shape)

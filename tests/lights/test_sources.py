@@ -423,6 +423,17 @@ def test_a_faint_pattern_of_whole_rows_is_the_cameras(seed):
         assert bool(found) == is_light
 
 
+@pytest.mark.parametrize("spread", [0.5, 1.5, 8.0])
+def test_rows_that_are_noise_are_no_light(spread):
+    """Of 200 pictures, at 0.01 set; a light of three times their swing is found."""
+    random = np.random.default_rng(14)
+    pictures = random.normal(128, 2, (200, 400, 100)) + random.normal(0, spread, (200, 400, 1))
+    assert sum(bool(detect_sources(stored(picture), CAMERA)) for picture in pictures) <= 4
+    light = 3 * max(spread, 1) * np.cos(2 * np.pi * 0.07 * np.arange(400))[:, None]
+    for picture in pictures[:5]:
+        assert any(abs(s.frequency * ROW_TIME - 0.07) < 1e-3 for s in detect_sources(stored(picture + light), CAMERA))
+
+
 def test_false_alarms_of_noise_stay_within_what_was_set():
     random = np.random.default_rng(5)
     frames = stored(100.0 + 8.0 * random.standard_normal((40, 480, 320)))

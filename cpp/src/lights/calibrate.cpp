@@ -24,8 +24,8 @@ constexpr double kSameFrequency = 0.02;  // relative
 constexpr double kEvenSnr = 6;           // of a tone over the whole frame: outlines, text and lines leave 4 and less
 constexpr double kLitShare = 0.02;       // of the columns: fewer may be a line of text
 constexpr double kOutlineCycles = 3;     // in the frame: the outline of a lamp resembles fewer
-constexpr double kLikely = 0.575;        // probability of a light, or
-constexpr double kLampEnergy = 0.05;     // of its swing, relative to that of the picture
+constexpr double kLikely = 0.575;        // probability of a light, or, of a tone that the whole frame shows,
+constexpr double kLampEnergy = 0.05;     // energy of its swing, relative to that of the picture
 constexpr double kLongestFrame = 1;      // s
 
 // Σ of the squares about the mean, over the pixels of the first frame.
@@ -117,7 +117,8 @@ Lamp find_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   std::ranges::copy(own.used, all.used.begin() + first);
   std::ranges::copy(own.strength, all.strength.begin() + first);
   const bool doubtful = contested ||
-                        (light.probability < kLikely && energy_of(light) < kLampEnergy * energy_of(frames)) ||
+                        (light.probability < kLikely &&
+                         ((whole.flags & flag::no_tone) != 0 || energy_of(light) < kLampEnergy * energy_of(frames))) ||
                         is_narrow(all);
   const Flags flags = (own.saturated ? flag::saturated : 0) | (doubtful ? flag::model_misfit : 0);
   return {{light.frequency, light.frequency_std, light.snr, 3, flags, std::move(all)}, light.probability};

@@ -14,6 +14,7 @@
 #include "lights/profile_frequency.hpp"
 #include "lights/refinement_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -225,6 +226,16 @@ double periodic_share(const Waveform& waveform, double frequency) {
   return waveform.common > 0 ? std::min(periodic / waveform.common, 1.0) : 0;
 }
 
+// Probability that rows that are white noise correlate with the next as much as those of the waveform; chips of several
+// rows do.
+double chance_of(std::span<const double> waveform) {
+  double power = 0, product = 0;
+  for (std::size_t n = 0; n < waveform.size(); ++n) power += waveform[n] * waveform[n];
+  for (std::size_t n = 1; n < waveform.size(); ++n) product += waveform[n - 1] * waveform[n];
+  if (!(product > 0)) return 1;
+  return chance_of_share(product * product / (power * power), 1, static_cast<double>(waveform.size()) - 2);
+}
+
 // RMS of the mean light over the columns, local mean removed.
 double swing_of_light(const Patch& patch, std::size_t length) {
   Signals light(patch.rows);
@@ -274,6 +285,7 @@ std::optional<DataLight> find_data_light(const LitFrame& frame, const Suspect& s
                      .snr = share / std::max(1 - share, 1e-12),
                      .amplitude = swing_of_light(patch, length),
                      .common = share,
+                     .chance = chance_of(waveform.values),
                      .texture = rest / std::max(waveform.common, 1e-300)};
   const ComplexValues swing = Demodulator(frequency, patch.rows).swing(patch, patch.logs);
   measure_tilt(patch, swing, {0, patch.rows, 0, patch.groups}, frequency, light);

@@ -25,6 +25,7 @@ struct Detection {
   std::optional<std::size_t> reflection_of = {};
   bool reflection_by_phase = false;
   double odds = 1;         // of a light, by which those of its looks are multiplied
+  double noise = 0;        // expected number of its kind in a picture whose rows are white noise
   double appearance = 0;   // probability by the looks of this tone
   double probability = 0;  // with its odds, and with regard to other lights
 };

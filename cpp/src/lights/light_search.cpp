@@ -260,6 +260,7 @@ bool add_expected(const SearchedFrame& in, const Region& box, double cycles_per_
   if (!one) return false;
   one->expected = true;
   one->odds *= kSeenBefore;
+  one->noise = light->chance;  // of one box and frequency
   *one = judged_again(*one, found);
   if (!is_convincing(in, *one)) return false;
   if (is_double_of_any(*one, found.lights)) return false;

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <vector>
 
+#include "lights/light_model.hpp"
 #include "lights/phase_odds.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -33,6 +34,21 @@ double with_odds_against(double probability, double factor) {
   const double texture = 1 / factor;
   return 1 / (1 + (1 - probability) / probability * texture + kUnseenTexture * std::max(texture - 1, 0.0));
 }
+
+// Expected number of such tones in a picture whose rows are noise: boxes begin in any row and end in any of as many as
+// it has, with half as many frequencies.
+double expected_noise(const RefinedLight& light, std::size_t picture_rows) {
+  const auto height = static_cast<double>(light.box.height);
+  return 0.5 * height * height * static_cast<double>(picture_rows) * light.chance;
+}
+
+// Expected number of such waveforms, whose edges have a clock as well.
+double expected_noise(const DataLight& data, std::size_t picture_rows) {
+  return static_cast<double>(picture_rows) * data.light.chance * std::exp(-data.clock);
+}
+
+// Probability of a light, required of which is probability_for(noise) if pictures of noise have so many of its kind.
+double beside_noise(double probability, double noise) { return 1 / (1 / probability + noise / kRequiredOdds); }
 
 // Expected number of other lights among those found: pictures that show some show more.
 double expected_others(const Detection& one, std::span<const Detection> lights) {
@@ -113,6 +129,7 @@ std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& lig
   if (!is_measurable(light, in.limits)) return {};
   Detection one{.light = light, .box = light.box};
   const double row_time = in.camera.row_time;
+  one.noise = expected_noise(light, shape_of(in.frame.frames).rows);
   one.odds = tilt_odds(light) * pattern_odds(light) *
              phase_odds(in.frame, in.camera, light.box, light.frequency / row_time, light.frequency_std / row_time);
   return judged_again(one, found);
@@ -120,7 +137,8 @@ std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& lig
 
 Detection judged_again(Detection one, const Detections& found) {
   one.appearance = probability_of(terms_of(one.light, found.suspects, 0));
-  one.probability = with_odds_against(probability_of(terms_of(one, found)), one.odds * clock_odds(one, found));
+  const double looks = with_odds_against(probability_of(terms_of(one, found)), one.odds * clock_odds(one, found));
+  one.probability = beside_noise(looks, one.noise);
   return one;
 }
 
@@ -135,7 +153,8 @@ std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, 
     return {};
   Detection one{.light = light, .box = light.box, .data = true};
   one.odds = tilt_odds(light) * waveform_odds(in.frame, part_of(light)) * clock_odds(one, found);
-  one.probability = with_odds_against(probability_of(terms_of(data, suspects)), one.odds);
+  one.noise = expected_noise(data, shape_of(in.frame.frames).rows);
+  one.probability = beside_noise(with_odds_against(probability_of(terms_of(data, suspects)), one.odds), one.noise);
   return one;
 }
 

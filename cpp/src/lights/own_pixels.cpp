@@ -12,6 +12,7 @@
 #include "lights/profile_frequency.hpp"
 #include "ocisac/rows/basis.hpp"
 #include "rows/normal_factors.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -119,6 +120,18 @@ OwnPixels profile_of_own_rows(const OwnPixels& pixels) {
   const auto from = static_cast<std::ptrdiff_t>(first), to = static_cast<std::ptrdiff_t>(end);
   const auto &profile = pixels.profile, &weight = pixels.weight;
   return {{}, {}, {profile.begin() + from, profile.begin() + to}, {weight.begin() + from, weight.begin() + to}};
+}
+
+// Probability of the tone that the fit has, of rows that count alike, in noise that is white along the rows.
+double chance_of(const OwnPixels& pixels, const ToneFit& fit) {
+  double rest = 0, total = 0, rows = 0;
+  for (std::size_t n = 0; n < pixels.profile.size(); ++n) {
+    if (!(pixels.weight[n] > 0)) continue;
+    rest += squared(pixels.profile[n] - fit.fitted[n]), total += squared(pixels.profile[n] - fit.slow[n]);
+    ++rows;
+  }
+  const auto tones = static_cast<std::size_t>(0.5 * std::max(fit.terms - static_cast<double>(kSlowTerms), 0.0));
+  return chance_of_share(total > 0 ? std::clamp(1 - rest / total, 0.0, 1.0) : 0, tones, rows - fit.terms);
 }
 
 // The energy around a frequency by differences, of a light of that many rows.
@@ -384,6 +397,7 @@ RefinedLight refined_light(const OwnPixels& pixels, double frequency, double noi
   light.snr = explained / std::max(1 - explained, 1e-12);
   light.common = std::min(common / total, 1.0);
   light.periodic = light.common > 0 ? std::min(explained / light.common, 1.0) : 0;
+  light.chance = chance_of(pixels, fit);
   light.texture = std::max(rest - count * noise, 0.0) / std::max(total * explained, 1e-300);
   light.uneven = spread > 0 ? std::abs(uneven) / spread : 0;
   return light;

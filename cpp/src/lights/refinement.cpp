@@ -5,6 +5,7 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
+#include <numeric>
 #include <span>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "lights/own_pixels.hpp"
 #include "lights/profile_frequency.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -161,6 +163,7 @@ struct Profile {
   double common = 0;            // energy of the weighted mean over the columns
   double noise = 0;             // Σ of the noise variance, in the box
   double uneven = 0;  // modulation depth, at the frequency, of the variance across the columns in the box, 0 to 1
+  std::vector<double> even;  // (patch rows): Σ over the columns of weight × log swing, equal in all rows of the box
 };
 
 // Light multiplies a picture, so the texture of log light is equal in bright and dark rows. Lines of text have texture
@@ -192,7 +195,8 @@ Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Reg
   Complex sum = 0;
   for_each(patch, core, [&](std::size_t i, std::size_t) { sum += swing[i]; });
   const Complex phase = sum == Complex(0) ? Complex(1) : sum / std::abs(sum);
-  Profile profile{std::vector<double>(patch.rows), std::vector<double>(patch.rows)};
+  Profile profile;
+  profile.matched.resize(patch.rows), profile.weight.resize(patch.rows), profile.even.resize(patch.rows);
   const auto weight = [&, c = phase.real(), s = phase.imag()](std::size_t i) {
     return std::max(swing.real[i] * c + swing.imaginary[i] * s, 0.0);
   };
@@ -212,6 +216,10 @@ Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Reg
     if (weights > 0) profile.common += sums * sums / weights;
   }
   profile.uneven = uneven_variance(patch, core, fast, frequency);
+  std::vector<double> of_columns(patch.stride);
+  for_each(patch, core, [&](std::size_t i, std::size_t row) { of_columns[i - row * patch.stride] += weight(i); });
+  for_each(patch, core,
+           [&](std::size_t i, std::size_t row) { profile.even[row] += of_columns[i - row * patch.stride] * fast[i]; });
   profile.noise = static_cast<double>(core.size()) * noise_variance(patch, core);
   return profile;
 }
@@ -263,20 +271,22 @@ void add_appearance(const Patch& patch, const ComplexValues& swing, double seen,
   measure_tilt(patch, swing, core, seen, light);
 }
 
-// Fraction of the profile's energy explained by a least-squares fit of weight·(harmonics).
-double periodic_share(const Profile& profile, double frequency) {
+std::size_t harmonics_of(double frequency) { return std::min(static_cast<std::size_t>(0.499 / frequency), max_orders); }
+
+// Fraction of the energy Σ matched²/weight of a profile explained by a least-squares fit of weight·(harmonics).
+double periodic_share(std::span<const double> matched, std::span<const double> weight, double frequency) {
   double total = 0, weights = 0;
-  for (std::size_t n = 0; n < profile.matched.size(); ++n) {
-    if (!(profile.weight[n] > 0)) continue;
-    total += profile.matched[n] * profile.matched[n] / profile.weight[n];
-    weights += profile.weight[n];
+  for (std::size_t n = 0; n < matched.size(); ++n) {
+    if (!(weight[n] > 0)) continue;
+    total += matched[n] * matched[n] / weight[n];
+    weights += weight[n];
   }
-  const auto most = std::min(static_cast<std::size_t>(0.499 / frequency), max_orders);
+  const std::size_t most = harmonics_of(frequency);
   std::array<Complex, max_orders> sums{};
-  for (std::size_t n = 0; n < profile.matched.size(); ++n) {
-    if (profile.matched[n] == 0) continue;
+  for (std::size_t n = 0; n < matched.size(); ++n) {
+    if (matched[n] == 0) continue;
     const Complex turn = turned(frequency * static_cast<double>(n));
-    Complex term = profile.matched[n];
+    Complex term = matched[n];
     for (std::size_t h = 0; h < most; ++h) sums[h] += term = product(term, turn);
   }
   double periodic = 0;
@@ -284,10 +294,19 @@ double periodic_share(const Profile& profile, double frequency) {
   return total > 0 ? std::min(periodic / total, 1.0) : 0;
 }
 
+// Probability of the periodic share that a signal has in its rows, from the first to the last that is not 0, in noise.
+double chance_of(std::span<const double> signal, double frequency) {
+  std::vector<double> weight(signal.size());
+  std::ranges::transform(signal, weight.begin(), [](double x) { return x == 0 ? 0.0 : 1.0; });
+  const double rows = std::accumulate(weight.begin(), weight.end(), 0.0);
+  const std::size_t tones = harmonics_of(frequency);
+  return chance_of_share(periodic_share(signal, weight, frequency), tones, rows - 1 - 2 * static_cast<double>(tones));
+}
+
 // The light in a box by its profile.
 RefinedLight refined(const Patch& patch, const Profile& profile, const Region& box, double frequency, double error) {
   const double common = profile.energy > 0 ? std::min(profile.common / profile.energy, 1.0) : 0;
-  const double periodic = periodic_share(profile, frequency), explained = common * periodic;
+  const double periodic = periodic_share(profile.matched, profile.weight, frequency), explained = common * periodic;
   const double rest = std::max(profile.energy * (1 - explained) - profile.noise, 0.0);
   return {.box = box,
           .frequency = frequency,
@@ -296,6 +315,7 @@ RefinedLight refined(const Patch& patch, const Profile& profile, const Region& b
           .snr = explained / std::max(1 - explained, 1e-12),
           .common = common,
           .periodic = periodic,
+          .chance = chance_of(profile.even, frequency),
           .texture = rest / std::max(profile.energy * explained, 1e-300),
           .uneven = profile.uneven};
 }

@@ -23,6 +23,7 @@ struct RefinedLight {
   double amplitude = 0;                     // of the fundamental, DN
   double common = 0;                        // fraction of the box's swing that is common to all columns
   double periodic = 0;                      // periodic fraction of that common swing
+  double chance = 0;                        // probability of that in noise that the columns share, white along the rows
   double texture = 0;                       // residual swing minus noise, over the periodic part
   double uneven = 0;    // modulation depth of the texture at the frequency; 0 where light multiplies it
   double depth = 0;     // swing over mean light, where it is bright in the box

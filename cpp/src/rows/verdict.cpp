@@ -31,6 +31,16 @@ bool is_white(std::span<const double> residual) {
          kCorrelated / std::sqrt(static_cast<double>(residual.size())) * correlation(0);
 }
 
+double chance_of_share(double share, std::size_t tones, double spare) {
+  const double half = 0.5 * std::max(spare, 0.0);
+  double sum = 0, term = std::pow(1 - share, half);
+  for (std::size_t k = 0; k < tones; ++k) {
+    sum += term;
+    term *= share * (half + static_cast<double>(k)) / static_cast<double>(k + 1);
+  }
+  return std::min(sum, 1.0);
+}
+
 double schwarz_criterion(double residual_energy, std::size_t rows, std::size_t parameters) {
   const auto n = static_cast<double>(rows);
   return n * std::log(residual_energy) + static_cast<double>(parameters) * std::log(n);

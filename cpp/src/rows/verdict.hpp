@@ -18,6 +18,10 @@ double noise_floor(std::span<const double> power);
 // True if the correlations at lags 1 and 2 are those of noise.
 bool is_white(std::span<const double> residual);
 
+// Probability that tones of a given frequency, `tones` of them with free amplitudes and phases, explain more than
+// `share` of the energy of white noise, in which they leave `spare` degrees of freedom: 1 − I_share(tones, spare/2).
+double chance_of_share(double share, std::size_t tones, double spare);
+
 // Schwarz's criterion of a model with this residual energy, noise unknown; the smaller the better.
 double schwarz_criterion(double residual_energy, std::size_t rows, std::size_t parameters);
 
