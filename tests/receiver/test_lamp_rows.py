@@ -68,6 +68,23 @@ def test_lamps_above_each_other_are_strings_of_their_own(seed):
         assert got.phase + len(got.bits) * pitch < middle + 110 + pitch
 
 
+@pytest.mark.parametrize("noise", [2.0, 8.0])
+def test_an_even_round_lamp_gives_no_chips_beyond_its_outline(noise):
+    y, x = np.mgrid[:ROWS, :200]
+    lamp = ((x - 100) / 80) ** 2 + ((y - 450) / 220) ** 2 < 1
+    unflagged = 0
+    for seed in range(10):
+        chips = np.random.default_rng(seed).integers(0, 2, 200)
+        frame = photographed(10 + 100 * lamp * rows_of(chips, 6.0, 2.0), seed, noise)
+        got = ocisac.receive(frame, Camera(1.0, 2.0))[0]
+        if got.flags:
+            continue
+        unflagged += 1
+        assert got.phase > 230 - 4 * got.rows_per_chip
+        assert got.phase + len(got.bits) * got.rows_per_chip < 670 + 4 * got.rows_per_chip
+    assert unflagged >= 8
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_a_lamp_with_a_dark_ring_is_one_periodic_light_of_its_frequency(seed):
     random = np.random.default_rng(seed)

@@ -18,7 +18,7 @@ namespace {
 constexpr double kTurnErrors = 8, kMinTurn = 0.05;  // noise; span of the signal
 constexpr double kGapRuns = 4, kGapChips = 16;      // times the longest run of chips, the shortest ones
 constexpr std::size_t kMinEdges = 6;                // of a lamp
-constexpr double kLitShare = 0.1;                   // of the brightest pixel: an isophote of a round lamp is round, too
+constexpr double kLitShare = 0.25;                  // of the brightest pixel: an isophote of a round lamp is round, too
 constexpr std::size_t kMinWidths = 6;
 constexpr double kMaxError = 0.03;  // of the largest width
 constexpr double kFurthest = 0.25;  // of the measured rows, beyond them
@@ -31,6 +31,15 @@ template <class Values>
 Span span_of(const Values& values) {
   const auto [low, high] = std::minmax_element(values.begin(), values.end());
   return {*low, *high};
+}
+
+// Columns brighter than `lit` from `begin` to `end`, and those beside them that follow without a gap: columns of a lamp
+// that are too faint in all rows together have no weight.
+std::ptrdiff_t lit_columns(std::span<const double> row, double lit, std::size_t begin, std::size_t end) {
+  while (begin > 0 && row[begin] > lit) --begin;
+  while (end < row.size() && row[end - 1] > lit) ++end;
+  const auto lamp = row.subspan(begin, end - begin);
+  return std::count_if(lamp.begin(), lamp.end(), [&](double value) { return value > lit; });
 }
 
 // Length from which on a dark run is a gap: the sorted dark runs leap there, and no bright run is nearly as long.
@@ -77,20 +86,24 @@ double Outline::width(double row) const {
 std::optional<Outline> outline_of(const AnyFramesView& frames, std::size_t frame, std::span<const double> weights,
                                   std::span<const std::size_t> bright_rows) {
   if (bright_rows.size() < kMinWidths) return std::nullopt;
+  std::size_t begin = 0, end = weights.size();
+  while (begin < end && !(weights[begin] > 0)) ++begin;
+  while (end > begin && !(weights[end - 1] > 0)) --end;
+  if (begin == end) return std::nullopt;
   const auto columns = std::visit(
       [&](const auto& view) {
         std::vector<std::vector<double>> rows;
         for (const std::size_t row : bright_rows) {
           rows.emplace_back();
           for (std::size_t k = 0; k < weights.size(); ++k)
-            if (weights[k] > 0) rows.back().push_back(static_cast<double>(view(frame, row, k)));
+            rows.back().push_back(static_cast<double>(view(frame, row, k)));
         }
         return rows;
       },
       frames);
   Span span{kInfinity, 0};
   for (const auto& row : columns) {
-    const auto [darkest, brightest] = span_of(row);
+    const auto [darkest, brightest] = span_of(std::span(row).subspan(begin, end - begin));
     span = {std::min(span.darkest, darkest), std::max(span.brightest, brightest)};
   }
   const double lit = span.darkest + kLitShare * (span.brightest - span.darkest);
@@ -103,8 +116,7 @@ std::optional<Outline> outline_of(const AnyFramesView& frames, std::size_t frame
     const auto at = static_cast<std::size_t>(k);
     const double along = (static_cast<double>(bright_rows[at]) - middle) / half;
     terms.row(k) << 1, along, along * along;
-    const auto is_lit = [&](double value) { return value > lit; };
-    squares[k] = std::pow(std::count_if(columns[at].begin(), columns[at].end(), is_lit), 2);
+    squares[k] = std::pow(lit_columns(columns[at], lit, begin, end), 2);
   }
   const auto solved = solve_normal(terms.transpose() * terms, terms.transpose() * squares);
   if (!solved) return std::nullopt;

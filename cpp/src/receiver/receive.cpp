@@ -533,16 +533,35 @@ bool decode_any(const CombinedColumn& column, const Search& what, double row_tim
   return better;
 }
 
-// Adds dark chips at the ends of a lamp whose outline is known to shine there: bright ones would show.
-void extend_to_outline(const AnyFramesView& colour, const CombinedColumn& column, const Search& what,
-                       Received& received) {
-  const ChipGrid seen{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
+// Leaves out the chips of rows without light beyond the outline.
+void cut_to_outline(const Outline& outline, Received& received) {
+  const ChipGrid grid{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
+  SlicedChips& seen = received.detection;
+  const auto is_beyond = [&](std::size_t k) {
+    return seen.relative_levels[k] == 0 && outline.width(grid.centre(k)) == 0;
+  };
+  std::size_t first = 0, end = grid.count;
+  while (first < end && is_beyond(first)) ++first;
+  while (end > first && is_beyond(end - 1)) --end;
+  const auto cut = [&](auto& of_chips) {
+    of_chips = {of_chips.begin() + static_cast<std::ptrdiff_t>(first),
+                of_chips.begin() + static_cast<std::ptrdiff_t>(end)};
+  };
+  cut(seen.bits), cut(seen.dark), cut(seen.bright), cut(seen.relative_levels), cut(received.bits);
+  received.phase = grid.start(first);
+}
+
+// The chips of a lamp whose outline is known: dark ones at its ends too, where bright ones would show, and none beyond.
+void fit_to_outline(const AnyFramesView& colour, const CombinedColumn& column, const Search& what, Received& received) {
   SlicedChips& detection = received.detection;
   std::vector<std::size_t> bright;
-  for (std::size_t k = 0; k < seen.count; ++k)
-    if (detection.bits[k]) bright.push_back(static_cast<std::size_t>(std::max(seen.centre(k), 0.0)));
+  const ChipGrid grid{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
+  for (std::size_t k = 0; k < grid.count; ++k)
+    if (detection.bits[k]) bright.push_back(static_cast<std::size_t>(std::max(grid.centre(k), 0.0)));
   const auto outline = outline_of(colour, received.frame, column.weights, bright);
   if (!outline) return;
+  cut_to_outline(*outline, received);
+  const ChipGrid seen{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
   const ChipGrid all = whole_chips(seen.clock, column.signal.size());
   const auto values = chip_values(column.signal, all, what.exposure_rows);
   // Dark chips of the lamp, from one end of those seen on.
@@ -638,7 +657,7 @@ Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame,
       if (saturated == SaturatedColumns::use && !column.saturated) continue;  // tried already
       Received received{.frame = frame, .colour = colour};
       if (decode_any(column, what, camera.row_time, received)) {
-        if (column.has_sides) extend_to_outline(colours[colour], column, what, received);
+        if (column.has_sides) fit_to_outline(colours[colour], column, what, received);
         if ((received.flags & ~flag::saturated) == 0 && !is_common(colours[colour], received, what.exposure_rows))
           received.flags |= flag::ambiguous_kind;
         Source source{std::move(received), column.signal, clearest.slope, {}, column};
