@@ -105,10 +105,11 @@ def test_too_few_rows_are_flagged(rows):
     assert np.isnan(found.row_time)
 
 
-@pytest.mark.parametrize("spread", [0.5, 8])
-def test_rows_that_are_noise_are_refused(spread):
+@pytest.mark.parametrize(("spread", "correlation"), [(0.5, 0), (8, 0), (3, 0.5)])
+def test_rows_that_are_noise_are_refused(spread, correlation):
     random = np.random.default_rng(15)
-    pictures = random.normal(128, 1.5, (100, 400, 60)) + random.normal(0, spread, (100, 400, 1))
+    rows = random.normal(0, spread, (100, 401, 1))
+    pictures = random.normal(128, 1.5, (100, 400, 60)) + rows[:, 1:] + correlation * rows[:, :-1]
     assert sum(not oc.calibrate(np.rint(picture), 1000.0).flags for picture in pictures) <= 1
 
 

@@ -116,7 +116,8 @@ Lamp find_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   ToneColumns all{std::vector<std::uint8_t>(columns), std::vector<double>(columns), own.saturated};
   std::ranges::copy(own.used, all.used.begin() + first);
   std::ranges::copy(own.strength, all.strength.begin() + first);
-  const bool doubtful = contested ||
+  // Data have edges, not a tone of their own: what they tell of a frequency counts beside that of the whole frame.
+  const bool doubtful = contested || (light.share == 0 && !answered(whole)) ||
                         (light.probability < kLikely &&
                          ((whole.flags & flag::no_tone) != 0 || energy_of(light) < kLampEnergy * energy_of(frames))) ||
                         is_narrow(all);
