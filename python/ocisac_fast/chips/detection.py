@@ -102,7 +102,8 @@ def detector_error_rates(rows_per_chip: float, exposure_rows: float, noise: floa
 
     Exact for slicer, inverse and wiener: the mean of Q((g_0/2 + sum of +-g_j/2)/noise) over the signs, where g are the
     weights of the chips in the value that is compared. For dfe without the errors that follow from a wrong decision.
-    For mlse the sum over the likeliest pairs of sequences. It is no bound: overlaps count twice, other pairs not at all.
+    For mlse the sum over the likeliest pairs of sequences, which is no bound: overlaps count twice, other pairs are
+    left out.
 
     Args:
         rows_per_chip: above 0, at most 1000: the computing time grows with its square.
