@@ -19,11 +19,12 @@ GAIN = ["--frequency", "500Hz", "--row-time", "22.2us", "--exposure", "1ms"]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A picture whose gain is warned of, since the lamp does not fill the columns."""
+    """Pictures: a.png, of whose gain is warned since the lamp does not fill the columns, and b.png, where it does."""
     folder = tmp_path_factory.mktemp("streams")
     rows = np.arange(360)[:, np.newaxis]
     light = 60 + 100 * (1 + np.cos(2 * np.pi * 500 * 22.2e-6 * rows)) / 2
     write_frames(folder / "a.png", np.where((rows > 90) & (rows < 270), light, 5).astype(np.uint8).repeat(32, 1))
+    write_frames(folder / "b.png", light.astype(np.uint8).repeat(32, 1))
     return folder
 
 
@@ -66,7 +67,7 @@ def test_the_work_is_done_and_the_exit_code_is_right(streams, code, folder):
         assert err.splitlines()[-1] == "ocisac: No space left on device"
     assert run(folder, ["detect", "missing.png"], streams)[0] == 2
     (folder / "out.png").unlink(missing_ok=True)
-    run(folder, ["clean", "a.png", "out.png", "--row-time", "22.2us"], streams)
+    run(folder, ["clean", "b.png", "out.png", "--row-time", "22.2us"], streams)
     assert (folder / "out.png").stat().st_size > 100
 
 
