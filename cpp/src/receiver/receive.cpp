@@ -283,7 +283,8 @@ bool is_read_in_groups(std::span<const double> signal, const ChipClock& clock, s
   for (std::size_t rows = kMostAtOnce; rows > 1 && clock.rows_per_chip < 2 * static_cast<double>(rows); --rows) {
     std::array<double, kMostAtOnce> squares{};
     for (std::size_t n = 1; n < signal.size(); ++n) squares[n % rows] += std::pow(signal[n] - signal[n - 1], 2);
-    const double between = *std::ranges::max_element(squares), all = std::accumulate(squares.begin(), squares.end(), 0.0);
+    const double between = *std::ranges::max_element(squares),
+                 all = std::accumulate(squares.begin(), squares.end(), 0.0);
     if (all - between < least * between) return true;
   }
   return false;
