@@ -724,9 +724,10 @@ struct ColumnFit {
     constexpr double kRounding = 1e-9;  // of the column
     std::vector<ModelTone> oscillations;
     for (const double cycles : model_cycles(context)) oscillations.push_back({cycles, {1}});
+    // A slow square wave has thousands of harmonics.
+    if (column.empty() || context.shape.rows <= 2 * (1 + 2 * oscillations.size())) return {};
     auto model = kept_model(context.shape.rows, oscillations);
-    if (column.empty() || model->rows <= 2 * model->estimates || !std::ranges::all_of(model->tone_flags, is_well_posed))
-      return {};
+    if (!std::ranges::all_of(model->tone_flags, is_well_posed)) return {};
     const auto rows = static_cast<Eigen::Index>(model->rows), size = static_cast<Eigen::Index>(model->estimates);
     const Eigen::Map<const Eigen::VectorXd> y(column.data(), rows);
     const Eigen::Map<const Eigen::MatrixXd> weights(model->weights.data(), rows, size),
