@@ -611,7 +611,9 @@ std::vector<double> pooled_rows(const AnyFramesView& frames, std::size_t frame, 
   constexpr int kLimbs = 3;
   if (!holds_linear_bytes(frames, curve)) return weighted_rows(frames, frame, curve, weights);
   auto turned = std::get<FramesView<const std::uint8_t>>(frames);
-  if (turned.column_stride != 1) return weighted_rows(frames, frame, curve, weights);
+  // The weights of the integers: few cycles do not tell mean and tone apart, and magnify any difference.
+  if (turned.column_stride != 1)
+    return weighted_rows(frames, frame, curve, RowWeights(weights, 1, turned.columns, 1, kLimbs).byte_weights());
   std::swap(turned.rows, turned.columns);
   std::swap(turned.row_stride, turned.column_stride);
   auto signal = project(turned, frame, 0, turned.columns, {weights, 1, turned.rows, 1, kLimbs}).sums;
