@@ -78,11 +78,21 @@ ToneGain answer(const AnyFramesView& view, const Request& request) {
   return pooled ? pooled_tone_gain(view, camera, tones, options) : tone_gain(view, camera, tones, options);
 }
 
-void compare(const std::vector<double>& a, const std::vector<double>& b) {
-  fuzz::claim(a.size() == b.size());
-  for (std::size_t k = 0; k < a.size(); ++k)
-    fuzz::claim((std::isnan(a[k]) && std::isnan(b[k])) || a[k] == b[k] ||
-                std::abs(a[k] - b[k]) <= kTolerance * std::max(1.0, std::abs(b[k])));
+// Equal up to the order of sums. Less than a hundredth of a cycle, also of an alias, magnifies it to a weak gain; a
+// mean without a gain is not determined by the rows.
+void compare(const ToneGain& a, const ToneGain& b) {
+  fuzz::claim(a.gain.size() == b.gain.size());
+  double few = 0;  // the tones of a fit share what they do not determine
+  for (std::size_t k = 0; k < a.gain.size(); ++k)
+    if (a.flags[k] & (flag::few_cycles | flag::weak)) few = std::fmax(few, std::fmax(a.gain_std[k], b.gain_std[k]));
+  for (std::size_t k = 0; k < a.gain.size(); ++k) {
+    fuzz::claim(std::isnan(a.gain[k]) == std::isnan(b.gain[k]));
+    if (std::isnan(b.gain[k])) continue;
+    fuzz::claim(a.gain[k] == b.gain[k] ||
+                std::abs(a.gain[k] - b.gain[k]) <= std::max(kTolerance * std::max(1.0, std::abs(b.gain[k])), few));
+    fuzz::claim(a.mean[k] == b.mean[k] ||
+                std::abs(a.mean[k] - b.mean[k]) <= std::max(kTolerance, few) * std::abs(b.mean[k]));
+  }
 }
 
 template <class T>
@@ -108,8 +118,7 @@ void check(FuzzedDataProvider& bytes) {
   const ToneGain strided = answer(view, request), same = answer(dense_copy(view, dense), request);
   const std::size_t columns = request.pooled ? 1 : sizes[2];
   fuzz::claim(strided.gain.size() == request.tones.size() * sizes[0] * columns);
-  compare(strided.gain, same.gain);
-  compare(strided.mean, same.mean);
+  compare(strided, same);
 }
 
 }  // namespace
