@@ -125,7 +125,7 @@ def simultaneous_lights(
         picture[top : top + height, left : left + width] += 150.0 * glow * light[:, np.newaxis]
         places.append((left + width / 2, top + height / 2))
     picture += 2.0 * random.standard_normal(picture.shape)
-    sources = detect_sources(np.clip(np.rint(picture), 0, 255).astype(np.uint8), camera, false_alarms=0.02)
+    sources = detect_sources(np.clip(np.rint(picture), 0, 255).astype(np.uint8), camera, false_alarms=0.05)
     found: set[int] = set()
     false = 0
     for source in sources:
