@@ -1,4 +1,4 @@
-"""What SIGKILL leaves beside a file (that the file itself is whole: tests/batch/test_hostile.py)."""
+"""The next run removes files that a killed run left beside its output; tests/batch/test_hostile.py tests the output."""
 
 from __future__ import annotations
 

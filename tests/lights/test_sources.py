@@ -332,7 +332,7 @@ def test_a_light_beside_others_is_more_probable():
 
 @pytest.mark.parametrize("data", [False, True])
 def test_the_probability_is_that_of_the_written_model(data):
-    """Of one light: beside its looks only its own odds count, and one texture in 33 that looks like it."""
+    """The odds of one light depend on its looks, its own evidence, and one texture in 33 that looks like it."""
     header = pathlib.Path(__file__).parents[2] / "cpp/src/lights/light_model.hpp"
     text, name = header.read_text(), "Data" if data else "Tone"
     (intercept,) = re.findall(rf"k{name}Intercept = (\S+);", text)
@@ -425,7 +425,7 @@ def test_a_faint_pattern_of_whole_rows_is_the_cameras(seed):
 
 @pytest.mark.parametrize("spread", [0.5, 1.5, 8.0])
 def test_rows_that_are_noise_are_no_light(spread):
-    """Of 200 pictures, at 0.01 set; a light of three times their swing is found."""
+    """At most 4 of 200 pictures of row noise show a light at 0.01; a light of three times the noise is found."""
     random = np.random.default_rng(14)
     pictures = random.normal(128, 2, (200, 400, 100)) + random.normal(0, spread, (200, 400, 1))
     assert sum(bool(detect_sources(stored(picture), CAMERA)) for picture in pictures) <= 4

@@ -250,7 +250,7 @@ std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const doubl
 
 namespace {
 
-// Of each quarter of the rows the mean place of its edges within their `chips`, as an angle, where they agree.
+// Compares the mean place of edges within their `chips`, an angle, between quarters of the rows in which edges agree.
 bool quarters_differ(const Edges& edges, const ChipLattice& lattice, double chips) {
   constexpr std::size_t kQuarters = 4, kFewest = 5;                    // edges
   constexpr double kWandering = 0.08, kDeviations = 4, kAgreed = 0.8;  // chips; of two means; resultant

@@ -186,7 +186,7 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
   }
 }
 
-// Of each tone, from columns of linear light, (columns × rows).
+// Estimates each tone from columns of linear light, (columns × rows).
 std::vector<Estimates> estimates_of(const HarmonicModel& model, const std::vector<double>& signals) {
   const auto rows = static_cast<Eigen::Index>(model.rows);
   const Eigen::Index count = static_cast<Eigen::Index>(signals.size()) / rows;
