@@ -59,8 +59,9 @@ def test_without_a_file_the_figure_is_one_of_pyplot(tmp_path):
     from matplotlib import pyplot
 
     matplotlib.use("agg")
+    pyplot.close("all")  # other tests of this process may have left figures
     axes = plots.plot_exposure(500.0, 350.0)
-    assert pyplot.fignum_exists(axes.figure.number)
+    assert pyplot.get_fignums() == [axes.figure.number]
     pyplot.close(axes.figure)
     plots.plot_exposure(500.0, 350.0, path=tmp_path / "a.svg")
     assert not pyplot.get_fignums()

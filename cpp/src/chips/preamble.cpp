@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
+#include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -39,7 +39,7 @@ class WindowSums {
 };
 
 std::vector<double> without_mean(std::span<const double> signal) {
-  const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(signal.size());
+  const double mean = mean_of(signal);
   std::vector<double> rest(signal.begin(), signal.end());
   for (double& value : rest) value -= mean;
   return rest;

@@ -9,6 +9,7 @@
 #include "cleaning/quantile.hpp"
 #include "cleaning/row_misfit.hpp"
 #include "cleaning/slow_changes.hpp"
+#include "core/statistics.hpp"
 
 namespace ocisac {
 
@@ -27,10 +28,6 @@ constexpr double least_trend = 0.1;  // of the mean
 constexpr double enough_rows = 0.9;  // of a column that counts
 constexpr double alike = 0.9, alike_depth = 0.7;
 constexpr double smallest = 1e-300, smallest_swing = 1e-100;
-
-double mean_of(std::span<const double> values) {
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-}
 
 // Means of `height` × `width` neighbours; the last ones have what is left.
 Values means_of(std::span<const double> values, std::size_t rows, std::size_t columns, std::size_t height,

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <vector>
 
 #include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/pair_misfit.hpp"
+#include "core/statistics.hpp"
 
 namespace ocisac {
 
@@ -83,7 +83,7 @@ std::array<Values, 2> course_of(std::span<const double> row_light) {
     course[1][n] = row_light[std::min(n + 1, last)] - row_light[n == 0 ? 0 : n - 1];
   for (Values& term : course) {
     const auto count = static_cast<double>(term.size());
-    const double mean = std::accumulate(term.begin(), term.end(), 0.0) / count;
+    const double mean = mean_of(term);
     double squares = smallest;
     for (const double value : term) squares += (value - mean) * (value - mean);
     for (double& value : term) value = (value - mean) / std::sqrt(squares / count);
@@ -143,10 +143,6 @@ Values group_levels(const Side& side, std::size_t rows, std::size_t columns, std
   for (std::size_t n = 0; n < rows; ++n)
     means[n] = counts[n] < enough ? NAN : std::log(std::max(means[n] / counts[n], floor));
   return means;
-}
-
-double mean_of(const Values& values) {
-  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
 void judge_swing(const Compared& picture, std::span<const double> row_light, std::size_t lag,

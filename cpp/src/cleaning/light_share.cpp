@@ -10,6 +10,7 @@
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/smooth_shares.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/statistics.hpp"
 
 namespace ocisac {
 
@@ -268,7 +269,7 @@ std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows) 
     return count > 0 ? sum / static_cast<double>(count) : 0;
   };
   const double count = static_cast<double>(row_light.size());
-  const double mean = std::accumulate(row_light.begin(), row_light.end(), 0.0) / count;
+  const double mean = mean_of(row_light);
   double variance = 0;
   for (const double value : row_light) variance += (value - mean) * (value - mean) / count;
   const std::size_t most = std::clamp<std::size_t>(rows / 4, 1, 64);

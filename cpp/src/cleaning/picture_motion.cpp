@@ -5,10 +5,10 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
-#include <numeric>
 
 #include "cleaning/merged_blocks.hpp"
 #include "core/spectrum.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -38,8 +38,7 @@ Values bell(std::size_t length) {
 // Spectrum of a windowed picture: (columns/2 + 1) × rows.
 std::vector<std::complex<double>> spectrum_of(const LogPicture& picture) {
   const std::size_t rows = picture.rows, columns = picture.columns, bins = columns / 2 + 1;
-  const double mean =
-      std::accumulate(picture.values.begin(), picture.values.end(), 0.0) / static_cast<double>(picture.values.size());
+  const double mean = mean_of(picture.values);
   const Values down = bell(rows), across = bell(columns);
   Values windowed(picture.values.size());
   for (std::size_t n = 0; n < rows; ++n)

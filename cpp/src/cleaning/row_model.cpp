@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "cleaning/chip_light.hpp"
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/quantile.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -64,9 +64,7 @@ void fit_tones(std::span<const BandedPicture> colours, double frequency, ColourL
 }  // namespace
 
 double correlation(std::span<const double> a, std::span<const double> b) {
-  const auto count = static_cast<double>(a.size());
-  const double mean_a = std::accumulate(a.begin(), a.end(), 0.0) / count;
-  const double mean_b = std::accumulate(b.begin(), b.end(), 0.0) / count;
+  const double mean_a = mean_of(a), mean_b = mean_of(b);
   double aa = 0, ab = 0, bb = 0;
   for (std::size_t n = 0; n < a.size(); ++n) {
     aa += (a[n] - mean_a) * (a[n] - mean_a);

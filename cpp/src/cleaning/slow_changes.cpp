@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/check_interrupt.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/rows/basis.hpp"
 
 namespace ocisac {
@@ -19,7 +20,7 @@ void slow_term(std::size_t order, std::span<double> values) {
 void remove_slow_changes(std::span<double> values) {
   std::vector<double> term(values.size());
   const auto rows = static_cast<double>(values.size());
-  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / rows;
+  const double mean = mean_of(values);
   for (double& value : values) value -= mean;  // exactly 0 for even values
   for (std::size_t order = 1; order < slow_terms(values.size()); ++order) {
     check_interrupt();

@@ -10,6 +10,7 @@
 #include "cleaning/means_of_rows.hpp"
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/picture_motion.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -69,7 +70,7 @@ Values guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, 
   }
   const std::size_t count = guide_size(picture.light.size());
   Values guide = merged_along(merged_down(picture, count), count).light;
-  const double mean = std::accumulate(guide.begin(), guide.end(), 0.0) / static_cast<double>(guide.size());
+  const double mean = mean_of(guide);
   for (double& value : guide) value = std::log(std::max(value, 0.0) + floor_of_light * std::max(mean, 1e-300));
   return guide;
 }

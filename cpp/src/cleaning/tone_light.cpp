@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <numeric>
 
 #include "cleaning/row_basis.hpp"
 #include "cleaning/slow_changes.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/core/require.hpp"
@@ -59,7 +59,7 @@ Basis periodic_basis(std::size_t rows, const Values& waves, Eigen::Index more = 
 
 // Scaled to mean 1 and a minimum of 0.
 Values fully_modulated(Values tone) {
-  const double mean = std::accumulate(tone.begin(), tone.end(), 0.0) / static_cast<double>(tone.size());
+  const double mean = mean_of(tone);
   double darkest = 0;
   for (double& value : tone) darkest = std::max(darkest, mean - value);
   for (double& value : tone) value = darkest > 1e-9 ? 1 + (value - mean) / darkest : 1;

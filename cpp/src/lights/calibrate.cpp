@@ -36,7 +36,8 @@ double energy_of(const AnyFramesView& frames) {
         for (std::size_t n = 0; n < view.rows; ++n)
           for (std::size_t c = 0; c < view.columns; ++c) {
             const auto light = static_cast<double>(view(0, n, c));
-            sum += light, squares += light * light;
+            sum += light;
+            squares += light * light;
           }
         return squares - sum * sum / static_cast<double>(view.rows * view.columns);
       },

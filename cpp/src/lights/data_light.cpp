@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/statistics.hpp"
 #include "lights/light_patch.hpp"
 #include "lights/profile_frequency.hpp"
 #include "lights/refinement_kernels.hpp"
@@ -229,9 +230,7 @@ double periodic_share(const Waveform& waveform, double frequency) {
 // Probability that rows that are white noise correlate with the next as much as those of the waveform; chips of several
 // rows do.
 double chance_of(std::span<const double> waveform) {
-  double power = 0, product = 0;
-  for (std::size_t n = 0; n < waveform.size(); ++n) power += waveform[n] * waveform[n];
-  for (std::size_t n = 1; n < waveform.size(); ++n) product += waveform[n - 1] * waveform[n];
+  const double power = product_at_lag(waveform, 0), product = product_at_lag(waveform, 1);
   if (!(product > 0)) return 1;
   return chance_of_share(product * product / (power * power), 1, static_cast<double>(waveform.size()) - 2);
 }

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
-#include <numeric>
 #include <vector>
 
+#include "core/statistics.hpp"
 #include "lights/light_patch.hpp"
 
 namespace ocisac {
@@ -98,10 +98,7 @@ double jackknife_std(std::span<const double> profile, double frequency, double c
     found.push_back(rest);
   }
   const auto count = static_cast<double>(groups);
-  const double mean = std::accumulate(found.begin(), found.end(), 0.0) / count;
-  double square = 0;
-  for (const double f : found) square += (f - mean) * (f - mean);
-  return std::sqrt(square * (count - 1) / count);
+  return std::sqrt(squares_about_mean(found) * (count - 1) / count);
 }
 
 double phase_at_start(std::span<const double> profile, double frequency, std::size_t first_row) {

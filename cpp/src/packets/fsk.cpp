@@ -7,6 +7,7 @@
 #include <numeric>
 #include <utility>
 
+#include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 
@@ -115,7 +116,7 @@ FskSymbol FskDemodulator::demodulate(std::span<const double> signal, std::option
   require(signal.size() == weights_.rows(), "signal", signal.size(), std::to_string(weights_.rows()) + " rows");
   for (const double value : signal) require(std::abs(value) <= kLargest, "signal", value, "numbers of at most 1e100");
   if (amplitude) require(*amplitude >= 0 && *amplitude <= kLargest, "amplitude", *amplitude, "0 to 1e100");
-  const double middle = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(signal.size());
+  const double middle = mean_of(signal);
   std::vector<double> centred(signal.begin(), signal.end());
   for (double& value : centred) value -= middle;
   const AnyFramesView view = dense_view<const double>(centred.data(), 1, centred.size(), 1);

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <utility>
 
+#include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/chips/slicer.hpp"
 #include "ocisac/core/require.hpp"
@@ -49,7 +50,7 @@ double agreement(const std::vector<std::vector<double>>& values, const ColourStr
   std::vector<double> chips(bits.size());
   for (std::size_t c = 0; c < values.size(); ++c)
     for (std::size_t k = 0; k < chips.size(); ++k) chips[k] += stream.weights[c] * values[c][k];
-  const double mean = std::accumulate(chips.begin(), chips.end(), 0.0) / static_cast<double>(chips.size());
+  const double mean = mean_of(chips);
   double same = 0, whole = 0;
   for (std::size_t k = 0; k < chips.size(); ++k) {
     same += (bits[k] == '1' ? 1 : -1) * (chips[k] - mean);

@@ -4,10 +4,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <utility>
 
 #include "columns/moving_mean.hpp"
+#include "core/statistics.hpp"
 #include "receiver/reading_verdict.hpp"
 #include "receiver/repeated_frames.hpp"
 #include "rows/verdict.hpp"
@@ -292,7 +292,7 @@ std::vector<double> rows_before(const KeptFrame& kept, const std::optional<Learn
   const auto seen = std::span(kept.before).subspan(rows.begin, rows.size());
   std::vector<double> before =
       learned ? without_profile(kept.before, learned->profile, rows) : std::vector<double>(seen.begin(), seen.end());
-  const double mean = std::accumulate(before.begin(), before.end(), 0.0) / static_cast<double>(before.size());
+  const double mean = mean_of(before);
   for (double& row : before) row -= mean;
   return before;
 }

@@ -14,6 +14,7 @@
 #include "columns/lamp_slope.hpp"
 #include "columns/moving_mean.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/chips/channel_estimate.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
@@ -439,11 +440,7 @@ void refine_square(const CombinedColumn& column, const Search& what, double freq
 }
 
 double deviation(std::span<const double> values) {
-  const auto count = static_cast<double>(values.size());
-  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / count;
-  double squares = 0;
-  for (const double value : values) squares += (value - mean) * (value - mean);
-  return std::sqrt(squares / count);
+  return std::sqrt(squares_about_mean(values) / static_cast<double>(values.size()));
 }
 
 // Least-squares share of the light beside a lamp in rows of its columns, and the standard deviation of the rest.
@@ -453,8 +450,7 @@ struct Share {
 
 Share share_of(std::span<const double> beside, std::span<const double> signal) {
   const auto count = static_cast<double>(signal.size());
-  const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / count;
-  const double mean_beside = std::accumulate(beside.begin(), beside.end(), 0.0) / count;
+  const double mean = mean_of(signal), mean_beside = mean_of(beside);
   double square = 0, product = 0, power = 0;
   for (std::size_t n = 0; n < signal.size(); ++n) {
     const double s = signal[n] - mean, b = beside[n] - mean_beside;
@@ -497,8 +493,8 @@ bool decode_within(const CombinedColumn& column, const LitRows& lit, const Searc
   return true;
 }
 
-// As decode, but that noise is not searched; without chips, or with weak ones, other light is
-// removed from the rows and detection repeated. Steady rows beside a lamp show no other light.
+// As decode, but that noise is not searched; without chips, or with weak ones, other light is removed from the rows and
+// detection repeated. Steady rows beside a lamp show no other light.
 bool decode_any(const CombinedColumn& column, const Search& what, double row_time, Received& received) {
   if (is_noise(column.signal)) {
     received.weights = column.weights;

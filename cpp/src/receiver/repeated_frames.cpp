@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cstddef>
 #include <functional>
-#include <numeric>
 #include <utility>
 
+#include "core/statistics.hpp"
 #include "receiver/rows_of_noise.hpp"
 #include "rows/verdict.hpp"
 
@@ -20,13 +20,6 @@ std::vector<double> difference(std::span<const double> a, std::span<const double
   std::vector<double> rows(a.size());
   std::ranges::transform(a, b, rows.begin(), std::minus{});
   return rows;
-}
-
-double squares_about_mean(std::span<const double> rows) {
-  const double mean = std::accumulate(rows.begin(), rows.end(), 0.0) / static_cast<double>(rows.size());
-  double squares = 0;
-  for (const double row : rows) squares += (row - mean) * (row - mean);
-  return squares;
 }
 
 // Median of the squares between a frame and all but the one before it.

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 #include <utility>
 
+#include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/rows/chip_clock.hpp"
 #include "receiver/reading_verdict.hpp"
@@ -44,15 +44,8 @@ constexpr double kLongExposure = 6;  // rows, beyond which a single row shows no
 
 constexpr double kMinCorrelatedRows = 2;  // of a chip or an exposure: shorter light may be as white as noise
 
-double mean_of(std::span<const double> signal) {
-  return std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(signal.size());
-}
-
 double variance_of(std::span<const double> signal) {
-  const double mean = mean_of(signal);
-  double squares = 0;
-  for (const double value : signal) squares += (value - mean) * (value - mean);
-  return squares / static_cast<double>(signal.size());
+  return squares_about_mean(signal) / static_cast<double>(signal.size());
 }
 
 // True where single rows hold most of the differences from those beside them: the kurtosis is far from that of noise.

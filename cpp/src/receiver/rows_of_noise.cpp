@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <vector>
 
+#include "core/statistics.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "rows/verdict.hpp"
 
@@ -21,7 +21,7 @@ bool is_noise(std::span<const double> signal) {
   const auto fit = remove_nuisance(signal, {0.5 * kSlowTerms / static_cast<double>(signal.size()), {}});
   if (!fit) return false;
   std::vector<double> rest = fit->rest;
-  const double mean = std::accumulate(rest.begin(), rest.end(), 0.0) / static_cast<double>(rest.size());
+  const double mean = mean_of(rest);
   for (double& value : rest) value -= mean;
   const auto varies = [&](double value) { return std::abs(value) > kRounding * std::abs(mean); };
   return std::ranges::none_of(rest, varies) || is_white(rest);

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/spectrum.hpp"
+#include "core/statistics.hpp"
 #include "rows/verdict.hpp"
 
 namespace ocisac {
@@ -36,7 +37,7 @@ std::vector<double> periodogram(std::span<const double> signals, std::size_t row
   const double scale = 1 / (energy * static_cast<double>(count));
   for (std::size_t begin = 0; begin + rows <= signals.size(); begin += rows) {
     const auto signal = signals.subspan(begin, rows);
-    const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(rows);
+    const double mean = mean_of(signal);
     const auto varies = [&](double value) { return std::abs(value - mean) > kRounding * std::abs(mean); };
     if (std::ranges::none_of(signal, varies)) continue;
     for (std::size_t n = 0; n < rows; ++n) windowed[n] = window[n] * (signal[n] - mean);

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/statistics.hpp"
+
 namespace ocisac {
 
 double noise_of_differences(std::span<const double> signal) {
@@ -22,11 +24,7 @@ double noise_floor(std::span<const double> power) {
 
 bool is_white(std::span<const double> residual) {
   constexpr double kCorrelated = 6;  // standard errors
-  const auto correlation = [&](std::size_t lag) {
-    double sum = 0;
-    for (std::size_t n = lag; n < residual.size(); ++n) sum += residual[n - lag] * residual[n];
-    return std::abs(sum);
-  };
+  const auto correlation = [&](std::size_t lag) { return std::abs(product_at_lag(residual, lag)); };
   return std::max(correlation(1), correlation(2)) <=
          kCorrelated / std::sqrt(static_cast<double>(residual.size())) * correlation(0);
 }

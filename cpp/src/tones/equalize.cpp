@@ -6,7 +6,6 @@
 #include <limits>
 #include <memory>
 #include <numbers>
-#include <numeric>
 #include <optional>
 #include <string>
 #include <tuple>
@@ -21,6 +20,7 @@
 #include "core/parallel.hpp"
 #include "core/recently_used.hpp"
 #include "core/spectrum.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
@@ -394,7 +394,7 @@ EqualizerReport without_dft(const AnyFramesView& frames, const Camera& camera, c
       const auto signals = column_signals(frames, frame, first, count, camera.tone_curve);
       for (std::size_t c = 0; c < count; ++c) {
         const auto signal = std::span(signals).subspan(c * out.rows, out.rows);
-        const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(out.rows);
+        const double mean = mean_of(signal);
         for (std::size_t row = 0; row < out.rows; ++row)
           out(frame, row, first + c) = static_cast<T>(identity ? signal[row] : mean);
       }

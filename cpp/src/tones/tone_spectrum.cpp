@@ -4,11 +4,11 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
-#include <numeric>
 #include <type_traits>
 #include <variant>
 
 #include "core/spectrum.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/constants.hpp"
@@ -39,7 +39,7 @@ void with_columns(const AnyFramesView& frame, const std::vector<std::uint8_t>& u
 std::vector<double> amplitude_spectrum(std::span<const double> signal) {
   const std::size_t rows = signal.size();
   require(rows > 0, "signal", "none", "at least one row");
-  const double mean = std::accumulate(signal.begin(), signal.end(), 0.0) / static_cast<double>(rows);
+  const double mean = mean_of(signal);
   std::vector<double> windowed(4 * rows);
   double sum = 0;
   for (std::size_t n = 0; n < rows; ++n) {

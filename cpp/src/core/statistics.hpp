@@ -1,0 +1,28 @@
+// Sums that tell how numbers vary.
+#pragma once
+
+#include <cstddef>
+#include <numeric>
+#include <span>
+
+namespace ocisac {
+
+inline double mean_of(std::span<const double> values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+inline double squares_about_mean(std::span<const double> values) {
+  const double mean = mean_of(values);
+  double squares = 0;
+  for (const double value : values) squares += (value - mean) * (value - mean);
+  return squares;
+}
+
+// Σ x(n − lag)·x(n).
+inline double product_at_lag(std::span<const double> values, std::size_t lag) {
+  double sum = 0;
+  for (std::size_t n = lag; n < values.size(); ++n) sum += values[n - lag] * values[n];
+  return sum;
+}
+
+}  // namespace ocisac
