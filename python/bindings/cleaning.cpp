@@ -134,7 +134,7 @@ void register_cleaning(py::module_& module) {
       .def_property_readonly("lights", &lights_by_colour)
       .def_readonly("verdicts", &SceneLight::verdicts)
       .def_readonly("unchanged", &SceneLight::unchanged)
-      .def("level", &SceneLight::level, arg("frame"), arg("colour"), arg("full"));
+      .def("full_level", &SceneLight::full_level, arg("frame"), arg("colour"));
   module.def("find_scene_light", &run_find_scene_light, arg("colours"), arg("camera"), arg("model"), arg("noise"),
              arg("toe"), arg("given"), arg("full"));
   py::class_<Shared<StreamCleaner>>(module, "StreamCleaner")

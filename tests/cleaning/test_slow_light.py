@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from ocisac_fast import Camera, remove_bands
-from ocisac_fast.cleaning import VideoCleaner
+from ocisac_fast.cleaning import CleaningOptions, VideoCleaner
 from ocisac_fast.cli.application import ocisac
 from ocisac_fast.files import open_recording
 
@@ -190,7 +190,7 @@ def test_a_light_that_becomes_another_is_found_without_the_frames_before() -> No
 
 
 def test_highlights_do_not_burn() -> None:
-    """Rows of full light would lift bright objects beyond white: the light is raised less."""
+    """Rows of mean light would lift bright objects of dark rows beyond white: they stay below it."""
     picture = boxes(2)
     picture[60:90, 20:120] = 1.9
     stored = under(picture, 2.0, 0.4, 0.125)
@@ -199,3 +199,5 @@ def test_highlights_do_not_burn() -> None:
     assert done.unchanged == ("",)
     assert (done.frames >= 254).mean() < (stored >= 254).mean() + 0.002
     assert decibels(done.frames, 120 * picture) > decibels(stored, 120 * picture) + 6
+    filled = remove_bands(stored, CAMERA, options=CleaningOptions(fill=True)).frames
+    assert filled.max() == done.frames.max() < 254

@@ -114,6 +114,9 @@ RestoredPicture<Sample> restore_picture(std::span<const Sample> stored, std::siz
                                  std::vector<float>(stored.size())};
   std::vector<std::uint8_t> is_saturated;
   for (const double variance : table.variance) is_saturated.push_back(std::isfinite(variance) ? 0 : 1);
+  // Rows that were lit more burn here: below them is the brightest that is known.
+  const auto brightest = static_cast<std::size_t>(std::ranges::find(is_saturated, 1) - is_saturated.begin());
+  const std::size_t highest = brightest - std::min<std::size_t>(brightest, 1);
   std::vector<double> line(across);
   for (std::size_t row = 0; row < rows; ++row) {
     check_interrupt();
@@ -130,7 +133,7 @@ RestoredPicture<Sample> restore_picture(std::span<const Sample> stored, std::siz
       const bool saturated = is_saturated[stored[i]] != 0;
       const bool dark = !saturated && gain > to.max_gain;
       const double light = table.light[stored[i]] * std::min(gain, to.max_gain);
-      result.picture[i] = saturated ? stored[i] : static_cast<Sample>(value_of(light));
+      result.picture[i] = saturated ? stored[i] : static_cast<Sample>(std::min(value_of(light), highest));
       result.marks[i] = static_cast<std::uint8_t>(saturated ? PixelMark::saturated
                                                   : dark    ? PixelMark::dark
                                                             : PixelMark::restored);

@@ -31,9 +31,7 @@ constexpr std::size_t flattest_block = 4;  // columns over rows: wide ones blur 
 constexpr std::array<double, 2> toes{1.0 / 32, 1.0 / 8};  // in order; values in between give nearly the same picture
 constexpr double less_left =
     0.6;  // max. ratio of the unexplained shares with and without toe; noise alone may give 0.64
-constexpr std::size_t most_sampled = 1U << 16U;  // pixels of a frame that tell how far its light may be raised
 constexpr double least_share = 1e-9, deepest = 0.98;
-constexpr double max_burnt = 0.001;  // share of the pixels that may burn where they did not
 
 bool all_tones(std::span<const ColourLights> lights) {
   return std::ranges::all_of(lights, [](const ColourLights& frame) {
@@ -165,62 +163,15 @@ bool are_alike(std::span<const BlockShares> shares) {
   });
 }
 
-// Full light of a colour above its mean. Where the shares of the colours are alike, that which lifts pixels by one
-// factor: that of the colour whose light varies least, so that the picture keeps its colours.
-double highest_lift(const ColourLights& lights, std::span<const BlockShares> shares, std::size_t colour) {
-  const auto lift_of = [&](std::size_t k) { return lights.lights[lights.of_colour[k]].full - 1; };
-  const double own = shares[colour].share.front();
-  if (!(own > 0) || !are_alike(shares)) return lift_of(colour);
-  double least = HUGE_VAL;
-  for (std::size_t k = 0; k < shares.size(); ++k) least = std::min(least, shares[k].share.front() * lift_of(k));
-  return least / own;
-}
-
-// How far the light of a frame may be raised; below -1 where it burns even at its darkest.
-double highest_rise(const StoredScene& scene, std::size_t frame, const ColourLights& lights,
-                    std::span<const BlockShares> shares) {
-  const double pixels = static_cast<double>(scene.rows()) * static_cast<double>(scene.columns());
-  const auto every =
-      std::max<std::size_t>(1, static_cast<std::size_t>(std::sqrt(pixels / static_cast<double>(most_sampled))));
-  const double burnt = scene.burnt();
-  Values lifts;
-  for (std::size_t colour = 0; colour < scene.colours(); ++colour)
-    lifts.push_back(highest_lift(lights, shares, colour));
-  Values rises;  // at which each pixel burns
-  for (std::size_t row = 0; row < scene.rows(); row += every)
-    for (std::size_t column = 0; column < scene.columns(); column += every) {
-      double most = HUGE_VAL;
-      bool is_burnt = false;
-      for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
-        const ModelledLight& own = lights.lights[lights.of_colour[colour]];
-        const BlockShares& blocks = shares[colour];
-        const double share = blocks.share[row / blocks.block_rows * blocks_of(scene.columns(), blocks.block_columns) +
-                                          column / blocks.block_columns];
-        const double light = scene.light_at(frame, colour, row, column);
-        const double left = std::max(1 + share * (std::min(own.light[row], own.full) - 1), least_share);
-        const double lift = std::max(share * lifts[colour], least_share);
-        is_burnt = is_burnt || light >= burnt;
-        if (light * Restoration{}.max_gain > burnt) most = std::min(most, (burnt * left / light - 1) / lift);
-      }
-      rises.push_back(is_burnt ? HUGE_VAL : most);
-    }
-  const auto allowed = rises.begin() + static_cast<std::ptrdiff_t>(max_burnt * static_cast<double>(rises.size()));
-  std::nth_element(rises.begin(), allowed, rises.end());
-  return std::min(*allowed, 1.0);
-}
-
 }  // namespace
 
-double SceneLight::level(std::size_t frame, std::size_t colour, bool full) const {
-  const double most = rise.empty() ? 1 : rise[frame];
-  return 1 + std::min(full ? 1.0 : 0.0, most) * highest_lift(lights[frame], shares, colour);
-}
-
-void keep_highlights(const StoredScene& scene, SceneLight& light, double most) {
-  if (!light.unchanged.empty()) return;
-  for (std::size_t frame = 0; frame < light.lights.size(); ++frame)
-    light.rise.push_back(std::min(highest_rise(scene, frame, light.lights[frame], light.shares), most));
-  if (std::ranges::min(light.rise) < -1) light.unchanged = "highlights would burn";
+double SceneLight::full_level(std::size_t frame, std::size_t colour) const {
+  const auto lift_of = [&](std::size_t k) { return lights[frame].lights[lights[frame].of_colour[k]].full - 1; };
+  const double own = shares[colour].share.front();
+  if (!(own > 0) || !are_alike(shares)) return 1 + lift_of(colour);
+  double least = HUGE_VAL;
+  for (std::size_t k = 0; k < shares.size(); ++k) least = std::min(least, shares[k].share.front() * lift_of(k));
+  return 1 + least / own;
 }
 
 SceneLight left_alone(const StoredScene& scene, std::string reason) {
@@ -325,10 +276,8 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
   return result;
 }
 
-namespace {
-
-SceneLight estimated(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
-                     std::span<const ColourLights> given, const EarlierFrames& earlier) {
+SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
+                            std::span<const ColourLights> given, const EarlierFrames& earlier) {
   if (given.empty() && has_equal_rows(scene)) return left_alone(scene, objection_to(CleaningVerdict{}));
   std::vector<SlowLight> slow;
   if (given.empty() && (model == RowModel::automatic || model == RowModel::tone))
@@ -376,15 +325,6 @@ SceneLight estimated(StoredScene& scene, const Camera& camera, RowModel model, b
     return found;
   }
   tell_slow_bands(slow_light_left(scene, camera, found), found);
-  return found;
-}
-
-}  // namespace
-
-SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
-                            std::span<const ColourLights> given, const EarlierFrames& earlier) {
-  SceneLight found = estimated(scene, camera, model, toe_is_known, given, earlier);
-  if (given.empty()) keep_highlights(scene, found);
   return found;
 }
 

@@ -23,7 +23,6 @@ constexpr std::size_t noise_pixels = 1U << 18U;  // whose differences estimate t
 constexpr double half_step = 0.5, relative_noise = 1e-4;
 constexpr double deviation_of_bend = 0.6745;  // median of a normal deviate's magnitude
 constexpr double black = 2e-4;                // of white, below which a toe has no slope
-constexpr double burnt_share = 253.5 / 255;   // of white, which is stored as 254 of 255
 constexpr double inf = std::numeric_limits<double>::infinity();
 
 template <class Sample>
@@ -186,18 +185,6 @@ BandedPicture StoredScene::picture(std::size_t frame, std::size_t colour) const 
     return std::span(values).subspan(frame * pixels_, pixels_);
   };
   return {part(light_[colour]), part(variance_[colour]), 1, rows_, pixels_ / rows_};
-}
-
-double StoredScene::light_at(std::size_t frame, std::size_t colour, std::size_t row, std::size_t column) const {
-  const double stored =
-      std::visit([&](const auto& view) { return static_cast<double>(view(frame, row, column)); }, colours_[colour]);
-  if (by_table()) return table_.light[static_cast<std::size_t>(stored)];
-  return lifted_light(linear_light(curve_, stored, 1), toe_, white_);
-}
-
-double StoredScene::burnt() const {
-  const double top = white_level(curve_, largest_sample(colours_.front()));
-  return lifted_light(linear_light(curve_, burnt_share * top, top), toe_, white_);
 }
 
 std::vector<BandedPicture> StoredScene::colours_of(std::size_t frame) const {

@@ -168,10 +168,7 @@ StreamCleaner::Frame StreamCleaner::again(const std::vector<AnyFramesView>& colo
   if (slow_ && compares_with(stored.rows()) && !has_equal_rows(stored)) {
     SlowLight own = slow_light_before(stored.colours_of(0), *slow_, static_cast<std::ptrdiff_t>(ago));
     light.unchanged = own.objection;
-    if (own.objection.empty()) {
-      light = light_of_slow(stored, {std::move(own)});
-      keep_highlights(stored, light, rise_);
-    }
+    if (own.objection.empty()) light = light_of_slow(stored, {std::move(own)});
   }
   return {std::move(stored), std::move(light)};
 }
@@ -221,7 +218,6 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
   keep_chips(light, stored);
   before_.reset();
   slow_.reset();
-  rise_ = light.rise.empty() ? 1 : light.rise.front();
   if (!light.slow.empty()) {
     keep_slow(light);
     return {std::move(stored), std::move(light)};
@@ -259,9 +255,7 @@ void StreamCleaner::keep_slow(const SceneLight& light) {
   earlier_.courses.push_back(light.slow.back().course);
   earlier_.next = light.slow.back().course.place + 1;
   slow_.reset();
-  if (!light.unchanged.empty()) return;
-  slow_ = light.slow.back();
-  rise_ = light.rise.front();
+  if (light.unchanged.empty()) slow_ = light.slow.back();
 }
 
 bool StreamCleaner::compares_with(std::size_t rows) const {
@@ -277,7 +271,6 @@ std::optional<StreamCleaner::Frame> StreamCleaner::slowly(const std::vector<AnyF
   if (!slow.back().objection.empty()) return {};
   SceneLight light = light_of_slow(stored, std::move(slow));
   if (!light.unchanged.empty()) return {};
-  keep_highlights(stored, light, rise_);
   keep_slow(light);
   return Frame{std::move(stored), std::move(light)};
 }
@@ -319,8 +312,6 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   verdict.slow_bands = now.slow_bands;
   if (!objection_to(verdict).empty()) return {};
   Frame frame{std::move(stored), {{now.lights}, now.shares, {verdict}, {}, {}}};
-  keep_highlights(frame.stored, frame.light, rise_);
-  rise_ = frame.light.rise.front();
   before_ = std::move(now);
   return frame;
 }
@@ -330,13 +321,11 @@ StreamCleaner::Frame StreamCleaner::checked(Frame followed, const std::vector<An
   const double left = followed.light.verdicts.front().light_left;
   if (left <= before_->light_left + more_left) return followed;
   Before kept = *before_;
-  const double rise = rise_;
   Frame other = alone(colours);
   if (other.light.unchanged.empty() && other.light.verdicts.front().light_left < left) return other;
   forget_slow();
   kept.light_left = left;
   before_ = std::move(kept);
-  rise_ = rise;
   return followed;
 }
 

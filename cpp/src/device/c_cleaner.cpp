@@ -91,7 +91,7 @@ std::vector<std::vector<Sample>> restored_planes(const ocisac_cleaner& cleaner,
     const ocisac::ModelledLight& light = lights.lights[lights.of_colour[colour]];
     std::vector<double> rows = light.light;
     for (double& row : rows) row = std::min(row, light.full);  // brighter rows are fully lit rows with noise
-    const double level = frame.light.level(0, colour, !cleaner.mean_level);
+    const double level = cleaner.mean_level ? 1 : frame.light.full_level(0, colour);
     planes.push_back(
         frame.stored.restored<Sample>(0, colour, frame.light.shares[colour], {rows, level, cleaner.max_gain}).picture);
   }

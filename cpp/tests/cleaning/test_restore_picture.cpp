@@ -47,6 +47,15 @@ TEST_CASE("a pixel of known share is restored, a saturated one stays, a dark one
   CHECK(done.marks == std::vector<std::uint8_t>{0, 1, 0, 2, 2, 0});
 }
 
+TEST_CASE("highlights that would burn stay below saturated pixels") {
+  const Tables tables;
+  const std::vector<std::uint8_t> stored{200, 249, 250};
+  const std::vector<double> share{1, 1, 1}, rows{0.5};
+  const auto done =
+      restore_picture<std::uint8_t>(stored, 3, {share, 1, 1}, {rows, 1, 8}, tables.stored(), tables.bounds);
+  CHECK(done.picture == std::vector<std::uint8_t>{249, 249, 250});
+}
+
 TEST_CASE("shares of blocks are interpolated between their centres") {
   const Tables tables;
   const std::vector<std::uint8_t> stored(8, 100);

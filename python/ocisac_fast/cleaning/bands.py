@@ -379,7 +379,7 @@ def _restored(
 ) -> tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
     """Restore one colour of one frame; returns stored values, marks, and the share of each pixel."""
     is_full = task.level == "full" or (task.level == "auto" and row_light.model != "tone")
-    level = found.light.level(frame, colour, is_full)
+    level = found.light.full_level(frame, colour) if is_full else 1.0
     rows = np.minimum(row_light.light, row_light.full)  # brighter rows are fully lit rows with noise
     scene, max_gain = found.scene, task.options.max_gain
     if scene.by_table and task.keep == "picture" and not task.options.fill:
@@ -399,8 +399,10 @@ def _restored(
     if task.keep == "bands":
         bands = light * gain / (1 + share * (level - 1)) * share * rows[:, None]
         return stored_of(bands), marks, share.astype(np.float32)
-    values = _filled(light * gain, dark) if task.options.fill else light * gain
-    return np.where(saturated, stored, stored_of(values)), marks, share.astype(np.float32)
+    values = stored_of(_filled(light * gain, dark) if task.options.fill else light * gain)
+    if stored.dtype.kind == "u":  # rows that were lit more burn from the next value on
+        values = np.minimum(values, np.ceil(saturation_level(camera, stored.dtype)) - 1).astype(stored.dtype)
+    return np.where(saturated, stored, values), marks, share.astype(np.float32)
 
 
 def _filled(values: FloatArray, lost: npt.NDArray[np.bool_]) -> FloatArray:

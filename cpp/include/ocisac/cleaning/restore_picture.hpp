@@ -46,7 +46,8 @@ struct RestoredPicture {
   std::vector<float> share;         // of each pixel
 };
 
-// v·(1 + q·(level − 1))/(1 + q·(L − 1)) of every pixel; saturated ones are unchanged, and gains are bounded.
+// v·(1 + q·(level − 1))/(1 + q·(L − 1)) of every pixel; saturated ones are unchanged, others stay below saturation, and
+// gains are bounded.
 // `bounds`: (values − 1) light at which the stored value changes from one to the next.
 template <class Sample>
 RestoredPicture<Sample> restore_picture(std::span<const Sample> stored, std::size_t columns, const BlockShares& shares,

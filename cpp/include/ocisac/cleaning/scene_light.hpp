@@ -21,12 +21,11 @@ struct SceneLight {
   std::vector<CleaningVerdict> verdicts;  // on each frame
   std::string unchanged;                  // why the frames are better left as they are; else empty
   std::vector<SlowLight> slow;            // of each frame; empty where another light is removed or given
-  // (frames) −1 to 1: the steady light may be raised so far from the mean light of a cycle towards the full one that
-  // highlights do not burn.
-  std::vector<double> rise = {};
 
-  // Steady light of a colour, relative to the mean light of its row light; `full`: it is raised as far as it may be.
-  [[nodiscard]] double level(std::size_t frame, std::size_t colour, bool full) const;
+  // Full light of a colour, relative to the mean light of its row light. Where the shares of the colours are alike,
+  // that which lifts pixels by one factor: that of the colour whose light varies least, so that the picture keeps its
+  // colours.
+  [[nodiscard]] double full_level(std::size_t frame, std::size_t colour) const;
 };
 
 // Estimates the light. `scene`: its toe is set to the one found, unless `toe_is_known`. `given`: the light of each
@@ -39,10 +38,6 @@ SceneLight left_alone(const StoredScene& scene, std::string reason);
 
 // The rows of every picture are equal, as in a black one: there is nothing to remove.
 bool has_equal_rows(const StoredScene& scene);
-
-// Finds how far the light of each frame may be raised, at most `most`; where it burns even at its darkest, the frames
-// are better left as they are.
-void keep_highlights(const StoredScene& scene, SceneLight& light, double most = 1);
 
 // A slow light, of which all pixels have the same share.
 SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow);

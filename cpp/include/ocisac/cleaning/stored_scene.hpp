@@ -31,8 +31,6 @@ class StoredScene {
   // Linear light of one colour of one frame, or of all frames; neighbouring columns of large frames are averaged.
   [[nodiscard]] BandedPicture picture(std::size_t frame, std::size_t colour) const;
   [[nodiscard]] std::vector<BandedPicture> colours_of(std::size_t frame) const;
-  // Linear light of one stored pixel.
-  [[nodiscard]] double light_at(std::size_t frame, std::size_t colour, std::size_t row, std::size_t column) const;
 
   [[nodiscard]] std::size_t frames() const { return frames_; }
   [[nodiscard]] std::size_t rows() const { return rows_; }
@@ -42,7 +40,6 @@ class StoredScene {
   [[nodiscard]] double noise() const { return noise_; }
   [[nodiscard]] double toe() const { return toe_; }
   [[nodiscard]] double white() const { return white_; }  // light of a white pixel
-  [[nodiscard]] double burnt() const;                    // light of 254/255 of the top of the scale
 
   // Whether values are integers, which `restored` takes.
   [[nodiscard]] bool by_table() const { return !table_.light.empty(); }

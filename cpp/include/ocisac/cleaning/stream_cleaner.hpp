@@ -69,11 +69,10 @@ class StreamCleaner {
   Camera camera_;
   StreamOptions options_;
   std::optional<Before> before_;
-  EarlierFrames earlier_;          // while no other light is found
-  std::vector<double> chips_;      // light of the rows of the last frame that seemed to be of chips
-  std::optional<SlowLight> slow_;  // of the frame before, where it is removed
-  std::size_t unlit_ = 0;          // frames without a light since the last one with it
-  double rise_ = 1;                // of the frame before: no frame is raised further, so that brightness stays
+  EarlierFrames earlier_;                    // while no other light is found
+  std::vector<double> chips_;                // light of the rows of the last frame that seemed to be of chips
+  std::optional<SlowLight> slow_;            // of the frame before, where it is removed
+  std::size_t unlit_ = 0;                    // frames without a light since the last one with it
   std::optional<double> time_, frame_time_;  // of the last frame, and from frame to frame, s
   double frames_ = 0;                        // that frame_time_ is the mean of, where the camera's is unknown
 };
