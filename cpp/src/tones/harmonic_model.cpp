@@ -3,11 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <memory>
 #include <numbers>
-#include <tuple>
 
-#include "core/recently_used.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
@@ -118,54 +115,6 @@ std::vector<int> square_wave_harmonics(double cycles_per_row, double duty) {
   for (int h = 2; h <= kMostHarmonics && h * cycles_per_row < 0.5; ++h)
     if (std::abs(sinc(h * duty)) > 1e-9) harmonics.push_back(h);
   return harmonics;
-}
-
-namespace {
-
-FoldedHarmonics find_folded(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles) {
-  constexpr double kApart = 1.5, kFitted = 0.005, kLeast = 1e-4;  // cycles in the frame; of the fundamental
-  constexpr int kHighest = 127;
-  constexpr std::size_t kMostFitted = 8;
-  const auto length = static_cast<double>(rows);
-  const auto folded = [&](int order) {  // cycles in the frame
-    const double cycles = order * cycles_per_row;
-    return std::abs(cycles - std::nearbyint(cycles)) * length;
-  };
-  const double exposed = std::max(std::abs(sinc(exposure_cycles)), 1e-9);
-  std::vector<double> taken{0, length / 2};
-  for (const int order : square_wave_harmonics(cycles_per_row, duty)) taken.push_back(order * cycles_per_row * length);
-  const double fundamental = cycles_per_row * length;
-  const double over_mean = 2 * std::abs(sinc(duty)) * exposed;
-  const auto leak = [](double apart) { return std::min(1.0, 1 / (std::numbers::pi * apart)); };
-  FoldedHarmonics result;
-  double squares = 0;
-  for (int order = 2; order <= kHighest && cycles_per_row < 0.5; ++order) {
-    const double size = std::abs(sinc(order * duty) / sinc(duty) * sinc(order * exposure_cycles)) / exposed;
-    const double at = folded(order);
-    if (order * cycles_per_row < 0.5 || size < kLeast) continue;
-    const auto is_near = [&](double other) { return std::abs(at - other) < kApart; };
-    // Beside a harmonic that is fitted it is a part of that.
-    const bool on_harmonic = std::any_of(taken.begin() + 3, taken.end(), is_near);
-    if (on_harmonic) continue;
-    if (size >= kFitted && std::ranges::none_of(taken, is_near) && 8 * (taken.size() + 1) <= rows &&
-        result.orders.size() < kMostFitted) {
-      taken.push_back(at);
-      result.orders.push_back(order);
-    } else {
-      squares += size * size / 2 * (std::pow(leak(std::abs(at - fundamental)), 2) + std::pow(over_mean * leak(at), 2));
-    }
-  }
-  result.error = std::sqrt(squares);
-  return result;
-}
-
-}  // namespace
-
-FoldedHarmonics folded_harmonics(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles) {
-  static RecentlyUsed<std::tuple<std::size_t, double, double, double>, FoldedHarmonics, 32> kept;
-  return *kept.get({rows, cycles_per_row, duty, exposure_cycles}, [&] {
-    return std::make_shared<const FoldedHarmonics>(find_folded(rows, cycles_per_row, duty, exposure_cycles));
-  });
 }
 
 HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones) {

@@ -19,16 +19,6 @@ struct ModelTone {
 // The multiples of a square wave of `duty` that lie below half the row rate and do not vanish; at least {1}.
 std::vector<int> square_wave_harmonics(double cycles_per_row, double duty);
 
-// Harmonics of a square wave above half the row rate, which rows show at aliases. `orders`: up to eight of 0.5 % of the
-// fundamental or more, fitted at their aliases, 1.5 cycles in the frame from all else of the model; `error`: of the
-// gain, relative, by the others, which fall onto the mean or the fundamental, RMS over their phases. Their sizes follow
-// from duty and exposure; `exposure_cycles`: f·T_e.
-struct FoldedHarmonics {
-  std::vector<int> orders;
-  double error = 0;
-};
-FoldedHarmonics folded_harmonics(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles);
-
 // The least-squares solution of a constant and tones as plain row weights, u counted from the middle row:
 //   y(n) = c + Σ_k Σ_h [a_kh·cos(2π h ν_k u) + b_kh·sin(2π h ν_k u)] + noise,
 // and parameters = weights·y, where only c and the fundamentals a_k1, b_k1 have weights, in this order:

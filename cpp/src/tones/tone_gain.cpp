@@ -23,6 +23,7 @@
 #include "rows/fit.hpp"
 #include "rows/verdict.hpp"
 #include "tones/clipping.hpp"
+#include "tones/folded_harmonics.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
 #include "tones/streaming_fit.hpp"
@@ -838,19 +839,55 @@ double exposure_cycles_of_gain(double gain) {
   return low;
 }
 
-// Flags gains that harmonics on mean or fundamental may bias by half a standard error. An exposure that is not known is
-// that of a light of full depth with the largest of the gains.
-void flag_folded(const Context& context, const ToneGainView& result) {
+// Standard errors by which harmonics may bias a gain without a flag.
+constexpr double kUnseenBias = 0.5;
+
+// Corrects value `i` of the result, in which the fit shows a square wave with its tied harmonics; false where these
+// leave its level in doubt.
+bool untie(const Context& context, const TiedHarmonics& harmonics, double exposure_cycles, std::size_t i,
+           const ToneGainView& result) {
+  const double to_middle =
+      std::numbers::pi *
+      ((static_cast<double>(context.shape.rows) - 1) * context.tones[0].cycles_per_row - exposure_cycles);
+  const double relative_std = result.gain_std[i] / result.gain[i];
+  const auto light = harmonics.light(result.phase[i] + to_middle, relative_std);
+  if (!light || light->spread > kUnseenBias * relative_std * light->level) return false;
+  const double level = result.gain[i] * result.mean[i] * light->level;
+  const double mean = result.mean[i] - level * context.ratio * light->mean;
+  if (!(mean > 0)) return false;
+  const double change = level / mean / result.gain[i];
+  result.gain[i] *= change;
+  result.gain_std[i] *= change * std::hypot(1, light->slope);
+  result.phase[i] = std::remainder(result.phase[i] + light->turn, 2 * std::numbers::pi);
+  result.mean[i] = mean;
+  result.snr[i] *= light->level * light->level;
+  return true;
+}
+
+// Gains that harmonics on mean or fundamental may bias by half a standard error: by the ratios of these, where the
+// exposure is known, or flagged. An exposure that is not known is that of a light of full depth with the largest gain.
+void untie_harmonics(const Context& context, const ToneGainView& result) {
   if (context.options->waveform != WaveformShape::square || result.gain.empty()) return;
-  auto exposure_cycles = exposure_cycles_of(context);
-  if (!exposure_cycles) {
+  const auto known = exposure_cycles_of(context);
+  auto exposure_cycles = known;
+  if (!known) {
     double largest = 0;
     for (const double gain : result.gain) largest = gain > largest ? gain : largest;
     exposure_cycles = exposure_cycles_of_gain(largest);
   }
-  const double error = folded_harmonics_of(context, exposure_cycles).error;
-  for (std::size_t i = 0; error > 0 && i < result.gain.size(); ++i)
-    if (error * result.gain[i] > 0.5 * result.gain_std[i]) result.flags[i] |= flag::harmonics_dropped;
+  const auto folded = folded_harmonics_of(context, exposure_cycles);
+  std::optional<TiedHarmonics> harmonics;
+  const bool tied = known && context.options->efficiency == 1;
+  for (std::size_t i = 0; folded.error > 0 && i < result.gain.size(); ++i) {
+    if (result.flags[i] & flag::harmonics_dropped ||
+        !(folded.error * result.gain[i] > kUnseenBias * result.gain_std[i]))
+      continue;
+    if (tied && !harmonics) {
+      Context own = context;
+      harmonics.emplace(*model_of(own), folded.tied, context.tones[0].cycles_per_row, context.options->duty, *known);
+    }
+    if (!tied || !untie(context, *harmonics, *known, i, result)) result.flags[i] |= flag::harmonics_dropped;
+  }
 }
 
 }  // namespace
@@ -873,7 +910,7 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
   if (options.method == GainMethod::fit && options.robust)
     for_each_block(context.shape.frames, options.threads,
                    [&](std::size_t frame) { check_frame(frames, context, frame, result); });
-  flag_folded(context, result);
+  untie_harmonics(context, result);
 }
 
 ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
@@ -920,7 +957,7 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
     for (std::size_t k = 0; k < context.tones.size(); ++k)
       flag_misfit(around, k * context.shape.frames + frame, 1, result);
   });
-  flag_folded(context, result);
+  untie_harmonics(context, result);
 }
 
 ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,

@@ -75,9 +75,16 @@ def _tone_gain(
     if folds:
         if not known:
             exposure_cycles = _exposure_cycles_of_gain(float(np.nanmax(arrays[0], initial=0.0)))
-        error = _folded(light.shape[1], cycles, duty, exposure_cycles)[1]
+        _, tied, error = _folded(light.shape[1], cycles, duty, exposure_cycles)
         with np.errstate(invalid="ignore"):
-            arrays[-1][error * arrays[0] > 0.5 * arrays[1]] |= np.uint32(Flag.HARMONICS_DROPPED)
+            biased = (error * arrays[0] > 0.5 * arrays[1]) & (arrays[-1] & np.uint32(Flag.HARMONICS_DROPPED) == 0)
+        arrays[-1][biased] |= np.uint32(Flag.HARMONICS_DROPPED)
+        if known and biased.any():
+            _untie(
+                arrays,
+                biased,
+                _TiedHarmonics(light.shape[1], harmonics_of(cycles), tied, cycles, duty, exposure_cycles),
+            )
     out_shape = np.shape(frequency) + shape[:-2] + (() if pooled else shape[-1:] * (len(shape) > 1))
     return ToneGain(*(values.reshape(out_shape) for values in arrays))
 
@@ -121,27 +128,105 @@ def _exposure_cycles_of_gain(gain: float) -> float:
     return low
 
 
-def _folded(rows: int, cycles: float, duty: float, exposure_cycles: float) -> tuple[list[int], float]:
-    """Orders above half the row rate that are fitted at their aliases, and the gain's relative error by the others."""
-    taken = np.array([0.0, rows / 2, *(h * cycles * rows for h in _square_harmonics(duty)(cycles))])
-    exposed = max(abs(float(np.sinc(exposure_cycles))), 1e-9)
+def _ratio(order: int, duty: float, exposure_cycles: float) -> float:
+    """Level of a harmonic relative to the fundamental, both with their signs where the bright part has its middle."""
+    fundamental = float(np.sinc(exposure_cycles))
+    exposed = np.copysign(max(abs(fundamental), 1e-9), fundamental)
+    return float(np.sinc(order * duty) / np.sinc(duty) * np.sinc(order * exposure_cycles) / exposed)
+
+
+def _folded(rows: int, cycles: float, duty: float, exposure_cycles: float) -> tuple[list[int], list[int], float]:
+    """Orders above half the row rate that are fitted at their aliases, others, and the relative error by these."""
+
+    def folded(order: int) -> float:
+        return abs(order * cycles - round(order * cycles)) * rows
+
+    taken = np.array([0.0, rows / 2, *(folded(h) for h in _square_harmonics(duty)(cycles))])
+    over_mean = 2 * abs(np.sinc(duty) * np.sinc(exposure_cycles))
     orders: list[int] = []
+    tied: list[int] = []
     squares = 0.0
-    for order in range(2, 128 if cycles < 0.5 else 0):
-        size = abs(float(np.sinc(order * duty) / np.sinc(duty) * np.sinc(order * exposure_cycles))) / exposed
+    for order in range(2, 128):
+        size, at = abs(_ratio(order, duty, exposure_cycles)), folded(order)
         if order * cycles < 0.5 or size < 1e-4:
             continue
-        at = abs(order * cycles - round(order * cycles)) * rows
         near = np.abs(taken - at) < 1.5
-        if near[3:].any():
-            continue
         if size >= 0.005 and not near.any() and 8 * (taken.size + 1) <= rows and len(orders) < 8:
             taken = np.append(taken, at)
             orders.append(order)
-        else:
-            leaks = [1.0 / max(1.0, np.pi * abs(at - other)) for other in (cycles * rows, 0.0)]
-            squares += size**2 / 2 * (leaks[0] ** 2 + (2 * abs(np.sinc(duty)) * exposed * leaks[1]) ** 2)
-    return orders, float(np.sqrt(squares))
+            continue
+        tied.append(order)
+        if not near[3:].any():
+            leaks = [1.0 / max(1.0, np.pi * abs(at - other)) for other in (folded(1), 0.0)]
+            squares += size**2 / 2 * (leaks[0] ** 2 + (over_mean * leaks[1]) ** 2)
+    return orders, tied, float(np.sqrt(squares))
+
+
+class _TiedHarmonics:
+    """The light whose harmonics of known ratios make the fundamental that a fit shows, by the phase of that one."""
+
+    def __init__(self, rows: int, fitted: list[int], tied: list[int], cycles: float, duty: float, exposure: float):
+        u = np.arange(rows) - (rows - 1) / 2
+        waves = [wave(_phase(h * cycles, u)) for h in fitted for wave in (np.cos, np.sin)]
+        weights = np.linalg.pinv(np.column_stack([np.ones(rows), *waves]))  # of mean, cosine, sine first
+        self.ratio, self.to_middle = 2 * np.sinc(duty), np.pi * ((rows - 1) * cycles - exposure)
+        self.step = 2 * np.pi / 4096
+        turns = np.exp(1j * self.step * np.arange(4096))
+        shown, mean = turns.copy(), np.zeros(4096)
+        for order in tied:
+            ratio, wave = _ratio(order, duty, exposure), np.exp(1j * _phase(order * cycles, u))
+            at = turns[order * np.arange(4096) % 4096]
+            shown += ratio * (weights[1] @ wave.real * at.real + 1j * (weights[2] @ wave.imag) * at.imag)
+            mean += np.sign(np.sinc(exposure)) * ratio * (weights[0] @ wave.real) * at.real
+        self.least, self.most = np.full(4096, np.inf), np.zeros(4096)
+        self.sums, self.count = np.zeros((3, 4096)), np.zeros(4096)  # level, mean, turn
+        first, steps = np.angle(shown) / self.step, np.angle(np.roll(shown, -1) * shown.conj()) / self.step
+        low, high = np.minimum(first, first + steps), np.maximum(first, first + steps)
+        for k in range(4096):
+            ends = k, (k + 1) % 4096
+            levels = 1 / np.abs(shown[list(ends)])
+            for at in np.arange(np.floor(low[k]), np.ceil(high[k]) + 1):
+                i = int(at) % 4096
+                self.least[i], self.most[i] = min(self.least[i], *levels), max(self.most[i], *levels)
+                if low[k] <= at < high[k]:
+                    part = (at - first[k]) / steps[k]
+                    turn = np.angle(np.exp(1j * self.step * (k + part - at)))
+                    self.sums[:, i] += *(v[0] + part * (v[1] - v[0]) for v in (levels, mean[list(ends)])), turn
+                    self.count[i] += 1
+
+    def light(self, phase: float, phase_std: float) -> tuple[float, float, float, float, float] | None:
+        """Level and its error, mean and turn that belong to a phase, and the slope of the level's logarithm."""
+        place = int(np.floor(phase / self.step))
+        reach, part = max(int(np.ceil(3 * phase_std / self.step)), 1), phase / self.step - place
+        window = np.arange(place - reach, place + 2 + reach) % 4096
+        if not self.count[window].all():
+            return None
+        told = np.where(self.count[window] == 1, 3 * self.step * self.least[window], 0.0)
+        spread = max(0.0, float(((self.most[window] - self.least[window]) / 2 - told).max()))
+        at = self.sums[:, window] / self.count[window]
+        level, mean, turn = at[:, reach] + part * (at[:, reach + 1] - at[:, reach])
+        ends = at[0, [0, -1]]
+        bend = (ends.sum() - at[0, reach] - at[0, reach + 1]) / (16 * reach**2)
+        return level, spread + abs(bend), mean, turn, (ends[1] - ends[0]) / ((2 * reach + 1) * self.step * level)
+
+
+def _untie(arrays: list[Any], biased: npt.NDArray[np.bool_], lights: _TiedHarmonics) -> None:
+    """Correct gains of one tone by the ratios of its harmonics where these tell its level."""
+    gain, gain_std, phase, mean, snr, flags = (values.reshape(-1) for values in arrays)
+    for i in np.flatnonzero(biased):
+        error = gain_std[i] / gain[i]
+        light = lights.light(phase[i] + lights.to_middle, error)
+        if light is None or light[1] > 0.5 * error * light[0]:
+            continue
+        level = gain[i] * mean[i] * light[0]
+        source = mean[i] - level * lights.ratio * light[2]
+        if source > 0:
+            change = level / source / gain[i]
+            gain[i], mean[i] = gain[i] * change, source
+            gain_std[i] *= change * np.hypot(1, light[4])
+            phase[i] = np.angle(np.exp(1j * (phase[i] + light[3])))
+            snr[i] *= light[0] ** 2
+            flags[i] &= ~np.uint32(Flag.HARMONICS_DROPPED)
 
 
 def _phase(cycles_per_row: float, rows: npt.ArrayLike) -> FloatArray:

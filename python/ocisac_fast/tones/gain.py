@@ -82,8 +82,8 @@ def tone_gain(
             the tone is measured at its alias (flag ALIASED).
         method: ``"fit"``, ``"robust"`` or ``"dft"``.
         waveform: ``"tone"``, or ``"square"``: all harmonics of a square wave below half the row rate are fitted too, up
-            to eight above at their aliases, and the gain is that of its fundamental. Others that bias it by half a
-            standard error are flagged (HARMONICS_DROPPED).
+            to eight above at their aliases, and the gain is that of its fundamental. Others that may bias it by half a
+            standard error have the ratios of duty and exposure, or are flagged (HARMONICS_DROPPED).
         duty: share of the period in which the square wave is bright, inside (0, 1).
         background: light of other origin, DN above dark: one value, or (columns,) or (frames, columns). An unsubtracted
             background lowers the gain to the source's share times |sinc|.

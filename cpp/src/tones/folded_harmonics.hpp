@@ -1,0 +1,51 @@
+// Harmonics of a square wave above half the row rate, which rows show at aliases.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "tones/harmonic_model.hpp"
+
+namespace ocisac {
+
+// `orders`: up to eight of 0.5 % of the fundamental or more, fitted at their aliases, 1.5 cycles in the frame from all
+// else of the model; `tied`: others, up to the 127th; `error`: of the gain, relative, by those of them that fall onto
+// the mean or the fundamental, RMS over their phases. Their sizes follow from duty and exposure; `exposure_cycles`:
+// f·T_e.
+struct FoldedHarmonics {
+  std::vector<int> orders, tied;
+  double error = 0;
+};
+FoldedHarmonics folded_harmonics(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles);
+
+// Tied harmonics have the ratios to the fundamental that duty and exposure tell. A light of level 1 and phase φ then
+// shows, in the estimates of `model`, a fundamental that depends on φ alone: its phase tells φ, and with φ the level.
+class TiedHarmonics {
+ public:
+  TiedHarmonics(const HarmonicModel& model, std::span<const int> tied, double cycles_per_row, double duty,
+                double exposure_cycles);
+
+  struct Light {
+    double level,
+        spread;    // relative to the fundamental that is shown; and its error by other lights that show the same
+    double mean;   // light that the harmonics add to the mean, relative to the level
+    double turn;   // of the phase that is shown, to the light's, rad
+    double slope;  // of the logarithm of the level over the phase that is shown, 1/rad
+  };
+  // Phase of the fundamental that is shown, in the middle row, negative sincs turned, and its standard error, rad.
+  // Nothing where no light shows it.
+  [[nodiscard]] std::optional<Light> light(double phase, double phase_std) const;
+
+ private:
+  struct Lights {              // that show the same phase
+    double least, most;        // level, also of lights that show nearly this phase
+    double level, mean, turn;  // sums
+    int count;
+  };
+  std::vector<Lights> lights_;  // by the phase that is shown, in steps of a turn
+  [[nodiscard]] const Lights& lights_at(double place) const;
+};
+
+}  // namespace ocisac
