@@ -445,3 +445,29 @@ def test_the_gain_of_a_light_is_measured_with_the_given_options():
     assert light.suggestion.exposure > 0.0
     (plain,) = MultiReceiver(Camera(ROW_TIME, 622e-6), data=False).push(picture)
     assert plain.gain is None
+
+
+def test_lights_that_are_all_lost_do_not_multiply():
+    """One light of several that come back takes the place of the nearest."""
+    camera, random = Camera(ROW_TIME, 100e-6), np.random.default_rng(5)
+    picture = np.full((480, 80), 10.0)
+    for left, frequency in ((5, 700.0), (50, 1100.0)):
+        picture[:, left : left + 20] += ocisac.integrate_exposure(
+            ocisac.SquareWave(frequency, amplitude=150.0), camera, 480
+        )[:, None]
+    right = picture.copy()
+    right[:, :40] = 10.0
+    receiver = MultiReceiver(camera, data=False, max_sources=2)
+
+    def lights(pixels):
+        return receiver.push(np.clip(pixels + random.normal(0, 1, pixels.shape), 0, 255).astype(np.uint8))
+
+    for _ in range(6):
+        results = lights(picture)
+    assert len(results) == 2
+    for _ in range(400):
+        assert len(lights(np.full_like(picture, 10.0))) <= 2
+    for _ in range(150):
+        results = lights(right)
+    assert max(result.region.x for result in results) >= 40
+    assert len(results) <= 2

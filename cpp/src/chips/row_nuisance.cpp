@@ -66,7 +66,7 @@ std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const
   const std::size_t scaled = nuisance.scale.size();
   require(scaled == 0 || scaled == signal.size(), "scale", scaled, "a value for each row");
   RowSampling rows = centred_rows(signal.size());
-  std::vector<double> basis;
+  std::vector<double> basis;  // columns: the constant, slow light, tones from first_tone on, others, the swing
   append_trend(basis, rows, 0);
   rows.weights = nuisance.scale;
   append_slow_light(basis, rows, slow_terms(signal.size(), nuisance));
@@ -86,7 +86,9 @@ std::optional<NuisanceFit> remove_nuisance(std::span<const double> signal, const
   const Index swings = model.cols() - others;
   VectorXd left = rest.array() - solved->values[0];
   left -= model.rightCols(swings) * solved->values.tail(swings);
-  NuisanceFit fit{{rest.begin(), rest.end()}, left.squaredNorm(), {}};
+  NuisanceFit fit{.rest = {rest.begin(), rest.end()},
+                  .residual_energy = left.squaredNorm(),
+                  .unknowns = static_cast<std::size_t>(others - 1)};
   if (swings > 0) find_tone_steps(rows, model, *solved, left, nuisance, first_tone, fit);
   return fit;
 }

@@ -207,7 +207,7 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
   const double longest_allowed = kLongestReducedExposure * (1 - search.tolerance) * search.rows_per_chip;
   if (search.exposure_rows && *search.exposure_rows > longest_allowed) return std::nullopt;
   const bool exposure_known = search.exposure_rows.has_value();
-  const auto sound = [&](std::optional<FrameReading> reading) {
+  const auto acceptable = [&](std::optional<FrameReading> reading) {
     if (reading && search.warped) reading = refine_warp(signal, std::move(*reading), exposure_known, search.effort);
     const Verdict least = search.warped ? Verdict::fits : Verdict::misfit;
     const bool has_rate = reading && std::abs(reading->channel.clock.rows_per_chip / search.rows_per_chip - 1) <
@@ -224,8 +224,8 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
                                         .max_exposure_chips = std::min(kLongestPreambleExposure, chips - kMinChipsSeen),
                                         .max_matches = kPreamblesTried});
     for (const auto& match : matches) {
-      if (auto reading = sound(extend_reading(signal, match.channel, exposure_known, search.effort,
-                                              {search.preamble, 0}, search.warped)))
+      if (auto reading = acceptable(extend_reading(signal, match.channel, exposure_known, search.effort,
+                                                   {search.preamble, 0}, search.warped)))
         return reading;
     }
   }
@@ -233,7 +233,8 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
   const ChannelSearch blind{
       .rows_per_chip = search.rows_per_chip, .tolerance = search.tolerance, .exposure_rows = search.exposure_rows};
   const RefineOptions options{.exposure_known = exposure_known, .effort = search.effort, .warped = search.warped};
-  return sound(reading_of(signal, find_channel(signal, blind, detect_levels, options), exposure_known, search.effort));
+  return acceptable(
+      reading_of(signal, find_channel(signal, blind, detect_levels, options), exposure_known, search.effort));
 }
 
 }  // namespace ocisac

@@ -25,11 +25,14 @@ std::vector<double> without_slow_light(std::span<const std::span<const double>> 
   return all;
 }
 
+// Cycles per row; where the chips are unknown, as if each took 1 / kHighestTone rows.
+double highest_tone(const LightState& state) { return kHighestTone / state.rows_per_chip.value_or(1 / kHighestTone); }
+
 }  // namespace
 
 StrongestTone RowReader::prominent_tone(std::span<const double> signals, std::size_t rows,
                                         const LightState& state) const {
-  const double highest = kHighestTone / state.rows_per_chip.value_or(1 / kHighestTone);
+  const double highest = highest_tone(state);
   auto tone = strongest_tone(signals, rows, kLowestHum * camera_.row_time, highest);
   if (tone.prominence < kProminent) return {};
   for (const double mains : kMains)
@@ -45,9 +48,9 @@ std::vector<RowNuisance> RowReader::other_nuisances(const FrameRows& frame, cons
   const auto& scale = state.scale_beside;
   const auto fit = remove_nuisance(signal, {slow, {}, scale});
   const auto plain = remove_nuisance(signal, {});
-  const double highest = kHighestTone / state.rows_per_chip.value_or(1 / kHighestTone);
+  const double highest = highest_tone(state);
   std::vector<RowNuisance> nuisances;
-  if (fit && plain && fit->squares < (1 - kMinSlow) * plain->squares) {
+  if (fit && plain && fit->residual_energy < (1 - kMinSlow) * plain->residual_energy) {
     for (const double mains : kMains)
       for (const std::size_t harmonics : {std::size_t{1}, std::size_t{3}})
         nuisances.push_back({0, {mains * row_time}, scale, harmonics});
@@ -64,11 +67,8 @@ std::vector<RowNuisance> RowReader::other_nuisances(const FrameRows& frame, cons
   // In order of Schwarz's criterion.
   std::vector<std::pair<double, std::size_t>> order;
   for (std::size_t k = 0; k < nuisances.size(); ++k) {
-    const auto rows = static_cast<double>(signal.size());
-    const auto unknowns = 2 * nuisances[k].tones.size() * nuisances[k].harmonics +
-                          static_cast<std::size_t>(2 * rows * nuisances[k].slow) + !nuisances[k].before.empty();
     const auto left = remove_nuisance(signal, nuisances[k]);
-    if (left) order.emplace_back(schwarz_criterion(left->squares, signal.size(), unknowns), k);
+    if (left) order.emplace_back(schwarz_criterion(left->residual_energy, signal.size(), left->unknowns), k);
   }
   std::ranges::sort(order);
   std::vector<RowNuisance> sorted;

@@ -30,7 +30,7 @@ static void move_tone(std::span<const double> signal, std::span<const double> ex
   const auto left_at = [&](double frequency) {
     tone = frequency;
     const auto fit = remove_nuisance(signal, nuisance, exposed);
-    return fit ? fit->squares : std::numeric_limits<double>::infinity();
+    return fit ? fit->residual_energy : std::numeric_limits<double>::infinity();
   };
   const double reach = kToneReach / static_cast<double>(signal.size());
   double low = tone - reach, high = tone + reach;

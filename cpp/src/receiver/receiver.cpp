@@ -167,15 +167,18 @@ void Receiver::search(std::span<const AnyFramesView> colours) {
     further_.fail();
 }
 
-// Takes effect at once, without agreement over frames. Without a detected light, all rows with swings are received.
+// Takes effect at once, without agreement over frames: of lights that are all lost, the nearest is placed. Without a
+// detected light, all rows with swings are received.
 void Receiver::search_one(const AnyFramesView& frame) {
   const Shape shape = shape_of(frame);
   const auto light = strongest_light(frame, camera_);
   const Region region = light.value_or(swinging_rows(frame, {0, 0, shape.columns, shape.rows}, camera_.tone_curve));
-  if (lights_.size() == 1)
-    lights_.front().place(region, light.has_value());
-  else
+  if (lights_.empty())
     add(region, light.has_value());
+  else
+    std::ranges::max_element(lights_, {}, [&](const LightReceiver& lost) {
+      return shared_of_larger(lost.region(), region);
+    })->place(region, light.has_value());
 }
 
 // Several lights are adopted only if consecutive frames agree on their places: false detections from long runs of one

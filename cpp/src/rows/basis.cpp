@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "core/legendre.hpp"
+#include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 
 namespace ocisac {
@@ -71,6 +72,7 @@ RowSampling centred_rows(std::size_t rows) {
 
 void append_course(std::vector<double>& basis, const RowSampling& rows, std::span<const double> course,
                    std::size_t degree) {
+  require(course.empty() || course.size() == rows.times.size(), "course", course.size(), "a value for each row");
   const auto columns = appended(basis, (degree + 1) * rows.times.size());
   std::fill_n(columns.begin(), rows.times.size(), 1.0);
   std::ranges::copy(course, columns.begin());

@@ -28,7 +28,7 @@ TEST_CASE("tones and slow light are fitted out beside chips to the last digit, a
   const ocisac::RowNuisance nuisance{0.006, {0.031}};
   const auto beside = ocisac::remove_nuisance(signal, nuisance, exposed);
   REQUIRE(beside);
-  CHECK(beside->squares == doctest::Approx(0).epsilon(1e-6));
+  CHECK(beside->residual_energy == doctest::Approx(0).epsilon(1e-6));
   double off = 0, off_alone = 0;
   const auto alone = ocisac::remove_nuisance(signal, nuisance);
   REQUIRE(alone);
@@ -61,8 +61,8 @@ TEST_CASE("as many harmonics of rectified mains are fitted out before chips are 
   std::vector<double> signal;
   for (std::size_t row = 0; row < 1080; ++row)
     signal.push_back(std::abs(std::sin(0.5 * kTurn * 0.00222 * static_cast<double>(row))));
-  CHECK(ocisac::remove_nuisance(signal, {0, {0.00222}})->squares / 1080 > 2e-3);
-  CHECK(ocisac::remove_nuisance(signal, {0, {0.00222}, {}, 3})->squares / 1080 < 5e-4);
+  CHECK(ocisac::remove_nuisance(signal, {0, {0.00222}})->residual_energy / 1080 > 2e-3);
+  CHECK(ocisac::remove_nuisance(signal, {0, {0.00222}, {}, 3})->residual_energy / 1080 < 5e-4);
 }
 
 TEST_CASE("steps of the tones' frequencies beside chips lead to those that the rows have") {

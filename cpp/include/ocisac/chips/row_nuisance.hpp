@@ -34,8 +34,9 @@ struct RowNuisance {
 inline std::size_t tone_harmonics(const RowNuisance& nuisance) { return nuisance.harmonics > 1 ? 12 : 7; }
 
 struct NuisanceFit {
-  std::vector<double> rest;  // (rows) the signal minus slow light and tones
-  double squares = 0;        // residual of the whole model
+  std::vector<double> rest;    // (rows) the signal minus slow light and tones
+  double residual_energy = 0;  // sum of squares of what the whole model leaves
+  std::size_t unknowns = 0;    // coefficients of slow light, tones and the frame before
   // (tones) cycles per row, for known chips: the step of a Gauss–Newton iteration of each frequency.
   std::vector<double> tone_steps{};
   double moved_by_steps = 0;  // root mean square of the change of the rows by these steps

@@ -128,7 +128,7 @@ class LightReceiver {
   std::size_t agreed_ = 0;                 // frames that agree on them
   std::vector<ColourStream> other_streams_;
   bool is_other_stream_ = false;
-  bool tone_known_ = false;   // frequency_ belongs to this region
+  bool tone_known_ = false;   // tone_ belongs to this region
   LightGain tone_;            // its frequency
   double suggested_for_ = 0;  // Hz, 0: none yet
   std::optional<BestExposure> suggestion_;
