@@ -336,6 +336,13 @@ def test_what_cannot_be_answered_is_null_and_flagged(facts, tmp_path, level, fre
     assert (tmp_path / "even.svg").exists()
 
 
+def test_columns_without_any_of_the_tone_do_not_warn_of_the_division(run, tmp_path):
+    rows = 100 + 50 * np.sin(2.1 * np.arange(300))[:, None] + np.random.default_rng(0).standard_normal((300, 20))
+    np.save(tmp_path / "other.npy", rows.astype(np.uint8))
+    code, out, err = run("gain", tmp_path / "other.npy", "--row-time", "40us", "--frequency", "1kHz", "--json")
+    assert (code, json.loads(out[0])["gain"], err) == (0, 0.0, [])
+
+
 @pytest.mark.parametrize("options", [(), TESTBED, TESTBED[2:]])
 def test_calibrate_measures_the_row_time(facts, square, options):
     (got,) = facts("calibrate", square("s.png"), "--frequency", "500Hz", *options)

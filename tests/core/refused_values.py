@@ -54,7 +54,8 @@ NO_COLUMNS = [*NO_FRAMES, np.zeros((2, 2, 2, 2)), np.array([["a"]]), np.full((64
 
 REFUSED: dict[str, dict[str, list[Any]]] = {
     "camera.Camera": {
-        "row_time": [0.0, NAN, "22us"], "exposure": [-1e-6, INF], "frame_time": [0.0], "tone_curve": ["log"],
+        "row_time": [0.0, NAN, "22us", 20.0, 1e-320], "exposure": [-1e-6, INF], "frame_time": [0.0, 1e300],
+        "tone_curve": ["log"],
         "gamma": [0.0], "dark_level": [NAN], "white_level": [of(dark_level=16.0, white_level=16.0)],
     },
     "light.Constant": {"level": [NAN, call(lambda: TONE * INF)]},
@@ -81,7 +82,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "exposure": [of(camera=Camera(1e-5)), of(waveform=light.SquareWave(1e14) * CHIPS("01"))],
         "frame_time": [of(camera=Camera(1e-5, 1e-4), frames=2)],
         "rows": [0, -3, 10**12, 2.0, True, [0.5], [], [[1, 2]], [2**60], np.array([2**63], np.uint64)],
-        "start": [NAN], "frequency": [of(start=1e200), of(camera=Camera(1e-5, 1e200))],
+        "start": [NAN], "frequency": [of(start=1e200), of(waveform=light.Tone(5e3), camera=Camera(1.0, 1e12))],
         "chip_rate": [of(waveform=light.Chips([1], 1e300))],
         "out": [np.zeros(4), np.zeros(9, np.float32), np.zeros(9, ">f8"), [0.0] * 9, READ_ONLY, UNALIGNED],
         "frames": [0, of(rows=1000, frames=10**6)],
@@ -273,7 +274,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "model": ["sawtooth"], "keep": ["all"], "level": ["high"], "options": [{"toe": 0.1}],
     },
     "cleaning.VideoCleaner.push": {"frame": [np.zeros((2, 64, 48))]},
-    "cleaning.CleaningOptions": {"noise": [0.0, "2"], "max_gain": [1.0], "toe": [1.5, NAN]},
+    "cleaning.CleaningOptions": {"noise": [0.0, 1e-300, "2"], "max_gain": [1.0], "toe": [1.5, NAN]},
     "cleaning.subtract_still": {
         "frames": [FRAME[None], *PERHAPS_COLOURS], "still": [np.zeros((3, 3))], "neighbours": [0],
     },

@@ -369,6 +369,20 @@ def test_pages_of_a_tiff_are_held_once(tmp_path, compression):
         assert int(peak) * 1024 < allowed, (peak, allowed)
 
 
+@pytest.mark.parametrize("suffix", [".png", ".webp"])
+@pytest.mark.parametrize("shape", [(3, 20, 30), (4, 20, 30, 3)])
+def test_all_frames_of_an_animation_are_read(tmp_path, suffix, shape):
+    frames = random_frames(shape, np.uint8)
+    if suffix == ".webp" and frames.ndim == 3:  # WebP has colours alone
+        frames = frames[..., None].repeat(3, axis=-1)
+    first, *more = (image_module.fromarray(frame) for frame in frames)
+    first.save(tmp_path / f"a{suffix}", save_all=True, append_images=more, lossless=True)
+    recording = read_frames(tmp_path / f"a{suffix}")
+    assert np.array_equal(recording.frames, frames)
+    with open_recording(tmp_path / f"a{suffix}") as stream:
+        assert stream.frame_count == len(frames)
+
+
 def test_interlaced_video_is_refused(tmp_path):
     path = tmp_path / "fields.mkv"
     with av.open(str(path), "w") as container:

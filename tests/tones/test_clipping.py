@@ -59,10 +59,56 @@ def test_clipping_that_shifts_a_gain_is_flagged_and_other_light_is_not(kind):
     assert flagged <= 0.05 * right
 
 
-def test_light_without_clipping_has_no_flag():
+@pytest.mark.parametrize("kind", ["black", "white", "floor", "12 bits", "floats"])
+def test_pooled_columns_that_are_clipped_are_flagged_or_left_out(kind):
+    biased, missed = 0, 0
+    for seed in range(60):
+        random, stored, camera, asked = draw([seed, 5])
+        pixels, dark = clipped(kind, random, stored, camera.dark_level)
+        truth = tone_gain(stored, camera, **asked, pooled=True)
+        known = Camera(ROW_TIME, exposure=camera.exposure, dark_level=dark)
+        found = tone_gain(pixels, known, **asked, pooled=True)
+        wrong = abs(found.gain / truth.gain - 1) > 0.01
+        biased, missed = biased + wrong, missed + (wrong and not found.flags & (Flag.SATURATED | Flag.MODEL_MISFIT))
+    assert biased >= 5
+    assert missed <= 0.05 * biased
+
+
+@pytest.mark.parametrize("pooled", [True, False])
+def test_light_far_below_the_dark_level_is_flagged(pooled):
+    flagged = []
+    for seed in range(30):
+        _, stored, camera, asked = draw([seed, 6])
+        pixels = np.rint(stored).clip(0, 255).astype(np.uint8)
+        right = tone_gain(pixels, camera, **asked, pooled=pooled)
+        assert not (right.flags & Flag.MODEL_MISFIT).any()
+        column = tone_gain(stored[:, -1], camera, **asked)
+        noise = column.gain * column.mean / np.sqrt(column.snr)
+        dark = np.sort(stored[:, -1])[ROWS // 20] + 6 * noise
+        if dark < stored[:, -1].mean():
+            wrong = tone_gain(
+                pixels, Camera(ROW_TIME, exposure=camera.exposure, dark_level=dark), **asked, pooled=pooled
+            )
+            flagged.append(((wrong.flags & (Flag.MODEL_MISFIT | Flag.NO_LIGHT)) != 0).all())
+    assert len(flagged) > 15
+    assert all(flagged)
+
+
+@pytest.mark.parametrize("pooled", [True, False])
+def test_twelve_bits_that_recur_after_few_rows_are_flagged(pooled):
+    """The value beside the top is hundreds of steps below it: levels come again after few rows."""
+    camera = Camera(20e-6, exposure=60e-6)
+    light = integrate_exposure(Tone(1000.0, phase=0.3), camera, np.arange(600))[:, None] * np.ones(100)
+    noise = np.random.default_rng(0).standard_normal(light.shape)
+    pixels = (4800 * light + 16 * noise).clip(0, 4095).astype(np.uint16)
+    assert (tone_gain(pixels, camera, 1000.0, pooled=pooled).flags == Flag.SATURATED).all()
+
+
+@pytest.mark.parametrize("pooled", [True, False])
+def test_light_without_clipping_has_no_flag(pooled):
     for seed in range(60):
         _, stored, camera, asked = draw([seed, 4])
         pixels = np.rint(stored).clip(0, 255).astype(np.uint8)
         if pixels.min() > 0 and pixels.max() < 240:
-            found = tone_gain(pixels, camera, **asked)
-            assert not (found.flags & Flag.SATURATED).any()
+            found = tone_gain(pixels, camera, **asked, pooled=pooled)
+            assert not (found.flags & (Flag.SATURATED | Flag.MODEL_MISFIT)).any()

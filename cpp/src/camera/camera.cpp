@@ -6,10 +6,16 @@
 
 namespace ocisac {
 
+// Times beyond the limits are meant in another unit, or lose their digits in rows. Rows are 1 s where times are in
+// rows.
 void check(const Camera& camera) {
-  require_positive("row_time", camera.row_time);
-  if (camera.exposure) require_not_negative("exposure", *camera.exposure);
-  if (camera.frame_time) require_positive("frame_time", *camera.frame_time);
+  const auto require_within = [](const char* name, double value, double low, double high) {
+    require(value >= low && value <= high, name, value, shortest_text(low) + " to " + shortest_text(high) + " s");
+  };
+  constexpr double kShortest = 1e-12, kMostRows = 1e12;
+  require_within("row_time", camera.row_time, kShortest, 1);
+  if (camera.exposure) require_within("exposure", *camera.exposure, 0, kMostRows * camera.row_time);
+  if (camera.frame_time) require_within("frame_time", *camera.frame_time, kShortest, kMostRows * camera.row_time);
   check(camera.tone_curve);
 }
 

@@ -103,6 +103,12 @@ double slope_of_lifted(double stored, double toe, double white) {
   return 0.5 + 0.5 * (size + 2 * toe * white) / std::sqrt(size * (size + 4 * toe * white));
 }
 
+void check_stored(std::optional<double> noise, double toe) {
+  require(!noise || (std::isfinite(*noise) && *noise >= 1e-100), "noise", noise.value_or(0),
+          "a finite number, 1e-100 or above");
+  require(toe >= 0 && toe <= 1, "toe", toe, "0 to 1");
+}
+
 StoredScene::StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& curve, std::optional<double> noise,
                          double toe, bool is_read)
     : colours_(std::move(colours)), curve_(curve) {
@@ -116,8 +122,7 @@ StoredScene::StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& cu
             "colours", colours_.size(), "views of one shape and type");
   }
   require(shape.rows >= 8, "frames", shape.rows, "at least 8 rows");
-  if (noise) require_positive("noise", *noise);
-  require(toe >= 0 && toe <= 1, "toe", toe, "0 to 1");
+  check_stored(noise, toe);
   frames_ = shape.frames;
   rows_ = shape.rows;
   columns_ = shape.columns;

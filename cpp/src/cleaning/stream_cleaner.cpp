@@ -128,8 +128,7 @@ bool is_due(const Values& estimates, std::size_t frames) {
 StreamCleaner::StreamCleaner(const Camera& camera, const StreamOptions& options)
     : camera_(camera), options_(options), frame_time_(camera.frame_time) {
   check(camera);
-  if (options.noise) require_positive("noise", *options.noise);
-  if (options.toe) require(*options.toe >= 0 && *options.toe <= 1, "toe", *options.toe, "0 to 1");
+  check_stored(options.noise, options.toe.value_or(0));
   require(options.model != RowModel::given, "model", name_of(options.model), "auto, tone, chips or rows");
 }
 

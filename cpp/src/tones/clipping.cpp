@@ -10,7 +10,7 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t kRows = 64;   // few: looking at them takes 1 % of the time of a gain
-constexpr std::size_t kFewest = 4;  // equal samples that are a pile
+constexpr std::size_t kFewest = 4;  // samples that are a pile, or not chance
 
 // Visits samples of rows at places of low discrepancy, so that no period of the light hides others.
 template <class T>
@@ -26,29 +26,42 @@ void for_some(const FramesView<const T>& view, std::size_t frame, std::size_t co
   }
 }
 
+// `samples`: in order, at least two of them different.
+template <class T>
+double smallest_step(const std::vector<T>& samples) {
+  double step = static_cast<double>(samples.back() - samples.front());
+  for (std::size_t i = 1; i < samples.size(); ++i)
+    if (samples[i] != samples[i - 1]) step = std::min(step, static_cast<double>(samples[i] - samples[i - 1]));
+  return step;
+}
+
 // `sign` −1: the highest.
 template <class T>
-std::optional<Pile> lowest(const std::vector<T>& samples, int sign) {
+std::optional<Pile> lowest(std::vector<T>& samples, int sign) {
   const auto before = [sign](T a, T b) { return sign > 0 ? a < b : b < a; };
   T level = samples[0];
   for (const T sample : samples) level = before(sample, level) ? sample : level;
+  const auto at = static_cast<std::size_t>(std::ranges::count(samples, level));
+  if (at < kFewest || at == samples.size()) return {};
   T beside = level;
   for (const T sample : samples)
     if (sample != level && (beside == level || before(sample, beside))) beside = sample;
-  const auto at = static_cast<std::size_t>(std::ranges::count(samples, level));
-  if (beside == level || at < kFewest || at <= static_cast<std::size_t>(std::ranges::count(samples, beside))) return {};
-  return Pile{static_cast<double>(level), static_cast<double>(beside)};
+  if (at <= static_cast<std::size_t>(std::ranges::count(samples, beside))) return {};
+  std::ranges::sort(samples);
+  return Pile{static_cast<double>(level), static_cast<double>(beside), smallest_step(samples)};
 }
 
 }  // namespace
 
-Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t column) {
+Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t column, double least) {
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
         std::vector<T> samples;
         samples.reserve(16 * kRows);
         for_some(view, frame, column, 16, [&](T sample) { samples.push_back(sample); });
-        return Piles{lowest(samples, 1), lowest(samples, -1)};
+        const auto below =
+            std::ranges::count_if(samples, [least](T sample) { return static_cast<double>(sample) < least; });
+        return Piles{lowest(samples, 1), lowest(samples, -1), static_cast<std::size_t>(below) >= kFewest};
       },
       frames);
 }

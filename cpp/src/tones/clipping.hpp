@@ -10,17 +10,19 @@
 
 namespace ocisac {
 
-// The smallest or the largest value of some samples where more have it than the value beside it, as stored.
+// The smallest or the largest value of some samples where more have it than the value beside it, as stored, and the
+// smallest step between any two of them.
 struct Pile {
-  double level, beside;
+  double level, beside, step;
 };
 
 // Lowest and highest pile of 64 rows of up to 16 columns about `column`, or of more rows of fewer; absent where
-// values thin out, as noise does.
+// values thin out, as noise does. `negative`: some samples are below `least`, of no light.
 struct Piles {
   std::optional<Pile> low, high;
+  bool negative = false;
 };
-Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t column);
+Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t column, double least);
 
 // The least of 64 rows of four columns.
 double least_of_some(const AnyFramesView& frames, std::size_t frame, std::size_t column);

@@ -384,16 +384,20 @@ kernels::FittedTone fitted_tone(const StreamingFit& fit, const StreamingFit::Col
 }
 
 constexpr double kHalfStep = 0.5;  // between stored values
+constexpr double kNoise = 4;       // σ beyond which noise alone does not reach
+
+double noise_of(const ToneGainView& result, std::size_t index) {
+  return result.gain[index] * result.mean[index] / std::sqrt(result.snr[index]);
+}
 
 // Flags columns in which more samples are at a pile than would shift the mean by its standard error: at k samples it is
 // shifted by at most 0.8 σ k/rows, less than σ/√rows for k below √rows. A few are chance, and noise below half a step
 // makes piles itself.
 void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t frame, const Pile& pile,
                const ToneGainView& result) {
-  constexpr double kChance = 5, kThinsOut = 1.25, kLast = 20, kRunsOfNoise = 0.25, kNoise = 4;
+  constexpr double kChance = 5, kThinsOut = 1.25, kLast = 20, kRunsOfNoise = 0.25;
   const auto counts = count_pile(frames, frame, pile);
   const double allowed = kChance + 0.5 * std::sqrt(static_cast<double>(context.shape.rows));
-  const double step = std::abs(pile.beside - pile.level);
   const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
   constexpr Flags kSettled = flag::saturated | flag::unresolvable | flag::no_light | flag::weak;
   for (std::size_t i = 0; i < context.shape.columns; ++i) {
@@ -402,14 +406,14 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
     if (result.flags[index] & kSettled ||
         !(at > allowed && at > kThinsOut * counts.beside[i] && at > kLast * counts.beyond[i]))
       continue;
-    const double noise = result.gain[index] * result.mean[index] / std::sqrt(result.snr[index]);
-    if (is_linear && noise < kHalfStep * step) continue;
+    const double noise = noise_of(result, index);
+    if (is_linear && noise < kHalfStep * pile.step) continue;
     if (pile.level < pile.beside) {
       // Where the lamp is off, samples are equal without noise there, too; noise alone does not reach far below.
       const double off = context.camera->tone_curve.dark_level + background_of(context, frame, i);
-      const bool may_be_off = pile.level > 0 && (!is_linear || pile.level <= off + kHalfStep * step);
+      const bool may_be_off = pile.level > 0 && (!is_linear || pile.level <= off + kHalfStep * pile.step);
       if (may_be_off && counts.runs[i] < kRunsOfNoise * at) continue;
-      if (is_linear && pile.level < off - kNoise * noise - kHalfStep * step) continue;
+      if (is_linear && pile.level < off - kNoise * noise - kHalfStep * pile.step) continue;
     }
     for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
       result.flags[index_of(context, tone, frame) + i] |= flag::saturated;
@@ -420,7 +424,7 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
 // square wave has crests that its fundamental does not tell.
 bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::size_t frame, std::size_t column,
                     double largest, const ToneGainView& result) {
-  constexpr double kLargest = 1.2, kLeast = 0.8, kOfAll = 4;  // σ beyond the light
+  constexpr double kLargest = 1.2, kLeast = 0.8;  // σ beyond the light
   const ToneCurve& curve = context.camera->tone_curve;
   if (curve.kind != ToneCurve::Kind::linear || context.options->waveform == WaveformShape::square) return true;
   double depth = 0;
@@ -429,15 +433,15 @@ bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::si
     depth += result.gain[own] * result.mean[own];
   }
   const std::size_t start = index_of(context, 0, frame) + column;
-  const double level = result.gain[start] * result.mean[start], variance = level * level / result.snr[start];
-  const auto within = [variance](double x, double deviations) {
-    return x < 0 || x * x < deviations * deviations * variance;
-  };
+  const double noise = noise_of(result, start);
+  const auto within = [noise](double x, double deviations) { return x < 0 || x < deviations * noise; };
   const double off = curve.dark_level + background_of(context, frame, column), least = result.mean[start] - depth;
-  return within(least - kHalfStep, kOfAll) || within(least + off - kHalfStep, kOfAll) ||
+  return within(least - kHalfStep, kNoise) || within(least + off - kHalfStep, kNoise) ||
          within(largest - off - result.mean[start] - depth, kLargest) ||
          within(least + off - least_of_some(frames, frame, column), kLeast);
 }
+
+constexpr double kDarker = 0.9;  // columns that are alike tell the same
 
 // Place of the largest of some 256 values times `sign`, the middle one of equals: columns at the edge of a lamp may
 // just reach a level at which others are clipped.
@@ -451,18 +455,28 @@ std::size_t place_of_extreme(std::span<const double> values, double sign) {
   return values[last] == values[first] ? (first + last) / 2 : first;
 }
 
+// Stored value below which there is no light.
+double least_light(const AnyFramesView& frames, const Camera& camera) {
+  const ToneCurve& curve = camera.tone_curve;
+  if (curve.kind != ToneCurve::Kind::linear) return -std::numeric_limits<double>::infinity();
+  return curve.dark_level - (holds_integers(frames) ? kHalfStep : 0);
+}
+
 // Clipping at either end, of samples of any type at any level, as the brightest and the darkest column show it. `tops`:
-// largest sample of each column of the frame.
+// largest sample of each column of the frame. Light below dark is a wrong dark level.
 void flag_clipped(const AnyFramesView& frames, const Context& context, std::size_t frame, std::span<const double> tops,
                   const ToneGainView& result) {
-  constexpr double kDarker = 0.9;  // columns that are alike tell the same
   const std::span<const double> means = result.mean.subspan(frame * tops.size(), tops.size());
+  const std::size_t start = index_of(context, 0, frame);
   const auto piles_at = [&](std::size_t column) {
-    return may_be_clipped(frames, context, frame, column, tops[column], result) ? find_piles(frames, frame, column)
-                                                                                : Piles{};
+    if (!may_be_clipped(frames, context, frame, column, tops[column], result)) return Piles{};
+    const double least = least_light(frames, *context.camera) - kNoise * noise_of(result, start + column);
+    return find_piles(frames, frame, column, least);
   };
   const std::size_t brightest = place_of_extreme(tops, 1), darkest = place_of_extreme(means, -1);
   Piles piles = piles_at(brightest);
+  for (std::size_t k = 0; piles.negative && k < context.tones.size(); ++k)
+    for (Flags& flags : result.flags.subspan(index_of(context, k, frame), tops.size())) flags |= flag::model_misfit;
   if (means[darkest] < kDarker * means[brightest])
     if (const auto low = piles_at(darkest).low) piles.low = low;
   for (const auto& pile : {piles.low, piles.high})
@@ -567,18 +581,49 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
                    std::span(tops).subspan(piece.frame * columns_of_frame, columns_of_frame), result);
 }
 
+void gains_of_model(const AnyFramesView& frames, Context context, const ToneGainView& result);
+
+// Gains of one frame's columns, with others' tones in the model; it is `frame` of the context.
+ToneGain gains_of_frame(const AnyFramesView& one, const Context& context, std::size_t frame,
+                        const std::vector<double>& others) {
+  ToneGainOptions options = *context.options;
+  const std::size_t columns = context.shape.columns;
+  if (options.background.size() > 1) options.background = options.background.subspan(frame * columns, columns);
+  std::vector<double> frequencies;
+  for (const Tone& tone : context.tones) frequencies.push_back(tone.frequency);
+  Context with_others = make_context(one, *context.camera, frequencies, options);
+  with_others.others = others;
+  ToneGain found = empty_result(frequencies.size(), 1, columns);
+  gains_of_model(one, with_others, view_of(found));
+  return found;
+}
+
 // Columns of a frame combined.
 struct PooledColumn {
   std::vector<double> signal;  // (rows,), linear light; empty: none are
   double background = 0;
-  bool saturated = false;
+  bool saturated = false, negative = false;
 };
 
+// Flags of each column by itself, where the brightest or the darkest may be clipped; else none.
+std::vector<Flags> flags_of_columns(const AnyFramesView& one, const Context& context, std::size_t frame,
+                                    const Projection& light) {
+  const double least = least_light(one, *context.camera);
+  const auto may_be = [&](std::size_t column) {
+    const Piles piles = find_piles(one, 0, column, least);
+    return piles.low || piles.high || piles.negative;
+  };
+  const std::size_t brightest = place_of_extreme(light.maximum, 1), darkest = place_of_extreme(light.totals, -1);
+  const bool alike = light.totals[darkest] >= kDarker * light.totals[brightest];
+  if (!may_be(brightest) && (alike || !may_be(darkest))) return {};
+  return gains_of_frame(one, context, frame, context.others).flags;
+}
+
 // With equal noise in all columns, brightness is the weight that maximises the signal-to-noise ratio. `light`: totals
-// and maxima of the columns, above dark. Saturated columns get none if others remain; without light above the
-// background, those of the least background are equal.
+// and maxima of the columns, above dark. Saturated columns get none if others remain, otherwise clipped ones (`flags`)
+// if half of the light remains; without light above the background, those of the least background are equal.
 std::vector<double> weigh_columns(const Context& context, std::size_t frame, const Projection& light,
-                                  const StoredLight& stored, bool& saturated) {
+                                  const StoredLight& stored, std::span<const Flags> flags, bool& saturated) {
   const auto rows = static_cast<double>(context.shape.rows);
   std::vector<double> weights(context.shape.columns);
   for (std::size_t column = 0; column < weights.size(); ++column)
@@ -594,14 +639,20 @@ std::vector<double> weigh_columns(const Context& context, std::size_t frame, con
     for (std::size_t column = 0; column < weights.size(); ++column)
       weights[column] = background_of(context, frame, column) == least ? 1.0 : 0.0;
   }
-  std::vector<double> unsaturated = weights;
-  for (std::size_t column = 0; column < weights.size(); ++column)
-    if (light.maximum[column] >= stored.saturated) unsaturated[column] = 0;
-  saturated = std::ranges::all_of(unsaturated, is_zero);
-  if (!saturated) weights = std::move(unsaturated);
   const double largest = *std::max_element(weights.begin(), weights.end());
   for (double& weight : weights) weight /= largest;  // sums of large light do not overflow
-  const double total = std::accumulate(weights.begin(), weights.end(), 0.0);
+  const auto sum = [](const auto& values) { return std::accumulate(values.begin(), values.end(), 0.0); };
+  const auto leave_out = [&](double least_left, auto is_out) {
+    std::vector<double> left = weights;
+    for (std::size_t column = 0; column < left.size(); ++column)
+      if (is_out(column)) left[column] = 0;
+    const bool is_enough = sum(left) > least_left * sum(weights);
+    if (is_enough) weights = std::move(left);
+    saturated |= !is_enough;
+  };
+  leave_out(0, [&](std::size_t column) { return light.maximum[column] >= stored.saturated; });
+  leave_out(0.5, [&](std::size_t column) { return !flags.empty() && (flags[column] & flag::saturated) != 0; });
+  const double total = sum(weights);
   for (double& weight : weights) weight /= total;
   return weights;
 }
@@ -622,14 +673,16 @@ std::vector<double> pooled_rows(const AnyFramesView& frames, std::size_t frame, 
   return signal;
 }
 
-// `frames` holds `frame` of the context as its frame number `at`.
+// `frames` holds `frame` of the context, light by `curve`, as its frame number `at`; `one` holds it as it is stored.
 PooledColumn pool_columns(const AnyFramesView& frames, std::size_t at, const Context& context, std::size_t frame,
-                          const ToneCurve& curve) {
+                          const ToneCurve& curve, const AnyFramesView& one) {
   const StoredLight stored = stored_light(frames, curve);
   const Projection light =
       project(frames, at, 0, context.shape.columns, {{}, 0, context.shape.rows, 1, 1}, stored.light());
   PooledColumn pooled;
-  const auto weights = weigh_columns(context, frame, light, stored, pooled.saturated);
+  const std::vector<Flags> flags = flags_of_columns(one, context, frame, light);
+  const auto weights = weigh_columns(context, frame, light, stored, flags, pooled.saturated);
+  for (const Flags own : flags) pooled.negative |= (own & flag::model_misfit) != 0;
   pooled.signal = pooled_rows(frames, at, curve, weights);
   for (std::size_t column = 0; column < weights.size(); ++column)
     pooled.background += weights[column] * background_of(context, frame, column);
@@ -639,11 +692,11 @@ PooledColumn pool_columns(const AnyFramesView& frames, std::size_t at, const Con
 PooledColumn pool_columns(const AnyFramesView& frames, const Context& context, std::size_t frame) {
   const ToneCurve& curve = context.camera->tone_curve;
   if (curve.kind == ToneCurve::Kind::linear || holds_integers(frames))
-    return pool_columns(frames, frame, context, frame, curve);
+    return pool_columns(frames, frame, context, frame, curve, frame_of(frames, frame));
   const auto [frame_count, rows, columns] = context.shape;
   const auto signals = column_signals(frames, frame, 0, columns, curve);
   const FramesView<const double> light{signals.data(), 1, rows, columns, 0, 1, static_cast<std::ptrdiff_t>(rows)};
-  return pool_columns(light, 0, context, frame, {});
+  return pool_columns(light, 0, context, frame, {}, frame_of(frames, frame));
 }
 
 // Gains of all columns by one model, with the flags of clipped ones.
@@ -791,31 +844,16 @@ void flag_misfit(const Surroundings& around, std::size_t first, std::size_t coun
     if (all || biases(around.distortion, i)) result.flags[i] |= flag::model_misfit;
 }
 
-// The options for one frame of those for many.
-ToneGainOptions options_of(const Context& context, std::size_t frame) {
-  ToneGainOptions options = *context.options;
-  const std::size_t columns = context.shape.columns;
-  if (options.background.size() > 1) options.background = options.background.subspan(frame * columns, columns);
-  return options;
-}
-
 // Fits the frame again with the other tones.
 void fit_with_others(const AnyFramesView& frames, const Context& context, std::size_t frame,
                      const std::vector<double>& others, const ToneGainView& result) {
-  const ToneGainOptions options = options_of(context, frame);
-  std::vector<double> frequencies;
-  for (const Tone& tone : context.tones) frequencies.push_back(tone.frequency);
-  const AnyFramesView one = frame_of(frames, frame);
-  Context with_others = make_context(one, *context.camera, frequencies, options);
-  with_others.others = others;
+  const ToneGain found = gains_of_frame(frame_of(frames, frame), context, frame, others);
   const std::size_t columns = context.shape.columns;
-  ToneGain found = empty_result(frequencies.size(), 1, columns);
-  gains_of_model(one, with_others, view_of(found));
   const auto copy = [&](const auto& from, auto to, std::size_t tone) {
     std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(tone * columns), columns,
                 to.begin() + static_cast<std::ptrdiff_t>(index_of(context, tone, frame)));
   };
-  for (std::size_t tone = 0; tone < frequencies.size(); ++tone) {
+  for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
     copy(found.gain, result.gain, tone);
     copy(found.gain_std, result.gain_std, tone);
     copy(found.phase, result.phase, tone);
@@ -941,8 +979,9 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
       for (std::size_t k = 0; k < of_fit.tones.size(); ++k) {
         estimates[k].mean[0] -= pooled.background;
         const std::array saturated{pooled.saturated ? 1.0 : 0.0};
-        write_result(of_fit, of_fit.tones[k], estimates[k].fitted(), saturated, 1, k * context.shape.frames + frame,
-                     result);
+        const std::size_t index = k * context.shape.frames + frame;
+        write_result(of_fit, of_fit.tones[k], estimates[k].fitted(), saturated, 1, index, result);
+        if (pooled.negative) result.flags[index] |= flag::model_misfit;
       }
     };
     write(context, *model);

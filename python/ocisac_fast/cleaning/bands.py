@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light, saturation_level, stored_values
 from ocisac_fast.cleaning.stored import BlockShares, lowered
 from ocisac_fast.core.arrays import as_frames, in_stored_order
-from ocisac_fast.core.checks import checked, checked_class
+from ocisac_fast.core.checks import Within, checked, checked_class
 from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 
@@ -94,7 +94,7 @@ class CleaningOptions:
     """Rarely needed options of :func:`remove_bands`.
 
     Args:
-        noise: standard deviation of a pixel, DN, above 0; None: estimated, at least half a step of integers.
+        noise: standard deviation of a pixel, DN, 1e-100 or above; None: estimated, at least half a step of integers.
         max_gain: rows that need a larger gain are too dark, and marked; above 1.
         fill: replace pixels that were too dark by interpolation between the rows above and below; they stay marked.
             Otherwise they are amplified ``max_gain`` times.
@@ -107,15 +107,13 @@ class CleaningOptions:
     """
 
     noise: float | None = None
-    max_gain: float = 8.0
+    max_gain: Annotated[float, Within(1.0, above=True)] = 8.0
     fill: bool = False
     toe: float | None = None
 
     def __post_init__(self) -> None:
-        if self.noise is not None and not (np.isfinite(self.noise) and self.noise > 0):
-            raise ValueError(f"noise: got {self.noise}, allowed: a finite number above 0")
-        if not (np.isfinite(self.max_gain) and self.max_gain > 1):
-            raise ValueError(f"max_gain: got {self.max_gain}, allowed: a finite number above 1")
+        if self.noise is not None and not (np.isfinite(self.noise) and self.noise >= 1e-100):
+            raise ValueError(f"noise: got {self.noise}, allowed: a finite number, 1e-100 or above")
         if self.toe is not None and not 0 <= self.toe <= 1:
             raise ValueError(f"toe: got {self.toe}, allowed: 0 to 1")
 

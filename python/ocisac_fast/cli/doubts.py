@@ -64,7 +64,10 @@ def warn_of_calibration(seconds: float) -> None:
 def warn_of_gain(facts: dict[str, Any], whole_picture: bool) -> bool:
     """Warn if the gain of a recording is probably biased, and return True then; ``facts`` as in its JSON object."""
     if whole_picture and "model_misfit" in facts["flags"]:
-        _warn("the light varies along the columns, which biases the gain: give --region x,y,w,h within the lamp")
+        _warn(
+            "the light varies along the columns or is below --dark-level, which biases the gain: give --region x,y,w,h "
+            "within the lamp"
+        )
         return True
     if facts["snr_db"] < 0.0 and not {"weak", "near_null"} & set(facts["flags"]):
         _warn(f"the tone is {-facts['snr_db']:.0f} dB below what else varies along the rows, which may resemble it")
@@ -101,12 +104,14 @@ def other_light(
     mean, weight = found.mean[used], 1.0 / (found.gain_std * found.mean)[used]
     line, covariance = np.polyfit(mean, (found.gain * found.mean)[used], 1, w=weight, cov="unscaled")
     slope, misses = line[0], weight * (found.gain[used] * mean - np.polyval(line, mean))
+    if not slope > 0.0:
+        return None
     other = -line[1] / slope  # DN at which the amplitude is 0
     scatter = max(1.0, float(misses @ misses) / (used.sum() - 2))
     ratio = np.array([other, 1.0])
-    spread = math.sqrt(scatter * float(ratio @ covariance @ ratio)) / abs(slope)
+    spread = math.sqrt(scatter * float(ratio @ covariance @ ratio)) / slope
     least = max(_SURE * spread, _LARGE_SHARE * float(np.average(mean, weights=weight**2)))
-    return (float(other), float(slope)) if slope > 0.0 and other >= least else None
+    return (float(other), float(slope)) if other >= least else None
 
 
 def _resultant(phases: npt.NDArray[np.float64], weights: npt.NDArray[np.float64]) -> float:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 FORMATS = ("PNG", "JPEG", "TIFF", "PPM", "BMP", "WEBP")
+_OF_FRAMES = ("PNG", "TIFF", "WEBP")  # that may hold several; further ones of a JPEG are previews
 _PNM_HEADER = re.compile(rb"P([56])" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
 JPEG = b"\xff\xd8\xff"
 _NEXT_JPEG = re.compile(rb"\xff\xd9\0*\xff\xd8\xff")  # an end, which compressed data cannot contain, and a beginning
@@ -75,7 +76,7 @@ def grey_levels(path: Path, max_pixels: int) -> Frame:
 
 
 def open_picture(source: Path | RemotePath | bytes) -> RecordingStream:
-    """Open a picture as one frame, or the pages of a TIFF file as frames."""
+    """Open a picture as one frame; pages of TIFF and pictures of an animated PNG or WebP as frames, as shown."""
     data = source if isinstance(source, bytes) else source.read_bytes()
     if data[:2] in (b"P5", b"P6"):
         frames, response = _binary_pnm(data)
@@ -85,7 +86,7 @@ def open_picture(source: Path | RemotePath | bytes) -> RecordingStream:
     with _refusals():
         image = pillow().open(io.BytesIO(data), formats=FORMATS)
         response, form = response_of_picture(image), _format(image, data)
-        pages = getattr(image, "n_frames", 1) if image.format == "TIFF" else 1
+        pages = getattr(image, "n_frames", 1) if image.format in _OF_FRAMES else 1
     decoded = _frames(image, data, pages, form.alphas)
     return RecordingStream(decoded, "picture", response, frame_count=pages, close=image.close, picture=form)
 

@@ -32,7 +32,7 @@ def read_frames(
     """Read all frames of a picture, a video or a .npy array.
 
     Args:
-        path: PNG, JPEG, TIFF (its pages are frames), PNM, BMP, WebP; any video that FFmpeg decodes; .npy with
+        path: PNG, JPEG, TIFF, PNM, BMP, WebP (pages and animations are frames); any video that FFmpeg decodes; .npy of
             (rows,), (rows, columns), (frames, rows, columns) or (frames, rows, columns, colours); ``"-"``: standard
             input. Pictures need Pillow (and PyAV for 16-bit colour), videos PyAV: ``ocisac-fast[files]``.
         colour: red, green and blue of a video instead of its luma plane.

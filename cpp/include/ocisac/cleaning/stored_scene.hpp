@@ -19,6 +19,9 @@ namespace ocisac {
 double lifted_light(double stored, double toe, double white);
 double slope_of_lifted(double stored, double toe, double white);
 
+// Throws std::invalid_argument for a noise (DN) or a toe that no scene can have.
+void check_stored(std::optional<double> noise, double toe);
+
 class StoredScene {
  public:
   // `colours`: one view each, of one shape; their memory must outlive the scene. `noise`: standard deviation of a
