@@ -124,7 +124,7 @@ def test_a_torn_frame_is_told_and_what_came_before_is_kept(receiver):
         (["--row-time", "0"], "--row-time: got 0"),
         (["--row-time", "22.2"], "--row-time: got 22.2, allowed: at most 1 s"),
         (["--row-time", "22parsec"], "--row-time"),
-        (["--exposure", "-1us"], "exposure: got -1e-06, allowed: 0 to 2.22e+07 s"),
+        (["--exposure", "-1us"], "exposure: got -1e-06, allowed: 0 to "),
         (["--frequency", "0"], "frequency: got 0"),
         (["--frequency", "nan"], "--frequency: nan"),
         (["--format", "rgb"], "--format"),
