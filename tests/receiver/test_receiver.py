@@ -325,6 +325,9 @@ def test_noise_is_not_bits(columns):
 def test_a_long_exposure_is_flagged():
     frame = Frame(14, rows_per_chip=5.0, exposure=1.0)
     assert Flag.LONG_EXPOSURE in ocisac.receive(frame.as_bytes(), Camera(1.0, 6.0))[0].flags
+    blurred = Frame(14, rows_per_chip=4.5, exposure=1.6)  # no chips are found
+    (nothing,) = ocisac.receive(blurred.as_bytes(), Camera(1.0, 1.6 * 4.5), chip_rate=1 / 4.5)
+    assert (nothing.bits, nothing.flags) == ("", Flag.NO_SIGNAL | Flag.LONG_EXPOSURE)
 
 
 def test_chips_are_as_long_as_the_runs_say():

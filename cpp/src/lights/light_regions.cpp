@@ -38,8 +38,8 @@ std::vector<double> activity(const CombinedColumn& column) {
   return active;
 }
 
-// Runs of rows with swings, separated by at least kMinDarkRows rows without.
-std::vector<IndexRange> active_runs(const CombinedColumn& column) {
+// Runs of at least `shortest` rows with swings, separated by at least kMinDarkRows rows without.
+std::vector<IndexRange> active_runs(const CombinedColumn& column, std::size_t shortest = kMinRows) {
   const auto active = activity(column);
   const double lowest = kActive * *std::ranges::max_element(active);
   std::vector<IndexRange> runs;
@@ -51,7 +51,7 @@ std::vector<IndexRange> active_runs(const CombinedColumn& column) {
     else
       runs.push_back({n, n + 1});
   }
-  std::erase_if(runs, [](const IndexRange& run) { return run.end - run.begin < kMinRows; });
+  std::erase_if(runs, [shortest](const IndexRange& run) { return run.end - run.begin < shortest; });
   return runs;
 }
 
@@ -149,7 +149,7 @@ std::vector<UncutRegion> cut(const AnyFramesView& frame, const UncutRegion& part
 }  // namespace
 
 Region swinging_rows(const AnyFramesView& frame, const Region& region, const ToneCurve& curve) {
-  return swinging_part(active_runs(sums_of(frame, region, curve).combine()), region);
+  return swinging_part(active_runs(sums_of(frame, region, curve).combine(), 1), region);
 }
 
 std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve, std::size_t most) {

@@ -377,6 +377,7 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   received.flags = (column.saturated ? flag::saturated : 0) | (few_edges ? flag::too_few_edges : 0);
   if (!decoded) {
     if (!few_edges) received.flags |= flag::no_signal;
+    if (what.exposure_rows.value_or(0.0) * what.range.lowest > kLongestSliced) received.flags |= flag::long_exposure;
     return false;
   }
   // Edges of noise may outnumber those of the light.

@@ -54,7 +54,9 @@ def lamp(
         emit_json(facts)
         return
     plain = {name: value for name, value in facts.items() if name not in _IN_TABLE}
-    lines = {name: quantity(value, "Hz" if name.endswith("_hz") else "") for name, value in plain.items()}
+    lines = {
+        _LABELS.get(name, name): quantity(value, "Hz" if name.endswith("_hz") else "") for name, value in plain.items()
+    }
     if frequency is None:
         intervals = [tuple(map(_hertz, pair)) for pair in facts["frequencies_hz"]]
         shown = [(low, high, _hertz(best)) for (low, high), best in zip(intervals, facts["best_hz"], strict=True)]
@@ -62,12 +64,18 @@ def lamp(
             emit_table("without bands", ("from", "to", "least at"), shown[:_MOST_ROWS])
         if len(shown) > _MOST_ROWS:
             lines["more"] = f"{len(shown) - _MOST_ROWS} further ranges (--json has all)"
-        lines["holds"] = _verdict(facts, shown[0])
+        lines[_LABELS["holds"]] = _verdict(facts, shown[0])
     rates = facts.get("chip_rates_from_hz", {})
     emit_facts("", lines | {f"no bands of {code} from": _hertz(rate) for code, rate in rates.items()})
 
 
 _IN_TABLE = ("frequencies_hz", "best_hz", "chip_rates_from_hz")
+_LABELS = {
+    "modulation": "bands at most",
+    "holds": "found",
+    "always_from_hz": "without bands from",
+    "no_missed_pulse_from_hz": "no missed pulse from",
+}
 _MOST_ROWS = 20
 
 

@@ -35,7 +35,9 @@ from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=FILE_PATH)
 @click.option("--chip-rate", type=FREQUENCY, help="Chips per second; default: estimated in every frame.")
 @click.option("--line-code", type=click.Choice(LINE_CODES), help="Line code of packets  [default: manchester]")
-@click.option("--packets", is_flag=True, help="Receive packets of `ocisac transmit`; implied by --line-code.")
+@click.option(
+    "--packets", is_flag=True, help="Receive packets of `ocisac transmit`; implied by a --line-code but none."
+)
 @click.option("--block-bytes", type=int, help="Coded bytes of a packet's block  [default: 16, with --fsk 4]")
 @click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
 @click.option("--frame-rate", type=RATE, help="Frame rate, which joins frames to packets; default: from the video.")

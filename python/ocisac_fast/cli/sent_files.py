@@ -53,6 +53,11 @@ class ErrorCount:
             return
         for source, bits in self._received.items():
             found = compare_bits(bits, self._sent, repeat=True)
+            if not found.compared:
+                emit_facts(
+                    f"source {source} against {self._path}", {"bit error rate": "unknown: no bits were received"}
+                )
+                continue
             facts = {
                 "bit error rate": f"{found.rate:.4g} (95 %: {found.low:.2g} to {found.high:.2g})",
                 "errors": f"{found.errors} of {found.compared} bits",
