@@ -5,7 +5,6 @@ There are no heuristics here; heuristics are tested by truth, bounds and stored 
 
 from ocisac_fast.reference.camera import linear_light as linear_light, subtract_still as subtract_still
 from ocisac_fast.reference.chips import (
-    ClockTracker as ClockTracker,
     chip_llr as chip_llr,
     clock_bounds as clock_bounds,
     closest_pair_distance as closest_pair_distance,

@@ -15,7 +15,6 @@ from ocisac_fast.chips.channel import (
     ChipClock,
     ClockErrors,
     Pooled,
-    TrackedClock,
 )
 from ocisac_fast.chips.detection import DetectedChips, DetectorErrorRates
 from ocisac_fast.reference.camera import linear_light
@@ -285,73 +284,6 @@ def pool_estimates(values: npt.ArrayLike, errors: npt.ArrayLike) -> Pooled:
     mean = float(np.average(x, weights=w))
     scatter = float(w @ (x - mean) ** 2) / (len(x) - 1) if len(x) > 1 else 1.0
     return Pooled(mean, float(np.sqrt(max(scatter, 1.0) / w.sum())), len(x))
-
-
-class ClockTracker:
-    """Phases and rates of all updates fitted by one clock, by weighted least squares.
-
-    Equals the Kalman filter without drift; memory grows with every frame.
-    """
-
-    def __init__(
-        self, frame_rows: float, *, frame_rows_std: float = 0.0, drift: float = 1e-6, exposure_wander: float = 1e-4
-    ) -> None:
-        self.frame_rows, self.frame_rows_std = frame_rows, max(frame_rows_std, 1e-9)
-        self.reset()
-
-    def reset(self) -> None:
-        """Discard the state."""
-        self.seen: list[tuple[int, ChannelEstimate]] = []
-
-    def solve(self) -> tuple[FloatArray, FloatArray]:
-        """Phase of chip 0 in frame 0, rows per chip, rows per frame, exposure; and their covariance."""
-        design, right = [[0.0, 0.0, 1.0]], [self.frame_rows]
-        weights = [np.array([[self.frame_rows_std**-2.0]])]
-        origin, period, step = self.seen[0][1].phase, self.seen[0][1].rows_per_chip, self.frame_rows
-        for frame, channel in self.seen:
-            frames = float(frame - self.seen[0][0])
-            middle = channel.phase + channel.errors.chip * channel.rows_per_chip
-            number = np.rint((middle + frames * step - origin) / period)
-            design += [[1.0, number, -frames], [0.0, 1.0, 0.0]]
-            right += [middle, channel.rows_per_chip]
-            weights.append(np.linalg.inv(channel.errors.covariance[:2, :2]))
-            x, covariance = self.least_squares(design, right, weights)
-            origin, period, step = x
-        lengths = np.array([channel.exposure_rows for _, channel in self.seen])
-        weight = np.array([channel.errors.covariance[2, 2] for _, channel in self.seen]) ** -1.0
-        whole = np.zeros((4, 4))
-        whole[:3, :3], whole[3, 3] = covariance, 1 / weight.sum()
-        return np.append(x, np.average(lengths, weights=weight)), whole
-
-    def least_squares(
-        self, design: list[list[float]], right: list[float], weights: list[FloatArray]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Solution and covariance; one weight matrix per measurement."""
-        normal, product, at = np.zeros((3, 3)), np.zeros(3), 0
-        for weight in weights:
-            rows = np.array(design[at : at + len(weight)])
-            normal += rows.T @ weight @ rows
-            product += rows.T @ weight @ np.array(right[at : at + len(weight)])
-            at += len(weight)
-        covariance: FloatArray = np.linalg.inv(normal).astype(float)
-        return covariance @ product, covariance
-
-    def update(self, frame: int, channel: ChannelEstimate) -> bool:
-        """Store the channel; jumps of the clock are not detected."""
-        self.seen.append((frame, channel))
-        return True
-
-    def predict(self, frame: int) -> TrackedClock | None:
-        """Predict the clock in a frame from all updates."""
-        if not self.seen:
-            return None
-        (phase, period, frame_rows, exposure_rows), covariance = self.solve()
-        frames = frame - self.seen[0][0]
-        chip = int(np.rint((frames * frame_rows - phase) / period))
-        move = np.array([[1, chip, -frames, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
-        there = move @ covariance @ move.T
-        begin = phase + chip * period - frames * frame_rows
-        return TrackedClock(period, begin, exposure_rows, chip, there, float(np.sqrt(there[0, 0])) / period)
 
 
 def detect_chips(
