@@ -20,7 +20,7 @@ def tone_columns(rows, cycles_per_row, columns=3, noise=1.0, seed=0, mean=100.0)
     return mean * (1 + 0.6 * np.cos(phase)) + noise * random.standard_normal((rows, columns))
 
 
-def assert_agree(got, want, tolerance, tolerance_of_noise=None, standard_errors=0.0, light=0.0):
+def assert_agree(got, want, tolerance, tolerance_of_noise=None, standard_errors=0.0, light=0.0, may_differ=0):
     """light: relative error of the samples' light, which is that of amplitude over mean, however small."""
     with np.errstate(divide="ignore", invalid="ignore"):  # a gain of 0 has any phase
         error = {"gain": want.gain_std, "phase": want.gain_std / want.gain, "mean": want.gain_std * want.mean}
@@ -38,7 +38,7 @@ def assert_agree(got, want, tolerance, tolerance_of_noise=None, standard_errors=
             allowed = allowed + np.finfo(float).eps * scale**2
         np.testing.assert_array_equal(np.isnan(a), np.isnan(b), err_msg=name)
         assert not np.any(np.abs(a - b) > allowed), (name, a, b, allowed)
-    np.testing.assert_array_equal(got.flags, want.flags)
+    np.testing.assert_array_equal(got.flags & ~np.uint32(may_differ), want.flags)
 
 
 @settings(deadline=None, max_examples=3 * settings.default.max_examples // 5)
@@ -95,10 +95,11 @@ def test_agrees_with_the_reference(
     # or more, which see the noise a little differently. Integers by a curve: light in float32.
     by_table = not floating and curve != "linear"
     streamed = dtype != "float64" and curve == "linear" and not pooled
+    rounded = 0 if floating else Flag.QUANTISED  # tested by the bias that it tells of
     if streamed and dtype == "uint8" and rows >= 256:
-        assert_agree(got, want, 1e-9, tolerance_of_noise=2e-3, standard_errors=1e-3)
+        assert_agree(got, want, 1e-9, tolerance_of_noise=2e-3, standard_errors=1e-3, may_differ=rounded)
     elif streamed:
-        assert_agree(got, want, 1e-8, tolerance_of_noise=1e-5)
+        assert_agree(got, want, 1e-8, tolerance_of_noise=1e-5, may_differ=rounded)
     elif by_table:
         assert_agree(got, want, 2e-7, tolerance_of_noise=1e-4, light=2.0**-24)  # rounding of float32
     elif method == "dft":  # its noise is a difference of energies up to a thousand times as large

@@ -32,7 +32,7 @@ def tone_gain(
     """As :func:`ocisac_fast.tone_gain`: ``numpy.linalg.lstsq`` on the design matrix, ``numpy.fft.rfft`` for the DFT.
 
     ``efficiency`` and ``threads`` have no effect. Flags, such as those of multiples of half the row rate and of few
-    cycles, are equal.
+    cycles, are equal, except QUANTISED, which is missing.
     """
     return _tone_gain(columns, camera, frequency, method, waveform, duty, background, pooled)
 
@@ -56,7 +56,6 @@ def _tone_gain(
     ambient = np.broadcast_to(np.asarray(background, dtype=np.float64), (light.shape[0], light.shape[2]))
     if pooled:
         light, ambient, saturated = _pool(light, ambient, saturated)
-    whole_numbers = stored.dtype in (np.uint8, np.uint16) and camera.tone_curve == "linear" and not pooled
     tones = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
     estimate = _dft if method == "dft" else _fit
     ratio = 1.0 if waveform == "tone" else 2 * np.sinc(duty)
@@ -69,7 +68,7 @@ def _tone_gain(
     results = []
     for frame, b, s in zip(light, ambient, saturated, strict=True):
         fits = zip(tones, estimate(frame, tones * camera.row_period, harmonics_of), strict=True)
-        gains = [_gain(parts, flags, f, camera, ratio, b, s, whole_numbers, len(frame)) for f, (parts, flags) in fits]
+        gains = [_gain(parts, flags, f, camera, ratio, b, s) for f, (parts, flags) in fits]
         results.append([np.stack(values) for values in zip(*gains, strict=True)])
     arrays = [np.stack(values, axis=1) for values in zip(*results, strict=True)]  # (tones, frames, columns)
     if folds:
@@ -304,20 +303,6 @@ def _dft(frame: FloatArray, cycles: FloatArray, _harmonics_of: Any) -> Any:
         yield (mean, line.real, -line.imag, noise, np.diag([1 / rows, 2 / rows, 2 / rows])), flags
 
 
-def _rounding_pull(amplitude: FloatArray, noise: FloatArray, cycles: float, rows: int) -> FloatArray:
-    """RMS bias of an amplitude by rounding, in steps (Widrow's series, RMS over the position between two codes).
-
-    Phases that come again after some rows see fewer levels than a sine has.
-    """
-    levels = 8.21 * np.maximum(amplitude, 0.1)
-    for period in range(1, 65):
-        drift = abs(cycles * period - np.rint(cycles * period)) / period * rows
-        levels = np.minimum(levels, period * (1 + 4 * amplitude * drift))
-    own = np.maximum(noise - (1 + 1.8 / np.sqrt(levels)) / 12, 0)
-    own = np.where((amplitude < 1) & (noise < 0.3), 0.0, own)
-    return np.asarray(np.exp(-2 * np.pi**2 * own) / (np.pi * np.sqrt(levels)))
-
-
 def _gain(
     parts: Any,
     flags: Flag,
@@ -326,8 +311,6 @@ def _gain(
     ratio: float,
     ambient: FloatArray,
     saturated: Any,
-    whole_numbers: bool,
-    rows: int,
 ) -> tuple[FloatArray, ...]:
     """Gain, its standard error by the delta method, phase, mean, signal-to-noise ratio and flags of each column."""
     mean, a, b, noise, covariance = parts
@@ -358,10 +341,6 @@ def _gain(
     unknown = (masks & np.uint32(Flag.UNRESOLVABLE | Flag.NO_LIGHT)) != 0
     weak = (power < 9 * radial) | (power <= (1e-9 * mean) ** 2)
     masks[~unknown & weak] |= np.uint32(Flag.WEAK)
-    if whole_numbers:
-        with np.errstate(invalid="ignore"):
-            pulled = _rounding_pull(amplitude, noise, frequency * camera.row_period, rows) > np.sqrt(radial)
-        masks[~unknown & ~weak & pulled] |= np.uint32(Flag.QUANTISED)
     values = [np.where(unknown, np.nan, x) for x in (gain, std, phase)]
     return (*values, mean, np.where(unknown, np.nan, snr), masks)
 
