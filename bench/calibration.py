@@ -33,7 +33,7 @@ from ocisac_fast.packets import PacketFormat
 from ocisac_fast.plots import BLACK, BLUE, picture
 from ocisac_fast.receiver.stream import ReceivedFrame, Receiver
 from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
-from studies.reporting import fill_markers
+from studies.reporting import fill_markers, markdown
 
 FRAMES, ROWS, COLUMNS, ROW_TIME, FRAME_TIME = 20, 1080, 64, 22.2e-6, 1 / 30
 PAYLOAD = np.random.default_rng(77).bytes(100)
@@ -217,22 +217,19 @@ def name_of(decade: int) -> str:
 
 def table(counts: Counts) -> str:
     """Markdown: a line for each decade, and the totals."""
-    lines = ["| rate told | chips | wrong | share | mean rate told | within a factor of two |"]
-    lines += ["|---|---:|---:|---:|---:|---|"]
+    rows = []
     for k in range(DECADES):
         chips, good = int(counts.chips[k]), counts.calibrated(k)
         share, told = (f"{value / max(chips, 1):.1e}" for value in (counts.wrong[k], counts.expected[k]))
         words = {None: f"fewer than {MIN_WRONG} wrong, seen and told", True: "yes", False: "**no**"}[good]
-        lines.append(f"| {name_of(k)} | {chips} | {counts.wrong[k]} | {share} | {told} | {words} |")
-    return "\n".join(
-        [
-            *lines,
-            "",
-            f"{counts.chips.sum()} chips of {counts.read} frames ({counts.frames} filmed, {counts.draws} draws), "
-            f"{counts.wrong.sum()} wrong; {counts.payloads} draws with a payload in {FRAMES} frames, "
-            f"{counts.wrong_payloads} wrong payloads; {counts.silent} frames with over 5 % wrong chips and a rate told "
-            "below 1 %.",
-        ]
+        rows.append((name_of(k), str(chips), str(counts.wrong[k]), share, told, words))
+    names = ("rate told", "chips", "wrong", "share", "mean rate told", "within a factor of two")
+    return (
+        f"{markdown('lrrrrl', names, rows)}\n\n"
+        f"{counts.chips.sum()} chips of {counts.read} frames ({counts.frames} filmed, {counts.draws} draws), "
+        f"{counts.wrong.sum()} wrong; {counts.payloads} draws with a payload in {FRAMES} frames, "
+        f"{counts.wrong_payloads} wrong payloads; {counts.silent} frames with over 5 % wrong chips and a rate told "
+        "below 1 %."
     )
 
 

@@ -20,7 +20,7 @@ from calibration import Draw
 from ocisac_fast import transmit
 from ocisac_fast.packets import PacketFormat
 from ocisac_fast.plots import BLUE, RED, picture
-from studies.reporting import fill_markers
+from studies.reporting import fill_markers, markdown
 
 EXPOSURE = 5 / 8e3  # s, five chips
 CLEAN = dataclasses.replace(
@@ -116,12 +116,12 @@ def percent(share: float) -> str:
 
 def table(results: list[Read]) -> str:
     """Markdown: a line for each case."""
-    lines = ["| what goes wrong | payload after | chips | wrong | told | flags |", "|---|---:|---:|---:|---:|---|"]
+    rows = []
     for (title, _), result in zip(CASES, results, strict=True):
         after = "–" if result.payload is None else f"{result.payload} frames"
-        cells = (title, after, str(result.chips), percent(result.wrong / max(result.chips, 1)), percent(result.told))
-        lines.append(f"| {' | '.join(cells)} | {', '.join(name.upper() for name in result.flags)} |")
-    return "\n".join(lines)
+        rates = percent(result.wrong / max(result.chips, 1)), percent(result.told)
+        rows.append((title, after, str(result.chips), *rates, ", ".join(name.upper() for name in result.flags)))
+    return markdown("lrrrrl", ("what goes wrong", "payload after", "chips", "wrong", "told", "flags"), rows)
 
 
 def main() -> int:

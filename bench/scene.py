@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import pathlib
-import time
+import timeit
 from collections.abc import Callable
 
 import numpy as np
@@ -25,12 +25,7 @@ REPEATS = 15
 
 def shortest(work: Callable[[], object], repeats: int = REPEATS) -> float:
     """Minimum time of several runs, s."""
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return min(times)
+    return min(timeit.repeat(work, number=1, repeat=repeats))
 
 
 def full_hd(scene: Scene) -> Scene:
@@ -61,9 +56,9 @@ def main() -> None:
     arguments.add_argument("--tolerances", action="store_true", help="time and error over tolerances")
     options = arguments.parse_args()
     testbed = full_hd(load_scene(TESTBED))
-    start = time.perf_counter()
+    start = timeit.default_timer()
     expected = render_scene(testbed, subexposures=64)[0]
-    brute = time.perf_counter() - start
+    brute = timeit.default_timer() - start
     plan = testbed.plan(tolerance=0.5)
     frame = shortest(lambda: frame_of(plan))
     planned = shortest(lambda: testbed.plan(tolerance=0.5), 3)

@@ -177,13 +177,13 @@ def against_peers(seconds: float, missing: list[str]) -> Iterator[Figure]:
     """Time of each peer over that of the library, in three settings."""
     aims = {"cv2.dft batched float32": (25, 15), "scipy.fft.rfft float32": (25, 15), "numpy.fft.rfft": (70, 50)}
     for name, (first, second) in aims.items():
-        library, make = PEERS[name]
+        library, by_peer = PEERS[name]
         if importlib.util.find_spec(library) is None:
             missing.append(name)
             continue
         for cycles, efficiency, limit in ((SLOW, 0.99, first), (FAST, 0.99, second), (FAST, 1.0, second)):
             title = f"{name} / gain, f·T_r = {cycles / ROWS:.3f}, efficiency {efficiency:g}"
-            peer = checked(make(ROWS, COLUMNS, cycles), cycles, name)
+            peer = checked(functools.partial(by_peer, k=cycles), cycles, name)
             own = checked(gains(cycles, efficiency), cycles, title)
             timing = in_blocks(peer, own, pool(), seconds)
             yield figure_of(title, timing, limit, at_most=False)
@@ -332,7 +332,7 @@ def paper_gains(seconds: float) -> Iterator[Figure]:
 
         own = checked(paper, cycles, name)
         if importlib.util.find_spec("cv2") is not None:
-            peer = checked(PEERS["cv2.dft batched float32"][1](ROWS, COLUMNS, cycles), cycles, "cv2.dft")
+            peer = checked(functools.partial(PEERS["cv2.dft batched float32"][1], k=cycles), cycles, "cv2.dft")
             yield figure_of(name, in_blocks(own, peer, pool(), seconds, (4, 4)), 1.0)
 
 

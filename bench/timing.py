@@ -26,11 +26,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from chip_frames import ROWS, ChipFrame
 
 from ocisac_fast.chips import (
     ChannelEstimate,
     ChipClock,
-    chip_llr,
     clock_bounds,
     detector_error_rates,
     expose_chips,
@@ -39,7 +39,6 @@ from ocisac_fast.chips import (
     refine_channel,
 )
 
-ROWS = 1080
 EXPOSURES = (0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0)  # chips
 ROWS_PER_CHIP = (2.0, 4.0, 7.0)
 NOISES = (0.01, 0.02, 0.04)  # of the swing
@@ -50,29 +49,29 @@ DECODABLE = 1e-2  # error rate for a known channel above which the channel limit
 LONGEST_TRELLIS = 10.5  # chips; above, the reduced search replaces maximum likelihood (tests compare them)
 
 
-@dataclass
-class Frame:
-    """One column of a simulated frame and its true parameters."""
+@dataclass(frozen=True)
+class Frame(ChipFrame):
+    """A frame with a preamble."""
 
-    chips: np.ndarray
-    first: int
-    clock: ChipClock
-    noise: float
-    rows: np.ndarray
     preamble_chip: int  # number of the preamble's first chip
 
     @property
-    def whole(self) -> np.ndarray:
+    def inner(self) -> np.ndarray:
         """Numbers of the chips compared: one exposure away from both edges."""
         edge = math.ceil(self.clock.exposure_rows / self.clock.rows_per_chip) + 1
         return np.arange(edge, int(ROWS / self.clock.rows_per_chip) - edge)
 
-    def errors(self, chips: np.ndarray, first: int, shift: int) -> int:
+    def wrong(self, chips: np.ndarray, first: int, shift: int) -> int:
         """Number of wrong `chips`, the first of which is number first + shift here."""
-        at = self.whole - shift - first
+        at = self.inner - shift - first
         inside = (at >= 0) & (at < len(chips))
-        sent = self.chips[self.whole - self.first]
+        sent = self.chips[self.inner - self.first]
         return int(np.sum(~inside) + np.sum(chips[at[inside]] != sent[inside]))
+
+    def wrong_if_known(self) -> int:
+        """Errors for known clock, exposure, levels and noise."""
+        trellis = self.clock.exposure_rows <= LONGEST_TRELLIS * self.clock.rows_per_chip
+        return self.wrong(self.detect("mlse" if trellis else "reduced") > 0, self.first, 0)
 
 
 def make_frame(random: np.random.Generator, rows_per_chip: float, exposure: float, noise: float) -> Frame:
@@ -84,38 +83,19 @@ def make_frame(random: np.random.Generator, rows_per_chip: float, exposure: floa
     chips[at : at + len(LENGTHENED)] = LENGTHENED
     length = exposure * (1 + random.uniform(-0.03, 0.03))
     clock = ChipClock(rows_per_chip=period, phase=random.uniform(0, period), exposure_rows=length * period)
-    rows = 20 + 100 * (expose_chips(chips, ROWS, clock, first=first) + noise * random.standard_normal(ROWS))
+    rows = expose_chips(chips, ROWS, clock, first=first) + noise * random.standard_normal(ROWS)
     return Frame(chips, first, clock, noise, rows, first + at)
-
-
-def genie(frame: Frame) -> int:
-    """Errors for known clock, exposure, levels and noise."""
-    period, phase, exposure = frame.clock.rows_per_chip, frame.clock.phase, frame.clock.exposure_rows
-    first = math.floor((-exposure / 2 - phase) / period)
-    count = math.floor((ROWS - 1 + exposure / 2 - phase) / period) - first + 1
-    chips = (
-        chip_llr(
-            (frame.rows - 20) / 100,
-            frame.clock,
-            noise=frame.noise,
-            first=first,
-            count=count,
-            method="mlse" if exposure <= LONGEST_TRELLIS * period else "reduced",
-        )
-        > 0
-    )
-    return frame.errors(chips, first, 0)
 
 
 def estimate(frame: Frame, rows_per_chip: float) -> tuple[ChannelEstimate, int, float] | None:
     """Channel, errors and seconds from the rows and the preamble alone."""
-    begin = time.perf_counter()
-    matches = find_preamble(frame.rows, LENGTHENED, rows_per_chip=rows_per_chip)
-    found = refine_channel(frame.rows, matches[0].channel, known=LENGTHENED) if matches else None
+    rows, begin = 20 + 100 * frame.rows, time.perf_counter()
+    matches = find_preamble(rows, LENGTHENED, rows_per_chip=rows_per_chip)
+    found = refine_channel(rows, matches[0].channel, known=LENGTHENED) if matches else None
     seconds = time.perf_counter() - begin
     if found is None:
         return None
-    return found.channel, frame.errors(found.chips, found.first, frame.preamble_chip), seconds
+    return found.channel, frame.wrong(found.chips, found.first, frame.preamble_chip), seconds
 
 
 def pooled_off(relative: np.ndarray, errors: np.ndarray) -> np.ndarray:
@@ -130,12 +110,12 @@ def measure(rows_per_chip: float, exposure: float, noise: float, frames: int) ->
     seconds, relative, bounds, own = 0.0, [], [], []
     for _ in range(frames):
         frame = make_frame(random, rows_per_chip, exposure, noise)
-        chips += len(frame.whole)
-        wrong_genie += genie(frame)
+        chips += len(frame.inner)
+        wrong_genie += frame.wrong_if_known()
         found = estimate(frame, rows_per_chip)
         if found is None:
             lost += 1
-            wrong += len(frame.whole)
+            wrong += len(frame.inner)
             continue
         channel, errors, spent = found
         wrong += errors

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ocisac_fast.files import atomic_path
@@ -33,6 +33,13 @@ def fill_markers(path: str | os.PathLike[str], kind: str, blocks: Mapping[str, s
         Path(temporary).write_text(result, encoding="utf-8")
 
 
-def number(value: float) -> str:
-    """Three digits."""
-    return f"{value:.3g}" if 1e-3 <= abs(value) < 1e5 or value == 0.0 else f"{value:.1e}"
+def markdown(sides: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table; ``sides``: of each column, l (left) or r (right)."""
+    head, *lines = (f"| {' | '.join(cells)} |" for cells in (headings, *rows))
+    ruler = "|".join("---:" if side == "r" else "---" for side in sides)
+    return "\n".join([head, f"|{ruler}|", *lines])
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number of three digits, or so many; of very small and large ones a digit less."""
+    return f"{value:.{digits}g}" if 1e-3 <= abs(value) < 1e5 or value == 0.0 else f"{value:.{digits - 2}e}"

@@ -20,14 +20,14 @@ BENCH = Path(__file__).parents[2] / "bench"
 @pytest.mark.parametrize("name", peers.PEERS)
 @pytest.mark.parametrize("columns", [64, 70])
 def test_peers_are_the_fourier_sum_of_the_frame(name, columns):
-    library, make = peers.PEERS[name]
+    library, peer = peers.PEERS[name]
     if importlib.util.find_spec(library) is None:
         pytest.skip(library)
     turns = np.arange(240)[:, None] / 240 * 6 + np.linspace(0.0, 1.0, columns)
     frame = np.rint(120.0 + 60.0 * np.cos(2.0 * np.pi * turns)).astype(np.uint8)
     line = np.exp(-2j * np.pi * 6 * np.arange(240) / 240) @ frame
     expected = 2.0 * np.abs(line) / frame.sum(axis=0, dtype=np.float64)
-    np.testing.assert_allclose(make(240, columns, 6)(frame), expected, atol=2e-5)
+    np.testing.assert_allclose(peer(frame, 6), expected, atol=2e-5)
 
 
 def printed(script, *arguments):

@@ -24,7 +24,7 @@ from studies.chart.panels import (
     measure,
     pareto_front,
 )
-from studies.reporting import fill_markers, number
+from studies.reporting import fill_markers, markdown, number
 
 
 def write_table(path: Path, measured: Measured) -> None:
@@ -41,21 +41,19 @@ def write_table(path: Path, measured: Measured) -> None:
 
 def blocks(measured: Measured, quick: bool) -> dict[str, str]:
     """Figures of a text: ``setting`` (machine and effort), ``fit`` (its place in every scene), and every scene."""
-    lines = ["| scene | fit | time | error | beaten by |", "|---|---|---:|---:|---|"]
-    texts = {"setting": _setting(quick)}
+    fits, texts = [], {"setting": _setting(quick)}
     for scene, points in measured:
         if scene is not FAST_TONE:
             fit, other = best_fit(points)
-            verdict = "none" if other is None else f"{other.method.name} ({_numbers(other, ', ')})"
-            lines.append(f"| {scene.title} | {fit.method.name} | {_numbers(fit)} | {verdict} |")
+            verdict = "none" if other is None else f"{other.method.name} ({', '.join(_numbers(other))})"
+            fits.append((scene.title, fit.method.name, *_numbers(fit), verdict))
         shown = points if scene is FAST_TONE else best_of_families(points)
-        table = [f"| method | {COST} | {ERROR} |", "|---|---:|---:|"]
-        texts[scene.name] = "\n".join(table + [f"| {p.method.name} | {_numbers(p)} |" for p in shown])
-    return texts | {"fit": "\n".join(lines)}
+        texts[scene.name] = markdown("lrr", ("method", COST, ERROR), [(p.method.name, *_numbers(p)) for p in shown])
+    return texts | {"fit": markdown("llrrl", ("scene", "fit", "time", "error", "beaten by"), fits)}
 
 
-def _numbers(point: Point, between: str = " | ") -> str:
-    return f"{number(point.cost)}{between}{number(point.error)}"
+def _numbers(point: Point) -> tuple[str, str]:
+    return number(point.cost), number(point.error)
 
 
 def _setting(quick: bool) -> str:

@@ -123,6 +123,6 @@ def one_thread() -> Iterator[None]:
         yield
 
 
-def root_mean_square(values: npt.ArrayLike) -> float:
+def rms(values: npt.ArrayLike) -> float:
     """Root mean square; NaN if any value is."""
     return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))

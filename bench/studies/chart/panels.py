@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from studies.chart.measuring import Bytes, Timing, one_thread, pool_of_frames, read_in_turn, root_mean_square
+from studies.chart.measuring import Bytes, Timing, one_thread, pool_of_frames, read_in_turn, rms
 from studies.chart.methods import GAIN_METHODS, GainMethod
 from studies.chart.scenes import SCENES, Scene
 
@@ -66,7 +66,7 @@ def measure_scene(
     for method in methods:
         if method.installed:
             estimate = method.prepare(narrower)
-            error = root_mean_square([estimate(frame) - scene.gain for frame in every]) / bound
+            error = rms([estimate(frame) - scene.gain for frame in every]) / bound
             timing = _timing(method, scene if method.timed_per_scene else SCENES[0], seconds)
             yield Point(scene.name, method, timing.ratio, error, timing.seconds)
 

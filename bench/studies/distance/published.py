@@ -20,8 +20,6 @@ Float64s = npt.NDArray[np.float64]
 # Matus et al., Sensors 20 (2020) 757: largest correlation with the chips sent; clipped at a share of the peak.
 MATUS_CHIP, MATUS_EXPOSURE = 1 / 3600, 300e-6  # s
 MATUS = {1.0: 0.887, 0.6: 0.859, 0.4: 0.748}
-# Jurado-Verdu et al., Optics Express 29 (2021) 22973: Manchester code, error rate below 1e-5 at this exposure.
-AUTOENCODER_SYMBOLS, AUTOENCODER_ERRORS = 7, 1e-5
 # Rajagopal et al., IPSN 2014: lights this far apart.
 RAJAGOPAL = tuple(2000.0 + 200.0 * k for k in range(1, 30))  # Hz
 

@@ -12,6 +12,7 @@ from ocisac_fast.chips import closest_pair_distance
 from studies.distance import published
 from studies.distance.links import LinkResult
 from studies.distance.sweeps import Sweep
+from studies.reporting import markdown
 
 _LONG_EXPOSURES = ((7.0, 400_000), (14.0, 400_000))  # chips of exposure, chips counted
 _Q = 1e-7  # Q(d/2 sigma) at which they are measured
@@ -20,12 +21,10 @@ _ONE_ROW_NOISE = 0.15
 
 def table(sweep: Sweep, results: Sequence[LinkResult]) -> str:
     """Markdown table of a sweep."""
-    lines = [
-        f"| {sweep.label} | rows on a lamp | payloads | everything known | chips read | wrong | everything known |",
-        "|---:|---:|---:|---:|---:|---:|---:|",
-    ]
-    for value, link, counts in zip(sweep.values, sweep.links, results, strict=True):
-        cells = (
+    known = "everything known"
+    headings = (sweep.label, "rows on a lamp", "payloads", known, "chips read", "wrong", known)
+    rows = [
+        (
             f"{value:g}",
             f"{link.rows:.0f}",
             f"{counts.received} of {counts.packets}",
@@ -34,8 +33,9 @@ def table(sweep: Sweep, results: Sequence[LinkResult]) -> str:
             _rate(counts.read_errors, counts.read),
             _rate(counts.bound_errors, counts.chips),
         )
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        for value, link, counts in zip(sweep.values, sweep.links, results, strict=True)
+    ]
+    return markdown("rrrrrrr", headings, rows)
 
 
 def _rate(wrong: int, chips: int) -> str:
@@ -61,31 +61,24 @@ def _correlation() -> str:
             abs(of(s, published.MATUS_CHIP, published.MATUS_EXPOSURE, c) - published.MATUS[c]) for c in shares
         ),
     )
-    lines = [
-        "| clipped at, of the peak | published | random chips | chips "
-        + "".join(map(str, near))
-        + " |\n|---:|---:|---:|---:|"
-    ]
+    headings = ("clipped at, of the peak", "published", "random chips", f"chips {''.join(map(str, near))}")
+    rows = []
     for share in shares:
         values = [of(s, published.MATUS_CHIP, published.MATUS_EXPOSURE, share) for s in (chips, near)]
         name = "not clipped" if share == 1.0 else f"{share:g}"
-        lines.append(f"| {name} | {published.MATUS[share]:.3f} | {values[0]:.3f} | {values[1]:.3f} |")
-    return "\n".join(lines)
+        rows.append((name, *(f"{value:.3f}" for value in (published.MATUS[share], *values))))
+    return markdown("rrrr", headings, rows)
 
 
 def _exposure() -> str:
-    lines = [
-        "| exposure / chips | noise / swing | wrong chips | error rate below (95 %) | Q(d/2σ) |",
-        "|---:|---:|---:|---:|---:|",
-    ]
+    headings = ("exposure / chips", "noise / swing", "wrong chips", "error rate below (95 %)", "Q(d/2σ)")
+    rows = []
     for exposure, chips in _LONG_EXPOSURES:
         noise = _noise_for(exposure)
         counted, predicted = published.long_exposure_errors(exposure, noise, chips)
-        lines.append(
-            f"| {exposure:g} | {noise:.4f} | {counted.wrong} of {counted.chips} | {counted.bound:.1e} "
-            f"| {predicted:.1e} |"
-        )
-    return "\n".join(lines)
+        wrong, bound = f"{counted.wrong} of {counted.chips}", f"{counted.bound:.1e}"
+        rows.append((f"{exposure:g}", f"{noise:.4f}", wrong, bound, f"{predicted:.1e}"))
+    return markdown("rrrrr", headings, rows)
 
 
 def _noise_for(exposure: float) -> float:
@@ -105,10 +98,6 @@ def _lights() -> str:
 
 def _row() -> str:
     result = published.one_row_symbol_errors(_ONE_ROW_NOISE)
-    lines = [
-        "| offset / rows | maximum likelihood | three zero-forcing taps |",
-        "|---:|---:|---:|",
-    ]
-    for k in range(0, result.offsets.size, 2):
-        lines.append(f"| {result.offsets[k]:.1f} | {result.detected[k]:.1e} | {result.three_taps[k]:.1e} |")
-    return "\n".join(lines)
+    columns = zip(result.offsets[::2], result.detected[::2], result.three_taps[::2], strict=True)
+    rows = [(f"{offset:.1f}", f"{detected:.1e}", f"{taps:.1e}") for offset, detected, taps in columns]
+    return markdown("rrr", ("offset / rows", "maximum likelihood", "three zero-forcing taps"), rows)

@@ -11,17 +11,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from studies.limits import LIMITS, Limit, Point, draw
-from studies.reporting import fill_markers
+from studies.reporting import fill_markers, markdown, number
 
 
 def table(measured: Sequence[tuple[Limit, Sequence[Point]]]) -> str:
     """Markdown: every entry at its spot."""
-    lines = ["| limit | at | error | plain | library | it reports |", "|---|---|---|---:|---:|---|"]
+    rows = []
     for limit, points in measured:
         point = limit.point_at_spot(points)
-        cells = (limit.title, f"{limit.sweep} = {point.x:g}", limit.error, _number(point.plain))
-        lines.append(f"| {' | '.join(cells)} | {_number(point.library)} | {_stated(point)} |")
-    return "\n".join(lines)
+        errors = _number(point.plain), _number(point.library)
+        rows.append((limit.title, f"{limit.sweep} = {point.x:g}", limit.error, *errors, _stated(point)))
+    return markdown("lllrrl", ("limit", "at", "error", "plain", "library", "it reports"), rows)
 
 
 def _stated(point: Point) -> str:
@@ -33,10 +33,7 @@ def _stated(point: Point) -> str:
 
 
 def _number(value: float) -> str:
-    """Two digits, one of small and large values."""
-    if math.isnan(value):
-        return "NaN"
-    return f"{value:.2g}" if 1e-3 <= abs(value) < 1e5 or value == 0.0 else f"{value:.0e}"
+    return "NaN" if math.isnan(value) else number(value, 2)
 
 
 def main(arguments: list[str] | None = None) -> None:

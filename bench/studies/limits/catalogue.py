@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.tones.gain import ToneGain
+from studies.chart.measuring import rms as rms
 
 Float64s = npt.NDArray[np.float64]
 Measuring = Callable[[], "Iterator[Point]"]
@@ -95,11 +96,6 @@ def limit(title: str, sweep: str, error: str = "RMS error of the gain", **about:
         LIMITS.append(Limit(name, title, sweep, error, measure=lambda: list(measure()), **about))
 
     return enter
-
-
-def rms(values: npt.ArrayLike) -> float:
-    """Root of the mean square; NaN if any value is."""
-    return float(np.sqrt(np.mean(np.square(np.asarray(values, dtype=np.float64)))))
 
 
 def shared_flags(masks: npt.NDArray[np.uint32]) -> Flag:

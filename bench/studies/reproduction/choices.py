@@ -15,12 +15,6 @@ PRINTED_MEAN, PRINTED_LARGEST = 0.0571, 0.3662  # the paper's deviations of its 
 SLOWEST = 100.0  # Hz, f_min of figure 13
 
 
-def objective(exposure: npt.ArrayLike, *frequencies: float) -> FloatArray:
-    """Y(T) = sum of |sin(pi f T)| / (pi f), s (eq. 18, with magnitudes)."""
-    time = np.asarray(exposure, dtype=np.float64)
-    return np.asarray(sum(np.abs(np.sin(np.pi * f * time)) / (np.pi * f) for f in frequencies))
-
-
 def signed_objective(exposure: npt.ArrayLike, *frequencies: float) -> FloatArray:
     """Eq. 18 as printed, without magnitudes."""
     time = np.asarray(exposure, dtype=np.float64)
@@ -34,13 +28,11 @@ class Deviations:
     Attributes:
         inverse_ratio: (100,) 1/epsilon = f_min/f_max, 0.01 ... 1.
         exact, closed_form: (100,) objective, s.
-        exact_exposure: (100,) s.
     """
 
     inverse_ratio: FloatArray
     exact: FloatArray
     closed_form: FloatArray
-    exact_exposure: FloatArray
 
     @property
     def loss(self) -> FloatArray:
@@ -54,5 +46,4 @@ def deviations() -> Deviations:
     fast = SLOWEST / inverse_ratio
     exact = best_exposure(fast, SLOWEST)
     closed = best_exposure(fast, SLOWEST, method="closed-form")
-    objectives = (np.asarray(exact.objective), np.asarray(closed.objective))
-    return Deviations(inverse_ratio, *objectives, np.asarray(exact.exposure))
+    return Deviations(inverse_ratio, np.asarray(exact.objective), np.asarray(closed.objective))

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ocisac_fast.exposure.choice import best_exposure
+from ocisac_fast import demo
+from ocisac_fast.exposure.choice import best_exposure, exposure_objective
 from ocisac_fast.light.response import exposure_response
 from ocisac_fast.plots import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, picture
 from ocisac_fast.tones.gain import tone_gain
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 _WHITE = {"color": "white", "pad": 1.0, "alpha": 0.8}  # background of text on lines
-_EXPOSURE_COLOURS = dict(zip(testbed.EXPOSURES, (GREEN, ORANGE, BLUE, PURPLE), strict=True))
+_EXPOSURE_COLOURS = dict(zip(demo.EXPOSURES, (GREEN, ORANGE, BLUE, PURPLE), strict=True))
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def _response_and_lines(canvas: Canvas, results: Sequence[GainResult]) -> None:
     both = [testbed.record(each, 24, 0)[:, :, 0].astype(float) for each in (communication, sensing)]
     pixel = (both[0] + both[1]) / 2.0  # half of the light from each
     tones = np.array([light, sensing.frequency])
-    mean_of_one = testbed.SWING / 4.0
+    mean_of_one = demo.SWING / 4.0
     columns = pixel[..., np.newaxis]
     found = tone_gain(columns, communication.camera, tones, waveform="square", background=mean_of_one)
     amplitude = found.gain.mean(axis=(1, 2))
@@ -88,7 +89,7 @@ def _objective_over_exposure(canvas: Canvas, results: Sequence[GainResult]) -> N
     left.set(xlabel="frequency / Hz", ylabel="gain", title="Figure 6: the response moves with Tₑ", ylim=(0.0, 1.06))
     left.legend(loc="upper right")
     time = np.linspace(1e-6, 1.0 / motion, 2000)
-    right.plot(1e3 * time, 1e3 * choices.objective(time, light, motion), color=BLACK, label="Y(Tₑ), magnitudes")
+    right.plot(1e3 * time, 1e3 * exposure_objective(time, light, motion), color=BLACK, label="Y(Tₑ), magnitudes")
     signed = choices.signed_objective(time, light, motion)
     right.plot(1e3 * time, 1e3 * signed, color=RED, lw=0.9, ls="--", label="eq. 18 as printed")
     best = best_exposure(light, motion)
@@ -100,19 +101,19 @@ def _objective_over_exposure(canvas: Canvas, results: Sequence[GainResult]) -> N
 def _pictures(canvas: Canvas, results: Sequence[GainResult]) -> None:
     """Figure 9: stored pictures, and a column of each."""
     communication = [Setting("communication", 200.0, exposure) for exposure in (2404e-6, 1202e-6, 622e-6)]
-    sensing = [Setting("sensing", grating, 1202e-6) for grating in testbed.GRATINGS]
+    sensing = [Setting("sensing", grating, 1202e-6) for grating in demo.GRATINGS]
     rows = canvas.subplots(4, 3, height_ratios=(1.3, 1.0, 1.3, 1.0))
     for k, (kind, chosen) in enumerate((("a", communication), ("b", sensing))):
         for column, setting in enumerate(chosen):
-            frame = testbed.record(setting, 1, 0, testbed.COLUMNS)[0]
+            frame = testbed.record(setting, 1, 0, demo.COLUMNS)[0]
             top, below = rows[2 * k, column], rows[2 * k + 1, column]
             top.imshow(frame, cmap="gray", vmin=0, vmax=255, aspect="auto", interpolation="nearest")
             top.grid(False)
             top.set(xticks=[], ylabel="row" if column == 0 else "")
             name = f"{setting.frequency:.1f} Hz, {1e6 * setting.exposure:.0f} µs"
             top.set_title(f"Figure 9{kind} ({'ABC'[column]}): {name}")
-            below.plot(frame[:, testbed.COLUMNS // 2], ".", color=_EXPOSURE_COLOURS[setting.exposure], ms=2.0)
-            below.set(xlim=(0, testbed.ROWS), ylim=(0.0, 255.0), ylabel="DN" if column == 0 else "")
+            below.plot(frame[:, demo.COLUMNS // 2], ".", color=_EXPOSURE_COLOURS[setting.exposure], ms=2.0)
+            below.set(xlim=(0, demo.ROWS), ylim=(0.0, 255.0), ylabel="DN" if column == 0 else "")
             below.set_xlabel("row" if k else "")
 
 
@@ -120,11 +121,11 @@ def _gains(canvas: Canvas, results: Sequence[GainResult], kind: str, number: int
     """Figures 10 and 11: mean gains over frequency, one panel per exposure."""
     results = [result for result in results if result.setting.kind == kind]
     panels = canvas.subplots(1, 4, sharey=True)
-    for axes, exposure in zip(panels, testbed.EXPOSURES, strict=True):
+    for axes, exposure in zip(panels, demo.EXPOSURES, strict=True):
         chosen = [result for result in results if result.setting.exposure == exposure]
         _gain_panel(axes, chosen, exposure)
     panels[0].set_ylabel("mean gain")
-    panels[0].set_title(f"Figure {number}: {kind}, Tₑ = {1e6 * testbed.EXPOSURES[0]:.0f} µs")
+    panels[0].set_title(f"Figure {number}: {kind}, Tₑ = {1e6 * demo.EXPOSURES[0]:.0f} µs")
     panels[-1].legend(loc="upper right")
 
 
@@ -175,7 +176,7 @@ def _optimum_and_closed_form(canvas: Canvas, results: Sequence[GainResult]) -> N
     for motion, colour in zip((100.0, 150.0, 200.0), (GREEN, ORANGE, BLUE), strict=True):
         time = np.linspace(1e-6, 1e-2, 4000)
         axes.plot(
-            1e3 * time, 1e3 * choices.objective(time, 200.0, motion), color=colour, label=f"f_x v = {motion:.0f} Hz"
+            1e3 * time, 1e3 * exposure_objective(time, 200.0, motion), color=colour, label=f"f_x v = {motion:.0f} Hz"
         )
         exact = best_exposure(200.0, motion)
         closed = best_exposure(200.0, motion, method="closed-form")
@@ -213,10 +214,10 @@ def _deviations(canvas: Canvas, results: Sequence[GainResult]) -> None:
 
 def table_rows() -> list[list[str]]:
     """Table 2: printed values and those of the virtual testbed."""
-    truth = ", ".join(f"{testbed.true_grating(g):.2f}" for g in testbed.GRATINGS)
-    periods = ", ".join(f"{g * np.pi * testbed.RING_DIAMETER:.1f}" for g in testbed.GRATINGS)
-    whole = ", ".join(str(testbed.periods_on_ring(g)) for g in testbed.GRATINGS)
-    motion = ", ".join(f"{Setting('sensing', g, 0.0).frequency:.1f}" for g in testbed.GRATINGS)
+    truth = ", ".join(f"{testbed.true_grating(g):.2f}" for g in demo.GRATINGS)
+    periods = ", ".join(f"{g * np.pi * demo.RING_DIAMETER:.1f}" for g in demo.GRATINGS)
+    whole = ", ".join(str(demo.periods_on_ring(g)) for g in demo.GRATINGS)
+    motion = ", ".join(f"{Setting('sensing', g, 0.0).frequency:.1f}" for g in demo.GRATINGS)
     return [
         ["resolution W × N", "1080 × 720", "1080 × 720; rows are read along N"],
         ["frame rate", "30 /s", "30 /s, clock 70 ppm slow: phases spread over the frames"],
@@ -234,7 +235,7 @@ def table_rows() -> list[list[str]]:
         [
             "noise, bits",
             "–",
-            f"{testbed.NOISE:g} DN of a swing of {testbed.SWING:g}, 8 bits, dark level {testbed.DARK_LEVEL:g}",
+            f"{demo.NOISE:g} DN of a swing of {demo.SWING:g}, 8 bits, dark level {demo.DARK_LEVEL:g}",
         ],
     ]
 

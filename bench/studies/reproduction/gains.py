@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ocisac_fast import demo
 from ocisac_fast.tones.gain import tone_gain
-from studies.reproduction.testbed import FRAMES, ROW_TIME, ROWS, Setting, record
+from studies.reproduction.testbed import FRAMES, Setting, record
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class GainResult:
     @property
     def bin(self) -> float:
         """m before rounding: cycles in the frame, N T_r f."""
-        return ROWS * ROW_TIME * self.setting.frequency
+        return demo.ROWS * demo.ROW_TIME * self.setting.frequency
 
     @property
     def deviation(self) -> float:

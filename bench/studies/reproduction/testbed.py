@@ -9,23 +9,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast import demo
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.demo import (
-    COLUMNS as COLUMNS,
-    COMMUNICATION as COMMUNICATION,
-    DARK_LEVEL as DARK_LEVEL,
-    EXPOSURES as EXPOSURES,
-    FRAMES_PER_SECOND as FRAMES_PER_SECOND,
-    GRATINGS as GRATINGS,
-    NOISE as NOISE,
-    RING_DIAMETER as RING_DIAMETER,
-    ROW_TIME as ROW_TIME,
-    ROWS as ROWS,
-    SWING as SWING,
-    TURNS_PER_SECOND as TURNS_PER_SECOND,
-    motion_frequency as motion_frequency,
-    periods_on_ring as periods_on_ring,
-)
 from ocisac_fast.light.response import exposure_response
 from ocisac_fast.light.waveforms import Constant, SquareWave
 from ocisac_fast.scene import (
@@ -56,12 +41,12 @@ Kind = Literal["communication", "sensing"]
 
 def speed() -> float:
     """Speed of the grating, m/s: v = pi D N."""
-    return math.pi * RING_DIAMETER * TURNS_PER_SECOND
+    return math.pi * demo.RING_DIAMETER * demo.TURNS_PER_SECOND
 
 
 def true_grating(grating: float) -> float:
     """Periods per metre of the ring with a whole number of periods."""
-    return periods_on_ring(grating) / (math.pi * RING_DIAMETER)
+    return demo.periods_on_ring(grating) / (math.pi * demo.RING_DIAMETER)
 
 
 @dataclass(frozen=True)
@@ -81,12 +66,12 @@ class Setting:
     @property
     def frequency(self) -> float:
         """Frequency of the light in a pixel, Hz: f_c, or f_x v of the ring with a whole number of periods."""
-        return self.nominal if self.kind == "communication" else motion_frequency(self.nominal)
+        return self.nominal if self.kind == "communication" else demo.motion_frequency(self.nominal)
 
     @property
     def camera(self) -> Camera:
-        frame_time = (1.0 + CLOCK_OFFSET) / FRAMES_PER_SECOND
-        return Camera(ROW_TIME, self.exposure, frame_time, dark_level=DARK_LEVEL)
+        frame_time = (1.0 + CLOCK_OFFSET) / demo.FRAMES_PER_SECOND
+        return Camera(demo.ROW_TIME, self.exposure, frame_time, dark_level=demo.DARK_LEVEL)
 
     @property
     def theory(self) -> float:
@@ -96,9 +81,9 @@ class Setting:
 
 def settings() -> list[Setting]:
     """The 12 settings of communication and the 12 of sensing, in ascending order of frequency, then exposure."""
-    lights: list[tuple[Kind, float]] = [("communication", f) for f in COMMUNICATION]
-    gratings: list[tuple[Kind, float]] = [("sensing", g) for g in GRATINGS]
-    return [Setting(kind, nominal, exposure) for kind, nominal in lights + gratings for exposure in EXPOSURES]
+    lights: list[tuple[Kind, float]] = [("communication", f) for f in demo.COMMUNICATION]
+    gratings: list[tuple[Kind, float]] = [("sensing", g) for g in demo.GRATINGS]
+    return [Setting(kind, nominal, exposure) for kind, nominal in lights + gratings for exposure in demo.EXPOSURES]
 
 
 def scene(setting: Setting, columns: int, turn: float) -> Scene:
@@ -107,12 +92,14 @@ def scene(setting: Setting, columns: int, turn: float) -> Scene:
     The lampshade is the plane that touches the ring in front of the LED; its bars have the pitch of the ring. In
     recordings of communication it is static, with a slot in front of the middle column.
     """
-    lens = Pinhole(columns=columns, rows=ROWS, focal_length=FOCAL_LENGTH, pixel_pitch=PIXEL_PITCH)
-    sensor = Sensor(SWING / setting.exposure, bit_depth=8, full_well=FULL_WELL, read_noise=NOISE * FULL_WELL / 255.0)
+    lens = Pinhole(columns=columns, rows=demo.ROWS, focal_length=FOCAL_LENGTH, pixel_pitch=PIXEL_PITCH)
+    sensor = Sensor(
+        demo.SWING / setting.exposure, bit_depth=8, full_well=FULL_WELL, read_noise=demo.NOISE * FULL_WELL / 255.0
+    )
     flickers = setting.kind == "communication"
     light = SquareWave(setting.frequency, phase=2.0 * math.pi * turn) if flickers else Constant(1.0)
-    lamp = Source(Rectangle(0.2, 0.2), Pose((0.0, 0.0, DISTANCE + RING_DIAMETER / 2.0)), light)
-    grating = GRATINGS[0] if flickers else setting.nominal
+    lamp = Source(Rectangle(0.2, 0.2), Pose((0.0, 0.0, DISTANCE + demo.RING_DIAMETER / 2.0)), light)
+    grating = demo.GRATINGS[0] if flickers else setting.nominal
     bars = Grating(true_grating(grating), phase=0.0 if flickers else -2.0 * math.pi * turn)
     shade = Mask(Rectangle(0.2, 0.2), Pose((0.0, 0.0, DISTANCE)), pattern=bars, speed=0.0 if flickers else speed())
     return Scene(lens, setting.camera, sensor, sources=(lamp,), masks=(shade,))
