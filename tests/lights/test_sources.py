@@ -434,6 +434,21 @@ def test_rows_that_are_noise_are_no_light(spread):
         assert any(abs(s.frequency * ROW_TIME - 0.07) < 1e-3 for s in detect_sources(stored(picture + light), CAMERA))
 
 
+@pytest.mark.parametrize(("correlation", "most"), [(0.3, 3), (0.6, 5), (0.9, 15)])
+def test_coloured_noise_of_rows_is_seldom_a_light(correlation, most):
+    """First-order autoregressive noise of 2 % of the light; data of that depth have a clock."""
+    random = np.random.default_rng(15)
+    noise = random.normal(0, 2.5, (100, 500))
+    for n in range(1, 500):
+        noise[:, n] = correlation * noise[:, n - 1] + np.sqrt(1 - correlation**2) * noise[:, n]
+    pictures = random.normal(128, 2, (100, 400, 100))
+    found = [detect_sources(stored(p + n[100:, None]), CAMERA) for p, n in zip(pictures, noise, strict=True)]
+    assert sum(map(bool, found)) <= most
+    chips = Chips(random.integers(0, 2, 400).astype(float).tolist(), 1 / (8 * ROW_TIME))
+    light = 5 * integrate_exposure(chips, CAMERA, 400)[:, None]
+    assert all(detect_sources(stored(picture + light), CAMERA) for picture in pictures[:20])
+
+
 def test_false_alarms_of_noise_stay_within_what_was_set():
     random = np.random.default_rng(5)
     frames = stored(100.0 + 8.0 * random.standard_normal((40, 480, 320)))

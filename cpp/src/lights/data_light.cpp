@@ -235,16 +235,20 @@ double chance_of(std::span<const double> waveform) {
   return chance_of_share(product * product / (power * power), 1, static_cast<double>(waveform.size()) - 2);
 }
 
-// RMS of the mean light over the columns, local mean removed.
-double swing_of_light(const Patch& patch, std::size_t length) {
-  Signals light(patch.rows);
-  for (std::size_t n = 0; n < patch.rows; ++n)
+// Amplitude: RMS of the mean light over the columns, local mean removed.
+void add_swing(const Patch& patch, std::size_t length, RefinedLight& light) {
+  Signals rows(patch.rows);
+  const auto size = static_cast<double>(patch.rows);
+  double sum = 0, power = 0;
+  for (std::size_t n = 0; n < patch.rows; ++n) {
     for (std::size_t g = 0; g < patch.groups; ++g)
-      light.at(n, 0) += patch.light[n * patch.stride + g] / static_cast<double>(patch.groups);
-  light.subtract(light.means(length));
-  double power = 0;
-  for (std::size_t n = 0; n < patch.rows; ++n) power += light.at(n, 0) * light.at(n, 0);
-  return std::sqrt(power / static_cast<double>(patch.rows));
+      rows.at(n, 0) += patch.light[n * patch.stride + g] / static_cast<double>(patch.groups);
+    sum += rows.at(n, 0);
+  }
+  rows.subtract(rows.means(length));
+  for (std::size_t n = 0; n < patch.rows; ++n) power += rows.at(n, 0) * rows.at(n, 0);
+  light.amplitude = std::sqrt(power / size);
+  light.depth = sum > 0 ? light.amplitude * size / sum : 1;
 }
 
 }  // namespace
@@ -282,10 +286,10 @@ std::optional<DataLight> find_data_light(const LitFrame& frame, const Suspect& s
                      .frequency_std = error,
                      .phase = phase_at_start(waveform.values, frequency, box.y),
                      .snr = share / std::max(1 - share, 1e-12),
-                     .amplitude = swing_of_light(patch, length),
                      .common = share,
                      .chance = chance_of(waveform.values),
                      .texture = rest / std::max(waveform.common, 1e-300)};
+  add_swing(patch, length, light);
   const ComplexValues swing = Demodulator(frequency, patch.rows).swing(patch, patch.logs);
   measure_tilt(patch, swing, {0, patch.rows, 0, patch.groups}, frequency, light);
   return DataLight{light, edges.size(), clock_evidence(edges), periodic_share(waveform, frequency)};

@@ -42,9 +42,15 @@ double expected_noise(const RefinedLight& light, std::size_t picture_rows) {
   return 0.5 * height * height * static_cast<double>(picture_rows) * light.chance;
 }
 
-// Expected number of such waveforms, whose edges have a clock as well.
-double expected_noise(const DataLight& data, std::size_t picture_rows) {
-  return static_cast<double>(picture_rows) * data.light.chance * std::exp(-data.clock);
+// Expected number of such waveforms, whose edges have a clock as well. As wide as the picture, they may be noise of
+// whole rows of any spectrum: its depth and the clock speak against it.
+double expected_noise(const DataLight& data, const Shape& picture) {
+  const Region& box = data.light.box;
+  const auto rows = static_cast<double>(picture.rows);
+  const double coloured = 10 * box.width > 9 * picture.columns
+                              ? rows / static_cast<double>(box.height) * std::exp(-data.light.depth / kFaintPattern)
+                              : 0;
+  return std::max(rows * data.light.chance, coloured) * std::exp(-data.clock);
 }
 
 // Probability of a light, required of which is probability_for(noise) if pictures of noise have so many of its kind.
@@ -153,7 +159,7 @@ std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, 
     return {};
   Detection one{.light = light, .box = light.box, .data = true};
   one.odds = tilt_odds(light) * waveform_odds(in.frame, part_of(light)) * clock_odds(one, found);
-  one.noise = expected_noise(data, shape_of(in.frame.frames).rows);
+  one.noise = expected_noise(data, shape_of(in.frame.frames));
   one.probability = beside_noise(with_odds_against(probability_of(terms_of(data, suspects)), one.odds), one.noise);
   return one;
 }

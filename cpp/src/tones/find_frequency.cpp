@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <complex>
 #include <numbers>
 #include <numeric>
 #include <utility>
 
 #include "core/spectrum.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/constants.hpp"
@@ -321,15 +323,6 @@ FoundFrequency nothing_found(const ColumnBlocks& blocks) {
           0,    flag::no_tone, {std::vector<std::uint8_t>(blocks.columns, 1), std::vector<double>(blocks.columns)}};
 }
 
-// Sum of each frame's signals.
-std::vector<double> summed(const ColumnBlocks& blocks) {
-  std::vector<double> sums(blocks.frames * blocks.rows);
-  for (std::size_t signal = 0; signal < blocks.frames * blocks.blocks; ++signal)
-    for (std::size_t n = 0; n < blocks.rows; ++n)
-      sums[signal / blocks.blocks * blocks.rows + n] += blocks.signals[signal * blocks.rows + n];
-  return sums;
-}
-
 // Significance test: with an individual noise level per signal, (rows − p)·log(1 + periodic/residual) of a model of
 // given frequency is a sum of squared standard normal variables, two for each harmonic. `count`: of all signals,
 // constant ones included.
@@ -345,6 +338,67 @@ bool shows_tone(const UnitSignals& signals, std::size_t count, double frequency)
   const std::size_t rows = signals.signals().rows;
   const auto model = periodic_model(frequency, rows, 1);
   return is_significant(fit_periodic(signals.prepared(), model, frequency, false), model, rows, count);
+}
+
+// Each row minus `share` of the one before.
+Signals less_last_row(const Signals& signals, double share) {
+  Signals out{{}, signals.rows - 1};
+  for (std::size_t n = 0; n < signals.samples.size(); ++n)
+    if (n % signals.rows > 0) out.samples.push_back(signals.samples[n] - share * signals.samples[n - 1]);
+  return out;
+}
+
+// Correlation of neighbouring rows of first-order autoregressive noise, by restricted maximum likelihood: of the rows
+// that the model of p columns leaves, min (rows − p)·ln R(a) + ln |XᵀX|, of rows and model less a times the last row.
+double correlation_of_rows(const FittedModel& final, std::size_t rows, double residual, double of_changes) {
+  constexpr int kSteps = 200;
+  const auto parameters = static_cast<double>(final.model.parameters());
+  double best = 0, least = kInfinity;
+  for (int step = 0; step < kSteps; ++step) {
+    const double a = static_cast<double>(step) / kSteps;
+    double determinant = static_cast<double>(final.model.trend_degree + 1) * 2 * std::log(1 - a);
+    for (const std::size_t order : final.model.harmonics)
+      determinant += 2 * std::log(std::norm(1.0 - std::polar(a, 2 * std::numbers::pi * static_cast<double>(order) *
+                                                                    final.fit.frequency)));
+    const double left = (1 - a) * (1 - a) * residual + a * of_changes;
+    const double cost = (static_cast<double>(rows) - parameters) * std::log(left) + determinant;
+    if (cost < least) best = a, least = cost;
+  }
+  return best;
+}
+
+// Sum of each frame's signals.
+std::vector<double> summed(const ColumnBlocks& blocks) {
+  std::vector<double> sums(blocks.frames * blocks.rows);
+  for (std::size_t signal = 0; signal < blocks.frames * blocks.blocks; ++signal)
+    for (std::size_t n = 0; n < blocks.rows; ++n)
+      sums[signal / blocks.blocks * blocks.rows + n] += blocks.signals[signal * blocks.rows + n];
+  return sums;
+}
+
+// True if columns differ by noise alone that is white along the rows: what they have in common may be noise of the
+// rows.
+bool are_alike(const ColumnBlocks& blocks) {
+  constexpr double kWhite = 0.1;  // correlation
+  std::vector<double> differences = blocks.signals;
+  const std::vector<double> sums = summed(blocks);
+  for (std::size_t i = 0; i < differences.size(); ++i)
+    differences[i] -=
+        sums[i / blocks.rows / blocks.blocks * blocks.rows + i % blocks.rows] / static_cast<double>(blocks.blocks);
+  return product_at_lag(differences, 1) < kWhite * product_at_lag(differences, 0);
+}
+
+// True if the model stands out of the noise that the columns share, white or, where rows may be noise, first-order
+// autoregressive.
+bool stands_out_of_rows(const ColumnBlocks& blocks, const Signals& signals, const FittedModel& final) {
+  if (!is_significant(final.fit, final.model, signals.rows, signals.count())) return false;
+  if (!are_alike(blocks)) return true;
+  const auto fit_of = [&](const Signals& of) {
+    return fit_periodic(PeriodicSignals(of.samples, of.rows), final.model, final.fit.frequency, false);
+  };
+  const double changes = fit_of(less_last_row(signals, 1)).total_residual();
+  const double correlation = correlation_of_rows(final, signals.rows, final.fit.total_residual(), changes);
+  return is_significant(fit_of(less_last_row(signals, correlation)), final.model, signals.rows - 1, signals.count());
 }
 
 struct Sighting {
@@ -413,9 +467,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);
   if (final.fit.frequency <= range.lower || final.fit.frequency >= range.upper) flags |= flag::at_bound;
-  // Noise that the columns share is no tone: it must stand out of what is common to them, too.
-  if ((!sighting.in_parts && !sighting.in_sum) || !is_significant(final.fit, final.model, blocks.rows, signals.count()))
-    flags |= flag::no_tone;
+  if ((!sighting.in_parts && !sighting.in_sum) || !stands_out_of_rows(blocks, signals, final)) flags |= flag::no_tone;
   if (has_weak_fundamental(signals, final.fit.frequency, range)) flags |= flag::model_misfit;
   const double noise = final.noise_power * rows * static_cast<double>(signals.count());
   return {final.fit.frequency,          std,   sum(final.fit.periodic_energy) / noise,
