@@ -66,3 +66,22 @@ def test_the_ratios_are_used_as_by_the_reference(cycles_per_row):
     for name in ("gain", "gain_std", "phase", "mean", "snr"):
         np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-9)
     np.testing.assert_array_equal(found.flags, expected.flags)
+
+
+def test_an_exposure_that_square_waves_contradict_is_flagged():
+    """Too long a one lets less of the tones through than is there; the right one is not flagged, nor a shorter one."""
+    flagged = {0.5: 0, 1.0: 0, 1.5: 0}
+    for seed in range(30):
+        random = np.random.default_rng([seed, 8])
+        frequencies = random.uniform(200, 1500), random.uniform(1600, 3000)
+        camera = Camera(ROW_TIME, exposure=random.uniform(0.2, 0.45) / frequencies[1])
+        waves = [SquareWave(one, phase=random.uniform(0, 6)) for one in frequencies]
+        light = 70 * sum(integrate_exposure(wave, camera, np.arange(ROWS)) for wave in waves)
+        rows = 20 + light + random.standard_normal(ROWS)
+        for factor in flagged:
+            told = Camera(ROW_TIME, exposure=factor * camera.exposure, dark_level=20.0)
+            found = tone_gain(rows, told, frequencies, waveform="square", background=35.0)  # the other lamp's
+            flagged[factor] += bool(found.flags[1] & Flag.MODEL_MISFIT)
+    assert flagged[0.5] <= 1
+    assert flagged[1.0] <= 1
+    assert flagged[1.5] >= 27

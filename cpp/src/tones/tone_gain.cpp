@@ -904,6 +904,7 @@ bool untie(const Context& context, const TiedHarmonics& harmonics, double exposu
 
 // Gains that harmonics on mean or fundamental may bias by half a standard error: by the ratios of these, where the
 // exposure is known, or flagged. An exposure that is not known is that of a light of full depth with the largest gain.
+// A known one is contradicted by a larger gain.
 void untie_harmonics(const Context& context, const ToneGainView& result) {
   if (context.options->waveform != WaveformShape::square || result.gain.empty()) return;
   const auto known = exposure_cycles_of(context);
@@ -925,6 +926,11 @@ void untie_harmonics(const Context& context, const ToneGainView& result) {
       harmonics.emplace(*model_of(own), folded.tied, context.tones[0].cycles_per_row, context.options->duty, *known);
     }
     if (!tied || !untie(context, *harmonics, *known, i, result)) result.flags[i] |= flag::harmonics_dropped;
+  }
+  const std::size_t each = result.gain.size() / context.tones.size();
+  for (std::size_t i = 0; known && i < result.gain.size(); ++i) {
+    const double full_depth = std::abs(sinc(context.tones[i / each].frequency * *context.camera->exposure));
+    if (result.gain[i] - kNoise * result.gain_std[i] > full_depth + 0.01) result.flags[i] |= flag::model_misfit;
   }
 }
 

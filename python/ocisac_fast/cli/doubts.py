@@ -65,8 +65,8 @@ def warn_of_gain(facts: dict[str, Any], whole_picture: bool) -> bool:
     """Warn if the gain of a recording is probably biased, and return True then; ``facts`` as in its JSON object."""
     if whole_picture and "model_misfit" in facts["flags"]:
         _warn(
-            "the light varies along the columns or is below --dark-level, which biases the gain: give --region x,y,w,h "
-            "within the lamp"
+            "the light varies along the columns, or contradicts --exposure, --waveform or --dark-level, which biases "
+            "the gain: give --region x,y,w,h within the lamp"
         )
         return True
     if facts["snr_db"] < 0.0 and not {"weak", "near_null"} & set(facts["flags"]):
