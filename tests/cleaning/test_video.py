@@ -184,6 +184,25 @@ def test_lamp_that_is_off_for_some_frames_keeps_its_frequency(off: set[int], see
         assert k in off or done.frequency[0] == pytest.approx(1000, abs=1)
 
 
+@pytest.mark.parametrize("off", [{1}, {4}, {2, 3}, {3, 4, 5}], ids=str)
+@pytest.mark.parametrize("frequency", [60, 100])
+def test_slow_lamp_that_is_off_for_some_frames_puts_no_bands_in(frequency: float, off: set[int]) -> None:
+    """Half the light, of opposite phase in two frames, explains how they differ as well as a lamp that goes off."""
+    random, camera = np.random.default_rng([*off]), Camera(6e-5, frame_time=1 / 30)
+    picture, cleaner, lit = 150 * albedo(3, ROWS, COLUMNS), VideoCleaner(camera), 0
+    stored = []
+    for k in range(8):
+        wave = np.cos(2 * np.pi * frequency * (camera.row_time * np.arange(ROWS) + k / 30) + 1)
+        light = 0.3 if k in off else 0.65 + 0.35 * wave
+        stored.append(picture * np.broadcast_to(light, ROWS)[:, None] + random.normal(0, 1, picture.shape))
+        stored[k] = np.clip(np.rint(stored[k]), 0, 255).astype(np.uint8)
+        done = [cleaner.push(stored[k])] + [cleaner.again(stored[k - ago], ago) for ago in range(1, min(k, 3) + 1)]
+        for ago, one in enumerate(done):
+            assert k - ago not in off or one.unchanged[0]
+        lit += not done[0].unchanged[0]
+    assert lit >= 3
+
+
 def test_light_that_the_rows_deny_is_left() -> None:
     """Smooth shades are periodic over two to four cycles by chance, but in each group of columns otherwise."""
     y, x = np.fft.fftfreq(300)[:, None], np.fft.rfftfreq(200)

@@ -143,6 +143,16 @@ Difference difference_of(const CommonCourse& before, const CommonCourse& course,
   return {with, without, by_chance * static_cast<double>(first.size()), product / energy};
 }
 
+// The tones do not explain how the last of the frames differs from the one before, or make others differ more.
+bool are_others(std::span<const CommonCourse> frames, const std::vector<SlowTone>& first) {
+  Difference last;
+  for (std::size_t k = 1; k < frames.size(); ++k) {
+    last = difference_of(frames[k - 1], frames[k], first, frames.front().place);
+    if (last.without > last.with + last.chance) return true;
+  }
+  return frames.size() > 1 && !last.is_less();
+}
+
 }  // namespace
 
 double SlowTone::amplitude() const { return std::hypot(terms[0], terms[1]); }
@@ -203,14 +213,17 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
   std::vector<SlowTone> first;
   SlowVerdict verdict;
   std::vector<double> shares;
+  // Two frames differ alike where a light moves and where it is switched, but for mains by the camera's clock.
+  const bool are_clocked = camera.frame_time && courses.size() == 2 &&
+                           are_of_mains(find_slow_tones(courses, rows, camera, {}), rows, camera);
+  const std::size_t most = courses.size() == 2 && !are_clocked ? 1 : most_slow_frames;
   std::vector<SlowLight> result;
   for (std::size_t frame = earlier.courses.size(); frame < courses.size(); ++frame) {
     check_interrupt();
-    const std::size_t last = courses.size() - std::min(courses.size(), most_slow_frames);
-    const std::size_t start = std::min(frame - std::min(frame, most_slow_frames / 2), last);
+    const std::size_t last = courses.size() - std::min(courses.size(), most);
+    const std::size_t start = most == 1 ? frame : std::min(frame - std::min(frame, most / 2), last);
     if (compared != start) {
-      const auto these =
-          std::span<const CommonCourse>(courses).subspan(start, std::min(most_slow_frames, courses.size() - start));
+      const auto these = std::span<const CommonCourse>(courses).subspan(start, std::min(most, courses.size() - start));
       first = find_slow_tones(these, rows, camera, in_frame(known, these.front().place - place_of_known));
       verdict = agreement_of_groups(these, first);
       shares = slow_shares(these, first, rows);
@@ -222,8 +235,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     const std::vector<SlowTone> tones = in_frame(first, courses[frame].place - courses[start].place);
     const SlowTone& main = tones.front();
     const bool is_sure = std::ranges::all_of(tones, [](const SlowTone& tone) { return tone.is_sure(); });
-    const bool is_other =
-        frame != start && !difference_of(courses[frame - 1], courses[frame], first, courses[start].place).is_less();
+    const bool is_other = are_others(std::span<const CommonCourse>(courses).subspan(start, frame - start + 1), first);
     result.push_back({tones_of_colours(courses[frame], of_colours[frame - earlier.courses.size()], tones), tones,
                       courses[frame], main.log_odds > std::log(likely) ? main.amplitude() : 0, verdict,
                       !is_sure   ? not_sure

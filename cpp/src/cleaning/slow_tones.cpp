@@ -547,16 +547,29 @@ std::vector<SlowTone> joined(const Frames& frames, std::vector<SlowTone> tones, 
   return std::move(all.tones);
 }
 
-}  // namespace
-
-std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std::size_t rows, const Camera& camera,
-                                      std::span<const SlowTone> near) {
+std::vector<SlowTone> mains_of(std::size_t rows, const Camera& camera) {
   std::vector<SlowTone> mains;
   for (const double frequency : kMains) {
     if (!(camera.row_time < real_row_time)) continue;
     mains.emplace_back().cycles = frequency * camera.row_time * static_cast<double>(rows);
     if (camera.frame_time) mains.back().step = std::fmod(turn * frequency * *camera.frame_time, turn);
   }
+  return mains;
+}
+
+}  // namespace
+
+bool are_of_mains(const std::vector<SlowTone>& tones, std::size_t rows, const Camera& camera) {
+  const std::vector<SlowTone> mains = mains_of(rows, camera);
+  return std::ranges::all_of(tones, [&](const SlowTone& tone) {
+    return std::ranges::any_of(
+        mains, [&](const SlowTone& known) { return known.step && std::abs(known.cycles - tone.cycles) < same_cycles; });
+  });
+}
+
+std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std::size_t rows, const Camera& camera,
+                                      std::span<const SlowTone> near) {
+  const std::vector<SlowTone> mains = mains_of(rows, camera);
   const Frames frames = frames_of(courses, mains);
   std::vector<SlowTone> found;
   for (const SlowTone& tone : near) {

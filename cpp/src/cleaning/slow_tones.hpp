@@ -16,6 +16,9 @@ constexpr double least_cycles = 0.1;  // in the picture
 std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std::size_t rows, const Camera& camera,
                                       std::span<const SlowTone> near);
 
+// Tones of the mains, whose phase steps the clock of the camera gives.
+bool are_of_mains(const std::vector<SlowTone>& tones, std::size_t rows, const Camera& camera);
+
 // Tones of the same cycles and steps, whose terms follow those of the courses. `deviation`: of the new terms from the
 // given ones.
 std::vector<SlowTone> refitted_tones(std::span<const CommonCourse> courses, const std::vector<SlowTone>& tones,

@@ -216,12 +216,11 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
   SceneLight light = find_scene_light(stored, camera_, options_.model, options_.toe.has_value(), {}, earlier_);
   keep_chips(light, stored);
   before_.reset();
-  slow_.reset();
   if (!light.slow.empty()) {
     keep_slow(light);
     return {std::move(stored), std::move(light)};
   }
-  earlier_ = {};
+  forget_slow();
   if (light.unchanged.empty()) {
     const std::vector<Blocks> blocks = all_in_blocks(stored, light.shares.front());
     before_ = Before{light.lights.front(),
@@ -250,7 +249,8 @@ void StreamCleaner::keep_chips(SceneLight& light, const StoredScene& stored) {
 }
 
 void StreamCleaner::keep_slow(const SceneLight& light) {
-  if (light.slow.back().is_first) earlier_.courses.clear();
+  const bool is_gone = slow_ && !light.unchanged.empty();
+  if (light.slow.back().is_first || is_gone) earlier_.courses.clear();
   earlier_.courses.push_back(light.slow.back().course);
   earlier_.next = light.slow.back().course.place + 1;
   slow_.reset();
