@@ -22,6 +22,7 @@ namespace {
 
 // Fractions of an edge's height, in the order of how often they are right: 0.5 is for linear light.
 constexpr std::array kThresholds{0.5, 0.35, 0.2, 0.65};
+constexpr std::size_t kAround = 12;  // turning points to either side with a common threshold, tried beside these
 constexpr std::array<std::size_t, 3> kSmoothing{0, 2, 8};  // reach of the moving mean, rows
 constexpr std::size_t kMinEdges = 4;
 constexpr std::size_t kCandidates = 16;
@@ -227,7 +228,7 @@ bool locked(const ChipTiming& timing) {
   return timing.residual <= kMaxResidual * timing.lattice.clock.rows_per_chip && timing.certainty > kMinCertainty;
 }
 
-// True if a lattice of a whole number of these chips fits the edges of a better threshold. A wrong one delays falling
+// True if a lattice of a whole number of these chips fits the edges of another threshold. A wrong one delays falling
 // edges, for some exposures by half a chip, and edges at random places of a fast lattice fit no slower one.
 bool divides(const ChipTiming& timing, const ChipTiming& better) {
   const double ratio = better.lattice.clock.rows_per_chip / timing.lattice.clock.rows_per_chip;
@@ -323,10 +324,13 @@ TimingSearch find_chip_timing(std::span<const double> signal, double noise, Freq
     const auto points = prune_turning_points(smooth, turning_points(smooth, hysteresis));
     search.edges = std::min(search.edges, points.size() - 1);
     std::optional<ChipTiming> best;
-    for (double share : kThresholds) {
-      const Edges edges = edges_between(smooth, points, share);
+    for (std::size_t k = 0; k <= kThresholds.size(); ++k) {
+      const bool is_common = k == kThresholds.size();
+      const Edges edges =
+          edges_between(smooth, points, is_common ? kThresholds[0] : kThresholds[k], is_common ? kAround : 0);
       auto timing = find_lattice(reliable_edges(edges, smooth, points), signal.size(), {range.lowest, highest});
-      if (!timing || (best && (best->cost <= timing->cost || divides(*timing, *best)))) continue;
+      const bool is_better = timing && (!best || timing->cost < best->cost || divides(*best, *timing));
+      if (!is_better || (best && divides(*timing, *best))) continue;
       best = std::move(timing);
       best->edges = edges;
     }

@@ -99,12 +99,20 @@ std::vector<std::size_t> prune_turning_points(std::span<const double> signal, st
   return points;
 }
 
-Edges edges_between(std::span<const double> signal, std::span<const std::size_t> points, double share) {
+Edges edges_between(std::span<const double> signal, std::span<const std::size_t> points, double share,
+                    std::size_t around) {
   Edges edges;
   for (std::size_t k = 1; k < points.size(); ++k) {
     const std::size_t from = points[k - 1], to = points[k];
     const bool up = signal[to] > signal[from];
-    const double level = signal[from] + (up ? share : 1 - share) * (signal[to] - signal[from]);
+    const auto [darker, brighter] = std::minmax(signal[from], signal[to]);
+    double low = darker, high = brighter;
+    for (std::size_t i = k - 1 - std::min(k - 1, around); i < std::min(k + 1 + around, points.size()); ++i) {
+      low = std::min(low, signal[points[i]]);
+      high = std::max(high, signal[points[i]]);
+    }
+    double level = low + share * (high - low);
+    if (level <= darker || level >= brighter) level = darker + share * (brighter - darker);
     const auto passed = [&](std::size_t n) { return (signal[n] > level) == up; };
     std::size_t first = from + 1, last = to;
     while (first < to && !passed(first)) ++first;

@@ -19,8 +19,11 @@ struct Edges {
   std::vector<std::uint8_t> rising;  // 1: from dark to bright; alternates
 };
 
-// Places where the signal crosses `share` of the height (from dark to bright) between neighbouring turning points.
-Edges edges_between(std::span<const double> signal, std::span<const std::size_t> points, double share);
+// Places where the signal crosses `share` of the height (from dark to bright) between neighbouring turning points, or,
+// where that crosses this edge, of the height between the darkest and the brightest of `around` more to either side:
+// chips shorter than the exposure do not reach the level of longer runs.
+Edges edges_between(std::span<const double> signal, std::span<const std::size_t> points, double share,
+                    std::size_t around = 0);
 
 // All edges except a low one at either end: a run cut by the frame's edge may not reach its level.
 Edges reliable_edges(const Edges& edges, std::span<const double> signal, std::span<const std::size_t> points);
