@@ -258,6 +258,19 @@ def test_a_light_that_fills_the_frame_is_found():
     assert source.gain == pytest.approx(75.0 / 95.0 * np.sinc(0.15), abs=0.02)
 
 
+@pytest.mark.parametrize("duty", [0.05, 0.1, 0.2, 0.8, 0.9])
+def test_lamps_that_shine_for_a_small_part_of_the_period_have_its_frequency(duty):
+    """Their energy is spread over harmonics."""
+    found = 0
+    for seed in range(20):
+        picture, random = scene(rows=960, columns=160, seed=[seed, 9], level=12.0)
+        frequency = random.uniform(5, 15) / (960 * ROW_TIME)
+        add_lamp(picture, 480, 80, 1000, SquareWave(frequency, phase=random.uniform(0, 6), duty=duty))
+        lights = detect_sources(stored(picture), CAMERA)
+        found += len(lights) == 1 and abs(lights[0].frequency / frequency - 1) < 0.02
+    assert found >= 17
+
+
 def test_frames_are_looked_at_one_by_one():
     frames = np.stack([three_lamps(0), stored(scene()[0]), three_lamps(1)])
     sources = detect_sources(frames, CAMERA)

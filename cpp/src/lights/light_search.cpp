@@ -14,6 +14,7 @@
 #include "lights/refinement.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/tones/find_frequency.hpp"
 
 namespace ocisac {
 
@@ -24,7 +25,8 @@ constexpr std::size_t kMinColumns = 8;  // beside a light
 constexpr double kSeenBefore = 10;      // odds of a light that the last frame showed here
 constexpr double kMuchClearer = 1.5;    // ratio of signal-to-noise ratios
 constexpr double kEdgesBeyond = 1.5;    // cycles that both edges of a whole box may lie beyond those of the own pixels
-constexpr double kShortestInner = 2;    // cycles of an inner box; its outline may be longer
+constexpr std::size_t kSomeColumns = 32;  // that tell a tone of all
+constexpr double kShortestInner = 2;      // cycles of an inner box; its outline may be longer
 
 using Columns = IndexRange;
 
@@ -118,6 +120,30 @@ Detections with_tones_of(const SearchedFrame& in, Detections found, const Suspec
     if (left && left->tiles.size() == rest->tiles.size()) break;
     rest = std::move(left);
   }
+  return found;
+}
+
+// A light that is lit for a small part of its period has many harmonics: no tile shows much of one, columns show all.
+Detections with_pulses(const SearchedFrame& in, Detections found, Region box) {
+  FrequencySearch search;
+  search.lower = std::min(in.options.min_cycles / static_cast<double>(box.height), 0.25);
+  AnyFramesView some = part_of(frame_of(in.frame.frames, in.frame.index), box);
+  const std::size_t step = box.width / kSomeColumns + 1;
+  std::visit(
+      [step](auto& view) {
+        view.columns = (view.columns - 1) / step + 1;
+        view.column_stride *= static_cast<std::ptrdiff_t>(step);
+      },
+      some);
+  const FoundFrequency tone = find_frequency(some, search);
+  if (tone.flags & ~flag::model_misfit) return found;
+  const auto& used = tone.columns.used;
+  const auto first = static_cast<std::size_t>(std::find(used.begin(), used.end(), 1) - used.begin());
+  const auto beyond = static_cast<std::size_t>(std::find(used.rbegin(), used.rend(), 1).base() - used.begin());
+  box.width = std::min(beyond * step, box.width) - first * step;
+  box.x += first * step;
+  const auto one = most_probable(in, suspect_at(box, tone.frequency), found);
+  if (one && is_convincing(in, *one) && covers(one->light.box, box)) found = with_tone(in, std::move(found), *one);
   return found;
 }
 
@@ -275,6 +301,8 @@ Detections searched(const SearchedFrame& in, Detections found, const Region& reg
   found.suspects = suspects.size();
   found.doubtful.clear();
   found = with_tones(in, std::move(found), suspects, frequencies);
+  if (frequencies.empty() && std::ranges::none_of(found.lights, is_settled))
+    found = with_pulses(in, std::move(found), region);
   found = reconsidered(in, std::move(found), suspects, earlier);
   if (!frequencies.empty()) return found;
   for (std::size_t i = 0; i < found.lights.size(); ++i) {
