@@ -180,14 +180,22 @@ class TestEdges:
 
 
 class TestReport:
-    def test_lost_bands_are_where_the_sinc_is_small(self) -> None:
-        bands = lost_frequencies(camera(28.0), max_boost=8)
-        f = np.linspace(0, 0.6 / ROW_TIME, 100_001)
+    @pytest.mark.parametrize("exposure_rows", [0.0, 0.45, 18.0, 108.3, 224.4])
+    @pytest.mark.parametrize("max_boost", [1.5, 8.0, 100.0])
+    def test_lost_bands_are_where_the_sinc_is_small(self, exposure_rows: float, max_boost: float) -> None:
+        bands = lost_frequencies(camera(exposure_rows), max_boost=max_boost)
+        level, highest = 1 / (max_boost * np.sqrt(2)), 0.5 / ROW_TIME
+
+        def response(frequency: Floats) -> Floats:
+            return np.abs(np.sinc(frequency * exposure_rows * ROW_TIME))
+
+        f = np.linspace(0, 1.2 * highest, 100_001)
         inside = ((f[:, None] > bands[:, 0]) & (f[:, None] < bands[:, 1])).any(axis=1)
-        lost = (np.abs(np.sinc(f * 28.0 * ROW_TIME)) < 1 / (8 * np.sqrt(2))) | (f > 0.5 / ROW_TIME)
-        assert np.count_nonzero(inside != lost) <= 2
-        assert np.all(np.diff(bands.ravel()) > 0)
-        assert bands[-1, 1] == np.inf
+        assert np.count_nonzero(inside != ((response(f) < level) | (f > highest))) <= 2
+        edges = bands.ravel()
+        assert np.all(np.diff(edges) > 0)
+        assert edges[-1] == np.inf
+        assert np.all(np.isclose(response(edges[:-1]), level, rtol=1e-8) | (edges[:-1] == highest))
 
     def test_noise_gain_is_what_noise_shows(self) -> None:
         noise = np.random.default_rng(1).normal(size=(2000, 20))

@@ -20,7 +20,6 @@ from ocisac_fast.reference.exposure import (
     best_noisy_exposure as best_noisy_exposure,
     exposure_modulation as exposure_modulation,
     exposure_objective as exposure_objective,
-    flicker_free_exposure as flicker_free_exposure,
     flicker_indices as flicker_indices,
 )
 from ocisac_fast.reference.light import (
@@ -39,7 +38,6 @@ from ocisac_fast.reference.packets import (
 from ocisac_fast.reference.scene import exact_scene as exact_scene, render_scene as render_scene
 from ocisac_fast.reference.tones import (
     equalize as equalize,
-    lost_frequencies as lost_frequencies,
     tone_gain as tone_gain,
     varying_tone_gain as varying_tone_gain,
 )

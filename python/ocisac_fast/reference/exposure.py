@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.exposure.choice import BestExposure
-from ocisac_fast.exposure.flicker import FlickerFreeExposure, FlickeringLight
+from ocisac_fast.exposure.flicker import FlickeringLight
 from ocisac_fast.exposure.flicker_indices import FlickerIndices
 from ocisac_fast.light.waveforms import SquareWave, Tone, Waveform
 from ocisac_fast.reference.light import integrate_exposure
@@ -133,27 +133,6 @@ def exposure_modulation(light: FlickeringLight, exposure: npt.ArrayLike, frequen
     tried = light.frequency + spread * light.uncertainty
     each = [max(_modulation(light, float(f), float(time)) for f in tried) for time in times.ravel()]
     return np.array(each).reshape(times.shape)
-
-
-def flicker_free_exposure(
-    lights: Sequence[FlickeringLight],
-    below: float,
-    *,
-    near: float | None = None,
-    bounds: tuple[float, float] = (0.0, 0.1),
-    points: int = 1001,
-) -> FlickerFreeExposure:
-    """Nearest or shortest exposure of a grid that satisfies the bound, else the one of the smallest modulation."""
-    grid = np.linspace(bounds[0], bounds[1], points)
-    grid = grid[grid > 0.0]
-    each = np.array([exposure_modulation(light, grid) for light in lights])
-    left = each.max(axis=0)
-    good = np.flatnonzero(left <= below)
-    tried, cost = (good, np.abs(grid[good] - (near or 0.0))) if good.size else (np.arange(grid.size), left)
-    chosen = tried[cost.argmin()]
-    return FlickerFreeExposure(
-        float(grid[chosen]), float(left[chosen]), bool(good.size), tuple(each[:, chosen].tolist())
-    )
 
 
 def _modulation(light: FlickeringLight, frequency: float, exposure: float) -> float:

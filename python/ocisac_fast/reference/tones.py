@@ -495,25 +495,6 @@ def equalize(columns: npt.ArrayLike, camera: Camera, *, max_boost: float = 10.0)
     return np.moveaxis(result, -1, axis)
 
 
-def lost_frequencies(camera: Camera, max_boost: float = 10.0) -> FloatArray:
-    """As :func:`ocisac_fast.lost_frequencies`: a fine grid over |sinc|, with crossings refined by bisection."""
-    assert camera.exposure is not None
-    level, highest, exposure = 1 / (np.sqrt(2) * max_boost), 0.5 / camera.row_period, camera.exposure
-
-    def lost(frequency: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        return np.asarray(np.abs(np.sinc(np.asarray(frequency) * exposure)) < level)
-
-    grid = np.linspace(0, highest, int(2000 * max(highest * exposure, 1)) + 1)
-    change = np.flatnonzero(lost(grid[1:]) != lost(grid[:-1]))
-    low, high, before = grid[change], grid[change + 1], lost(grid[change])
-    for _ in range(60):
-        middle = (low + high) / 2
-        same = lost(middle) == before
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    edges = [*high, np.inf] if lost(highest) else [*high, highest, np.inf]
-    return np.reshape(edges, (-1, 2))
-
-
 def covariance(rows_apart: npt.ArrayLike, exposure_rows: float) -> FloatArray:
     """Covariance of two rows: white light after the exposure, plus a smooth course of 100 times its variance."""
     k = np.abs(np.asarray(rows_apart, dtype=np.float64))
