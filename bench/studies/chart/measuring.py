@@ -14,8 +14,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast import _core
-
 Bytes = npt.NDArray[np.uint8]
 
 POOL_BYTES = 96 << 20  # larger than caches, so that every frame comes from memory
@@ -50,13 +48,6 @@ def pool_of_frames(shape: tuple[int, int]) -> list[Bytes]:
     random = np.random.default_rng(1)
     first = random.integers(40, 200, shape, dtype=np.uint8)
     return [np.roll(first, k) for k in range(max(2, -(-POOL_BYTES // first.size)))]
-
-
-def read_in_turn(
-    call: Callable[[Bytes], object], frames: Sequence[Bytes], seconds: float = 0.3, pairs: tuple[int, int] = (5, 80)
-) -> Timing:
-    """Time alternately ``call`` and reading, each on the next frame from memory, for about ``seconds``."""
-    return in_turn(call, _core.read_bytes, frames, seconds, pairs)
 
 
 def in_turn(

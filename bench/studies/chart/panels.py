@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from studies.chart.measuring import Bytes, Timing, one_thread, pool_of_frames, read_in_turn, rms
+from ocisac_fast import _core
+from studies.chart.measuring import Bytes, Timing, in_turn, one_thread, pool_of_frames, rms
 from studies.chart.methods import GAIN_METHODS, GainMethod
 from studies.chart.scenes import SCENES, Scene
 
@@ -53,7 +54,7 @@ def _pool(rows: int, columns: int) -> list[Bytes]:
 def _timing(method: GainMethod, scene: Scene, seconds: float) -> Timing:
     """Timing for a full frame from memory."""
     with one_thread():
-        return read_in_turn(method.prepare(scene), _pool(scene.rows, scene.columns), seconds)
+        return in_turn(method.prepare(scene), _core.read_bytes, _pool(scene.rows, scene.columns), seconds)
 
 
 def measure_scene(
