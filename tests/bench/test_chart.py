@@ -14,7 +14,7 @@ from studies.chart.scenes import SCENES, Scene, odd_harmonics
 from studies.reporting import fill_markers
 
 METHODS = {method.name: method for method in GAIN_METHODS}
-CLEAN = Scene("clean", "clean", 24.0, mean=120.0, noise=0.3, rows=480, columns=64)
+CLEAN = Scene("clean", "clean", 25.0, mean=120.0, noise=0.3, rows=480, columns=64)
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -46,7 +46,7 @@ def test_plain_methods_fail_where_the_chart_says(scene, name, times):
 
 def test_square_light_is_the_average_of_its_samples():
     scene = dataclasses.replace(CLEAN, waveform="square", exposure_cycles=0.37, depth=0.9)
-    instants = 0.2 + np.arange(480)[:, None] / 20.0 - (np.arange(20000) + 0.5) / 20000 * 0.37
+    instants = 0.2 + np.arange(480)[:, None] * 25 / 480 - (np.arange(20000) + 0.5) / 20000 * 0.37
     bright = np.abs(instants - np.rint(instants)) < 0.25
     expected = 120.0 * (1.0 + 0.9 * (2.0 * bright.mean(axis=1) - 1.0))
     np.testing.assert_allclose(scene.light([0.2])[:, 0], expected, atol=0.05)

@@ -12,8 +12,7 @@ import pytest
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag
-from studies.chart.scenes import Scene
-from studies.limits import LIMITS, __main__ as command, plain_methods
+from studies.limits import LIMITS, __main__ as command
 
 DOCUMENT = pathlib.Path(__file__).resolve().parents[2] / "docs" / "measured" / "limits.md"
 NAMES = [limit.name for limit in LIMITS]
@@ -81,32 +80,7 @@ def test_command_writes_picture_and_text(tmp_path, monkeypatch):
     assert "frequency reported lost" in written
 
 
-# Limits that no sweep shows.
-
-
-@pytest.mark.parametrize("per_row", [0.5, 1.0, 1.5])
-def test_at_multiples_of_half_the_row_rate_a_sum_reads_anything_and_the_library_nothing(per_row):
-    scene = Scene("half", "", per_row * 720, exposure_cycles=0.25, rows=720, columns=50, noise=0.5)
-    frame = next(scene.frames(1))
-    plain = plain_methods.transform_gain(scene, frame)
-    assert np.abs(plain - scene.gain).max() > 0.8 * scene.gain
-    found = ocisac.tone_gain(frame, scene.camera, scene.frequency)
-    assert np.isnan(found.gain).all()
-    assert (found.flags & Flag.UNRESOLVABLE).all()
-
-
-def test_a_constant_column_has_a_peak_frequency_but_no_tone():
-    column = 100.0 + np.random.default_rng(3).standard_normal((720, 8))
-    plain = plain_methods.peak_frequency(column)
-    assert plain.max() - plain.min() > 0.1  # of the row rate: anything
-    assert ocisac.find_frequency(column, Camera(1.0)).flags & Flag.NO_TONE
-
-
-def test_the_paper_s_method_says_where_it_is_wrong():
-    for cycles, off in ((8.0, False), (8.5, True)):
-        scene = Scene("bin", "", cycles, rows=720, columns=20)
-        found = ocisac.tone_gain(next(scene.frames(1)), scene.camera, scene.frequency, method="dft")
-        assert bool((found.flags & Flag.OFF_BIN).all()) == off
+# A limit that no sweep shows.
 
 
 @pytest.mark.parametrize("amplitude", [0.4, 2.0, 15.0])

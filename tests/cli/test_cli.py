@@ -182,29 +182,14 @@ def test_what_goes_wrong_outside_a_laboratory_is_simulated(facts, tmp_path):
     from ocisac_fast import Camera, Chips, Tone
     from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
 
-    path = tmp_path / "lamp.npy"
+    path = tmp_path / "lamp.mkv"
     light = ("--waveform", "chips", "--bits", "0110", "--chip-rate", "8kHz", "--rise", "0.5", "--fall", "0.3")
-    size = ("--rows", 90, "--columns", 40, "--frames", 3, "--frame-rate", 30, "--bit-depth", "16")
-    wrong = (
-        "--lamp-width",
-        9,
-        "--tilt",
-        3,
-        "--texture",
-        "0.2",
-        "--hum",
-        "0.5",
-        "--mains",
-        60,
-        "--jitter",
-        "50us",
-        "--noise",
-        5,
-    )
-    facts("simulate", *light, *TESTBED, *DARK, *size, *wrong, "--swing", 80, "--seed", 7, "-o", path)
+    size = ("--rows", 90, "--columns", 40, "--frames", 3, "--frame-rate", 25, "--bit-depth", "16", "--swing", 80)
+    wrong = ("--lamp-width", 9, "--tilt", 3, "--texture", "0.2", "--hum", "0.5", "--mains", 60, "--jitter", "50us")
+    facts("simulate", *light, *TESTBED, *DARK, *size, *wrong, "--noise", 5, "--seed", 7, "-o", path)
     want = simulate_frames(
         Chips("0110", 8e3, repeat=True, rise=0.5, fall=0.3),
-        Camera(22.2e-6, 622e-6, frame_time=1 / 30),
+        Camera(22.2e-6, 622e-6, frame_time=1 / 25),
         *(90, 40, 3),
         swing=80.0,
         dark_level=16.0,
@@ -216,21 +201,9 @@ def test_what_goes_wrong_outside_a_laboratory_is_simulated(facts, tmp_path):
         dtype=np.uint16,
         seed=7,
     )
-    np.testing.assert_array_equal(np.load(path), list(want))
-
-
-def test_frames_follow_each_other_in_time(facts, tmp_path):
-    from ocisac_fast import Camera, Chips, integrate_exposure
-
-    path = tmp_path / "chips.mkv"
-    light = ("--waveform", "chips", "--bits", "0110", "--chip-rate", "1.1kHz")
-    size = ("--rows", 99, "--columns", 8, "--frames", 3, "--frame-rate", "120Hz")
-    facts("simulate", *light, *TESTBED, *size, "-o", path)
-    camera = Camera(22.2e-6, 622e-6, 1 / 120)
-    want = integrate_exposure(Chips("0110", 1100.0, repeat=True), camera, 99, frames=3)
     recording = read_frames(path)
-    assert recording.frame_rate == pytest.approx(120)
-    assert np.abs(recording.frames - 200 * want[..., np.newaxis]).max() <= 0.5 + 1e-9
+    np.testing.assert_array_equal(recording.frames, list(want))
+    assert recording.frame_rate == pytest.approx(25)
 
 
 def test_noise_that_is_clipped_is_told(run, tmp_path):
@@ -247,11 +220,8 @@ def test_noise_that_is_clipped_is_told(run, tmp_path):
         (("--waveform", "chips", "--bits", "01", *TESTBED), "--waveform chips: needs --chip-rate"),
         (("--waveform", "chips", "--bits", "012", "--chip-rate", "1kHz", *TESTBED), "levels: got '012'"),
         (("--frequency", "-5", *TESTBED), "--frequency: got -5"),
-        (("--frequency", "nan", *TESTBED), "--frequency: got nan"),
-        (("--frequency", "5", "--row-time", "0", "--exposure", "1ms"), "--row-time: got 0"),
         (("--frequency", "5", *TESTBED, "--tilt", "3"), "--tilt: needs --lamp-width"),
         (("--frequency", "5", *TESTBED, "--jitter", "-1us"), "--jitter: got -1e-06"),
-        (("--frequency", "5", *TESTBED, "--noise", "-1"), "--noise: got -1.0, allowed: a finite number, 0 or above"),
         (("--frequency", "5", *TESTBED, "--rows", "0"), "--rows: got 0, allowed: 1 to 268435456"),
         (("--frequency", "5", *TESTBED, "--rows", "99999", "--columns", "99999"), "rows x columns: got 99999 x 99999"),
         (
@@ -529,7 +499,6 @@ def test_of_several_files_the_bad_ones_are_named(run, square, tmp_path):
             ("gain", "grey.png", "--frequency", "500Hz"),
             "--frequency: Hz needs --row-time; without it",
         ),
-        (("gain", "grey.png", "--frequency", "5", "--row-time", "-1us"), "--row-time: got -"),
         (("gain", "grey.png", "--frequency", "5", "--exposure", "1ms"), "--exposure: needs --row-time"),
         (
             ("gain", "grey.png", "--frequency", "0.1", "--region", "0,0,99,1"),
@@ -543,7 +512,6 @@ def test_of_several_files_the_bad_ones_are_named(run, square, tmp_path):
             "Invalid value for '--tone-curve'",
         ),
         (("gain", "grey.png", "--frequency", "0.1", "--tone-curve", "gamma:-1"), "gamma: got -1"),
-        (("gain", "grey.png", "--frequency", "0.1", "--dark-level", "nan"), "--dark-level: got nan"),
         (("gain", "grey.png", "--frequency", "0.1", "--scan-axis", "z"), "Invalid value for '--scan-axis'"),
         (("gain", "grey.png", "--frequency", "0.1", "--plot", "p.txt"), "p.txt: suffix: got '.txt', allowed: .png"),
         (

@@ -397,14 +397,14 @@ def test_interlaced_video_is_refused(tmp_path):
         read_frames(path)
 
 
+def npy_bytes(array):
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
 def damaged_files():
     picture = random_frames((64, 48), np.uint8)
-
-    def npy(array):
-        file = io.BytesIO()
-        np.save(file, array)
-        return file.getvalue()
-
     absurd_array = io.BytesIO()
     np.lib.format.write_array_header_1_0(
         absurd_array, {"descr": "<f8", "fortran_order": False, "shape": (10**6, 10**6)}
@@ -426,12 +426,12 @@ def damaged_files():
         "half a pgm": (b"P5 100 100 255\n" + bytes(500), "truncated"),
         "pgm without a size": (b"P5 abc\n", "damaged PNM header"),
         "pgm of nothing": (b"P5 0 100 255\n", "PNM picture of 0 x 100"),
-        "half an array": (npy(picture)[:-9], "truncated"),
+        "half an array": (npy_bytes(picture)[:-9], "truncated"),
         "absurd array": (absurd_array.getvalue(), "truncated"),
-        "array header": (npy(picture)[:30], r"damaged \.npy file"),
-        "objects": (npy(np.array([{}], dtype=object)), "array of object"),
-        "strings": (npy(np.array(["a"])), "array of <U1"),
-        "no rows": (npy(np.zeros((0, 5))), r"array of shape \(0, 5\)"),
+        "array header": (npy_bytes(picture)[:30], r"damaged \.npy file"),
+        "objects": (npy_bytes(np.array([{}], dtype=object)), "array of object"),
+        "strings": (npy_bytes(np.array(["a"])), "array of <U1"),
+        "no rows": (npy_bytes(np.zeros((0, 5))), r"array of shape \(0, 5\)"),
         "playlist": (b"#EXTM3U\n#EXT-X-TARGETDURATION:5\n#EXTINF:5,\n/etc/passwd\n", "not a picture, a video"),
         "subtitles": (b"1\n00:00:01,000 --> 00:00:02,000\nhello\n\n" * 9, "not a picture, a video"),
     }
@@ -726,12 +726,6 @@ try:
 except ValueError as error:
     print(error)
 """
-
-
-def npy_bytes(array):
-    buffer = io.BytesIO()
-    np.save(buffer, array)
-    return buffer.getvalue()
 
 
 def test_arrays_by_standard_input_come_frame_by_frame():

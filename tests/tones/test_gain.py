@@ -356,6 +356,7 @@ def test_flags():
     assert Flag.ALIASED in flags(column, 1 / ROW_TIME + 480)
     assert Flag.NO_LIGHT in flags(column, 480.0, background=500)
     assert Flag.OFF_BIN in flags(column, 480.0, method="dft")
+    assert Flag.OFF_BIN not in flags(column, 8 / (720 * ROW_TIME), method="dft")
     assert Flag.SATURATED in flags(np.full(720, 255, np.uint8), 480.0)
     assert Flag.HARMONICS_DROPPED in flags(column, 30.0, waveform="square")
     assert Flag.ILL_CONDITIONED in flags(column, 0.01)

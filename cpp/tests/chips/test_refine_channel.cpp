@@ -56,37 +56,6 @@ struct Column {
 
 }  // namespace
 
-TEST_CASE("from a preamble to the whole frame, clock and exposure at their bounds") {
-  const std::vector<double> swing(kRows, 100.0);
-  for (double exposure : {0.5, 2.0, 5.0})
-    for (double rows_per_chip : {2.3, 4.0, 7.0}) {
-      double squares = 0;
-      constexpr unsigned kFrames = 8;
-      for (unsigned seed = 0; seed < kFrames; ++seed) {
-        CAPTURE(exposure);
-        CAPTURE(rows_per_chip);
-        CAPTURE(seed);
-        const Column column(seed, rows_per_chip, exposure, 0.03);
-        const auto match =
-            ocisac::find_preamble(column.rows, column.preamble, {.rows_per_chip = rows_per_chip, .exposure_rows = {}});
-        REQUIRE(match.size() == 1);
-        ocisac::RefineOptions options;
-        options.known = {column.preamble, 0};
-        const auto found = ocisac::refine_channel(column.rows, match[0].channel, kDetect, options);
-        REQUIRE(found);
-        CHECK(found->settled);
-        CHECK(found->even);
-        CHECK(column.errors(*found, column.start) == 0);
-        const auto bounds = ocisac::clock_bounds({column.chips, column.first}, column.clock, swing, 3.0);
-        REQUIRE(bounds);
-        CHECK(std::abs(found->channel.clock.rows_per_chip / column.clock.rows_per_chip - 1) < 1e-3);
-        squares += std::pow(
-            (found->channel.clock.exposure_rows - column.clock.exposure_rows) / bounds->exposure_rows_std(), 2);
-      }
-      CHECK(std::sqrt(squares / kFrames) < 2);  // 25 % spread about 1
-    }
-}
-
 TEST_CASE("a light that falls to a third along the frame is followed") {
   for (double exposure : {0.7, 4.0}) {
     const Column column(3, 4.0, exposure, 0.02, 0.66);

@@ -1,7 +1,6 @@
 #include <doctest/doctest.h>
 
 #include <cstdint>
-#include <random>
 #include <string>
 #include <vector>
 
@@ -10,12 +9,6 @@
 
 namespace {
 
-std::vector<std::uint8_t> random_bytes(std::size_t count, std::mt19937& random) {
-  std::vector<std::uint8_t> bytes(count);
-  for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random() & 0xFFU);
-  return bytes;
-}
-
 std::vector<double> soft(const std::vector<std::uint8_t>& chips, std::size_t first, std::size_t count) {
   std::vector<double> llr;
   for (std::size_t k = 0; k < count; ++k) llr.push_back(chips[(first + k) % chips.size()] ? 12.0 : -12.0);
@@ -23,23 +16,6 @@ std::vector<double> soft(const std::vector<std::uint8_t>& chips, std::size_t fir
 }
 
 }  // namespace
-
-TEST_CASE("a payload comes back from pieces with gaps, from any start, on any clock") {
-  std::mt19937 random(2);
-  const auto payload = random_bytes(500, random);
-  for (const char* name : {"none", "manchester", "4b6b", "8b10b"}) {
-    const ocisac::PacketFormat format{ocisac::LineCode::named(name), 16, ocisac::Preamble::standard};
-    const auto chips = ocisac::packet_chips(payload, format, 9);
-    ocisac::PacketAssembler assembler(format);
-    const std::size_t start = random() % chips.size();
-    std::vector<std::uint8_t> got;
-    for (std::size_t at = start; got.empty() && at < start + chips.size(); at += 267) {
-      const auto report = assembler.push(static_cast<std::ptrdiff_t>(at) - 99'999, soft(chips, at, 191));
-      if (report.payload) got = report.payload->bytes;
-    }
-    CHECK(got == payload);
-  }
-}
 
 TEST_CASE("blocks are found where they begin") {
   const std::vector<std::uint8_t> payload{1, 2, 3};
