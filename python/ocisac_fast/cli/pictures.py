@@ -302,16 +302,11 @@ class _Reader:
         except BaseException:
             self._stream.close()
             raise
-        arranged = (select(frame, options) for frame in _chain(first, frames))
+        arranged = (select(frame, options) for frame in itertools.chain([first], frames))
         return OpenPictures(camera, arranged, self._stream.frame_count, self._stream.frame_rate)
 
     def __exit__(self, *_: object) -> None:
         self._stream.close()
-
-
-def _chain(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
-    yield first
-    yield from rest
 
 
 def open_pictures(
