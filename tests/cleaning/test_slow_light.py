@@ -91,7 +91,7 @@ def test_three_frames_show_what_one_does_not(cycles: float, depth: float) -> Non
     """A horizon hides the bands; in three frames it stays, and their phase advances."""
     picture = boxes(5) * np.where(np.arange(ROWS) < 180, 1.0, 0.5)[:, None]
     stored = np.stack([under(picture, cycles, depth, 0.3 * k, seed=k) for k in range(3)])
-    assert remove_bands(stored, CAMERA).slow_bands.max() == 0.0 or remove_bands(stored, CAMERA).unchanged[0]
+    assert all(remove_bands(stored, CAMERA).unchanged)
     done = remove_bands(stored, CAMERA, still=True)
     assert done.unchanged == ("",) * 3
     for k in range(3):

@@ -97,10 +97,7 @@ class TestExact:
     def test_zero_weights(self) -> None:
         assert of.best_exposure(350.0, 100.0, weights=(0, 1)).exposure == pytest.approx(1 / 200, rel=1e-15)
         assert of.best_exposure(350.0, 100.0, weights=(1, 0)).exposure == pytest.approx(1 / 700, rel=1e-15)
-        some = of.best_exposure(350.0, 100.0, weights=(1, 0), bounds=(0.002, 0.003))
-        assert some.exposure == pytest.approx(0.002, rel=1e-12) or some.objective == pytest.approx(
-            abs(math.sin(math.pi * 350 * some.exposure)) / (math.pi * 350)
-        )
+        assert of.best_exposure(350.0, 100.0, weights=(1, 0), bounds=(0.002, 0.003)).exposure == 0.002
 
     def test_equal_lobes_give_the_shorter_exposure(self) -> None:
         best = of.best_exposure(200.0, 100.0)
