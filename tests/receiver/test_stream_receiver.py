@@ -474,7 +474,7 @@ def test_lights_that_are_all_lost_do_not_multiply():
 
 
 def test_the_rows_of_a_noisy_lamp_are_not_one_run_of_large_swings():
-    """Exposed for 3.3 chips, noise of an eighth of the swing: no light is detected, all rows with swings are received."""
+    """Exposed for 3.3 chips, noise an eighth of the swing: no light is detected, all rows with swings are received."""
     random, rate, camera = np.random.default_rng(6), 10.1e3, Camera(22e-6, 327e-6)
     bits = random.integers(0, 2, 400)
     light = ocisac.integrate_exposure(ocisac.Chips(bits, rate), Camera(22e-6, 327e-6), 1080, start=0.01)
