@@ -20,10 +20,7 @@ namespace {
 constexpr double kMoved = 0.15;              // change of a cell's mean that movement makes, relative to the amplitude
 constexpr double kDeviations = 4;            // standard errors
 constexpr double kLeast = 0.7, kMost = 1.4;  // ratio of amplitudes, and of means, of a light that stays the same
-constexpr double kGrown = 0.4;               // of its amplitude, beside the box: it shows more of itself than before
 constexpr double kTurned = 0.5;              // rad between the halves of a box: another frequency
-constexpr double kUnlike = 0.8;              // ratio of the shares of a waveform that all cells have in common
-constexpr double kEndsUnlike = 4;            // ratio of a waveform's energies in the first or last quarter of a box
 constexpr std::size_t kAcross = 32, kDown = 16;  // steps of the gradient in a box: a quarter of a cell, an eighth
 constexpr int kSteps = 6;                        // to the place of a light
 constexpr double kPlaces = 32;                   // in a box: a smaller distance is no movement
@@ -41,34 +38,13 @@ std::optional<double> ratio(double now, double then) {
   return now / then;
 }
 
-// The cells' means keep their ratios. Data changes them by different numbers of bright chips, all alike.
+// The cells' means keep their ratios.
 bool means_stay(const LightPattern& now, const LightPattern& then, double amplitude) {
   const auto brighter = ratio(sum_of(now.mean), sum_of(then.mean));
   if (!brighter) return false;
-  std::vector<double> change(then.mean.size());
-  for (std::size_t k = 0; k < change.size(); ++k) change[k] = now.mean[k] / *brighter - then.mean[k];
-  if (!then.follow.empty()) {
-    const double alike = product_of(then.follow, change) / product_of(then.follow, then.follow);
-    for (std::size_t k = 0; k < change.size(); ++k) change[k] -= then.follow[k] * alike;
-  }
   const double allowed = std::max(kMoved * amplitude, kDeviations * std::hypot(now.noise, then.noise));
-  return std::ranges::all_of(change, [&](double c) { return std::abs(c) <= allowed; });
-}
-
-bool grew_beside(const LightPattern& now, const LightPattern& then, double amplitude) {
-  for (std::size_t k = 0; k < now.beside.size(); ++k)
-    if (now.beside[k] - then.beside[k] > kGrown * amplitude) return true;
-  return false;
-}
-
-bool ends_alike(std::span<const double> now, std::span<const double> then) {
-  const std::size_t quarter = std::max<std::size_t>(now.size() / 4, 1);
-  const double whole = product_of(now, now), before = product_of(then, then);
-  const auto alike = [&](std::span<const double> end, std::span<const double> end_before) {
-    const double share = product_of(end, end) / whole, was = product_of(end_before, end_before) / before;
-    return was / kEndsUnlike < share && share < was * kEndsUnlike;
-  };
-  return alike(now.first(quarter), then.first(quarter)) && alike(now.last(quarter), then.last(quarter));
+  return std::ranges::equal(now.mean, then.mean,
+                            [&](double mean, double before) { return std::abs(mean / *brighter - before) <= allowed; });
 }
 
 // Amplitude relative to that of the reference; absent if it is not the same light.
@@ -84,17 +60,16 @@ std::optional<double> swing_of_tone(const LightPattern& now, const LightPattern&
   double energy = 0;
   for (const auto& cell : then.swing) energy += std::norm(cell);
   const double amplitude = std::sqrt(energy / static_cast<double>(then.swing.size()));
-  if (!swing || std::abs(turned) > kTurned || grew_beside(now, then, amplitude)) return std::nullopt;
-  return means_stay(now, then, amplitude) ? swing : std::nullopt;
+  if (!swing || std::abs(turned) > kTurned || !means_stay(now, then, amplitude)) return std::nullopt;
+  return swing;
 }
 
 std::optional<double> swing_of_waveform(const LightPattern& now, const LightPattern& then) {
   const double before = std::sqrt(product_of(then.waveform, then.waveform));
   const auto swing = ratio(std::sqrt(product_of(now.waveform, now.waveform)), before);
-  if (!swing || now.common < kUnlike * then.common || grew_beside(now, then, 1)) return std::nullopt;
-  if (!ends_alike(now.waveform, then.waveform)) return std::nullopt;
   const double amplitude = std::sqrt(2.0 / static_cast<double>(then.waveform.size())) * before;
-  return means_stay(now, then, amplitude) ? swing : std::nullopt;
+  if (!swing || !means_stay(now, then, amplitude)) return std::nullopt;
+  return swing;
 }
 
 Region region_of(const FreeBox& box) {
@@ -215,9 +190,8 @@ const MeasuredLight& KnownLight::first() const { return state_->first; }
 std::optional<MeasuredLight> KnownLight::find(const AnyFramesView& frame, std::span<const Place> places) const {
   const Shape shape = shape_of(frame);
   if (shape.rows != state_->shape.rows || shape.columns != state_->shape.columns) return std::nullopt;
-  for (auto place = places.begin(); place != places.end(); ++place) {
-    if (std::find(places.begin(), place, *place) != place) continue;
-    const FreeBox box{place->x, place->y, state_->box.width, state_->box.height};
+  for (const Place& place : places) {
+    const FreeBox box{place.x, place.y, state_->box.width, state_->box.height};
     const auto found = state_->found_near(frame, box);
     if (found) return found->mean > 0 && state_->first.mean > 0 ? found : std::nullopt;
   }

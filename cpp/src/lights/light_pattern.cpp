@@ -25,11 +25,10 @@ constexpr std::size_t kTrend = 3;     // degree of the slow light beside a wavef
 
 std::size_t ceil_of(std::size_t value, std::size_t step) { return (value + step - 1) / step; }
 
-// Evenly spaced positions from −before·step on.
-std::vector<std::ptrdiff_t> positions(std::size_t before, std::size_t count, std::size_t step) {
+// Evenly spaced positions from 0 on.
+std::vector<std::ptrdiff_t> positions(std::size_t count, std::size_t step) {
   std::vector<std::ptrdiff_t> at(count);
-  for (std::size_t k = 0; k < count; ++k)
-    at[k] = static_cast<std::ptrdiff_t>(step) * (static_cast<std::ptrdiff_t>(k) - static_cast<std::ptrdiff_t>(before));
+  for (std::size_t k = 0; k < count; ++k) at[k] = static_cast<std::ptrdiff_t>(k * step);
   return at;
 }
 
@@ -50,16 +49,12 @@ RowSampling sampling_at(std::span<const std::ptrdiff_t> rows) { return {.times =
 
 }  // namespace
 
-LightCells::LightCells(const FreeBox& box, double dark, std::size_t row_step, std::size_t above) : dark_(dark) {
-  const std::size_t step = ceil_of(box.width, kSampled), inner = ceil_of(box.width, step);
-  const std::size_t rim = std::max<std::size_t>(inner / kCells, 1);
-  const std::size_t cells = std::max<std::size_t>(std::min(kCells, inner / 2), 1);
-  columns_ = positions(rim, inner + 2 * rim, step);
-  ends_.push_back(rim);
-  for (std::size_t cell = 1; cell <= cells; ++cell) ends_.push_back(rim + ceil_of(cell * inner, cells));
-  ends_.push_back(columns_.size());
-  const std::size_t more = ceil_of(above, row_step);
-  rows_ = positions(more, ceil_of(box.height, row_step) + 2 * more, row_step);
+LightCells::LightCells(const FreeBox& box, double dark, std::size_t row_step) : dark_(dark) {
+  const std::size_t step = ceil_of(box.width, kSampled);
+  columns_ = positions(ceil_of(box.width, step), step);
+  const std::size_t cells = std::clamp<std::size_t>(columns_.size() / 2, 1, kCells);
+  for (std::size_t cell = 1; cell <= cells; ++cell) ends_.push_back(ceil_of(cell * columns_.size(), cells));
+  rows_ = positions(ceil_of(box.height, row_step), row_step);
 }
 
 std::vector<double> LightCells::light(const AnyFramesView& frame, const FreeBox& box) const {
@@ -86,19 +81,18 @@ std::vector<double> LightCells::light(const AnyFramesView& frame, const FreeBox&
 }
 
 TonePattern::TonePattern(const FreeBox& box, double dark, double frequency)
-    : cells_(box, dark, std::max<std::size_t>(static_cast<std::size_t>(1 / (kRowsACycle * frequency)), 1),
-             std::max<std::size_t>(static_cast<std::size_t>(std::nearbyint(1 / frequency)), 1)) {
+    : cells_(box, dark, std::max<std::size_t>(static_cast<std::size_t>(1 / (kRowsACycle * frequency)), 1)) {
   const auto& rows = cells_.rows();
-  const auto half = static_cast<std::ptrdiff_t>(box.height / kHalves), end = static_cast<std::ptrdiff_t>(box.height);
-  for (const std::ptrdiff_t bound : {std::ptrdiff_t{0}, half, end, rows.back() + 1}) {
-    const std::size_t first =
-        parts_.empty() ? 0 : parts_.back().first + static_cast<std::size_t>(parts_.back().waves.rows());
-    const auto last = static_cast<std::size_t>(std::lower_bound(rows.begin(), rows.end(), bound) - rows.begin());
+  std::size_t first = 0;
+  for (std::size_t half = 1; half <= kHalves; ++half) {
+    const auto bound = static_cast<std::ptrdiff_t>(half * box.height / kHalves);
+    const auto end = static_cast<std::size_t>(std::ranges::lower_bound(rows, bound) - rows.begin());
     const Eigen::MatrixXd waves =
-        tone_design(sampling_at(std::span(rows).subspan(first, last - first)), {&frequency, 1});
+        tone_design(sampling_at(std::span(rows).subspan(first, end - first)), {&frequency, 1});
     parts_.push_back({first, waves, linear_fit(waves, kWaves).weights});
+    spread_ = std::max(spread_, parts_.back().weights.col(0).norm());
+    first = end;
   }
-  for (std::size_t k = 1; k <= kHalves; ++k) spread_ = std::max(spread_, parts_[k].weights.col(0).norm());
 }
 
 std::vector<double> TonePattern::fit(const std::vector<double>& light) const {
@@ -125,38 +119,24 @@ double TonePattern::noise(const std::vector<double>& light, const std::vector<do
   for (const Rows& part : parts_) {
     const double* row = light.data() + part.first * cells;
     for (Eigen::Index n = 0; n < part.waves.rows(); ++n, row += cells)
-      for (std::size_t cell = 1; cell + 1 < cells; ++cell)
+      for (std::size_t cell = 0; cell < cells; ++cell)
         rest.push_back(row[cell] - (of_part[cell] + part.waves(n, 1) * of_part[cells + cell] +
                                     part.waves(n, 2) * of_part[2 * cells + cell]));
     of_part += kWaves * cells;
   }
-  return spread_ * row_noise(rest, cells - 2);
+  return spread_ * row_noise(rest, cells);
 }
 
 LightPattern TonePattern::pattern_in(const AnyFramesView& frame, const FreeBox& box) const {
-  const std::size_t cells = cells_.cells(), inner = cells - 2;
+  const std::size_t cells = cells_.cells();
   const std::vector<double> light = cells_.light(frame, box), fitted = fit(light);
-  const auto wave = [&](std::size_t part, std::size_t k, std::size_t cell) {
-    return fitted[(part * kWaves + k) * cells + cell];
-  };
-  const auto swing = [&](std::size_t part, std::size_t cell) {
-    return std::complex<double>(wave(part, 1, cell), -wave(part, 2, cell));
-  };
   LightPattern result;
-  std::array<std::complex<double>, 4> sides{};  // left, right, above, below
-  for (std::size_t half = 1; half <= kHalves; ++half) {
-    sides[0] += swing(half, 0) / static_cast<double>(kHalves);
-    sides[1] += swing(half, cells - 1) / static_cast<double>(kHalves);
-    for (std::size_t cell = 1; cell <= inner; ++cell) {
-      result.mean.push_back(wave(half, 0, cell));
-      result.swing.push_back(swing(half, cell));
+  for (std::size_t half = 0; half < kHalves; ++half)
+    for (std::size_t cell = 0; cell < cells; ++cell) {
+      const double* wave = &fitted[half * kWaves * cells + cell];
+      result.mean.push_back(wave[0]);
+      result.swing.emplace_back(wave[cells], -wave[2 * cells]);
     }
-  }
-  for (std::size_t cell = 1; cell <= inner; ++cell) {
-    sides[2] += swing(0, cell) / static_cast<double>(inner);
-    sides[3] += swing(parts_.size() - 1, cell) / static_cast<double>(inner);
-  }
-  for (const auto& side : sides) result.beside.push_back(std::abs(side));
   result.noise = noise(light, fitted);
   return result;
 }
@@ -170,26 +150,16 @@ LightPattern WaveformPattern::pattern_in(const AnyFramesView& frame, const FreeB
   const auto rows = static_cast<Eigen::Index>(cells_.rows().size());
   const Eigen::MatrixXd light = Eigen::Map<const Light>(pixels.data(), rows, static_cast<Eigen::Index>(cells_.cells()));
   const Eigen::MatrixXd fast = light - product(slow_, transposed_product(slow_, light));
-  const Eigen::Index inner = light.cols() - 2;
-  const Eigen::VectorXd waveform = fast.middleCols(1, inner).rowwise().mean();
-  const Eigen::RowVectorXd mean = light.middleCols(1, inner).colwise().mean();
+  const Eigen::VectorXd waveform = fast.rowwise().mean();
+  const Eigen::RowVectorXd mean = light.colwise().mean();
   const double energy = waveform.squaredNorm();
   LightPattern result;
   result.mean.assign(mean.begin(), mean.end());
   result.waveform.assign(waveform.begin(), waveform.end());
-  if (!(energy > 0)) {
-    result.beside.assign(2, 0.0);
-    result.common = 0;
-    result.follow.assign(static_cast<std::size_t>(inner), 1.0);
-    return result;
-  }
-  const Eigen::VectorXd follow = transposed_product(fast, waveform) / energy;
-  const Light rest = fast.middleCols(1, inner) - waveform * follow.segment(1, inner).transpose();
-  result.noise = row_noise({rest.data(), static_cast<std::size_t>(rest.size())}, static_cast<std::size_t>(inner)) /
+  if (!(energy > 0)) return result;
+  const Light rest = fast - waveform * (transposed_product(fast, waveform) / energy).transpose();
+  result.noise = row_noise({rest.data(), static_cast<std::size_t>(rest.size())}, cells_.cells()) /
                  std::sqrt(static_cast<double>(rows));
-  result.beside = {follow(0), follow(inner + 1)};
-  result.common = static_cast<double>(inner) * energy / fast.middleCols(1, inner).squaredNorm();
-  result.follow.assign(follow.begin() + 1, follow.end() - 1);
   const std::size_t count = result.waveform.size();
   result.frequency = strongest_tone(result.waveform, count, 2 / static_cast<double>(count), 0.5).frequency;
   return result;

@@ -22,21 +22,17 @@ struct LightPattern {
   double noise = 0;                         // standard error of a cell's mean, DN
   std::vector<std::complex<double>> swing;  // of the cells' tone, the upper half of the box first
   std::vector<double> waveform;             // (rows,) of all cells, where the light sends data
-  std::vector<double> beside;               // swing beside the box, DN; of a waveform relative
-  double common = 1;                        // share of the cells' swing that is this waveform
-  std::vector<double> follow;               // (cells,) share of the waveform that each cell has, 1 on average
   std::optional<double> frequency;          // cycles per row of the waveform's strongest tone
 };
 
-// Mean light of cells of columns in every `row_step`-th row of a box and of `above` rows above and below it; the first
-// and the last cell lie beside the box. Outside of the frame its edge counts.
+// Mean light of cells of columns in every `row_step`-th row of a box. Outside of the frame its edge counts.
 class LightCells {
  public:
-  LightCells(const FreeBox& box, double dark, std::size_t row_step = 1, std::size_t above = 0);
+  LightCells(const FreeBox& box, double dark, std::size_t row_step = 1);
 
   [[nodiscard]] std::vector<double> light(const AnyFramesView& frame, const FreeBox& box) const;  // (rows × cells)
   [[nodiscard]] const std::vector<std::ptrdiff_t>& rows() const { return rows_; }  // 0: the first of the box
-  [[nodiscard]] std::size_t cells() const { return ends_.size(); }                 // with those beside the box
+  [[nodiscard]] std::size_t cells() const { return ends_.size(); }
 
  private:
   double dark_;
@@ -44,7 +40,7 @@ class LightCells {
   std::vector<std::size_t> ends_;  // of the cells, in columns_
 };
 
-// Mean and tone of each cell in both halves of the box and in a cycle above and below it, by least squares.
+// Mean and tone of each cell in both halves of the box, by least squares.
 class TonePattern {
  public:
   TonePattern(const FreeBox& box, double dark, double frequency);  // cycles per row
@@ -52,7 +48,7 @@ class TonePattern {
   [[nodiscard]] LightPattern pattern_in(const AnyFramesView& frame, const FreeBox& box) const;
 
  private:
-  struct Rows {                      // above the box, in its halves, below it
+  struct Rows {                      // of a half
     std::size_t first;               // of the rows taken
     Eigen::MatrixXd waves, weights;  // (rows × 3): 1, cosine, sine, and their weights
   };

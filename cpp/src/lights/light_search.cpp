@@ -21,10 +21,8 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t kMaxSuspects = 256;
-constexpr std::size_t kMinColumns = 8;  // beside a light
-constexpr double kSeenBefore = 10;      // odds of a light that the last frame showed here
-constexpr double kMuchClearer = 1.5;    // ratio of signal-to-noise ratios
-constexpr double kEdgesBeyond = 1.5;    // cycles that both edges of a whole box may lie beyond those of the own pixels
+constexpr std::size_t kMinColumns = 8;    // beside a light
+constexpr double kSeenBefore = 10;        // odds of a light that the last frame showed here
 constexpr std::size_t kSomeColumns = 32;  // that tell a tone of all
 constexpr double kShortestInner = 2;      // cycles of an inner box; its outline may be longer
 
@@ -75,23 +73,6 @@ bool is_explained(const Suspect& suspect, const RefinedLight& light) {
   return is_explained(suspect.box, suspect.frequency, light) || contains(suspect, light);
 }
 
-// A light, or adjacent lamps that were detected as one, each refined in its own columns.
-std::vector<Detection> lamps_of(const SearchedFrame& in, const Detection& light, const Detections& found) {
-  std::vector<Detection> lamps;
-  for (const LightPart& part : parts_beside(in.frame, part_of(light.light))) {
-    const auto lamp = refine(in, suspect_at(part.box, part.frequency), {part.box.x, part.box.right()}, whole_box);
-    const auto one = lamp ? judged(in, *lamp, found) : std::nullopt;
-    if (one && is_convincing(in, *one)) lamps.push_back(*one);
-  }
-  if (lamps.size() < 2) lamps.assign(1, light);
-  return lamps;
-}
-
-Detections with_tone(const SearchedFrame& in, Detections found, const Detection& light) {
-  std::ranges::copy(lamps_of(in, light, found), std::back_inserter(found.lights));
-  return found;
-}
-
 // The tone of a suspect: that of the inner box about its clearest tile where the whole one does not convince.
 std::optional<Detection> most_probable(const SearchedFrame& in, const Suspect& suspect, const Detections& found) {
   const auto tone = [&](const Suspect& of, double edge) {
@@ -105,21 +86,11 @@ std::optional<Detection> most_probable(const SearchedFrame& in, const Suspect& s
   return better ? inner : whole;
 }
 
-// A light leaves what it does not explain, such as another lamp beside it; so does a texture that looks like one.
-Detections with_tones_of(const SearchedFrame& in, Detections found, const Suspect& suspect) {
-  for (auto rest = unexplained(suspect, found.lights); rest;) {
-    const auto one = most_probable(in, *rest, found);
-    if (!one) break;
-    const bool convincing = is_convincing(in, *one);
-    if (convincing)
-      found = with_tone(in, std::move(found), *one);
-    else
-      found.doubtful.push_back(*one);
-    if (!convincing && one->appearance < kLooksLikeLight) break;
-    auto left = unexplained(*rest, convincing ? std::span<const Detection>(found.lights) : std::span(&*one, 1));
-    if (left && left->tiles.size() == rest->tiles.size()) break;
-    rest = std::move(left);
-  }
+// What lights do not explain of a suspect.
+Detections with_tone_of(const SearchedFrame& in, Detections found, const Suspect& suspect) {
+  const auto rest = unexplained(suspect, found.lights);
+  const auto one = rest ? most_probable(in, *rest, found) : std::nullopt;
+  if (one) (is_convincing(in, *one) ? found.lights : found.doubtful).push_back(*one);
   return found;
 }
 
@@ -143,7 +114,7 @@ Detections with_pulses(const SearchedFrame& in, Detections found, Region box) {
   box.width = std::min(beyond * step, box.width) - first * step;
   box.x += first * step;
   const auto one = most_probable(in, suspect_at(box, tone.frequency), found);
-  if (one && is_convincing(in, *one) && covers(one->light.box, box)) found = with_tone(in, std::move(found), *one);
+  if (one && is_convincing(in, *one) && covers(one->light.box, box)) found.lights.push_back(*one);
   return found;
 }
 
@@ -153,7 +124,7 @@ Detections with_tones(const SearchedFrame& in, Detections found, std::span<const
     check_interrupt();
     const auto near = [&](double frequency) { return near_frequency(suspect.frequency, frequency); };
     if (frequencies.empty() || std::ranges::any_of(frequencies, near))
-      found = with_tones_of(in, std::move(found), suspect);
+      found = with_tone_of(in, std::move(found), suspect);
   }
   return found;
 }
@@ -175,7 +146,7 @@ Detections reconsidered(const SearchedFrame& in, Detections found, std::span<con
     if (next == found.doubtful.end()) break;
     const Detection one = *next;
     found.doubtful.erase(next);
-    found = with_tone(in, std::move(found), one);
+    found.lights.push_back(one);
   }
   const auto first = found.lights.begin() + static_cast<std::ptrdiff_t>(earlier);
   const auto rest =
@@ -198,8 +169,7 @@ Detections with_lamps_beside(const SearchedFrame& in, Detections found, const Re
       continue;
     const auto other = refine(in, suspect, within, whole_box);
     const auto one = other && !same_frequency(*other, light) ? judged(in, *other, found) : std::nullopt;
-    if (one && is_convincing(in, *one) && !is_double_of_any(*one, found.lights))
-      found = with_tone(in, std::move(found), *one);
+    if (one && is_convincing(in, *one) && !is_double_of_any(*one, found.lights)) found.lights.push_back(*one);
   }
   return found;
 }
@@ -261,20 +231,13 @@ Detections with_data(const SearchedFrame& in, Detections found, std::span<const 
   return found;
 }
 
-// Frequency of a short light from its own pixels, without bias by its outline. Box and measures too where they are
-// much clearer and the box is smaller: texture that swings in phase with the light made its box too large. A sharp edge
-// is 0.4 cycles further out at 0.15 of the amplitude than it is.
+// Frequency of a short light from its own pixels, without bias by its outline.
 Detection sharpened(const SearchedFrame& in, Detection one) {
   RefinedLight& light = one.light;
   if (one.data || light.inside || static_cast<double>(light.box.height) * light.frequency > longest_inner) return one;
   const auto own = refine(in, suspect_at(light.box, light.frequency), all_columns(in), inner_box);
   if (!own || !near_frequency(own->frequency, light.frequency) || !is_measurable(*own, in.limits)) return one;
-  const auto shorter = static_cast<double>(light.box.height) - static_cast<double>(own->box.height);
-  const bool smaller = shorter * light.frequency >= kEdgesBeyond || much_narrower(own->box, light.box);
-  if (!one.expected && smaller && own->snr >= kMuchClearer * light.snr)
-    light = *own, one.box = own->box;
-  else
-    light.frequency = own->frequency, light.frequency_std = own->frequency_std, light.phase = own->phase;
+  light.frequency = own->frequency, light.frequency_std = own->frequency_std, light.phase = own->phase;
   return one;
 }
 

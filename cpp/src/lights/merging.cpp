@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "lights/light_patch.hpp"
-#include "lights/profile_frequency.hpp"
 
 namespace ocisac {
 
@@ -16,8 +15,6 @@ namespace {
 
 constexpr double min_beside = 0.8, min_above = 0.9;          // correlation of swings
 constexpr double min_between = 0.4, min_rows_between = 0.7;  // swing between parts, relative to the fainter part's
-constexpr double min_alike = 0.5;                            // correlation of touching lamps
-constexpr std::size_t min_strip = 8, max_strips = 24;        // columns; strips of a box
 constexpr std::size_t touching = 8;                          // columns apart
 
 IndexRange columns_of(const LightPart& part) { return {part.box.x, part.box.right()}; }
@@ -104,40 +101,6 @@ bool one_light_across(const LitFrame& frame, const LightPart& a, const LightPart
 
 bool one_light_down(const LitFrame& frame, const LightPart& a, const LightPart& b) {
   return a.box.y <= b.box.y ? above(frame, a, b) : above(frame, b, a);
-}
-
-std::vector<LightPart> parts_beside(const LitFrame& frame, const LightPart& light) {
-  const Region& box = light.box;
-  const IndexRange rows = rows_of(light);
-  const std::size_t length = mean_length(light, light), quarter = light.box.width / 4;
-  if (box.width < 2 * min_strip ||
-      likeness(swing(frame, {box.x, box.x + quarter}, rows, length),
-               swing(frame, {box.right() - quarter, box.right()}, rows, length)) >= min_alike)
-    return {};
-  const std::size_t strips = std::min(box.width / min_strip, max_strips);
-  const auto edge = [&](std::size_t strip) { return box.x + strip * box.width / strips; };
-  std::vector<LightPart> parts;
-  std::vector<double> run = swing(frame, {edge(0), edge(1)}, rows, length);
-  const auto close = [&](std::size_t first, std::size_t last) {
-    if (5 * (edge(last) - edge(first)) < box.width) return;
-    const double upper = std::min(2 * light.frequency, 0.499);
-    parts.push_back({{edge(first), box.y, edge(last) - edge(first), box.height},
-                     strongest_frequency(run, 0.5 * light.frequency, upper)});
-  };
-  std::size_t first = 0;
-  for (std::size_t strip = 1; strip < strips; ++strip) {
-    const auto next = swing(frame, {edge(strip), edge(strip + 1)}, rows, length);
-    if (likeness(run, next) >= min_alike) {
-      std::ranges::transform(run, next, run.begin(), std::plus{});
-      continue;
-    }
-    close(first, strip);
-    first = strip;
-    run = next;
-  }
-  close(first, strips);
-  if (parts.size() < 2) parts.clear();
-  return parts;
 }
 
 double likeness_of_frames(LitFrame frame, std::size_t other, const LightPart& part) {

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <vector>
 
 #include "lights/light_patch.hpp"
 #include "ocisac/core/views.hpp"
@@ -23,11 +22,6 @@ bool one_light_across(const LitFrame& frame, const LightPart& a, const LightPart
 // the right half correlate (0.9) and swing at least 0.7 times as much as the parts. A tone would have been detected as
 // a whole, so such a light sends data. False for parts farther apart than their total height.
 bool one_light_down(const LitFrame& frame, const LightPart& a, const LightPart& b);
-
-// Touching lamps that were detected as one: runs of columns whose log light has a correlation below 0.5 with the run
-// before. Each run is at least a fifth of the box, with its strongest frequency between half and twice the box's. Empty
-// if the outer quarters correlate, or fewer than two runs are wide enough.
-std::vector<LightPart> parts_beside(const LitFrame& frame, const LightPart& light);
 
 // Correlation of the swing of a part's rows in two frames: 1 for a texture, or light in step with the frames.
 double likeness_of_frames(LitFrame frame, std::size_t other, const LightPart& part);

@@ -12,7 +12,6 @@
 #include "lights/profile_frequency.hpp"
 #include "ocisac/rows/basis.hpp"
 #include "rows/normal_factors.hpp"
-#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -27,7 +26,6 @@ constexpr int outline_rounds = 6;
 constexpr double outline_reach = 0.12;  // of the frequency in a round, relative
 constexpr double outlier = 9;           // squared, in standard deviations
 constexpr double smallest_spread = 1e-3;
-constexpr double excluded = -1e3;
 constexpr std::size_t min_beyond = 4;  // rows
 
 double squared(double x) { return x * x; }
@@ -36,71 +34,44 @@ Eigen::Map<const Eigen::VectorXd> vector_of(std::span<const double> x) {
   return {x.data(), static_cast<Eigen::Index>(x.size())};
 }
 
-// Weighted least squares of the profile on mean, slope, curvature (of a bright core) and harmonics, whose amplitude
-// may change along the rows as a slope beneath the lamp makes it. Rows without weight have the continued fit.
+// Weighted least squares of the profile on mean, slope, curvature (of a bright core) and harmonics. Rows without weight
+// have the continued fit.
 struct ToneFit {
   std::vector<double> slow, fitted;  // (rows): all but the tone; all terms
-  double tone = 0;                   // Σ weight·x² of the tone, beyond the slow terms
   double terms = 0;
+  double tone = 0;  // Σ weight·x² of the tone, beyond the slow terms
 };
 
 constexpr std::size_t kSlowTerms = 3;
-
-// Columns of the model, weighted, and the products of their pairs and with the profile, column by column.
-struct ToneTerms {
-  const OwnPixels& pixels;
-  std::vector<double> columns;
-  NormalProducts products;
-  std::size_t count = 0;
-
-  [[nodiscard]] std::span<const double> column(std::size_t k) const {
-    const std::size_t rows = pixels.profile.size();
-    return std::span(columns).subspan(k * rows, rows);
-  }
-
-  void take_products() {
-    const std::size_t all = columns.size() / pixels.profile.size();
-    for (std::size_t i = count; i < all; ++i) {
-      const Eigen::VectorXd weighted = vector_of(pixels.weight).cwiseProduct(vector_of(column(i)));
-      for (std::size_t j = 0; j <= i; ++j) products.normal(i, j) = weighted.dot(vector_of(column(j)));
-      products.right(i) = weighted.dot(vector_of(pixels.profile));
-    }
-    count = all;
-  }
-
-  // Σ of the first `used` columns with their coefficients.
-  [[nodiscard]] std::vector<double> fitted(const NormalFactors& factors, std::size_t used) const {
-    std::array<double, NormalProducts::kMost> coefficients;
-    factors.solve(std::span(coefficients).first(used));
-    std::vector<double> out(pixels.profile.size());
-    Eigen::Map<Eigen::VectorXd> sum(out.data(), static_cast<Eigen::Index>(out.size()));
-    for (std::size_t k = 0; k < used; ++k) sum += coefficients[k] * vector_of(column(k));
-    return out;
-  }
-};
 
 ToneFit fit_tone(const OwnPixels& pixels, double frequency) {
   const std::size_t rows = pixels.profile.size();
   const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, max_orders);
   const RowSampling sampling = centred_rows(rows);
-  ToneTerms terms{pixels, {}, {}};
-  append_trend(terms.columns, sampling, kSlowTerms - 1);
-  for (std::size_t h = 1; h <= orders; ++h) {
-    const double harmonic = static_cast<double>(h) * frequency;
-    append_tones(terms.columns, sampling, {&harmonic, 1});
+  std::vector<double> columns, frequencies;
+  for (std::size_t h = 1; h <= orders; ++h) frequencies.push_back(static_cast<double>(h) * frequency);
+  append_trend(columns, sampling, kSlowTerms - 1);
+  append_tones(columns, sampling, frequencies);
+  const auto column = [&](std::size_t k) { return vector_of(std::span(columns).subspan(k * rows, rows)); };
+  const std::size_t count = kSlowTerms + 2 * orders;
+  NormalProducts products;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Eigen::VectorXd weighted = vector_of(pixels.weight).cwiseProduct(column(i));
+    for (std::size_t j = 0; j <= i; ++j) products.normal(i, j) = weighted.dot(column(j));
+    products.right(i) = weighted.dot(vector_of(pixels.profile));
   }
-  terms.take_products();
-  const NormalFactors steady(terms.products, terms.count);
-  ToneFit fit;
-  fit.slow = terms.fitted(steady, std::min(kSlowTerms, steady.solvable()));
-  const std::vector<double> even = terms.fitted(steady, steady.solvable());
-  if (steady.solvable() == terms.count)
-    for (std::size_t n = 0; n < rows; ++n) terms.columns.push_back(terms.column(1)[n] * (even[n] - fit.slow[n]));
-  terms.take_products();
-  const NormalFactors all(terms.products, terms.count);
-  fit.fitted = terms.fitted(all, all.solvable());
-  fit.terms = static_cast<double>(all.solvable());
-  for (std::size_t k = kSlowTerms; k < all.solvable(); ++k) fit.tone += squared(all.explained(k));
+  const NormalFactors factors(products, count);
+  const auto fitted_by = [&](std::size_t used) {
+    std::array<double, NormalProducts::kMost> coefficients;
+    factors.solve(std::span(coefficients).first(used));
+    std::vector<double> out(rows);
+    Eigen::Map<Eigen::VectorXd> sum(out.data(), static_cast<Eigen::Index>(rows));
+    for (std::size_t k = 0; k < used; ++k) sum += coefficients[k] * column(k);
+    return out;
+  };
+  ToneFit fit{fitted_by(std::min(kSlowTerms, factors.solvable())), fitted_by(factors.solvable()),
+              static_cast<double>(factors.solvable())};
+  for (std::size_t k = kSlowTerms; k < factors.solvable(); ++k) fit.tone += squared(factors.explained(k));
   return fit;
 }
 
@@ -120,18 +91,6 @@ OwnPixels profile_of_own_rows(const OwnPixels& pixels) {
   const auto from = static_cast<std::ptrdiff_t>(first), to = static_cast<std::ptrdiff_t>(end);
   const auto &profile = pixels.profile, &weight = pixels.weight;
   return {{}, {}, {profile.begin() + from, profile.begin() + to}, {weight.begin() + from, weight.begin() + to}};
-}
-
-// Probability of the tone that the fit has, of rows that count alike, in noise that is white along the rows.
-double chance_of(const OwnPixels& pixels, const ToneFit& fit) {
-  double rest = 0, total = 0, rows = 0;
-  for (std::size_t n = 0; n < pixels.profile.size(); ++n) {
-    if (!(pixels.weight[n] > 0)) continue;
-    rest += squared(pixels.profile[n] - fit.fitted[n]), total += squared(pixels.profile[n] - fit.slow[n]);
-    ++rows;
-  }
-  const auto tones = static_cast<std::size_t>(0.5 * std::max(fit.terms - static_cast<double>(kSlowTerms), 0.0));
-  return chance_of_share(total > 0 ? std::clamp(1 - rest / total, 0.0, 1.0) : 0, tones, rows - fit.terms);
 }
 
 // The energy around a frequency by differences, of a light of that many rows.
@@ -271,26 +230,18 @@ std::vector<double> likelihood_ratios(const OwnPixels& pixels, const ToneFit& fi
   return ratios;
 }
 
-// The light's own pixels by their likelihood ratios, each group with its neighbours: at least a cycle of a group, and
-// groups side by side.
+// The light's own pixels by their likelihood ratios: at least a cycle of a group.
 void select(OwnPixels& pixels, const ToneFit& fit, double frequency) {
   const std::vector<double> ratios = likelihood_ratios(pixels, fit);
   const std::size_t rows = pixels.profile.size(), groups = pixels.light.size() / rows;
-  std::vector<double> sums(rows), of_groups(groups, excluded);
+  std::vector<double> of_rows(rows);
   std::ranges::fill(pixels.own, std::uint8_t{0});
   for (std::size_t g = 0; g < groups; ++g) {
-    for (std::size_t n = 0; n < rows; ++n) {
-      const double* at = &ratios[n * groups + g];
-      sums[n] = at[0] + (g > 0 ? at[-1] : 0) + (g + 1 < groups ? at[1] : 0);
-    }
-    const auto [first, end] = largest_range(sums);
+    for (std::size_t n = 0; n < rows; ++n) of_rows[n] = ratios[n * groups + g];
+    const auto [first, end] = largest_range(of_rows);
     if (static_cast<double>(end - first) * frequency < 1) continue;
-    of_groups[g] = 0;
-    for (std::size_t n = first; n < end; ++n) pixels.own[n * groups + g] = 1, of_groups[g] += ratios[n * groups + g];
+    for (std::size_t n = first; n < end; ++n) pixels.own[n * groups + g] = 1;
   }
-  const auto [left, right] = largest_range(of_groups);
-  for (std::size_t i = 0; i < pixels.own.size(); ++i)
-    if (i % groups < left || i % groups >= right) pixels.own[i] = 0;
   centre(pixels, fit.fitted);
 }
 
@@ -397,7 +348,6 @@ RefinedLight refined_light(const OwnPixels& pixels, double frequency, double noi
   light.snr = explained / std::max(1 - explained, 1e-12);
   light.common = std::min(common / total, 1.0);
   light.periodic = light.common > 0 ? std::min(explained / light.common, 1.0) : 0;
-  light.chance = chance_of(pixels, fit);
   light.texture = std::max(rest - count * noise, 0.0) / std::max(total * explained, 1e-300);
   light.uneven = spread > 0 ? std::abs(uneven) / spread : 0;
   return light;

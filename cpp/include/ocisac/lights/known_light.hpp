@@ -26,18 +26,15 @@ struct MeasuredLight {
 // Top left corner of a box, possibly outside of the frame.
 struct Place {
   std::ptrdiff_t x = 0, y = 0;
-
-  friend bool operator==(const Place&, const Place&) = default;
 };
 
 // A light as it looked in the frame in which it was found. Its box is divided into 2 × 8 cells. A box of this size
 // shows the light if
 //   * the mean of no cell, relative to that of the box, differs by more than 0.15 of the light's amplitude (and 4
 //     standard errors),
-//   * the box swings 0.7 to 1.4 times as much, and the phases of its halves differ as before,
-//   * beside it, an eighth of its width or a cycle away, the swing has not grown by more than 0.4 of the amplitude.
-// Its place is where the means agree best, to a pixel or a 32nd of its size. A light that sends data shows one waveform
-// in all cells, from the first quarter of the box to the last; it is recognised at the given places only.
+//   * the box swings 0.7 to 1.4 times as much, and the phases of its halves differ as before.
+// Its place is where the means agree best, to a pixel or a 32nd of its size. A light that sends data is recognised at
+// the given places only.
 class KnownLight {
  public:
   // `frequency`: Hz; `carries_data`: compare waveforms instead of tones. Throws for a box outside of the frame.
