@@ -80,23 +80,33 @@ py::tuple run_find_scene_light(const std::vector<py::array>& colours, const Came
   return tuple_of(colours, *std::move(scene), std::move(light));
 }
 
+// Arrays (rows, columns) that are written to.
+struct Written {
+  py::array picture, marks, share;
+};
+
 template <class Sample>
-py::tuple restored_as(const StoredScene& scene, std::size_t frame, std::size_t colour, const BlockShares& shares,
-                      const Restoration& to) {
-  const auto done = unlocked([&] { return scene.restored<Sample>(frame, colour, shares, to); });
-  const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(scene.rows()),
-                                       static_cast<py::ssize_t>(scene.columns())};
-  return py::make_tuple(array_of(done.picture, shape), array_of(done.marks, shape), array_of(done.share, shape));
+void restore_as(const StoredScene& scene, std::size_t frame, std::size_t colour, const BlockShares& shares,
+                const Restoration& to, Written out) {
+  const RestoredPicture<Sample> result{mutable_view<Sample>(out.picture, "the type of the frames"),
+                                       mutable_view<std::uint8_t>(out.marks, "uint8"),
+                                       mutable_view<float>(out.share, "float32")};
+  const auto fits = [&](const auto& view) {
+    return view.frames == 1 && view.rows == scene.rows() && view.columns == scene.columns();
+  };
+  require(fits(result.picture) && fits(result.marks) && fits(result.share), "out", result.picture.rows,
+          "arrays of the shape of a frame");
+  unlocked([&] { scene.restore<Sample>(frame, colour, shares, to, result); });
 }
 
-py::tuple run_restored(const HeldScene& held, std::size_t frame, std::size_t colour, const Doubles& share,
-                       std::size_t block_rows, std::size_t block_columns, const Doubles& rows, double level,
-                       double max_gain) {
+void run_restore(const HeldScene& held, std::size_t frame, std::size_t colour, const Doubles& share,
+                 std::size_t block_rows, std::size_t block_columns, const Doubles& rows, double level, double max_gain,
+                 const py::array& picture, const py::array& marks, const py::array& of_pixels) {
   const BlockShares shares{{share.data(), share.data() + share.size()}, block_rows, block_columns};
   const Restoration to{span_of(rows), level, max_gain};
   const bool is_bytes = held.arrays.front().dtype().equal(py::dtype::of<std::uint8_t>());
-  return is_bytes ? restored_as<std::uint8_t>(held.scene, frame, colour, shares, to)
-                  : restored_as<std::uint16_t>(held.scene, frame, colour, shares, to);
+  const auto restore = is_bytes ? &restore_as<std::uint8_t> : &restore_as<std::uint16_t>;
+  restore(held.scene, frame, colour, shares, to, {picture, marks, of_pixels});
 }
 
 py::tuple run_push(Shared<StreamCleaner>& cleaner, const std::vector<py::array>& colours, std::optional<double> time) {
@@ -128,8 +138,8 @@ void register_cleaning(py::module_& module) {
       .def_property_readonly("toe", [](const HeldScene& held) { return held.scene.toe(); })
       .def_property_readonly("white", [](const HeldScene& held) { return held.scene.white(); })
       .def_property_readonly("by_table", [](const HeldScene& held) { return held.scene.by_table(); })
-      .def("restored", &run_restored, arg("frame"), arg("colour"), arg("share"), arg("block_rows"),
-           arg("block_columns"), arg("rows"), arg("level"), arg("max_gain"));
+      .def("restore", &run_restore, arg("frame"), arg("colour"), arg("share"), arg("block_rows"), arg("block_columns"),
+           arg("rows"), arg("level"), arg("max_gain"), arg("picture"), arg("marks"), arg("of_pixels"));
   py::class_<SceneLight>(module, "SceneLight")
       .def_property_readonly("lights", &lights_by_colour)
       .def_readonly("verdicts", &SceneLight::verdicts)

@@ -28,13 +28,11 @@ constexpr double inf = std::numeric_limits<double>::infinity();
 template <class Sample>
 constexpr bool is_integer = std::is_integral_v<std::remove_const_t<Sample>>;
 
-// One frame, dense.
 template <class Sample>
-std::vector<std::remove_const_t<Sample>> plane_of(const FramesView<Sample>& view, std::size_t frame) {
-  std::vector<std::remove_const_t<Sample>> plane(view.rows * view.columns);
-  for (std::size_t n = 0, i = 0; n < view.rows; ++n)
-    for (std::size_t k = 0; k < view.columns; ++k, ++i) plane[i] = view(frame, n, k);
-  return plane;
+FramesView<Sample> one_frame(FramesView<Sample> view, std::size_t frame) {
+  view.data = view.at(frame, 0, 0);
+  view.frames = 1;
+  return view;
 }
 
 double largest_sample(const AnyFramesView& frames) {
@@ -163,16 +161,17 @@ void StoredScene::convert(std::size_t frame, std::size_t colour) {
   const double saturated = saturation_level(colours_[colour], curve_);
   std::visit(
       [&]<class Sample>(const FramesView<const Sample>& view) {
-        const std::vector<Sample> plane = plane_of(view, frame);
+        const FramesView<const Sample> plane = one_frame(view, frame);
         const auto at = static_cast<std::ptrdiff_t>(frame * pixels_);
         if constexpr (is_integer<Sample>) {
-          const MergedPicture merged = merge_columns<Sample>(plane, columns_, merged_, {table_.light, table_.variance});
+          const MergedPicture merged = merge_columns(plane, merged_, {table_.light, table_.variance});
           std::copy(merged.light.begin(), merged.light.end(), light_[colour].begin() + at);
           std::copy(merged.variance.begin(), merged.variance.end(), variance_[colour].begin() + at);
         } else {
           Blocks blocks{rows_, columns_, {}, {}};
-          for (const Sample stored : plane) {
-            const double value = static_cast<double>(stored), light = linear_light(curve_, value, 1);
+          for (std::size_t i = 0; i < rows_ * columns_; ++i) {
+            const double value = static_cast<double>(plane(0, i / columns_, i % columns_));
+            const double light = linear_light(curve_, value, 1);
             const double deviation = noise_ * light_per_step(curve_, value, 1) * slope_of_lifted(light, toe_, white_);
             blocks.light.push_back(lifted_light(light, toe_, white_));
             blocks.variance.push_back(value >= saturated ? inf : deviation * deviation);
@@ -199,17 +198,16 @@ std::vector<BandedPicture> StoredScene::colours_of(std::size_t frame) const {
 }
 
 template <class Sample>
-RestoredPicture<Sample> StoredScene::restored(std::size_t frame, std::size_t colour, const BlockShares& shares,
-                                              const Restoration& to) const {
+void StoredScene::restore(std::size_t frame, std::size_t colour, const BlockShares& shares, const Restoration& to,
+                          const RestoredPicture<Sample>& result) const {
   const auto* const view = std::get_if<FramesView<const Sample>>(&colours_.at(colour));
   require(view != nullptr && by_table() && frame < frames_, "frame", frame, "a frame of samples of this type");
-  const std::vector<Sample> plane = plane_of(*view, frame);
-  return restore_picture<Sample>(plane, columns_, shares, to, {table_.light, table_.variance}, table_.bounds);
+  restore_picture<Sample>(one_frame(*view, frame), shares, to, {table_.light, table_.variance}, table_.bounds, result);
 }
 
-template RestoredPicture<std::uint8_t> StoredScene::restored(std::size_t, std::size_t, const BlockShares&,
-                                                             const Restoration&) const;
-template RestoredPicture<std::uint16_t> StoredScene::restored(std::size_t, std::size_t, const BlockShares&,
-                                                              const Restoration&) const;
+template void StoredScene::restore(std::size_t, std::size_t, const BlockShares&, const Restoration&,
+                                   const RestoredPicture<std::uint8_t>&) const;
+template void StoredScene::restore(std::size_t, std::size_t, const BlockShares&, const Restoration&,
+                                   const RestoredPicture<std::uint16_t>&) const;
 
 }  // namespace ocisac

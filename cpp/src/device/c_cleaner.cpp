@@ -82,36 +82,21 @@ std::vector<ocisac::AnyFramesView> views_of(const ocisac_plane* planes, std::siz
   return views;
 }
 
+// The views are of memory that the caller lets us write.
 template <class Sample>
-std::vector<std::vector<Sample>> restored_planes(const ocisac_cleaner& cleaner,
-                                                 const ocisac::StreamCleaner::Frame& frame) {
-  std::vector<std::vector<Sample>> planes;
+void clean_as(const ocisac_cleaner& cleaner, const ocisac::StreamCleaner::Frame& frame,
+              const std::vector<ocisac::AnyFramesView>& views) {
   const ocisac::ColourLights& lights = frame.light.lights.front();
   for (std::size_t colour = 0; colour < lights.of_colour.size(); ++colour) {
     const ocisac::ModelledLight& light = lights.lights[lights.of_colour[colour]];
     std::vector<double> rows = light.light;
     for (double& row : rows) row = std::min(row, light.full);  // brighter rows are fully lit rows with noise
     const double level = cleaner.mean_level ? 1 : frame.light.full_level(0, colour);
-    planes.push_back(
-        frame.stored.restored<Sample>(0, colour, frame.light.shares[colour], {rows, level, cleaner.max_gain}).picture);
-  }
-  return planes;
-}
-
-// The views are of memory that the caller lets us write.
-template <class Sample>
-void write(const std::vector<std::vector<Sample>>& planes, const std::vector<ocisac::AnyFramesView>& views) {
-  for (std::size_t colour = 0; colour < planes.size(); ++colour) {
     const auto& view = std::get<ocisac::FramesView<const Sample>>(views[colour]);
-    for (std::size_t n = 0, i = 0; n < view.rows; ++n)
-      for (std::size_t k = 0; k < view.columns; ++k, ++i) *const_cast<Sample*>(view.at(0, n, k)) = planes[colour][i];
+    const ocisac::FramesView<Sample> same{
+        const_cast<Sample*>(view.data), 1, view.rows, view.columns, 0, view.row_stride, view.column_stride};
+    frame.stored.restore<Sample>(0, colour, frame.light.shares[colour], {rows, level, cleaner.max_gain}, {same});
   }
-}
-
-template <class Sample>
-void clean_as(const ocisac_cleaner& cleaner, const ocisac::StreamCleaner::Frame& frame,
-              const std::vector<ocisac::AnyFramesView>& views) {
-  write(restored_planes<Sample>(cleaner, frame), views);
 }
 
 ocisac_cleaned cleaned_of(const ocisac_cleaner& cleaner, const ocisac::SceneLight& found) {

@@ -27,48 +27,71 @@ struct Tables {
   StoredLight stored() const { return {light, variance}; }
 };
 
+struct Restored {
+  std::vector<std::uint8_t> picture, marks;
+  std::vector<float> share;
+};
+
+Restored restored(const std::vector<std::uint8_t>& stored, const BlockShares& shares, std::span<const double> light) {
+  const Tables tables;
+  const std::size_t size = stored.size(), rows = light.size(), columns = size / rows;
+  Restored result{std::vector<std::uint8_t>(size), std::vector<std::uint8_t>(size), std::vector<float>(size)};
+  restore_picture<std::uint8_t>(
+      dense_view(stored.data(), 1, rows, columns), shares, {light, 1, 8}, tables.stored(), tables.bounds,
+      {dense_view(result.picture.data(), 1, rows, columns), dense_view(result.marks.data(), 1, rows, columns),
+       dense_view(result.share.data(), 1, rows, columns)});
+  return result;
+}
+
 }  // namespace
 
 TEST_CASE("columns are averaged without saturated pixels") {
   const Tables tables;
   const std::vector<std::uint8_t> stored{10, 20, 255, 30, 255, 255, 0, 2, 4, 6, 8, 10};
-  const MergedPicture merged = merge_columns<std::uint8_t>(stored, 6, 4, tables.stored());
+  const MergedPicture merged = merge_columns<std::uint8_t>(dense_view(stored.data(), 1, 2, 6), 4, tables.stored());
   CHECK(merged.light == std::vector<double>{20, 0, 3, 9});
   CHECK(merged.variance == std::vector<double>{1.0 / 3, inf, 0.25, 0.5});
 }
 
 TEST_CASE("a pixel of known share is restored, a saturated one stays, a dark one is marked") {
-  const Tables tables;
   const std::vector<std::uint8_t> stored{100, 255, 100, 10, 10, 10};
   const std::vector<double> share{1, 1, 0.5, 1, 1, 0.5}, rows{2, 0.1};
-  const auto done =
-      restore_picture<std::uint8_t>(stored, 3, {share, 1, 1}, {rows, 1, 8}, tables.stored(), tables.bounds);
+  const Restored done = restored(stored, {share, 1, 1}, rows);
   CHECK(done.picture == std::vector<std::uint8_t>{50, 255, 67, 80, 80, 18});
   CHECK(done.marks == std::vector<std::uint8_t>{0, 1, 0, 2, 2, 0});
 }
 
 TEST_CASE("highlights that would burn stay below saturated pixels") {
-  const Tables tables;
   const std::vector<std::uint8_t> stored{200, 249, 250};
   const std::vector<double> share{1, 1, 1}, rows{0.5};
-  const auto done =
-      restore_picture<std::uint8_t>(stored, 3, {share, 1, 1}, {rows, 1, 8}, tables.stored(), tables.bounds);
+  const Restored done = restored(stored, {share, 1, 1}, rows);
   CHECK(done.picture == std::vector<std::uint8_t>{249, 249, 250});
 }
 
+TEST_CASE("one share for all pixels restores as shares by pixel do") {
+  std::vector<std::uint8_t> stored(3 * 300);
+  for (std::size_t i = 0; i < stored.size(); ++i) stored[i] = static_cast<std::uint8_t>(i * 7 % 256);
+  const std::vector<double> rows{1.4, 0.1, 0.7};
+  std::vector<double> nearly(stored.size(), 0.8);
+  nearly.front() = 0.8 + 1e-12;
+  const Restored one = restored(stored, {{0.8}, 3, 300}, rows), each = restored(stored, {nearly, 1, 1}, rows);
+  CHECK(one.picture == each.picture);
+  CHECK(one.marks == each.marks);
+  CHECK(one.share == each.share);
+}
+
 TEST_CASE("shares of blocks are interpolated between their centres") {
-  const Tables tables;
   const std::vector<std::uint8_t> stored(8, 100);
   const std::vector<double> share{0, 1}, rows{1};
-  const auto done =
-      restore_picture<std::uint8_t>(stored, 8, {share, 1, 4}, {rows, 1, 8}, tables.stored(), tables.bounds);
+  const Restored done = restored(stored, {share, 1, 4}, rows);
   CHECK(done.share == std::vector<float>{0, 0, 0.125F, 0.375F, 0.625F, 0.875F, 1, 1});
 }
 
 TEST_CASE("stored values beyond the table are rejected") {
   const std::vector<double> light{0, 1}, variance{1, 1}, bounds{0.5};
   const std::vector<std::uint8_t> stored{2};
-  CHECK_THROWS_AS(merge_columns<std::uint8_t>(stored, 1, 1, {light, variance}), std::invalid_argument);
+  CHECK_THROWS_AS(merge_columns<std::uint8_t>(dense_view(stored.data(), 1, 1, 1), 1, {light, variance}),
+                  std::invalid_argument);
 }
 
 TEST_CASE("the slope of the light above a toe is its derivative") {

@@ -42,10 +42,20 @@ struct Frame {
   std::vector<AnyFramesView> colours() const { return {dense_view(stored.data(), 1, rows, columns)}; }
 };
 
+struct Restored {
+  std::vector<std::uint8_t> picture = std::vector<std::uint8_t>(rows * columns), marks = picture;
+
+  explicit Restored(const StreamCleaner::Frame& found) {
+    const ModelledLight& light = found.light.lights.front().lights.front();
+    found.stored.restore<std::uint8_t>(
+        0, 0, found.light.shares.front(), {light.light, 1.0, 8.0},
+        {dense_view(picture.data(), 1, rows, columns), dense_view(marks.data(), 1, rows, columns)});
+  }
+};
+
 // Relative deviation of the restored picture from the clean one, in the middle of the frame.
 double error_of(const StreamCleaner::Frame& found, const Frame& frame) {
-  const ModelledLight& light = found.light.lights.front().lights.front();
-  const auto done = found.stored.restored<std::uint8_t>(0, 0, found.light.shares.front(), {light.light, 1.0, 8.0});
+  const Restored done(found);
   double error = 0, count = 0;
   for (std::size_t n = 20; n + 20 < rows; ++n)
     for (std::size_t k = 20; k + 20 < columns; ++k) {
@@ -131,9 +141,7 @@ struct SlowFrame {
   // After cleaning, over that before; 1 for a frame that is left.
   double error_left(const StreamCleaner::Frame& found) const {
     if (!found.light.unchanged.empty()) return 1;
-    const ModelledLight& light = found.light.lights.front().lights.front();
-    const auto done = found.stored.restored<std::uint8_t>(0, 0, found.light.shares.front(), {light.light, 1.0, 8.0});
-    return error_of(done.picture) / error_of(stored);
+    return error_of(Restored(found).picture) / error_of(stored);
   }
 };
 

@@ -89,7 +89,10 @@ TEST_CASE("C: a stream is cleaned in place, as by the core") {
     CHECK(swing(pixels) < 0.3 * swing(stored));
     const auto found = core.push({ocisac::dense_view(stored.data(), 1, kRows, kColumns)});
     const auto& light = found.light.lights.front().lights.front();
-    CHECK(pixels == found.stored.restored<std::uint8_t>(0, 0, found.light.shares.front(), {light.light, 1, 8}).picture);
+    auto restored = stored;
+    found.stored.restore<std::uint8_t>(0, 0, found.light.shares.front(), {light.light, 1, 8},
+                                       {ocisac::dense_view(restored.data(), 1, kRows, kColumns)});
+    CHECK(pixels == restored);
     CHECK(cleaned.light_left == found.light.verdicts.front().light_left);
   }
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -348,8 +348,8 @@ def finished(found: Estimate, camera: Camera, task: Task) -> Done:
     each = np.empty(stack.shape, np.float32)
     for colour, own in enumerate(found.shares):
         for k, of_frame in enumerate(light.lights):
-            one = _restored(found, k, colour, own, of_frame[colour], camera, task)
-            pictures[k, ..., colour], marks[k, ..., colour], each[k, ..., colour] = one
+            out = Restored(pictures[k, ..., colour], marks[k, ..., colour], each[k, ..., colour])
+            _restore(found, k, colour, own, of_frame[colour], camera, task, out)
     return Done(pictures, marks, each, light.lights, found.scene.toe, light.verdicts, light.unchanged)
 
 
@@ -366,7 +366,15 @@ def _left_alone(found: Estimate, camera: Camera, task: Task) -> Done:
     return Done(pictures, marks, shares, light.lights, found.scene.toe, light.verdicts, light.unchanged)
 
 
-def _restored(
+class Restored(NamedTuple):
+    """Views (rows, columns) of one colour of one frame: stored values, marks, and the share of each pixel."""
+
+    picture: npt.NDArray[Any]
+    marks: npt.NDArray[np.uint8]
+    share: npt.NDArray[np.float32]
+
+
+def _restore(
     found: Estimate,
     frame: int,
     colour: int,
@@ -374,33 +382,36 @@ def _restored(
     row_light: ModelledLight,
     camera: Camera,
     task: Task,
-) -> tuple[npt.NDArray[Any], npt.NDArray[np.uint8], npt.NDArray[np.float32]]:
-    """Restore one colour of one frame; returns stored values, marks, and the share of each pixel."""
+    out: Restored,
+) -> None:
+    """Restore one colour of one frame."""
     is_full = task.level == "full" or (task.level == "auto" and row_light.model != "tone")
     level = found.light.full_level(frame, colour) if is_full else 1.0
     rows = np.minimum(row_light.light, row_light.full)  # brighter rows are fully lit rows with noise
     scene, max_gain = found.scene, task.options.max_gain
     if scene.by_table and task.keep == "picture" and not task.options.fill:
-        return scene.restored(frame, colour, shares.share, shares.rows, shares.columns, rows, level, max_gain)
+        scene.restore(frame, colour, shares.share, shares.rows, shares.columns, rows, level, max_gain, *out)
+        return
     stored = found.stack[frame, ..., colour]
     saturated = np.asarray(stored >= saturation_level(camera, stored.dtype))
     light = _core.lifted_light(linear_light(stored, camera), scene.toe, scene.white)
     share = shares.enlarged(light.shape)
     gain = (1 + share * (level - 1)) / np.maximum(1 + share * (rows[:, None] - 1), 1e-9)
     dark = (gain > max_gain) & ~saturated
-    marks = np.where(saturated, Mark.SATURATED, np.where(dark, Mark.DARK, Mark.RESTORED)).astype(np.uint8)
+    out.marks[:] = np.where(saturated, Mark.SATURATED, np.where(dark, Mark.DARK, Mark.RESTORED))
+    out.share[:] = share
     gain = np.minimum(gain, max_gain)
 
     def stored_of(values: FloatArray) -> npt.NDArray[Any]:
         return stored_values(lowered(values, scene.toe, scene.white), camera, stored.dtype)
 
     if task.keep == "bands":
-        bands = light * gain / (1 + share * (level - 1)) * share * rows[:, None]
-        return stored_of(bands), marks, share.astype(np.float32)
+        out.picture[:] = stored_of(light * gain / (1 + share * (level - 1)) * share * rows[:, None])
+        return
     values = stored_of(_filled(light * gain, dark) if task.options.fill else light * gain)
     if stored.dtype.kind == "u":  # rows that were lit more burn from the next value on
-        values = np.minimum(values, np.ceil(saturation_level(camera, stored.dtype)) - 1).astype(stored.dtype)
-    return np.where(saturated, stored, values), marks, share.astype(np.float32)
+        values = np.minimum(values, np.ceil(saturation_level(camera, stored.dtype)) - 1)
+    out.picture[:] = np.where(saturated, stored, values)
 
 
 def _filled(values: FloatArray, lost: npt.NDArray[np.bool_]) -> FloatArray:

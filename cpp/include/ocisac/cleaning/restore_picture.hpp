@@ -6,6 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "ocisac/core/views.hpp"
+
 namespace ocisac {
 
 // Linear light of each stored value, ascending, and its noise variance: infinite where a value is saturated.
@@ -17,11 +19,10 @@ struct MergedPicture {
   std::vector<double> light, variance;  // (rows × ceil(columns/merged)); variance infinite where all are saturated
 };
 
-// Means of the unsaturated pixels of `merged` neighbouring columns. `stored`: (rows × columns), each value below the
-// tables' length.
+// Means of the unsaturated pixels of `merged` neighbouring columns. `stored`: one frame, each value below the tables'
+// length.
 template <class Sample>
-MergedPicture merge_columns(std::span<const Sample> stored, std::size_t columns, std::size_t merged,
-                            const StoredLight& table);
+MergedPicture merge_columns(const FramesView<const Sample>& stored, std::size_t merged, const StoredLight& table);
 
 // Shares of the light in blocks of pixels; between the blocks' centres they are interpolated.
 struct BlockShares {
@@ -39,19 +40,20 @@ struct Restoration {
 
 enum class PixelMark : std::uint8_t { restored = 0, saturated = 1, dark = 2 };
 
+// Where one frame is written to; marks and shares without memory are not.
 template <class Sample>
 struct RestoredPicture {
-  std::vector<Sample> picture;
-  std::vector<std::uint8_t> marks;  // PixelMark
-  std::vector<float> share;         // of each pixel
+  FramesView<Sample> picture;
+  FramesView<std::uint8_t> marks = {};  // PixelMark
+  FramesView<float> share = {};         // of each pixel
 };
 
 // v·(1 + q·(level − 1))/(1 + q·(L − 1)) of every pixel; saturated ones are unchanged, others stay below saturation, and
 // gains are bounded.
-// `bounds`: (values − 1) light at which the stored value changes from one to the next.
+// `bounds`: (values − 1) light at which the stored value changes from one to the next. The picture may be the stored
+// one.
 template <class Sample>
-RestoredPicture<Sample> restore_picture(std::span<const Sample> stored, std::size_t columns, const BlockShares& shares,
-                                        const Restoration& to, const StoredLight& table,
-                                        std::span<const double> bounds);
+void restore_picture(const FramesView<const Sample>& stored, const BlockShares& shares, const Restoration& to,
+                     const StoredLight& table, std::span<const double> bounds, const RestoredPicture<Sample>& result);
 
 }  // namespace ocisac

@@ -44,13 +44,13 @@ class StoredScene {
   [[nodiscard]] double toe() const { return toe_; }
   [[nodiscard]] double white() const { return white_; }  // light of a white pixel
 
-  // Whether values are integers, which `restored` takes.
+  // Whether values are integers, which `restore` takes.
   [[nodiscard]] bool by_table() const { return !table_.light.empty(); }
 
-  // Stored values under steady light, marks and shares of one colour of one frame (restore_picture).
+  // Writes stored values under steady light, marks and shares of one colour of one frame (restore_picture).
   template <class Sample>
-  [[nodiscard]] RestoredPicture<Sample> restored(std::size_t frame, std::size_t colour, const BlockShares& shares,
-                                                 const Restoration& to) const;
+  void restore(std::size_t frame, std::size_t colour, const BlockShares& shares, const Restoration& to,
+               const RestoredPicture<Sample>& result) const;
 
  private:
   // Of all stored values.
