@@ -314,7 +314,7 @@ def test_a_picture_without_light_stays() -> None:
 def test_the_command_says_why_a_black_picture_stays(tmp_path: Path) -> None:
     np.save(tmp_path / "black.npy", np.zeros((1, 64, 40), np.uint8))
     line = ["clean", str(tmp_path / "black.npy"), str(tmp_path / "clean.npy"), "--row-time", "10us", "--force"]
-    facts = json.loads(CliRunner().invoke(ocisac, [*line, "--json"], catch_exceptions=False).output)
+    facts = json.loads(CliRunner().invoke(ocisac, [*line, "--json"], catch_exceptions=False).stdout)
     assert facts["unchanged"] == "no bands: all rows have the same light"
     assert facts["frequency_hz"] is None
     table = CliRunner().invoke(ocisac, line, catch_exceptions=False).output
@@ -377,7 +377,7 @@ def test_command(tmp_path: Path, name: str) -> None:
     assert result.output.count('"model": "tone"') == len(frames)
     assert result.output.count('"toe": 0.0') == len(frames)
     assert result.output.count('"unchanged": ""') == len(frames)
-    assert all(json.loads(row)["light_left"] < 0.5 for row in result.output.splitlines())
+    assert all(json.loads(row)["light_left"] < 0.5 for row in result.stdout.splitlines())
     cleaned = read_frames(target, colour=True).frames
     in_time_order = frames.swapaxes(1, 2)[:, ::-1]
     each = remove_bands(in_time_order, Camera(1e-5)).frames

@@ -111,8 +111,8 @@ def clean(
     if not as_json:
         rows = [_row(facts, picture.in_hertz) for facts in cleaner.facts]
         emit_table("", _HEADER, rows, left=("remark",), spare=("toe", "saturated", "too dark"))
-        if cleaner.reasons or len(cleaner.facts) > 1:
-            emit_summary(cleaner.summary(target), as_json=False)
+    if cleaner.reasons or len(cleaner.facts) > 1:
+        emit_summary(cleaner.summary(target), as_json)
     if stop:
         raise KeyboardInterrupt
 
