@@ -20,7 +20,6 @@ using Values = std::vector<double>;
 constexpr double enough = 0.92;                           // of the rows' swing, after `levelled`, that chips explain
 constexpr std::size_t top_reach = 3, longest_reach = 48;  // rows: half widths of a top, and of what it is compared in
 constexpr double min_top = 0.3;                           // of the largest row within the longest run
-constexpr double largest_row = 1.5, bright = 0.95;        // of a bright one; a quantile
 constexpr double knot_rows = 0.8;      // max. spacing of the knots of the response; at most a quarter of a chip
 constexpr double own_swing = 0.015;    // deviation of a row from the chips' model: sharpening follows no response
 constexpr std::size_t least_bits = 8;  // of a detection
@@ -41,7 +40,7 @@ Values largest_around(const Values& values, std::size_t reach) {
 // Rows divided by the line through the tops of bright runs, which all reach the level of full light.
 Values levelled(const Values& rows) {
   Values low = rows;
-  const double most = largest_row * quantile(rows, bright);
+  const double most = most_of_rows(rows);
   for (double& value : low) value = std::min(value, most);
   const Values near = largest_around(low, top_reach), far = largest_around(low, longest_reach);
   std::vector<std::size_t> tops;

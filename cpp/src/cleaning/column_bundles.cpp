@@ -23,7 +23,6 @@ constexpr std::size_t rows_of_lag = 4;        // means in the lag between compar
 constexpr double bright = 0.95, dark = 0.02;  // quantiles
 constexpr double min_share = 0.02;            // of a column, relative to those with a large one
 constexpr double min_depth = 1e-3;
-constexpr double largest_row = 1.5;  // of a bright one
 constexpr double least_trend = 0.1;  // of the mean
 constexpr double enough_rows = 0.9;  // of a column that counts
 constexpr double alike = 0.9, alike_depth = 0.7;
@@ -202,7 +201,7 @@ std::vector<std::vector<std::size_t>> alike_colours(std::span<const BandedPictur
 
 std::vector<double> fully_modulated_rows(std::span<const double> rows) {
   Values result(rows.begin(), rows.end());
-  const double most = largest_row * quantile(rows, bright);  // limits outliers above full light
+  const double most = most_of_rows(rows);
   for (double& value : result) value = std::min(value, most);
   const double low = quantile(result, dark), mean = mean_of(result);
   if (mean - low < 1e-9 * std::max(std::abs(mean), smallest)) return Values(rows.size(), 1.0);

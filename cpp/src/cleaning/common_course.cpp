@@ -7,6 +7,7 @@
 #include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
+#include "cleaning/row_basis.hpp"
 #include "cleaning/slow_modes.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/linear_algebra.hpp"
@@ -100,8 +101,6 @@ Values weights_of(const Differences& all, const Eigen::VectorXd& modes, double o
   }
   return weights;
 }
-
-Values values_of(const Eigen::VectorXd& vector) { return {vector.data(), vector.data() + vector.size()}; }
 
 // Modes of the groups of columns, and the variance of their mean by the jackknife.
 void compare_groups(const Differences& all, const Values& weights, CommonCourse& course) {

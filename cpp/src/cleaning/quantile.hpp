@@ -19,4 +19,10 @@ inline double quantile(std::span<const double> values, double share) {
   return *middle + (place - static_cast<double>(before)) * (after - *middle);
 }
 
+// Light above which a row is an outlier.
+inline double most_of_rows(std::span<const double> rows) {
+  constexpr double of_bright = 1.5, bright = 0.95;  // a quantile
+  return of_bright * quantile(rows, bright);
+}
+
 }  // namespace ocisac

@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "cleaning/merged_blocks.hpp"
+#include "cleaning/slow_modes.hpp"
 #include "cleaning/slow_shares.hpp"
 #include "cleaning/slow_tones.hpp"
 #include "core/check_interrupt.hpp"
@@ -20,11 +21,10 @@ constexpr double clear = 3;                // standard errors of its amplitude
 constexpr double colours_differ = 0.7;     // relative deviation of a colour's tones from those of all
 constexpr double of_groups = 0.5;          // expected deviation of the terms of a group of columns: hardly a bound
 constexpr double min_level = 0.25, max_worse = 0.25;
-constexpr double least_move = 0.05;   // cycles from frame to frame
-constexpr double most_other = 0.5;    // of the difference of two frames of one scene
-constexpr double by_chance = 13.8;    // chi square of two terms that one in a thousand exceeds
-constexpr double least_seen = 0.5;    // of tones that are on
-constexpr double least_light = 0.02;  // what a tone curve makes of dark rows may need an amplitude above 1
+constexpr double least_move = 0.05;  // cycles from frame to frame
+constexpr double most_other = 0.5;   // of the difference of two frames of one scene
+constexpr double by_chance = 13.8;   // chi square of two terms that one in a thousand exceeds
+constexpr double least_seen = 0.5;   // of tones that are on
 constexpr const char* not_sure = "slow bands that the picture's own shades may be";
 constexpr const char* disagrees = "slow bands that are others than those of the frames before";
 
@@ -90,9 +90,10 @@ SlowVerdict agreement_of_groups(std::span<const CommonCourse> courses, const std
           level * static_cast<double>(count) / before};
 }
 
-std::string objection_to(const SlowVerdict& verdict) {
+// `is_even`: all of the picture has one share.
+std::string objection_to(const SlowVerdict& verdict, bool is_even) {
   if (verdict.level < min_level) return "slow bands that tilt or curve";
-  return verdict.worse > max_worse ? "slow bands of a light on some of the columns" : "";
+  return is_even && verdict.worse > max_worse ? "slow bands of a light on some of the columns" : "";
 }
 
 struct FrameCourses {
@@ -181,7 +182,7 @@ std::vector<double> light_of(std::span<const SlowTone> tones, std::size_t rows) 
           2 * std::numbers::pi * tone.cycles * ((static_cast<double>(n) + 0.5) / static_cast<double>(rows) - 0.5);
       light[n] += tone.terms[0] * std::cos(angle) + tone.terms[1] * std::sin(angle);
     }
-    light[n] = std::max(light[n], least_light);
+    light[n] = std::max(light[n], darkest_row);
   }
   return light;
 }
@@ -240,7 +241,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
                       courses[frame], main.log_odds > std::log(likely) ? main.amplitude() : 0, verdict,
                       !is_sure   ? not_sure
                       : is_other ? disagrees
-                                 : objection_to(verdict),
+                                 : objection_to(verdict, shares.empty()),
                       shares});
   }
   const bool is_other = std::ranges::any_of(result, [](const SlowLight& one) { return one.objection == disagrees; });

@@ -22,7 +22,6 @@ constexpr Index least_frames = 3;
 constexpr double between_cells = 0.15, from_one = 1;  // standard deviations of a share
 constexpr double median_square = 0.455;               // of a normal deviate
 constexpr double clearly_less = 0.8;                  // of what one share leaves; by chance 0.9
-constexpr double darkest = 0.02;
 constexpr int steps = 4;
 
 // Inverse covariance of the shares of cells, `across` in a row of them.
@@ -67,7 +66,7 @@ std::vector<double> slow_shares(std::span<const CommonCourse> courses, const std
   level = centred(level);
   const MatrixXd prior = prior_of(cells, across);
   VectorXd share = VectorXd::Ones(cells);
-  const auto left = [&] { return (1 + change.colwise() * share.array()).max(darkest).eval(); };
+  const auto left = [&] { return (1 + change.colwise() * share.array()).max(darkest_row).eval(); };
   const auto residual = [&] { return (level - centred(left().log())).eval(); };
   double noise_of_one = 0, before = 0;
   for (int step = 0; step < steps; ++step) {

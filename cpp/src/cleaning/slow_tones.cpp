@@ -43,7 +43,6 @@ constexpr int near_tones = 9;
 constexpr std::size_t most_tones = 3;
 constexpr double least_apart = 0.5;    // cycles between tones
 constexpr double step_of_mains = 0.1;  // rad; standard deviation of what mains and the clock differ by in a frame
-constexpr double darkest = 0.02;       // light of a row of which a logarithm is taken
 constexpr int most_iterations = 20;
 constexpr std::size_t parameters = 4;  // of a tone: its two terms, cycles and phase step
 
@@ -392,8 +391,8 @@ Predicted predicted(const Frames& frames, std::span<const SlowTone> tones) {
         change.row(n).segment(at, parameters) << cosine, sine, slope * turn * place, slope * frames.places[frame];
       }
     for (Index n = 0; n < places; ++n) {
-      change.row(n) *= light[n] > darkest ? 1 / light[n] : 0;
-      light[n] = std::log(std::max(light[n], darkest));
+      change.row(n) *= light[n] > darkest_row ? 1 / light[n] : 0;
+      light[n] = std::log(std::max(light[n], darkest_row));
     }
     result.modes.col(static_cast<Index>(frame)) = modes_of_courses(frames.slow, light);
     result.derivative.push_back(modes_of_courses(frames.slow, change));
