@@ -12,10 +12,10 @@ void check(const Camera& camera) {
   const auto require_within = [](const char* name, double value, double low, double high) {
     require(value >= low && value <= high, name, value, shortest_text(low) + " to " + shortest_text(high) + " s");
   };
-  constexpr double kShortest = 1e-12, kMostRows = 1e12;
-  require_within("row_time", camera.row_time, kShortest, 1);
+  constexpr double kMostRows = 1e12;
+  require_within("row_time", camera.row_time, 1 / kMostRows, 1);
   if (camera.exposure) require_within("exposure", *camera.exposure, 0, kMostRows * camera.row_time);
-  if (camera.frame_time) require_within("frame_time", *camera.frame_time, kShortest, kMostRows * camera.row_time);
+  if (camera.frame_time) require_within("frame_time", *camera.frame_time, 1 / kMostRows, kMostRows * camera.row_time);
   check(camera.tone_curve);
 }
 

@@ -21,10 +21,9 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t kMaxSuspects = 256;
-constexpr std::size_t kMinColumns = 8;    // beside a light
-constexpr double kSeenBefore = 10;        // odds of a light that the last frame showed here
-constexpr std::size_t kSomeColumns = 32;  // that tell a tone of all
-constexpr double kShortestInner = 2;      // cycles of an inner box; its outline may be longer
+constexpr std::size_t kMinColumns = 8;  // beside a light
+constexpr double kSeenBefore = 10;      // odds of a light that the last frame showed here
+constexpr double kShortestInner = 2;    // cycles of an inner box; its outline may be longer
 
 using Columns = IndexRange;
 
@@ -99,7 +98,7 @@ Detections with_pulses(const SearchedFrame& in, Detections found, Region box) {
   FrequencySearch search;
   search.lower = std::min(in.options.min_cycles / static_cast<double>(box.height), 0.25);
   AnyFramesView some = part_of(frame_of(in.frame.frames, in.frame.index), box);
-  const std::size_t step = box.width / kSomeColumns + 1;
+  const std::size_t step = box.width / (4 * kMinColumns) + 1;  // some columns tell a tone of all
   std::visit(
       [step](auto& view) {
         view.columns = (view.columns - 1) / step + 1;
