@@ -306,11 +306,14 @@ def test_what_cannot_be_answered_is_null_and_flagged(facts, tmp_path, level, fre
     assert (tmp_path / "even.svg").exists()
 
 
-def test_columns_without_any_of_the_tone_do_not_warn_of_the_division(run, tmp_path):
+@pytest.mark.parametrize("background", ["0", "-1e300"])
+def test_gains_of_nearly_nothing_do_not_warn_of_the_division(run, tmp_path, background):
+    """Columns without any of the tone, and beside it light whose inverse variance is beyond all numbers."""
     rows = 100 + 50 * np.sin(2.1 * np.arange(300))[:, None] + np.random.default_rng(0).standard_normal((300, 20))
     np.save(tmp_path / "other.npy", rows.astype(np.uint8))
-    code, out, err = run("gain", tmp_path / "other.npy", "--row-time", "40us", "--frequency", "1kHz", "--json")
-    assert (code, json.loads(out[0])["gain"], err) == (0, 0.0, [])
+    tone = ("--row-time", "40us", "--frequency", "1kHz", f"--background={background}")
+    code, out, err = run("gain", tmp_path / "other.npy", *tone, "--json")
+    assert (code, json.loads(out[0])["gain"], err) == (0, pytest.approx(0.0, abs=1e-9), [])
 
 
 @pytest.mark.parametrize("options", [(), TESTBED, TESTBED[2:]])

@@ -340,7 +340,9 @@ def inverse_variance_weights(spreads: npt.NDArray[np.float64]) -> npt.NDArray[np
     """Normalised inverse variances of the frames with a result; equal weights if any variance is 0."""
     known = np.isfinite(spreads)
     inverse = np.zeros_like(spreads)
-    inverse[known] = 1.0 if (spreads[known] == 0.0).any() else spreads[known] ** -2.0
+    inverse[known] = (
+        1.0 if (spreads[known] == 0.0).any() else (spreads[known].min(initial=np.inf) / spreads[known]) ** 2
+    )
     return inverse / inverse.sum() if known.any() else inverse
 
 
