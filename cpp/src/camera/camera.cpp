@@ -12,7 +12,7 @@ void check(const Camera& camera) {
   const auto require_within = [](const char* name, double value, double low, double high) {
     require(value >= low && value <= high, name, value, shortest_text(low) + " to " + shortest_text(high) + " s");
   };
-  constexpr double kMostRows = 1e12;
+  constexpr double kMostRows = 1e15;
   require_within("row_time", camera.row_time, 1 / kMostRows, 1);
   if (camera.exposure) require_within("exposure", *camera.exposure, 0, kMostRows * camera.row_time);
   if (camera.frame_time) require_within("frame_time", *camera.frame_time, 1 / kMostRows, kMostRows * camera.row_time);

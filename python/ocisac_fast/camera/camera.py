@@ -19,10 +19,10 @@ class Camera:
     Row ``n`` of frame ``j`` ends its exposure at ``j * frame_time + n * row_time`` and begins it ``exposure`` earlier.
 
     Args:
-        row_time: time from one row to the next, T_r, in seconds; 1e-12 to 1. None: unknown; rates are then per row and
+        row_time: time from one row to the next, T_r, in seconds; 1e-15 to 1. None: unknown; rates are then per row and
             times in rows, in arguments and results, and exposure and frame time stay unknown.
-        exposure: exposure time of a row, T_e, in seconds; 0 (a point sample) to 1e12 row times; None: unknown.
-        frame_time: time from one frame to the next in seconds; 1e-12 to 1e12 row times; None: unknown.
+        exposure: exposure time of a row, T_e, in seconds; 0 (a point sample) to 1e15 row times; None: unknown.
+        frame_time: time from one frame to the next in seconds; 1e-15 to 1e15 row times; None: unknown.
         tone_curve: relation of stored values to light: ``"linear"``, ``"gamma"`` (power ``gamma``), ``"srgb"``
             (IEC 61966-2-1), ``"hlg"`` (ARIB STD-B67) or ``"pq"`` (SMPTE ST 2084).
         gamma: exponent from stored value to light for ``tone_curve="gamma"``; above 0.

@@ -10,9 +10,9 @@ namespace ocisac {
 
 // Row n of frame j ends its exposure at t = j·frame_time + n·row_time and begins it `exposure` earlier (seconds).
 struct Camera {
-  double row_time = 0;               // 1e-12 to 1
-  std::optional<double> exposure;    // 0 to 1e12 row times; unknown where absent
-  std::optional<double> frame_time;  // 1e-12 to 1e12 row times; unknown where absent
+  double row_time = 0;               // 1e-15 to 1
+  std::optional<double> exposure;    // 0 to 1e15 row times; unknown where absent
+  std::optional<double> frame_time;  // 1e-15 to 1e15 row times; unknown where absent
   ToneCurve tone_curve;
 };
 
