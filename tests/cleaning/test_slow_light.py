@@ -6,6 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
+import cleaning_scenes
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -201,3 +202,13 @@ def test_highlights_do_not_burn() -> None:
     assert decibels(done.frames, 120 * picture) > decibels(stored, 120 * picture) + 6
     filled = remove_bands(stored, CAMERA, options=CleaningOptions(fill=True)).frames
     assert filled.max() == done.frames.max() < 254
+
+
+def test_a_slow_lamp_on_a_part_of_the_picture_is_followed() -> None:
+    """A third of the columns have a quarter of the light: with one share for all they would become worse."""
+    _, camera, _, frames = cleaning_scenes.film(917, 720, "srgb")
+    cleaner = VideoCleaner(camera)
+    done = [cleaner.push(stored[np.newaxis]) for stored, _, _ in frames[:4]]
+    assert [one.unchanged for one in done[2:]] == [("",), ("",)]
+    for one, (stored, truth, _) in zip(done[2:], frames[2:4], strict=True):
+        assert decibels(one.frames[0], truth) > decibels(stored, truth) + 10
