@@ -39,7 +39,8 @@ constexpr std::size_t kHeadersOfRate = 4;
 constexpr double kEvenWalk = 1;                          // chips² from header to header
 constexpr double kCountError = 0.3;                      // chips, of places that a wrong clock rounded
 constexpr double kWholePause = 0.1;                      // chips; errors of a pause by two headers
-constexpr double kSteadyClock = 2;                       // nats
+constexpr double kSteadyClock = 1;                       // nats
+constexpr double kWholeDrift = 0.5;                      // chips; a tracked clock is whole chips off
 constexpr double kHeadersMissed = 5;                     // expected since the last one
 constexpr std::size_t kUnplaced = 12;                    // stretches
 constexpr double kSlipChance = 1e-4, kElsewhere = 1e-3;  // probabilities of each slip of a chip or two; of any place
@@ -496,7 +497,7 @@ std::optional<Payload> PacketAssembler::try_lengths() {
 
 // The pause between blocks that two pairs of headers show, where the chips before the later one, the last ones, are a
 // pause rather than words. Chips that may be either follow a steady clock.
-void PacketAssembler::learn_pause(const Header& header) {
+void PacketAssembler::learn_pause(const Header& header, std::optional<double> told_drift) {
   if (headers_.empty()) return;
   const Header& last = headers_.back();
   auto blocks = static_cast<std::ptrdiff_t>(header.block) - static_cast<std::ptrdiff_t>(last.block);
@@ -508,6 +509,8 @@ void PacketAssembler::learn_pause(const Header& header) {
   if (whole > 0 && std::abs(pause - whole) < kWholePause) {
     const auto chip = static_cast<std::size_t>(header.chip - header.place);
     const double evidence = pause_evidence(tail_, chip, static_cast<std::size_t>(whole), format_.line_code);
+    const double drift = pause * static_cast<double>(blocks) / (header.time - last.time);
+    if (evidence <= 0 && told_drift && std::abs(drift - *told_drift) < kWholeDrift) return;  // or a wrong row time
     if (evidence >= (drift_ || scatter_ > kMinPlaceVariance ? 0 : -kSteadyClock)) shown = static_cast<unsigned>(whole);
   }
   pauses_.change(shown);
@@ -631,7 +634,7 @@ PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span
   for (const BlockSighting& block : blocks) {
     const Header header{
         errors.time.value_or(place), place, place + static_cast<double>(block.chip), block.block, block.parity, slips_};
-    learn_pause(header);
+    learn_pause(header, errors.told_drift);
     if (!headers_.empty() && headers_.back().place == place) headers_.pop_back();
     headers_.push_back(header);
   }

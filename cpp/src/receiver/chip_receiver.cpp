@@ -299,6 +299,9 @@ void ChipReceiver::count_chips(ChipFrame& frame) {
                                              : kAnyJump};
   }
   frame.place_errors.time = frame.rows.time;
+  const Camera& camera = reader_.camera();
+  if (const auto& rate = reader_.options().chip_rate)
+    frame.place_errors.told_drift = camera.frame_time.value_or(1.0) * (1 / (camera.row_time * chip) - *rate);
   // No chip is seen before the last one of the frame before, whatever the frame time says.
   if (predicted) count_base_ += std::max(end_chip_ - (frame.first_chip + count_base_ + after), std::ptrdiff_t{0});
   frame.first_chip += count_base_ + after;

@@ -111,6 +111,7 @@ struct PlaceErrors {
   double scatter = 0;            // standard error of the expected place, of this stretch alone: frame starts jitter
   double slip = 0;               // standard error of a jump of the clock since the last stretch
   std::optional<double> time{};  // in any unit, with which a wrong clock drifts; absent: the place
+  std::optional<double> told_drift{};  // chips in that unit, if the chip rate is as told and the row time is not
 };
 
 // Assembles payloads from stretches of soft chips, each placed on a chip clock. Stretches with a header have their
@@ -193,7 +194,7 @@ class PacketAssembler {
   void find_layout();
   void use_layout(std::size_t payload_bytes);
   std::optional<Payload> try_lengths();
-  void learn_pause(const Header& header);
+  void learn_pause(const Header& header, std::optional<double> told_drift);
   void learn_drift();
   [[nodiscard]] Lack lack_after(const StretchReport& report, std::span<const double> llr);
   [[nodiscard]] std::size_t period() const { return block_chips_ + pause_; }
