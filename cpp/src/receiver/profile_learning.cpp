@@ -79,9 +79,9 @@ std::size_t frames_at_least(Verdict verdict, const std::deque<KeptFrame>& frames
       std::ranges::count_if(frames, [verdict](const KeptFrame& kept) { return kept.verdict >= verdict; }));
 }
 
-// All frames read again, less the profile; the searches are bounded. Returns what is left of them, relative to the
-// swing.
-double read_frames(const RowReader& reader, std::size_t first_row, Learned& now) {
+// All frames read again, less the profile; the searches are bounded. Readings of the verdict `followed` lead to the
+// next frame's. Returns what is left of them, relative to the swing.
+double read_frames(const RowReader& reader, std::size_t first_row, Learned& now, Verdict followed = Verdict::unsound) {
   now.state.scale_nuisance(scale_of_beside(now.profile));
   double noise = 0;
   const SearchEffort effort = reader.effort(now.state, now.profile.rows.size());
@@ -92,7 +92,7 @@ double read_frames(const RowReader& reader, std::size_t first_row, Learned& now)
     const auto reading = read_kept(reader, now.profile, now.state, first_row, kept, rows);
     if (std::isfinite(effort.rows)) searches -= 1 - rows.effort.rows / effort.rows;
     noise += (reading ? reading->relative_noise : kMaxRelativeNoise) / static_cast<double>(now.frames.size());
-    if (!reading) continue;
+    if (!reading || reading->verdict < followed) continue;
     for (std::size_t k = 0; k < tones.size(); ++k) tones[k] += reading->nuisance.tones[k];
     now.state.track(reading->channel, rows.first_row, kept.time);
     now.state.accept(*reading, rows.signal);
@@ -212,12 +212,40 @@ std::optional<RowProfile> fitted_profile(const std::deque<KeptFrame>& frames, st
   return fit_profile(known, shape, smoothing(state), weight);
 }
 
+std::size_t enough_of(const std::deque<KeptFrame>& frames) {
+  return static_cast<std::size_t>(kProfileFrameShare * static_cast<double>(frames.size()));
+}
+
+// The rows of the longest lamp as they are, where most frames fit so: one that ends sharply, near another lamp or in a
+// veil of its own light, needs no profile, which the chips' mean over few frames disturbs.
+std::optional<Learned> learn_rows(const RowReader& reader, const FrameHistory& history, const LightState& state) {
+  std::vector<ProfileFrame> signals;
+  for (const KeptFrame& kept : history.frames) signals.push_back({kept.signal, {}});
+  auto own = first_profile(signals, 0);
+  if (!own) return std::nullopt;
+  const std::size_t count = own->swing.size();  // some chips are alike in all frames by chance:
+  RowRange rows = profile_rows({own->dark, moving_mean(own->swing, smoothing(state) / 4)}, kMinProfileSwing);
+  rows = lamp_rows(*own, rows);
+  if (rows.begin > 0) rows.begin += kOwnSmoothing;
+  if (rows.end < count) rows.end -= kOwnSmoothing;
+  if (rows.begin >= rows.end || rows.size() == count) return std::nullopt;
+  std::ranges::fill(own->dark, 0.0);
+  std::ranges::fill(own->swing, 1.0);
+  Learned learned{.profile = {.profile = std::move(*own), .rows = rows, .plain = true},
+                  .frames = history.frames,
+                  .state = reader.restarted(state)};
+  learned.profile.noise = read_frames(reader, history.first_row, learned, Verdict::fits);
+  learned.profile.fits = frames_at_least(Verdict::fits, learned.frames) >= enough_of(learned.frames);
+  learned.state = with_new_phase(std::move(learned.state));
+  return learned.profile.fits ? std::optional(std::move(learned)) : std::nullopt;
+}
+
 // Alternates chips of all frames and the profile, from the frames' mean and standard deviation on. The first rounds
 // have wrong chips: they keep near the first shape. A tone in what is left is fitted, and where a settled profile
 // leaves more than noise, rise and fall of the light, too.
 std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row, Learned now) {
   const auto shape = now.profile.profile.swing;
-  const auto enough = static_cast<std::size_t>(kProfileFrameShare * static_cast<double>(now.frames.size()));
+  const std::size_t enough = enough_of(now.frames);
   std::optional<Learned> best;
   double before = std::numeric_limits<double>::infinity();
   for (std::size_t round = 0; round < kProfileRounds; ++round) {
@@ -359,6 +387,7 @@ std::optional<FrameReading> read_kept(const RowReader& reader, const LearnedProf
 }
 
 std::optional<Learned> learn_profile(const RowReader& reader, const FrameHistory& history, const LightState& state) {
+  if (auto learned = learn_rows(reader, history, state)) return learned;
   std::optional<Learned> learned;
   for (Learned& start : starts(reader, history, state))
     if ((learned = learn_from(reader, history.first_row, std::move(start)))) break;
@@ -389,7 +418,7 @@ bool follow_profile(const RowReader& reader, const std::optional<FrameReading>& 
       reading && (reading->verdict == Verdict::fits || (reading->verdict != Verdict::unsound &&
                                                         reading->relative_noise < kMaxProfileGrowth * learned->noise));
   if (explained) now.expose(*reading, *learned);
-  if (explained && now.number % kProfileInterval == 0) {
+  if (explained && !learned->plain && now.number % kProfileInterval == 0) {
     auto again = fitted_profile(history.frames, learned->profile.swing, state, kShapeWeights.back());
     if (again && is_bright(*again, learned->rows)) {
       learned->profile = std::move(*again);

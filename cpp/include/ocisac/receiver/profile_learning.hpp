@@ -21,6 +21,7 @@ struct LearnedProfile {
   double noise = 0;
   bool fits = false;    // no more than noise
   bool beside = false;  // other lamps' light is as bright where the lamp is dark: no part of its profile
+  bool plain = false;   // the rows alone, as they are
 };
 
 // A recent frame: its rows, and s of each where its chips are known.
