@@ -241,6 +241,49 @@ def test_rows_pulled_inwards_by_a_lens_correction_are_received(share):
     assert payloads == {b"a lens"}
 
 
+@pytest.mark.parametrize(("pause", "every"), [(2, 128), (1, 64), (3, 150), (1, 128)])
+def test_short_pauses_of_the_read_out_are_no_pauses_of_the_sender(pause, every):
+    """Rows are longer on average: the clock is whole chips off in each frame, as it is where a sender pauses."""
+    rows = np.arange(1080)
+    read = rows + pause * (rows // every)
+    light = Light(bytes(range(100)), seed=3, noise=0.01, rows=read[-1] + 1)
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    results = (receiver.push(light.frame(index)[read]) for index in range(20))
+    assert [result.payload.data for result in results if result.payload is not None][:1] == [bytes(range(100))]
+
+
+def test_a_lamp_behind_rain_is_received():
+    """Streaks of 3 columns and up to 150 rows in front of 64 columns, other ones in each frame."""
+    light = Light(bytes(range(60)), seed=6, noise=0.0)
+    receiver, lamp = Receiver(light.camera, chip_rate=CHIP_RATE), np.exp(-(((np.arange(64) - 32) / 14) ** 2))
+    results = []
+    for index in range(16):
+        frame = 20 + (light.frame(index) - 20)[:, None] * lamp + 2 * light.random.standard_normal((1080, 64))
+        for _ in range(20):
+            row, column = light.random.integers(-100, 1080), light.random.integers(0, 62)
+            frame[max(row, 0) : row + light.random.integers(30, 150), column : column + 3] += light.random.uniform(
+                20, 90
+            )
+        results.append(receiver.push(frame))
+    assert [result.payload.data for result in results if result.payload is not None][:1] == [bytes(range(60))]
+
+
+@pytest.mark.parametrize(("share", "veil"), [(0.3, 0.06), (0.4, 0.12), (0.3, 0.0)])
+def test_a_lamp_in_a_veil_of_its_light_is_read_in_its_own_rows(share, veil):
+    """Beside another lamp, 36 rows above, where there is no veil."""
+    light, other = (Light(b"a veil", seed, noise=0.0, block_bytes=4) for seed in (4, 5))
+    off = np.arange(1080) - 539.5
+    lit, above = np.abs(off) < 540 * share, np.abs(off + 360) < 540 * share
+    receiver, payloads = Receiver(light.camera, chip_rate=CHIP_RATE, format=light.format), set()
+    for index in range(40):
+        frame = 20 + (np.where(lit, 1, veil) * (light.frame(index) - 20))
+        frame += 0.0 if veil else 0.5 * above * (other.frame(index) - 20)
+        result = receiver.push(frame + 0.3 * light.random.standard_normal(1080))
+        if result.payload is not None:
+            payloads.add(result.payload.data)
+    assert payloads == {b"a veil"}
+
+
 @pytest.mark.parametrize("pause", [5, 20])
 def test_a_pause_of_the_read_out_in_the_middle_of_the_picture_is_found(pause):
     """Chips after it are in doubt until their number is known from several frames, and right then."""

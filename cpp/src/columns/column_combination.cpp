@@ -16,6 +16,7 @@
 #include "columns/lamp_slope.hpp"
 #include "columns/moving_mean.hpp"
 #include "columns/pooling_kernels.hpp"
+#include "columns/streaks.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/constants.hpp"
@@ -38,6 +39,7 @@ constexpr int kIterations = 8;            // of the factor model, and of the eig
 constexpr double kBeside = 0.25;          // of the blocks are beside the light at least: those of least weight
 constexpr double kMaxBeside = 0.5;        // of the largest weight, in a block beside the light
 constexpr double kNoLight = 0.1;          // of the largest weight: a block with less is beside the light in any case
+constexpr Index kStreakRows = 16;         // one of so many is examined for streaks
 constexpr double kMinOwnVariance = 0.01;  // relative to the strongest block: bounds the weight of a block without noise
 
 std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, SaturatedColumns saturated,
@@ -526,7 +528,15 @@ std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t fr
   return ColumnSums(frames, frame, curve).light_groups();
 }
 
-struct ColumnFollower::Memory : BlockedFrame {};
+struct ColumnFollower::Memory : BlockedFrame {
+  [[nodiscard]] VectorXd block_weights(std::span<const double> of_columns) const {
+    VectorXd weights = VectorXd::Zero(means.cols());
+    for (std::size_t block = 0; block < blocks.begin.size(); ++block)
+      for (std::size_t column = blocks.begin[block]; column < blocks.end[block]; ++column)
+        weights(static_cast<Index>(block)) += of_columns[column];
+    return weights;
+  }
+};
 
 ColumnFollower::ColumnFollower(const ToneCurve& curve) : curve_(curve), memory_(std::make_unique<Memory>()) {}
 ColumnFollower::ColumnFollower(ColumnFollower&&) noexcept = default;
@@ -566,27 +576,33 @@ CombinedColumn ColumnFollower::combine_upright(const AnyFramesView& frame, bool 
 
 CombinedColumn ColumnFollower::combine_as_stored(const AnyFramesView& frame, bool hold) {
   const bool may_follow = weights_.size() == shape_of(frame).columns;
+  BlockedFrame& pixels = *memory_;
+  const auto leave_out_streaks = [&](CombinedColumn& result) {
+    const VectorXd weights = memory_->block_weights(weights_);
+    has_streaks_ = has_streaks(pixels.means, weights, kStreakRows);
+    if (!has_streaks_) return;
+    const VectorXd signal = without_streaks(pixels.means, weights);
+    result.signal.assign(signal.begin(), signal.end());
+  };
   if (may_follow && !moved_ && (hold || ++age_ % kWeightsInterval != 0)) {
     CombinedColumn result = last_;
-    result.signal = weighted_rows(frame, 0, curve_, weights_);
     result.weights = weights_;
+    result.signal = weighted_rows(frame, 0, curve_, weights_);
+    if (hold || has_streaks_) {
+      pixels.fill(frame, 0, curve_, SaturatedColumns::leave_out, {});
+      leave_out_streaks(result);
+    }
     return result;
   }
-  BlockedFrame& pixels = *memory_;
   pixels.fill(frame, 0, curve_, SaturatedColumns::leave_out, {});
   std::optional<CommonFactor> factor;
-  if (may_follow && pixels.swings.cols() > 1) {
-    VectorXd weights = VectorXd::Zero(pixels.swings.cols());
-    for (std::size_t block = 0; block < pixels.blocks.begin.size(); ++block)
-      for (std::size_t column = pixels.blocks.begin[block]; column < pixels.blocks.end[block]; ++column)
-        weights(static_cast<Index>(block)) += weights_[column];
-    factor = next_factor(pixels.swings, weights);
-  }
+  if (may_follow && pixels.swings.cols() > 1) factor = next_factor(pixels.swings, memory_->block_weights(weights_));
   auto result = factor ? combined(pixels, *factor) : combined_from_covariance(pixels);
   if (!factor) age_ = 0;
   result.slope = age_ % kSlopeInterval == 0 || moved_ ? slope_of(pixels) : last_.slope;
   moved_ = false;
   weights_ = result.weights;
+  if (hold || has_streaks_ || age_ % kSlopeInterval == 0) leave_out_streaks(result);
   last_ = {{}, {}, result.noise, result.quality, result.slope, result.saturated, {}};
   return result;
 }

@@ -103,6 +103,7 @@ class ColumnFollower {
   CombinedColumn last_;                      // noise, quality, saturation and slope at the last estimate
   std::size_t age_ = 0;                      // frames since the last full estimate
   bool moved_ = false;                       // since the last estimate: the next frame needs one
+  bool has_streaks_ = false;                 // when last examined: other light is in a few columns for some rows
   std::unique_ptr<Memory> memory_;           // reused from frame to frame
   double slope_ = 0;                         // columns per row, by which frames are sheared
   std::unique_ptr<ColumnFollower> upright_;  // of the sheared frames; its weights are averaged over the rows

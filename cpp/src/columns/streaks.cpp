@@ -1,0 +1,73 @@
+#include "columns/streaks.hpp"
+
+#include <cmath>
+#include <vector>
+
+#include "rows/verdict.hpp"
+
+namespace ocisac {
+
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kMinWeight = 0.2;    // of the largest: other columns hardly matter
+constexpr double kOfNoise = 1.4826;   // standard deviation over the median magnitude
+constexpr double kFarOff = 5;         // standard deviations
+constexpr double kUsualShare = 0.75;  // of the squares, as the usual values say: 1 of normal noise
+constexpr int kRounds = 6;
+
+// A column as c + l·signal by least squares over the values that count, and the usual deviation from it.
+struct LikeSignal {
+  VectorXd fitted, left;
+  double deviation = 0;
+};
+
+LikeSignal fit(const VectorXd& column, const VectorXd& signal, const VectorXd& counts) {
+  const double all = counts.sum();
+  const double mean = counts.dot(signal) / all, level = counts.dot(column) / all;
+  const VectorXd off = signal.array() - mean;
+  const double squares = counts.dot(off.cwiseAbs2());
+  const double loading = squares > 0 ? counts.cwiseProduct(off).dot(column) / squares : 0.0;
+  LikeSignal like{level + (loading * off).array(), {}, 0};
+  like.left = column - like.fitted;
+  const VectorXd magnitudes = like.left.cwiseAbs();
+  like.deviation = kOfNoise * median({magnitudes.begin(), magnitudes.end()});
+  return like;
+}
+
+}  // namespace
+
+bool has_streaks(const ColumnLight& columns, const VectorXd& weights, Index every) {
+  const Index rows = columns.rows() / every;
+  const ColumnLight few = Eigen::Map<const ColumnLight, 0, Eigen::OuterStride<>>(
+      columns.data(), rows, columns.cols(), Eigen::OuterStride<>(every * columns.cols()));
+  const VectorXd signal = few * weights, counts = VectorXd::Ones(rows);
+  double usual = 0, squares = 0;
+  for (Index k = 0; k < weights.size(); ++k) {
+    if (weights(k) < kMinWeight * weights.maxCoeff()) continue;
+    const LikeSignal like = fit(few.col(k), signal, counts);
+    usual += std::pow(weights(k) * like.deviation, 2);
+    squares += std::pow(weights(k), 2) * like.left.squaredNorm() / static_cast<double>(rows);
+  }
+  return usual < kUsualShare * squares;
+}
+
+VectorXd without_streaks(const ColumnLight& columns, const VectorXd& weights) {
+  ColumnLight now = columns;
+  VectorXd signal = now * weights;
+  ColumnLight counts = ColumnLight::Ones(columns.rows(), columns.cols());
+  for (int round = 0; round < kRounds; ++round) {
+    for (Index k = 0; k < weights.size(); ++k) {
+      if (!(weights(k) > 0)) continue;
+      const LikeSignal like = fit(columns.col(k), signal, counts.col(k));
+      counts.col(k) = (like.left.array().abs() <= kFarOff * like.deviation).cast<double>();
+      now.col(k) = (counts.col(k).array() > 0).select(columns.col(k), like.fitted);
+    }
+    signal = now * weights;
+  }
+  return signal;
+}
+
+}  // namespace ocisac
