@@ -13,7 +13,6 @@ namespace {
 
 constexpr double kFrequencyApart = 0.04;  // relative: parts that differ by more belong to a light that sends data
 constexpr double kSettledCycles = 5, kSettledPeriodic = 0.95;
-constexpr double kFaint = 0.1;       // amplitude relative to another light's
 constexpr double kReflection = 0.5;  // min strength relative to another light for a separate light
 
 bool one_frequency(double f, double g) { return std::abs(f - g) <= kFrequencyApart * std::max(f, g); }
@@ -58,8 +57,7 @@ bool is_settled(const Detection& one) {
 
 bool same_frequency(const RefinedLight& weak, const RefinedLight& strong) {
   const double spread = 3 * std::hypot(weak.frequency_std, strong.frequency_std) + 0.002 * strong.frequency;
-  const double lowest = weak.amplitude < kFaint * strong.amplitude ? 0.03 * strong.frequency : 0;
-  return std::abs(weak.frequency - strong.frequency) <= std::clamp(spread, lowest, 0.05 * strong.frequency);
+  return std::abs(weak.frequency - strong.frequency) <= std::min(spread, 0.05 * strong.frequency);
 }
 
 bool near_frequency(double suspected, double frequency) { return std::abs(suspected - frequency) <= 0.25 * frequency; }

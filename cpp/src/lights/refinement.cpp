@@ -27,7 +27,6 @@ constexpr double first_reach = 0.22, frequency_reach = 0.12;  // of the frequenc
 constexpr double settled_frequency = 0.02;                    // relative change in a round
 constexpr int max_rounds = 8;
 constexpr std::size_t kTiltGroups = 3;
-constexpr int kTiltRounds = 3;
 
 constexpr std::size_t max_orders = 9;  // of a periodic light's harmonics
 
@@ -333,30 +332,26 @@ void measure_tilt(const Patch& patch, const ComplexValues& swing, const PatchRan
   }
   Complex step = 0;
   for (std::size_t g = 1; g < groups; ++g) step += product(sums[g], std::conj(sums[g - 1]));
-  double slope = std::arg(step), spread = 0;
-  for (int round = 0; round < kTiltRounds; ++round) {
-    Complex sum = 0;
-    for (std::size_t g = 0; g < groups; ++g) sum += sums[g] * std::polar(1.0, -slope * static_cast<double>(g));
-    double weights = 0, middle = 0, moment = 0, force = 0, squares = 0;
-    const auto visit = [&](auto of_group) {
-      for (std::size_t g = 0; g < groups; ++g)
-        of_group(static_cast<double>(g),
-                 product(sums[g], std::polar(1.0, -slope * static_cast<double>(g) - std::arg(sum))));
-    };
-    visit([&](double g, Complex z) { weights += std::max(z.real(), 0.0), middle += g * std::max(z.real(), 0.0); });
-    if (!(weights > 0)) return;
-    middle /= weights;
-    visit([&](double g, Complex z) {
-      const double away = g - middle;
-      moment += away * away * std::max(z.real(), 0.0);
-      force += away * z.imag(), squares += away * away * z.imag() * z.imag();
-    });
-    if (!(moment > 0)) return;
-    slope += force / moment;
-    spread = std::sqrt(squares * static_cast<double>(groups) / static_cast<double>(groups - 2)) / moment;
-  }
+  const double slope = std::arg(step);
+  Complex sum = 0;
+  for (std::size_t g = 0; g < groups; ++g) sum += sums[g] *= std::polar(1.0, -slope * static_cast<double>(g));
+  double weights = 0, middle = 0, moment = 0, force = 0, squares = 0;
+  const auto visit = [&](auto of_group) {
+    for (std::size_t g = 0; g < groups; ++g)
+      of_group(static_cast<double>(g), product(sums[g], std::polar(1.0, -std::arg(sum))));
+  };
+  visit([&](double g, Complex z) { weights += std::max(z.real(), 0.0), middle += g * std::max(z.real(), 0.0); });
+  if (!(weights > 0)) return;
+  middle /= weights;
+  visit([&](double g, Complex z) {
+    const double away = g - middle;
+    moment += away * away * std::max(z.real(), 0.0);
+    force += away * z.imag(), squares += away * away * z.imag() * z.imag();
+  });
+  if (!(moment > 0)) return;
+  const double spread = std::sqrt(squares * static_cast<double>(groups) / static_cast<double>(groups - 2)) / moment;
   const double per_column = 1 / (2 * std::numbers::pi * light.frequency * static_cast<double>(patch.group));
-  light.tilt = slope * per_column, light.tilt_std = spread * per_column;
+  light.tilt = (slope + force / moment) * per_column, light.tilt_std = spread * per_column;
 }
 
 std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, const LightLimits& limits,
