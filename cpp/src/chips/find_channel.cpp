@@ -135,7 +135,7 @@ std::vector<Start> find_starts(const IterationContext& context, const ChannelSea
     for (const Start& made : std::span(guessed).first(std::min(guessed.size(), most)))
       if (auto start = try_start(context, made)) starts.push_back(std::move(*start));
   }
-  std::ranges::stable_sort(starts, {}, &Start::score);
+  std::ranges::stable_sort(starts, {}, [](const Start& start) { return start.channel.noise; });
   return starts;
 }
 
@@ -150,7 +150,7 @@ std::optional<RefinedChannel> try_starts(const IterationContext& context, std::s
     auto grown = grow_to_frame(context, start.channel);
     if (!grown || grown->channel.has_other_rate(search.rows_per_chip, search.tolerance)) continue;
     const bool sure = grown->settled && score_of(*grown) < (grown->even ? kEvenGrowth : kUnevenGrowth) * start.score;
-    if (!best || score_of(*grown) < score_of(*best)) best = std::move(grown);
+    if (!best || grown->channel.noise < best->channel.noise) best = std::move(grown);
     if (sure) break;
   }
   return best;
@@ -182,7 +182,7 @@ std::optional<RefinedChannel> compare_starts(const IterationContext& context, st
     if (limited.is_used_up() || !may_be_wrong(*found, starts.front().score, context.signal.size())) break;
     auto other = track_in_parallel(limited, std::move(clocks), part);
     if (!other || other->channel.has_other_rate(search.rows_per_chip, search.tolerance)) continue;
-    if (score_of(*other) < score_of(*found)) found = std::move(other);
+    if (other->channel.noise < found->channel.noise) found = std::move(other);
   }
   if (context.options.effort != nullptr) context.options.effort->rows = kept + share.rows;
   return found;
