@@ -240,13 +240,9 @@ bool divides(const ChipTiming& timing, const ChipTiming& better) {
 std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const double> chips) {
   if (chips.size() < kMinEdges) return std::nullopt;
   const double middle = mean_chip(chips);
-  std::vector<std::uint8_t> used(chips.size(), 1);
-  const auto first = solve(edges, chips, used, middle);
-  if (!first) return std::nullopt;
-  used = inliers(residuals(edges, chips, *first), 0.02);
-  const auto second = solve(edges, chips, used, middle);
-  if (!second || second->clock.rows_per_chip <= 0) return std::nullopt;
-  return centred(*second);
+  const auto lattice = solve(edges, chips, std::vector<std::uint8_t>(chips.size(), 1), middle);
+  if (!lattice || lattice->clock.rows_per_chip <= 0) return std::nullopt;
+  return centred(*lattice);
 }
 
 namespace {
