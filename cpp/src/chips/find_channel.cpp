@@ -7,6 +7,7 @@
 #include "chips/channel_growth.hpp"
 #include "chips/clock_search.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/chips/reduced_search.hpp"
 #include "ocisac/chips/refine_channel.hpp"
 #include "ocisac/core/require.hpp"
@@ -126,7 +127,8 @@ std::vector<double> exposures(const ChannelSearch& search, std::size_t rows) {
   return result;
 }
 
-// Starts in order of score.
+// Starts in order of the share of their part's rows that they leave unexplained. Relative to the swing a longer
+// exposure leaves less, since it has a larger swing.
 std::vector<Start> find_starts(const IterationContext& context, const ChannelSearch& search) {
   std::vector<Start> starts;
   const std::size_t most = search.exposure_rows ? kGuessesTried : kGuessesOfUnknown;
@@ -135,7 +137,10 @@ std::vector<Start> find_starts(const IterationContext& context, const ChannelSea
     for (const Start& made : std::span(guessed).first(std::min(guessed.size(), most)))
       if (auto start = try_start(context, made)) starts.push_back(std::move(*start));
   }
-  std::ranges::stable_sort(starts, {}, [](const Start& start) { return start.channel.noise; });
+  std::ranges::stable_sort(starts, {}, [&](const Start& start) {
+    const auto rows = context.signal.subspan(start.part.begin, start.part.size());
+    return std::pow(start.channel.noise, 2) * static_cast<double>(rows.size()) / squares_about_mean(rows);
+  });
   return starts;
 }
 
