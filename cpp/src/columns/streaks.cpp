@@ -41,6 +41,7 @@ LikeSignal fit(const VectorXd& column, const VectorXd& signal, const VectorXd& c
 
 bool has_streaks(const ColumnLight& columns, const VectorXd& weights, Index every) {
   const Index rows = columns.rows() / every;
+  if (rows < every) return false;  // too few to tell
   const ColumnLight few = Eigen::Map<const ColumnLight, 0, Eigen::OuterStride<>>(
       columns.data(), rows, columns.cols(), Eigen::OuterStride<>(every * columns.cols()));
   const VectorXd signal = few * weights, counts = VectorXd::Ones(rows);
