@@ -529,7 +529,7 @@ def test_the_rows_of_a_noisy_lamp_are_not_one_run_of_large_swings():
 
 @pytest.mark.parametrize("exposure", [1.5, 3.3])  # chips
 def test_an_exposure_that_is_not_stated_is_that_of_the_least_noise(exposure):
-    """Random chips without a preamble, noise of an eighth of the swing: relative to it a longer exposure leaves less."""
+    """Random chips without a preamble, noise an eighth of the swing: relative to it a longer exposure leaves less."""
     rate, wrong = 10.1e3, 0
     camera = Camera(22e-6, exposure / rate)
     for seed in range(6):
