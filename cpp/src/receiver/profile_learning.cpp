@@ -430,7 +430,7 @@ bool follow_profile(const RowReader& reader, const std::optional<FrameReading>& 
   learned.reset();
   history.frames.clear();
   history.unexplained = 0;
-  state = reader.restarted(std::move(state));
+  state = reader.restarted(state);
   return false;
 }
 

@@ -152,7 +152,7 @@ LightState RowReader::first_state(std::optional<ClockTracker> tracker) const {
   return state;
 }
 
-LightState RowReader::restarted(LightState state) const {
+LightState RowReader::restarted(const LightState& state) const {
   LightState fresh = first_state(state.tracker);
   fresh.exposure = state.exposure;
   fresh.model = given_model(state.exposure);

@@ -96,7 +96,7 @@ class RowReader {
   // The state before the first frame; the tracker keeps the camera's frame time.
   [[nodiscard]] LightState first_state(std::optional<ClockTracker> tracker) const;
   // The same, but for exposure and rate.
-  [[nodiscard]] LightState restarted(LightState state) const;
+  [[nodiscard]] LightState restarted(const LightState& state) const;
   // The state with another stated exposure: the start of the estimate, if there is one.
   [[nodiscard]] LightState with_exposure(LightState state, std::optional<double> exposure) const;
 
