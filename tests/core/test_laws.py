@@ -114,11 +114,11 @@ OPERATORS = {
 }
 
 # Other rows are added; pixels as stored serve for a frequency; stored values are restored.
-CURVED = {"tone_gain, fast", "find_frequency", "tone_columns", "remove_bands"}
+CURVED = {"tone_gain, fast", "find_frequency", "tone_columns", "remove_bands", "detect_sources"}
 BY_COLUMN = ("tone_gain", "varying_tone_gain", "equalize", "linear_light", "detect_chips", "background_light")
 APART = [name for name in OPERATORS if name.startswith(BY_COLUMN) and not name.endswith(("robust", "pooled"))]
 VALUES = [name for name, kind in FUNCTIONS.items() if dataclasses.is_dataclass(kind)]
-SUMMED = {"tone_gain, pooled", "tone_gain, robust", "background_light", "sense_region"}  # in the order of the memory
+SUMMED = {"tone_gain, pooled", "tone_gain, robust", "background_light", "sense_region", "detect_sources"}  # as stored
 
 
 def numbers(value: Any, name: str = "") -> Iterator[tuple[str, Array]]:

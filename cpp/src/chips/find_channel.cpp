@@ -7,7 +7,6 @@
 #include "chips/channel_growth.hpp"
 #include "chips/clock_search.hpp"
 #include "core/check_interrupt.hpp"
-#include "core/statistics.hpp"
 #include "ocisac/chips/reduced_search.hpp"
 #include "ocisac/chips/refine_channel.hpp"
 #include "ocisac/core/require.hpp"
@@ -31,8 +30,21 @@ constexpr double kEvenGrowth = 1.8, kUnevenGrowth = 1.3;  // of the residual, fr
 struct Start {
   RowRange part;
   ChannelEstimate channel;
-  double score = std::numeric_limits<double>::infinity();  // residual over swing
+  double score = std::numeric_limits<double>::infinity();
 };
+
+// Variance of rows of random chips, exposed for L of them: 1/L of those of 0, reduced by the ramps of one chip.
+double variance_left(double exposure_chips) {
+  const double left = exposure_chips < 1 ? 1 - exposure_chips / 3 : (1 - 1 / (3 * exposure_chips)) / exposure_chips;
+  return std::max(left, 1e-3);
+}
+
+// Residual relative to the deviation of random chips' rows: relative to the swing a longer exposure leaves less, since
+// it has a larger one.
+double score_of(const ChannelEstimate& channel) {
+  const double left = variance_left(channel.clock.exposure_rows / channel.clock.rows_per_chip);
+  return channel.noise / (channel.swing[0] * std::sqrt(left));
+}
 
 // Initial levels from the darkest and the brightest rows of a part. An exposure of several chips seldom covers bright
 // ones only, so the swing from the rows' variance is used if larger.
@@ -40,9 +52,7 @@ std::pair<double, double> first_levels(std::span<const double> part, double expo
   double mean = 0, square = 0;
   for (double value : part) mean += value / static_cast<double>(part.size());
   for (double value : part) square += (value - mean) * (value - mean) / static_cast<double>(part.size());
-  // Variance of the mean of L random chips: 1/(4L) for whole ones, reduced by the ramps of one chip.
-  const double shrink = exposure_chips < 1 ? 1 - exposure_chips / 3 : (1 - 1 / (3 * exposure_chips)) / exposure_chips;
-  const double swing = 2 * std::sqrt(square / std::max(shrink, 1e-3));
+  const double swing = 2 * std::sqrt(square / variance_left(exposure_chips));
   return {mean - 0.5 * swing, swing};
 }
 
@@ -79,7 +89,7 @@ std::optional<Start> try_start(const IterationContext& context, const Start& gue
     auto iteration = iterate(context, channel, best.part);
     if (!iteration) break;
     channel = std::move(iteration->channel);
-    const double score = channel.noise / channel.swing[0];
+    const double score = score_of(channel);
     if (!(score < 0.999 * best.score)) break;
     best = {best.part, channel, score};
   }
@@ -127,8 +137,7 @@ std::vector<double> exposures(const ChannelSearch& search, std::size_t rows) {
   return result;
 }
 
-// Starts in order of the share of their part's rows that they leave unexplained. Relative to the swing a longer
-// exposure leaves less, since it has a larger swing.
+// Starts in order of score.
 std::vector<Start> find_starts(const IterationContext& context, const ChannelSearch& search) {
   std::vector<Start> starts;
   const std::size_t most = search.exposure_rows ? kGuessesTried : kGuessesOfUnknown;
@@ -137,15 +146,9 @@ std::vector<Start> find_starts(const IterationContext& context, const ChannelSea
     for (const Start& made : std::span(guessed).first(std::min(guessed.size(), most)))
       if (auto start = try_start(context, made)) starts.push_back(std::move(*start));
   }
-  std::ranges::stable_sort(starts, {}, [&](const Start& start) {
-    const auto rows = context.signal.subspan(start.part.begin, start.part.size());
-    return std::pow(start.channel.noise, 2) * static_cast<double>(rows.size()) / squares_about_mean(rows);
-  });
+  std::ranges::stable_sort(starts, {}, &Start::score);
   return starts;
 }
-
-// Residual relative to the swing.
-double score_of(const RefinedChannel& found) { return found.channel.noise / found.channel.swing[0]; }
 
 // Tries the starts in order until the residual over the frame is as small as over the part.
 std::optional<RefinedChannel> try_starts(const IterationContext& context, std::span<const Start> starts,
@@ -154,8 +157,9 @@ std::optional<RefinedChannel> try_starts(const IterationContext& context, std::s
   for (const Start& start : starts) {
     auto grown = grow_to_frame(context, start.channel);
     if (!grown || grown->channel.has_other_rate(search.rows_per_chip, search.tolerance)) continue;
-    const bool sure = grown->settled && score_of(*grown) < (grown->even ? kEvenGrowth : kUnevenGrowth) * start.score;
-    if (!best || grown->channel.noise < best->channel.noise) best = std::move(grown);
+    const bool sure =
+        grown->settled && score_of(grown->channel) < (grown->even ? kEvenGrowth : kUnevenGrowth) * start.score;
+    if (!best || score_of(grown->channel) < score_of(best->channel)) best = std::move(grown);
     if (sure) break;
   }
   return best;
@@ -165,7 +169,7 @@ std::optional<RefinedChannel> try_starts(const IterationContext& context, std::s
 // chips are detectable.
 bool may_be_wrong(const RefinedChannel& found, double min_score, std::size_t frame_rows) {
   const double close = closeness(found.channel, frame_rows);
-  return score_of(found) > kSureGrowth * min_score && close < kCloseSequences && close > kHopeless;
+  return score_of(found.channel) > kSureGrowth * min_score && close < kCloseSequences && close > kHopeless;
 }
 
 // Compares the starts of each part while the current result may be wrong.
@@ -187,7 +191,7 @@ std::optional<RefinedChannel> compare_starts(const IterationContext& context, st
     if (limited.is_used_up() || !may_be_wrong(*found, starts.front().score, context.signal.size())) break;
     auto other = track_in_parallel(limited, std::move(clocks), part);
     if (!other || other->channel.has_other_rate(search.rows_per_chip, search.tolerance)) continue;
-    if (other->channel.noise < found->channel.noise) found = std::move(other);
+    if (score_of(other->channel) < score_of(found->channel)) found = std::move(other);
   }
   if (context.options.effort != nullptr) context.options.effort->rows = kept + share.rows;
   return found;

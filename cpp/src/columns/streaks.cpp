@@ -1,6 +1,8 @@
 #include "columns/streaks.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "rows/verdict.hpp"
@@ -17,6 +19,8 @@ constexpr double kOfNoise = 1.4826;   // standard deviation over the median magn
 constexpr double kFarOff = 5;         // standard deviations
 constexpr double kUsualShare = 0.75;  // of the squares, as the usual values say: 1 of normal noise
 constexpr int kRounds = 6;
+constexpr Index kParts = 8;          // of the rows
+constexpr double kLitAsWell = 0.25;  // least span of a part's rows, relative to the largest
 
 // A column as c + l·signal by least squares over the values that count, and the usual deviation from it.
 struct LikeSignal {
@@ -37,6 +41,19 @@ LikeSignal fit(const VectorXd& column, const VectorXd& signal, const VectorXd& c
   return like;
 }
 
+// Beside rows without the lamp its own rows would be far off what is usual.
+bool is_lit_throughout(const VectorXd& signal) {
+  const Index rows = signal.size() / kParts;
+  double least = std::numeric_limits<double>::infinity(), largest = 0;
+  for (Index part = 0; part < kParts; ++part) {
+    const auto of_part = signal.segment(part * rows, rows);
+    const double span = of_part.maxCoeff() - of_part.minCoeff();
+    least = std::min(least, span);
+    largest = std::max(largest, span);
+  }
+  return least >= kLitAsWell * largest;
+}
+
 }  // namespace
 
 bool has_streaks(const ColumnLight& columns, const VectorXd& weights, Index every) {
@@ -45,6 +62,7 @@ bool has_streaks(const ColumnLight& columns, const VectorXd& weights, Index ever
   const ColumnLight few = Eigen::Map<const ColumnLight, 0, Eigen::OuterStride<>>(
       columns.data(), rows, columns.cols(), Eigen::OuterStride<>(every * columns.cols()));
   const VectorXd signal = few * weights, counts = VectorXd::Ones(rows);
+  if (!is_lit_throughout(signal)) return false;
   double usual = 0, squares = 0;
   for (Index k = 0; k < weights.size(); ++k) {
     if (weights(k) < kMinWeight * weights.maxCoeff()) continue;

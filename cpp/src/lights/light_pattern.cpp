@@ -86,7 +86,7 @@ TonePattern::TonePattern(const FreeBox& box, double dark, double frequency)
   std::size_t first = 0;
   for (std::size_t half = 1; half <= kHalves; ++half) {
     const auto bound = static_cast<std::ptrdiff_t>(half * box.height / kHalves);
-    const auto end = static_cast<std::size_t>(std::ranges::lower_bound(rows, bound) - rows.begin());
+    const auto end = static_cast<std::size_t>(std::lower_bound(rows.begin(), rows.end(), bound) - rows.begin());
     const Eigen::MatrixXd waves =
         tone_design(sampling_at(std::span(rows).subspan(first, end - first)), {&frequency, 1});
     parts_.push_back({first, waves, linear_fit(waves, kWaves).weights});

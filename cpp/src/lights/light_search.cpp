@@ -97,14 +97,16 @@ Detections with_tone_of(const SearchedFrame& in, Detections found, const Suspect
 Detections with_pulses(const SearchedFrame& in, Detections found, Region box) {
   FrequencySearch search;
   search.lower = std::min(in.options.min_cycles / static_cast<double>(box.height), 0.25);
-  AnyFramesView some = part_of(frame_of(in.frame.frames, in.frame.index), box);
+  const AnyFramesView part = part_of(frame_of(in.frame.frames, in.frame.index), box);
   const std::size_t step = box.width / (4 * kMinColumns) + 1;  // some columns tell a tone of all
-  std::visit(
-      [step](auto& view) {
-        view.columns = (view.columns - 1) / step + 1;
-        view.column_stride *= static_cast<std::ptrdiff_t>(step);
-      },
-      some);
+  std::vector<double> light;
+  for (std::size_t column = 0; column < box.width; column += step) {
+    const auto signal = column_signals(part, 0, column, 1, in.camera.tone_curve);
+    light.insert(light.end(), signal.begin(), signal.end());
+  }
+  auto some = dense_view<const double>(light.data(), 1, light.size() / box.height, box.height);
+  std::swap(some.rows, some.columns);
+  std::swap(some.row_stride, some.column_stride);
   const FoundFrequency tone = find_frequency(some, search);
   if (tone.flags & ~flag::model_misfit) return found;
   const auto& used = tone.columns.used;
