@@ -19,8 +19,8 @@ constexpr double kOfNoise = 1.4826;   // standard deviation over the median magn
 constexpr double kFarOff = 5;         // standard deviations
 constexpr double kUsualShare = 0.75;  // of the squares, as the usual values say: 1 of normal noise
 constexpr int kRounds = 6;
-constexpr Index kParts = 8;          // of the rows
-constexpr double kLitAsWell = 0.25;  // least span of a part's rows, relative to the largest
+constexpr Index kParts = 8;         // of the rows
+constexpr double kLitAsWell = 0.1;  // least span of a part's rows, relative to the largest
 
 // A column as c + l·signal by least squares over the values that count, and the usual deviation from it.
 struct LikeSignal {
