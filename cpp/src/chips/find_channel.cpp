@@ -30,21 +30,8 @@ constexpr double kEvenGrowth = 1.8, kUnevenGrowth = 1.3;  // of the residual, fr
 struct Start {
   RowRange part;
   ChannelEstimate channel;
-  double score = std::numeric_limits<double>::infinity();
+  double score = std::numeric_limits<double>::infinity();  // residual over swing
 };
-
-// Variance of rows of random chips, exposed for L of them: 1/L of those of 0, reduced by the ramps of one chip.
-double variance_left(double exposure_chips) {
-  const double left = exposure_chips < 1 ? 1 - exposure_chips / 3 : (1 - 1 / (3 * exposure_chips)) / exposure_chips;
-  return std::max(left, 1e-3);
-}
-
-// Residual relative to the deviation of random chips' rows: relative to the swing a longer exposure leaves less, since
-// it has a larger one.
-double score_of(const ChannelEstimate& channel) {
-  const double left = variance_left(channel.clock.exposure_rows / channel.clock.rows_per_chip);
-  return channel.noise / (channel.swing[0] * std::sqrt(left));
-}
 
 // Initial levels from the darkest and the brightest rows of a part. An exposure of several chips seldom covers bright
 // ones only, so the swing from the rows' variance is used if larger.
@@ -52,7 +39,9 @@ std::pair<double, double> first_levels(std::span<const double> part, double expo
   double mean = 0, square = 0;
   for (double value : part) mean += value / static_cast<double>(part.size());
   for (double value : part) square += (value - mean) * (value - mean) / static_cast<double>(part.size());
-  const double swing = 2 * std::sqrt(square / variance_left(exposure_chips));
+  // Variance of the mean of L random chips: 1/(4L) for whole ones, reduced by the ramps of one chip.
+  const double shrink = exposure_chips < 1 ? 1 - exposure_chips / 3 : (1 - 1 / (3 * exposure_chips)) / exposure_chips;
+  const double swing = 2 * std::sqrt(square / std::max(shrink, 1e-3));
   return {mean - 0.5 * swing, swing};
 }
 
@@ -89,7 +78,7 @@ std::optional<Start> try_start(const IterationContext& context, const Start& gue
     auto iteration = iterate(context, channel, best.part);
     if (!iteration) break;
     channel = std::move(iteration->channel);
-    const double score = score_of(channel);
+    const double score = channel.noise / channel.swing[0];
     if (!(score < 0.999 * best.score)) break;
     best = {best.part, channel, score};
   }
@@ -150,6 +139,9 @@ std::vector<Start> find_starts(const IterationContext& context, const ChannelSea
   return starts;
 }
 
+// Residual relative to the swing.
+double score_of(const RefinedChannel& found) { return found.channel.noise / found.channel.swing[0]; }
+
 // Tries the starts in order until the residual over the frame is as small as over the part.
 std::optional<RefinedChannel> try_starts(const IterationContext& context, std::span<const Start> starts,
                                          const ChannelSearch& search) {
@@ -157,9 +149,8 @@ std::optional<RefinedChannel> try_starts(const IterationContext& context, std::s
   for (const Start& start : starts) {
     auto grown = grow_to_frame(context, start.channel);
     if (!grown || grown->channel.has_other_rate(search.rows_per_chip, search.tolerance)) continue;
-    const bool sure =
-        grown->settled && score_of(grown->channel) < (grown->even ? kEvenGrowth : kUnevenGrowth) * start.score;
-    if (!best || score_of(grown->channel) < score_of(best->channel)) best = std::move(grown);
+    const bool sure = grown->settled && score_of(*grown) < (grown->even ? kEvenGrowth : kUnevenGrowth) * start.score;
+    if (!best || score_of(*grown) < score_of(*best)) best = std::move(grown);
     if (sure) break;
   }
   return best;
@@ -169,7 +160,7 @@ std::optional<RefinedChannel> try_starts(const IterationContext& context, std::s
 // chips are detectable.
 bool may_be_wrong(const RefinedChannel& found, double min_score, std::size_t frame_rows) {
   const double close = closeness(found.channel, frame_rows);
-  return score_of(found.channel) > kSureGrowth * min_score && close < kCloseSequences && close > kHopeless;
+  return score_of(found) > kSureGrowth * min_score && close < kCloseSequences && close > kHopeless;
 }
 
 // Compares the starts of each part while the current result may be wrong.
@@ -191,7 +182,7 @@ std::optional<RefinedChannel> compare_starts(const IterationContext& context, st
     if (limited.is_used_up() || !may_be_wrong(*found, starts.front().score, context.signal.size())) break;
     auto other = track_in_parallel(limited, std::move(clocks), part);
     if (!other || other->channel.has_other_rate(search.rows_per_chip, search.tolerance)) continue;
-    if (score_of(other->channel) < score_of(found->channel)) found = std::move(other);
+    if (score_of(*other) < score_of(*found)) found = std::move(other);
   }
   if (context.options.effort != nullptr) context.options.effort->rows = kept + share.rows;
   return found;

@@ -344,7 +344,7 @@ std::optional<FrameReading> RowReader::search_exposures(std::span<const double> 
     auto reading = search_frame(signal, what);
     if (reading && what.exposure_rows) reading = read_frame(signal, reading->channel, false, &own);
     if (std::isfinite(share)) effort.rows -= share - own.rows;
-    if (!reading || (best && reading->channel.noise >= best->channel.noise)) continue;
+    if (!reading || (best && reading->relative_noise >= best->relative_noise)) continue;
     best = std::move(reading);
     if (options_.format.line_code.bits_per_word() < options_.format.line_code.chips_per_word() &&
         best->verdict == Verdict::fits && options_.format.line_code.evidence_anywhere(best->llr) > 0)
