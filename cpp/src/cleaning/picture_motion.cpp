@@ -89,7 +89,7 @@ void check(const LogPicture& before, const LogPicture& after) {
   for (const double value : after.values) require_finite("after", value);
 }
 
-// Whether a place is more than half a pixel outside of a line.
+// True for a place more than half a pixel outside of a line.
 bool is_outside(double place, std::size_t length) {
   return place < -half_pixel || place > static_cast<double>(length) - half_pixel;
 }

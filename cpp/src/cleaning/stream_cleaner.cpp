@@ -116,7 +116,7 @@ bool stand_still(const Values& before, const Values& now) {
   return false;
 }
 
-// Whether the shares are estimated in a frame that others have been before.
+// True if the shares are estimated in a frame that others have been before.
 bool is_due(const Values& estimates, std::size_t frames) {
   const auto missing = std::ranges::count_if(estimates, [](double count) { return count < 0.5; });
   return frames % frames_of_shares == 0 || frames == 1 ||

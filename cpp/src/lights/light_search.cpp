@@ -85,7 +85,7 @@ std::optional<Detection> most_probable(const SearchedFrame& in, const Suspect& s
   return better ? inner : whole;
 }
 
-// What lights do not explain of a suspect.
+// Judges the part of a suspect that no light explains.
 Detections with_tone_of(const SearchedFrame& in, Detections found, const Suspect& suspect) {
   const auto rest = unexplained(suspect, found.lights);
   const auto one = rest ? most_probable(in, *rest, found) : std::nullopt;

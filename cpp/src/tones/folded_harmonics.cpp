@@ -62,7 +62,7 @@ FoldedHarmonics find_folded(std::size_t rows, double cycles_per_row, double duty
   return result;
 }
 
-// What the fit shows of a wave whose light has level 1: its fundamental, and what is added to the mean.
+// Estimates of a wave whose light has level 1: its fundamental, and the light that its harmonics add to the mean.
 struct Shown {
   std::complex<double> fundamental;
   double mean;

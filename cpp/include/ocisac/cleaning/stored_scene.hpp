@@ -44,7 +44,7 @@ class StoredScene {
   [[nodiscard]] double toe() const { return toe_; }
   [[nodiscard]] double white() const { return white_; }  // light of a white pixel
 
-  // Whether values are integers, which `restore` takes.
+  // True for integers, which `restore` takes.
   [[nodiscard]] bool by_table() const { return !table_.light.empty(); }
 
   // Writes stored values under steady light, marks and shares of one colour of one frame (restore_picture).
