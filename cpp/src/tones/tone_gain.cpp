@@ -904,7 +904,6 @@ bool untie(const Context& context, const TiedHarmonics& harmonics, double exposu
 
 // Gains that harmonics on mean or fundamental may bias by half a standard error: by the ratios of these, where the
 // exposure is known, or flagged. An exposure that is not known is that of a light of full depth with the largest gain.
-// A known one is contradicted by a larger gain.
 void untie_harmonics(const Context& context, const ToneGainView& result) {
   if (context.options->waveform != WaveformShape::square || result.gain.empty()) return;
   const auto known = exposure_cycles_of(context);
@@ -927,10 +926,16 @@ void untie_harmonics(const Context& context, const ToneGainView& result) {
     }
     if (!tied || !untie(context, *harmonics, *known, i, result)) result.flags[i] |= flag::harmonics_dropped;
   }
+}
+
+// Gains beyond that of a square wave of full depth contradict the exposure.
+void flag_wrong_exposure(const Context& context, const ToneGainView& result) {
+  constexpr double kBeyond = 0.01;
+  if (context.options->waveform != WaveformShape::square || !exposure_cycles_of(context)) return;
   const std::size_t each = result.gain.size() / context.tones.size();
-  for (std::size_t i = 0; known && i < result.gain.size(); ++i) {
+  for (std::size_t i = 0; i < result.gain.size(); ++i) {
     const double full_depth = std::abs(sinc(context.tones[i / each].frequency * *context.camera->exposure));
-    if (result.gain[i] - kNoise * result.gain_std[i] > full_depth + 0.01) result.flags[i] |= flag::model_misfit;
+    if (result.gain[i] - kNoise * result.gain_std[i] > full_depth + kBeyond) result.flags[i] |= flag::model_misfit;
   }
 }
 
@@ -955,6 +960,7 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
     for_each_block(context.shape.frames, options.threads,
                    [&](std::size_t frame) { check_frame(frames, context, frame, result); });
   untie_harmonics(context, result);
+  flag_wrong_exposure(context, result);
 }
 
 ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
@@ -1003,6 +1009,7 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
       flag_misfit(around, k * context.shape.frames + frame, 1, result);
   });
   untie_harmonics(context, result);
+  flag_wrong_exposure(context, result);
 }
 
 ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
