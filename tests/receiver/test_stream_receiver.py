@@ -520,7 +520,7 @@ def test_the_rows_of_a_noisy_lamp_are_not_one_run_of_large_swings():
     """Exposed for 3.3 chips, noise an eighth of the swing: no light is detected, all rows with swings are received."""
     random, rate, camera = np.random.default_rng(6), 10.1e3, Camera(22e-6, 327e-6)
     bits = random.integers(0, 2, 400)
-    light = ocisac.integrate_exposure(ocisac.Chips(bits, rate), Camera(22e-6, 327e-6), 1080, start=0.01)
+    light = ocisac.integrate_exposure(ocisac.Chips(bits, rate), camera, 1080, start=0.01)
     picture = 80 + 90 * light[:, None] + random.normal(0, 26, (1080, 6))
     receiver = MultiReceiver(camera, chip_rate=rate, format=PacketFormat(line_code="none"))
     (found,) = receiver.push(np.clip(picture, 0, 255).astype(np.uint8))

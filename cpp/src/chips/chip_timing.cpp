@@ -14,6 +14,7 @@
 #include "core/check_interrupt.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/chips/preamble.hpp"
+#include "ocisac/core/constants.hpp"
 #include "rows/fit.hpp"
 
 namespace ocisac {
@@ -171,7 +172,7 @@ std::vector<double> residuals(const Edges& edges, std::span<const double> chips,
 
 // Edges within three robust standard deviations (median); excludes edges displaced by specks or wrong levels.
 std::vector<std::uint8_t> inliers(const std::vector<double>& distance, double allowance) {
-  const double limit = 3 * (1.4826 * median(distance) + allowance);
+  const double limit = 3 * (median(distance) / kMedianMagnitude + allowance);
   std::vector<std::uint8_t> used(distance.size());
   std::ranges::transform(distance, used.begin(), [&](double d) { return static_cast<std::uint8_t>(d <= limit); });
   return used;
@@ -230,9 +231,9 @@ bool locked(const ChipTiming& timing) {
 
 // True if a lattice of a whole number of these chips fits the edges of another threshold. A wrong one delays falling
 // edges, for some exposures by half a chip, and edges at random places of a fast lattice fit no slower one.
-bool divides(const ChipTiming& timing, const ChipTiming& better) {
-  const double ratio = better.lattice.clock.rows_per_chip / timing.lattice.clock.rows_per_chip;
-  return locked(better) && std::nearbyint(ratio) > 1 && std::abs(ratio - std::nearbyint(ratio)) < 0.01;
+bool divides(const ChipTiming& timing, const ChipTiming& slower) {
+  const double ratio = slower.lattice.clock.rows_per_chip / timing.lattice.clock.rows_per_chip;
+  return locked(slower) && std::nearbyint(ratio) > 1 && std::abs(ratio - std::nearbyint(ratio)) < 0.01;
 }
 
 }  // namespace
@@ -321,9 +322,8 @@ TimingSearch find_chip_timing(std::span<const double> signal, double noise, Freq
     search.edges = std::min(search.edges, points.size() - 1);
     std::optional<ChipTiming> best;
     for (std::size_t k = 0; k <= kThresholds.size(); ++k) {
-      const bool is_common = k == kThresholds.size();
-      const Edges edges =
-          edges_between(smooth, points, is_common ? kThresholds[0] : kThresholds[k], is_common ? kAround : 0);
+      const Edges edges = k < kThresholds.size() ? edges_between(smooth, points, kThresholds[k])
+                                                 : edges_between(smooth, points, kThresholds[0], kAround);
       auto timing = find_lattice(reliable_edges(edges, smooth, points), signal.size(), {range.lowest, highest});
       const bool is_better = timing && (!best || timing->cost < best->cost || divides(*best, *timing));
       if (!is_better || (best && divides(*timing, *best))) continue;

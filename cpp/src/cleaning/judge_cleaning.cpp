@@ -84,8 +84,7 @@ std::array<Values, 2> course_of(std::span<const double> row_light) {
   for (Values& term : course) {
     const auto count = static_cast<double>(term.size());
     const double mean = mean_of(term);
-    double squares = smallest;
-    for (const double value : term) squares += (value - mean) * (value - mean);
+    const double squares = smallest + squares_about_mean(term);
     for (double& value : term) value = (value - mean) / std::sqrt(squares / count);
   }
   return course;

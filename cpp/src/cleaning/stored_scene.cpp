@@ -11,6 +11,7 @@
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/quantile.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -21,8 +22,7 @@ constexpr std::size_t whole_pixels = 1U << 19U;  // means of neighbouring column
 constexpr std::size_t most_merged = 8;           // columns in each
 constexpr std::size_t noise_pixels = 1U << 18U;  // whose differences estimate the noise
 constexpr double half_step = 0.5, relative_noise = 1e-4;
-constexpr double deviation_of_bend = 0.6745;  // median of a normal deviate's magnitude
-constexpr double black = 2e-4;                // of white, below which a toe has no slope
+constexpr double black = 2e-4;  // of white, below which a toe has no slope
 constexpr double inf = std::numeric_limits<double>::infinity();
 
 template <class Sample>
@@ -84,7 +84,7 @@ double noise_of(std::span<const AnyFramesView> colours, const Shape& shape) {
   std::vector<double> bends;
   for (const AnyFramesView& colour : colours)
     add_bends(colour, std::max<std::size_t>(2, samples / noise_pixels), bends);
-  return std::max(least, quantile(bends, 0.5) / (deviation_of_bend * std::sqrt(6.0)));
+  return std::max(least, quantile(bends, 0.5) / (kMedianMagnitude * std::sqrt(6.0)));
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "ocisac/core/constants.hpp"
 #include "rows/verdict.hpp"
 
 namespace ocisac {
@@ -15,7 +16,6 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr double kMinWeight = 0.2;    // of the largest: other columns hardly matter
-constexpr double kOfNoise = 1.4826;   // standard deviation over the median magnitude
 constexpr double kFarOff = 5;         // standard deviations
 constexpr double kUsualShare = 0.75;  // of the squares, as the usual values say: 1 of normal noise
 constexpr int kRounds = 6;
@@ -37,7 +37,7 @@ LikeSignal fit(const VectorXd& column, const VectorXd& signal, const VectorXd& c
   LikeSignal like{level + (loading * off).array(), {}, 0};
   like.left = column - like.fitted;
   const VectorXd magnitudes = like.left.cwiseAbs();
-  like.deviation = kOfNoise * median({magnitudes.begin(), magnitudes.end()});
+  like.deviation = median({magnitudes.begin(), magnitudes.end()}) / kMedianMagnitude;
   return like;
 }
 

@@ -9,6 +9,7 @@
 
 #include "lights/refinement_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/core/constants.hpp"
 
 namespace ocisac {
 
@@ -167,10 +168,9 @@ std::vector<double> fast_logs(const Patch& patch, double frequency) {
 }
 
 double variance_by_median(std::vector<double>& magnitudes) {
-  constexpr double kMedianOfNormal = 0.6745;
   const auto middle = magnitudes.begin() + static_cast<std::ptrdiff_t>(magnitudes.size() / 2);
   std::ranges::nth_element(magnitudes, middle);
-  return *middle * *middle / (kMedianOfNormal * kMedianOfNormal);
+  return *middle * *middle / (kMedianMagnitude * kMedianMagnitude);
 }
 
 double noise_variance(const Patch& patch, const PatchRange& core) {

@@ -19,6 +19,7 @@
 #include "ocisac/chips/channel_estimate.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/columns/column_combination.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/frame_reading.hpp"
 #include "receiver/colour_streams.hpp"
@@ -51,8 +52,7 @@ constexpr double kMinShare = 0.3, kMaxShare = 1.5;  // of the light beside the l
 constexpr double kMostNoise = 0.1;                  // of the light's swing, where its own is measured
 constexpr double kVaries = 2;                       // times the noise
 constexpr double kSharp = 0.5;
-constexpr double kMedianDistance = 0.674;  // of a normal variable, in standard deviations
-constexpr double kBetter = 1.5;            // times the signal-to-noise ratio
+constexpr double kBetter = 1.5;  // times the signal-to-noise ratio
 constexpr double kSameClock = 0.005,
                  kDiffering = 0.05;  // rows per chip of the colours of one lamp; bits of two streams
 
@@ -311,7 +311,7 @@ double texture_of(const SlicedChips& seen) {
     if (seen.bits[k] && seen.bright[k] > 0)
       distances.push_back(0.5 * std::abs(seen.relative_levels[k] - 1) * (seen.bright[k] - seen.dark[k]) /
                           seen.bright[k]);
-  return distances.empty() ? 0.0 : median(std::move(distances)) / kMedianDistance;
+  return distances.empty() ? 0.0 : median(std::move(distances)) / kMedianMagnitude;
 }
 
 // The lamp does not fade towards its ends: the outermost lit chips swing by half of the most at least.

@@ -7,5 +7,6 @@ namespace ocisac {
 
 inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();  // unknown
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+inline constexpr double kMedianMagnitude = 0.6745;  // of a normal variable, in standard deviations
 
 }  // namespace ocisac
