@@ -325,8 +325,7 @@ TimingSearch find_chip_timing(std::span<const double> signal, double noise, Freq
       const Edges edges = k < kThresholds.size() ? edges_between(smooth, points, kThresholds[k])
                                                  : edges_between(smooth, points, kThresholds[0], kAround);
       auto timing = find_lattice(reliable_edges(edges, smooth, points), signal.size(), {range.lowest, highest});
-      const bool is_better = timing && (!best || timing->cost < best->cost || divides(*best, *timing));
-      if (!is_better || (best && divides(*timing, *best))) continue;
+      if (!timing || (best && (best->cost <= timing->cost || divides(*timing, *best)))) continue;
       best = std::move(timing);
       best->edges = edges;
     }

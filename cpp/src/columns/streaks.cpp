@@ -15,7 +15,6 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kMinWeight = 0.2;    // of the largest: other columns hardly matter
 constexpr double kFarOff = 5;         // standard deviations
 constexpr double kUsualShare = 0.75;  // of the squares, as the usual values say: 1 of normal noise
 constexpr int kRounds = 6;
@@ -65,7 +64,7 @@ bool has_streaks(const ColumnLight& columns, const VectorXd& weights, Index ever
   if (!is_lit_throughout(signal)) return false;
   double usual = 0, squares = 0;
   for (Index k = 0; k < weights.size(); ++k) {
-    if (weights(k) < kMinWeight * weights.maxCoeff()) continue;
+    if (!(weights(k) > 0)) continue;
     const LikeSignal like = fit(few.col(k), signal, counts);
     usual += std::pow(weights(k) * like.deviation, 2);
     squares += std::pow(weights(k), 2) * like.left.squaredNorm() / static_cast<double>(rows);
