@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/check_interrupt.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -18,22 +19,38 @@ namespace ocisac {
 namespace {
 
 using std::numbers::pi;
-constexpr double max_candidates = 1e7;
+using Tones = std::span<const WeightedTone>;
 
-void check_frequency(double frequency) {
-  require(std::isfinite(frequency) && frequency > 0 && std::isfinite(1 / frequency), "frequency", frequency,
-          "a finite number above 0 (Hz)");
+constexpr double kMostCandidates = 1e7;
+constexpr double kMostCycles = 1e15;      // of an exposure; beyond it phases are rounding errors
+constexpr double kMostMultiple = 0x1p53;  // of a step; beyond it neighbours do not differ
+constexpr double kPrecision = 1e-12;      // relative, of the objective
+
+void check(Tones tones) {
+  require(!tones.empty(), "frequencies", "none", "at least one");
+  for (const auto& [frequency, weight] : tones) {
+    require(std::isfinite(frequency) && frequency > 0 && std::isfinite(1 / frequency), "frequency", frequency,
+            "a finite number above 0 (Hz)");
+    require_not_negative("weights", weight);
+  }
+  require(std::ranges::any_of(tones, [](const WeightedTone& tone) { return tone.weight > 0; }), "weights",
+          "0 for every frequency", "at least one above 0");
 }
 
-void check_tones(std::span<const double> frequencies, std::span<const double> weights) {
-  require(!frequencies.empty(), "frequencies", "none", "at least one");
+void check_noise(Tones tones, double noise_exposure) {
+  require(tones.size() <= max_weighted_tones, "tones", tones.size(), "1 to 32");
+  check(tones);
+  require(noise_exposure > 0, "noise_exposure", noise_exposure, "a number above 0 (s), or infinity");
+}
+
+std::vector<WeightedTone> tones_of(std::span<const double> frequencies, std::span<const double> weights) {
   if (frequencies.size() != weights.size())
     refuse("weights", std::to_string(weights.size()) + " values",
            "one a frequency, here " + std::to_string(frequencies.size()));
-  for (double frequency : frequencies) check_frequency(frequency);
-  for (double weight : weights) require_not_negative("weights", weight);
-  require(std::ranges::any_of(weights, [](double weight) { return weight > 0; }), "weights", "0 for every frequency",
-          "at least one above 0");
+  std::vector<WeightedTone> tones;
+  for (std::size_t i = 0; i < frequencies.size(); ++i) tones.push_back({frequencies[i], weights[i]});
+  check(tones);
+  return tones;
 }
 
 std::string range_text(const char* before, double low, const char* between, double high) {
@@ -50,37 +67,31 @@ void check_domain(const ExposureDomain& domain) {
   if (domain.step) require_positive("step", *domain.step);
 }
 
-// Beyond this number of cycles per exposure, phases are rounding error.
-constexpr double max_cycles = 1e15;
-
-ExposureDomain::Bounds bounds_of(const ExposureDomain& domain, std::span<const double> frequencies) {
-  const auto [slowest, fastest] = std::ranges::minmax(frequencies);
-  const auto bounds = domain.bounds.value_or(ExposureDomain::Bounds{0, 1 / slowest});
-  require(bounds.high * fastest < max_cycles, "bounds", bounds.high, "exposures of fewer than 1e15 cycles");
+ExposureDomain::Bounds bounds_of(const ExposureDomain& domain, Tones tones) {
+  const auto [slowest, fastest] = std::ranges::minmax(tones, {}, &WeightedTone::frequency);
+  const auto bounds = domain.bounds.value_or(ExposureDomain::Bounds{0, 1 / slowest.frequency});
+  require(bounds.high * fastest.frequency < kMostCycles, "bounds", bounds.high, "exposures of fewer than 1e15 cycles");
   return bounds;
 }
 
 void require_few(double candidates, const char* argument, const char* what) {
-  if (candidates > max_candidates) {
+  if (candidates > kMostCandidates) {
     std::ostringstream found;
     found << candidates << " " << what;
     refuse(argument, found.str(), "at most 10 million: narrower bounds or a larger step");
   }
 }
 
-double objective(std::span<const double> frequencies, std::span<const double> weights, double exposure) {
-  double sum = 0;
-  for (std::size_t i = 0; i < frequencies.size(); ++i) {
-    const double whole = std::nearbyint(frequencies[i] * exposure);
-    const double cycles = std::fma(frequencies[i], exposure, -whole);  // exact up to one rounding
-    sum += weights[i] * std::abs(std::sin(pi * cycles)) / (pi * frequencies[i]);
-  }
-  return sum;
-}
+double noise_factor(double noise_exposure, double exposure) { return 1 / std::sqrt(1 + exposure / noise_exposure); }
 
-// Keeps the larger objective; at equality the shorter exposure.
-void keep_better(BestExposure& best, const BestExposure& other) {
-  if (other.objective > best.objective) best = other;
+double objective(Tones tones, double exposure, double noise_exposure = kInfinity) {
+  double sum = 0;
+  for (const auto& [frequency, weight] : tones) {
+    const double whole = std::nearbyint(frequency * exposure);
+    const double cycles = std::fma(frequency, exposure, -whole);  // exact up to one rounding
+    sum += weight * std::abs(std::sin(pi * cycles)) / (pi * frequency);
+  }
+  return sum * noise_factor(noise_exposure, exposure);
 }
 
 // Root of a decreasing function between low and high by Newton's method, with bisection where a step leaves the
@@ -106,8 +117,9 @@ double decreasing_root(Both both, double low, double high, double start) {
 // docs/explanation/exposure.md: the maximum lies in the faster tone's lobe that contains 1/(2 f_min). There, with
 // T = 1/(2 f_min) + (x − centre)/f_max and x from 0 to 1, Y' = 0 is w_fast·cos(πx) = w_slow·sin(π r (x − centre)),
 // r = f_min/f_max.
-double exact_exposure(double slow, double fast, double w_slow, double w_fast) {
-  const double middle = 0.5 / slow;
+double exact_exposure(const WeightedTone& slower, const WeightedTone& faster) {
+  const double slow = slower.frequency, fast = faster.frequency, middle = 0.5 / slow;
+  double w_slow = slower.weight, w_fast = faster.weight;
   if (w_fast == 0) return middle;
   if (w_slow == 0) return 0.5 / fast;
   const double largest = std::max(w_slow, w_fast);
@@ -126,185 +138,281 @@ double exact_exposure(double slow, double fast, double w_slow, double w_fast) {
   return middle + (x - centre) / fast;
 }
 
-// Y between two neighbouring zeros, where the sign of every sine is constant: a sum of concave arcs.
-class Lobes {
+struct AffineLine {
+  double at_start, slope;
+};
+
+// Position of the maximum of the product of two lines on [0, length].
+double largest_product(AffineLine p, AffineLine q, double length, double& largest) {
+  const auto product = [&](double t) { return (p.at_start + p.slope * t) * (q.at_start + q.slope * t); };
+  double best = product(length) > product(0) ? length : 0;
+  if (p.slope * q.slope < 0) {
+    const double top = -(p.at_start * q.slope + q.at_start * p.slope) / (2 * p.slope * q.slope);
+    if (top > 0 && top < length) best = top;
+  }
+  largest = product(best);
+  return best;
+}
+
+double lobes_of(Tones tones, const ExposureWindow& window) {
+  double lobes = 1;
+  for (const auto& [frequency, weight] : tones)
+    if (weight > 0) lobes += (window.high - window.low) * frequency;
+  return lobes;
+}
+
+// Iterates over the lobes between the zeros of the sines, where the sum N of the tones is concave. Upper bound on a
+// part [a, b] of a lobe: N's tangents at its ends times the chord of the noise factor, which is convex. The error of
+// the bound is O((b − a)²), so few parts remain at each depth of bisection; without noise the maximum of a part is N's.
+// `zeros`: one number for each tone.
+class Branching {
  public:
-  Lobes(std::span<const double> frequencies, std::span<const double> weights, ExposureDomain::Bounds bounds)
-      : bounds_(bounds) {
-    for (std::size_t i = 0; i < frequencies.size(); ++i)
-      if (weights[i] > 0) {
-        const double zeros = std::floor(bounds.low * frequencies[i]);
-        tones_.push_back({frequencies[i], weights[i], zeros, (zeros + 1) / frequencies[i]});
-      }
+  Branching(Tones tones, double noise_exposure, const ExposureWindow& window, std::span<double> zeros)
+      : tones_(tones), noise_exposure_(noise_exposure), window_(window), zeros_(zeros) {
+    if (window.step > 0) {
+      require(window.high / window.step <= kMostMultiple, "step", window.step,
+              "0 (any exposure), or at least the longest exposure over 2^53: multiples differ from each other");
+      const Multiples found = multiples_of(window.step, {window.low, window.high});
+      first_ = found.first;
+      last_ = found.last;
+    }
+    for (std::size_t i = 0; i < tones.size(); ++i) zeros_[i] = std::floor(window.low * tones[i].frequency);
   }
 
-  [[nodiscard]] double count() const {
-    double zeros = 1;
-    for (const Tone& tone : tones_) zeros += (bounds_.high - bounds_.low) * tone.frequency;
-    return zeros;
-  }
-
-  // Calls visit(low, high) for each lobe in ascending order.
-  template <class Visit>
-  void for_each(Visit visit) {
-    double low = bounds_.low;
-    while (low < bounds_.high) {
-      double high = bounds_.high;
-      for (const Tone& tone : tones_) high = std::min(high, tone.next_zero);
-      if (low < high) visit(low, high);
-      for (Tone& tone : tones_)
-        while (tone.next_zero <= high) tone.next_zero = (++tone.zeros + 1) / tone.frequency;
+  BestExposure run() {
+    if (window_.step > 0) {
+      keep(first_ * window_.step);
+      keep(last_ * window_.step);
+    } else {
+      keep(window_.low);
+      keep(window_.high);
+    }
+    double low = window_.low;
+    while (low < window_.high) {
+      double high = window_.high;
+      for (std::size_t i = 0; i < tones_.size(); ++i)
+        if (tones_[i].weight > 0) high = std::min(high, next_zero(i));
+      check_interrupt();
+      if (low < high) search_lobe(low, high);
+      for (std::size_t i = 0; i < tones_.size(); ++i)
+        while (tones_[i].weight > 0 && next_zero(i) <= high) ++zeros_[i];
       low = std::max(low, high);
     }
-  }
-
-  [[nodiscard]] double value(double exposure) const {
-    double sum = 0;
-    for (const Tone& tone : tones_) sum += tone.weight * std::sin(pi * tone.cycles(exposure)) / (pi * tone.frequency);
-    return sum;
-  }
-
-  // {Y', Y''}
-  [[nodiscard]] std::pair<double, double> slopes(double exposure) const {
-    double first = 0, second = 0;
-    for (const Tone& tone : tones_) {
-      const double turn = pi * tone.cycles(exposure);
-      first += tone.weight * std::cos(turn);
-      second -= tone.weight * pi * tone.frequency * std::sin(turn);
-    }
-    return {first, second};
-  }
-
-  // Upper bound of Y in the lobe: the intersection of the tangents at its ends.
-  [[nodiscard]] double upper_bound(double low, double high) const {
-    const double at_low = value(low), at_high = value(high);
-    const double up = slopes(low).first, down = slopes(high).first;
-    if (up <= 0) return at_low;
-    if (down >= 0) return at_high;
-    return (up * at_high - down * at_low - up * down * (high - low)) / (up - down);
-  }
-
-  [[nodiscard]] double peak(double low, double high) const {
-    if (slopes(low).first <= 0) return low;
-    if (slopes(high).first >= 0) return high;
-    return decreasing_root([&](double exposure) { return slopes(exposure); }, low, high, (low + high) / 2);
+    return best_;
   }
 
  private:
-  struct Tone {
-    double frequency, weight, zeros, next_zero;  // zeros: number of the zero at or before the lobe
-    [[nodiscard]] double cycles(double exposure) const { return std::fma(frequency, exposure, -zeros); }
+  struct End {
+    double exposure, value, slope, noise;  // T, N, N', noise factor
   };
-  ExposureDomain::Bounds bounds_;
-  std::vector<Tone> tones_;
+  struct Part {
+    End a, b;
+    double bound, candidate;  // upper bound on the part; likely position of the maximum
+  };
+
+  [[nodiscard]] double next_zero(std::size_t i) const { return (zeros_[i] + 1) / tones_[i].frequency; }
+
+  [[nodiscard]] double turn(std::size_t i, double exposure) const {
+    return pi * std::fma(tones_[i].frequency, exposure, -zeros_[i]);
+  }
+
+  [[nodiscard]] End end_at(double exposure) const {
+    End end{exposure, 0, 0, noise_factor(noise_exposure_, exposure)};
+    for (std::size_t i = 0; i < tones_.size(); ++i) {
+      const auto [frequency, weight] = tones_[i];
+      end.value += weight * std::sin(turn(i, exposure)) / (pi * frequency);
+      end.slope += weight * std::cos(turn(i, exposure));
+    }
+    return end;
+  }
+
+  [[nodiscard]] static Part part_of(const End& a, const End& b) {
+    const double length = b.exposure - a.exposure;
+    const double bend = a.slope - b.slope;
+    double meet = bend > 0 ? (b.value - a.value - b.slope * length) / bend : length / 2;
+    meet = std::clamp(meet, 0.0, length);
+    const double fall = (b.noise - a.noise) / length;
+    double left = 0, right = 0;
+    const double t_left = largest_product({a.value, a.slope}, {a.noise, fall}, meet, left);
+    const double t_right = largest_product({b.value - b.slope * (length - meet), b.slope},
+                                           {a.noise + fall * meet, fall}, length - meet, right);
+    return {a, b, std::max(left, right), a.exposure + (left >= right ? t_left : meet + t_right)};
+  }
+
+  void search_lobe(double low, double high) {
+    std::size_t depth = 0;
+    parts_[depth++] = part_of(end_at(low), end_at(high));
+    while (depth > 0) {
+      const Part part = parts_[--depth];
+      if (part.bound <= best_.objective * (1 + kPrecision) || !try_candidates(part)) continue;
+      const End middle = end_at(part.a.exposure + (part.b.exposure - part.a.exposure) / 2);
+      if (!(middle.exposure > part.a.exposure && middle.exposure < part.b.exposure)) continue;
+      Part left = part_of(part.a, middle), right = part_of(middle, part.b);
+      if (left.bound > right.bound) std::swap(left, right);  // larger bound first
+      if (depth + 2 > parts_.size()) continue;               // not reached: bisection ends after 53 parts
+      parts_[depth++] = left;
+      parts_[depth++] = right;
+    }
+  }
+
+  [[nodiscard]] double peak(const Part& part) const {
+    if (part.a.slope <= 0) return part.a.exposure;
+    if (part.b.slope >= 0) return part.b.exposure;
+    return decreasing_root(
+        [&](double exposure) {
+          double bend = 0;
+          for (std::size_t i = 0; i < tones_.size(); ++i)
+            bend -= tones_[i].weight * pi * tones_[i].frequency * std::sin(turn(i, exposure));
+          return std::pair{end_at(exposure).slope, bend};
+        },
+        part.a.exposure, part.b.exposure, part.candidate);
+  }
+
+  // Returns false if the part needs no further search.
+  bool try_candidates(const Part& part) {
+    const double step = window_.step;
+    const bool is_concave = noise_exposure_ == kInfinity;
+    const double candidate = is_concave ? peak(part) : part.candidate;
+    if (!(step > 0)) {
+      keep(candidate);
+      return !is_concave;
+    }
+    const double first = std::max(std::floor((is_concave ? candidate : part.a.exposure) / step), first_);
+    const double last = std::min(is_concave ? first + 1 : std::ceil(part.b.exposure / step), last_);
+    if (last - first <= 4) {
+      for (double m = first; m <= last; ++m) keep(m * step);
+      return false;
+    }
+    keep(std::clamp(std::nearbyint(candidate / step), first_, last_) * step);
+    return true;
+  }
+
+  void keep(double exposure) {
+    const double value = objective(tones_, exposure, noise_exposure_);
+    if (value > best_.objective || (value == best_.objective && exposure < best_.exposure)) best_ = {exposure, value};
+  }
+
+  Tones tones_;
+  double noise_exposure_;
+  ExposureWindow window_;
+  std::span<double> zeros_;      // for each tone, index of its zero at or before the lobe
+  double first_ = 0, last_ = 0;  // multiples of the step in the window
+  std::array<Part, 128> parts_;
+  BestExposure best_{kInfinity, -1};
 };
 
-BestExposure best_multiple(std::span<const double> frequencies, std::span<const double> weights,
-                           const Multiples& multiples) {
+BestExposure best_multiple(Tones tones, const Multiples& multiples) {
   const double count = multiples.last - multiples.first + 1;
   require_few(count, "step", "multiples");
   BestExposure best{0, -1};
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
     if (i % 1024 == 0) check_interrupt();
     const double exposure = (multiples.first + static_cast<double>(i)) * multiples.step;
-    keep_better(best, {exposure, objective(frequencies, weights, exposure)});
+    if (const double value = objective(tones, exposure); value > best.objective) best = {exposure, value};
   }
   return best;
 }
 
-BestExposure closed_form(double f_1, double f_2, double w_1, double w_2, bool rounded) {
-  const auto [slow, fast] = std::minmax(f_1, f_2);
+BestExposure closed_form(const WeightedTone& first, const WeightedTone& second, bool rounded) {
+  const auto [slow, fast] = std::minmax(first.frequency, second.frequency);
   const double half_ratio = fast / slow / 2;
   const double lobe = rounded ? std::floor(half_ratio) : std::max(std::floor(half_ratio - 0.5), 0.0);
   const double exposure = std::isfinite(lobe) ? (lobe + 0.5) / fast : 0.5 / slow;
-  return {exposure, objective(std::array{f_1, f_2}, std::array{w_1, w_2}, exposure)};
+  return {exposure, objective(std::array{first, second}, exposure)};
 }
 
-BestExposure exact_of_two(double f_1, double f_2, double w_1, double w_2) {
-  const double exposure = f_1 <= f_2 ? exact_exposure(f_1, f_2, w_1, w_2) : exact_exposure(f_2, f_1, w_2, w_1);
-  return {exposure, objective(std::array{f_1, f_2}, std::array{w_1, w_2}, exposure)};
+BestExposure exact_of_two(const WeightedTone& first, const WeightedTone& second) {
+  const bool in_order = first.frequency <= second.frequency;
+  const double exposure = in_order ? exact_exposure(first, second) : exact_exposure(second, first);
+  return {exposure, objective(std::array{first, second}, exposure)};
 }
 
-BestExposure exact_of_lobes(std::span<const double> frequencies, std::span<const double> weights,
-                            const ExposureDomain& domain) {
-  const auto bounds = bounds_of(domain, frequencies);
-  Lobes lobes(frequencies, weights, bounds);
-  std::optional<Multiples> multiples;
+BestExposure exact_of_lobes(Tones tones, const ExposureDomain& domain) {
+  const auto bounds = bounds_of(domain, tones);
+  const ExposureWindow window{bounds.low, bounds.high, domain.step.value_or(0)};
   if (domain.step) {
-    multiples = multiples_of(*domain.step, bounds);
-    if (multiples->last - multiples->first + 1 <= lobes.count()) return best_multiple(frequencies, weights, *multiples);
+    const Multiples multiples = multiples_of(*domain.step, bounds);
+    if (multiples.last - multiples.first + 1 <= lobes_of(tones, window)) return best_multiple(tones, multiples);
   }
-  require_few(lobes.count(), "bounds", "lobes");
-  const auto at = [&](double exposure) { return BestExposure{exposure, objective(frequencies, weights, exposure)}; };
-  BestExposure best{bounds.high, -1};
-  if (!multiples) best = at(bounds.high);
-  lobes.for_each([&](double low, double high) {
-    if (lobes.upper_bound(low, high) * (1 + 1e-12) < best.objective) return;
-    const double peak = lobes.peak(low, high);
-    if (!multiples) return keep_better(best, at(peak));
-    for (double m : {std::floor(peak / multiples->step), std::floor(peak / multiples->step) + 1})
-      if (m >= multiples->first && m <= multiples->last) keep_better(best, at(m * multiples->step));
-  });
-  return best;
+  require_few(lobes_of(tones, window), "bounds", "lobes");
+  std::vector<double> zeros(tones.size());
+  return Branching(tones, kInfinity, window, zeros).run();
 }
 
-BestExposure search(std::span<const double> frequencies, std::span<const double> weights, const ExposureDomain& domain,
-                    std::size_t points) {
-  const auto bounds = bounds_of(domain, frequencies);
-  if (domain.step) return best_multiple(frequencies, weights, multiples_of(*domain.step, bounds));
+BestExposure search(Tones tones, const ExposureDomain& domain, std::size_t points) {
+  const auto bounds = bounds_of(domain, tones);
+  if (domain.step) return best_multiple(tones, multiples_of(*domain.step, bounds));
   BestExposure best{0, -1};
   const double spacing = (bounds.high - bounds.low) / static_cast<double>(points - 1);
   for (std::size_t j = 0; j < points; ++j) {
     const double exposure = j + 1 == points ? bounds.high : bounds.low + static_cast<double>(j) * spacing;
-    if (exposure > 0) keep_better(best, {exposure, objective(frequencies, weights, exposure)});
+    const double value = exposure > 0 ? objective(tones, exposure) : -1;
+    if (value > best.objective) best = {exposure, value};
   }
   return best;
 }
 
 void check_points(std::size_t points) {
-  require(points >= 2 && static_cast<double>(points) <= max_candidates, "points", points, "2 to 10 million");
+  require(points >= 2 && static_cast<double>(points) <= kMostCandidates, "points", points, "2 to 10 million");
 }
 
 }  // namespace
 
 Multiples multiples_of(double step, ExposureDomain::Bounds bounds) {
-  constexpr double slack = 8 * std::numeric_limits<double>::epsilon();
-  const Multiples found{step, std::max(std::ceil(bounds.low / step * (1 - slack)), 1.0),
-                        std::floor(bounds.high / step * (1 + slack))};
+  constexpr double kSlack = 8 * std::numeric_limits<double>::epsilon();
+  const Multiples found{step, std::max(std::ceil(bounds.low / step * (1 - kSlack)), 1.0),
+                        std::floor(bounds.high / step * (1 + kSlack))};
   if (!(found.first <= found.last))
     refuse("step", step, range_text("a step with a multiple between ", bounds.low, " and ", bounds.high));
   return found;
 }
 
 double exposure_objective(std::span<const double> frequencies, std::span<const double> weights, double exposure) {
-  check_tones(frequencies, weights);
+  const auto tones = tones_of(frequencies, weights);
   require_not_negative("exposure", exposure);
-  return objective(frequencies, weights, exposure);
+  return objective(tones, exposure);
+}
+
+double noisy_exposure_objective(Tones tones, double noise_exposure, double exposure) {
+  check_noise(tones, noise_exposure);
+  require_not_negative("exposure", exposure);
+  return objective(tones, exposure, noise_exposure);
 }
 
 BestExposure best_exposure_exact(double f_1, double f_2, double w_1, double w_2) {
-  check_tones(std::array{f_1, f_2}, std::array{w_1, w_2});
-  return exact_of_two(f_1, f_2, w_1, w_2);
+  check(std::array{WeightedTone{f_1, w_1}, WeightedTone{f_2, w_2}});
+  return exact_of_two({f_1, w_1}, {f_2, w_2});
 }
 
 BestExposure best_exposure_exact(std::span<const double> frequencies, std::span<const double> weights,
                                  const ExposureDomain& domain) {
-  check_tones(frequencies, weights);
+  const auto tones = tones_of(frequencies, weights);
   check_domain(domain);
-  return exact_of_lobes(frequencies, weights, domain);
+  return exact_of_lobes(tones, domain);
 }
 
 BestExposure best_exposure_search(std::span<const double> frequencies, std::span<const double> weights,
                                   const ExposureDomain& domain, std::size_t points) {
-  check_tones(frequencies, weights);
+  const auto tones = tones_of(frequencies, weights);
   check_domain(domain);
   check_points(points);
-  return search(frequencies, weights, domain, points);
+  return search(tones, domain, points);
 }
 
 BestExposure best_exposure_closed_form(double f_1, double f_2, double w_1, double w_2, bool rounded) {
-  check_tones(std::array{f_1, f_2}, std::array{w_1, w_2});
-  return closed_form(f_1, f_2, w_1, w_2, rounded);
+  check(std::array{WeightedTone{f_1, w_1}, WeightedTone{f_2, w_2}});
+  return closed_form({f_1, w_1}, {f_2, w_2}, rounded);
+}
+
+BestExposure best_noisy_exposure(Tones tones, double noise_exposure, const ExposureWindow& window) {
+  check_noise(tones, noise_exposure);
+  require_positive("bounds", window.low);
+  require_positive("bounds", window.high);
+  require(window.low <= window.high, "bounds", window.low, "the lower bound first");
+  require_not_negative("step", window.step);
+  require_few(lobes_of(tones, window), "bounds", "lobes");
+  std::array<double, max_weighted_tones> zeros;
+  return Branching(tones, noise_exposure, window, std::span(zeros).first(tones.size())).run();
 }
 
 void best_exposures(std::span<const double> frequencies, std::span<const double> weights, ExposureMethod method,
@@ -323,12 +431,11 @@ void best_exposures(std::span<const double> frequencies, std::span<const double>
   check_domain(domain);
   check_points(points);
   for (std::size_t i = 0; i < exposures.size(); ++i) {
-    const auto f = frequencies.subspan(i * tones, tones);
-    check_tones(f, weights);
-    const BestExposure best = two ? closed_form(f[0], f[1], weights[0], weights[1], method == ExposureMethod::rounded)
-                              : method == ExposureMethod::search ? search(f, weights, domain, points)
-                              : anywhere && tones == 2           ? exact_of_two(f[0], f[1], weights[0], weights[1])
-                                                                 : exact_of_lobes(f, weights, domain);
+    const auto of = tones_of(frequencies.subspan(i * tones, tones), weights);
+    const BestExposure best = two ? closed_form(of[0], of[1], method == ExposureMethod::rounded)
+                              : method == ExposureMethod::search ? search(of, domain, points)
+                              : anywhere && tones == 2           ? exact_of_two(of[0], of[1])
+                                                                 : exact_of_lobes(of, domain);
     exposures[i] = best.exposure;
     objectives[i] = best.objective;
   }

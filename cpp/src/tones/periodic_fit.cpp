@@ -5,7 +5,6 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
-#include <optional>
 #include <utility>
 
 #include "columns/equalizer_kernels.hpp"
@@ -124,31 +123,11 @@ MatrixXd inner_products(const std::vector<Function>& some, const std::vector<Fun
       });
 }
 
-MatrixXd inner_products(const std::vector<Function>& functions, const RowMoments& moments) {
-  const auto count = static_cast<Index>(functions.size());
-  MatrixXd gram(count, count);
-  for (Index a = 0; a < count; ++a)
-    for (Index b = 0; b <= a; ++b)
-      gram(a, b) = gram(b, a) =
-          inner_product(functions[static_cast<std::size_t>(a)], functions[static_cast<std::size_t>(b)], moments);
-  return gram;
-}
-
-// x with triangleᵀ·x = right and with triangle·x = right, for an upper triangle: small, or of few right sides.
-MatrixXd solve_forward(const MatrixXd& triangle, MatrixXd right) {
-  for (Index c = 0; c < right.cols(); ++c)
-    for (Index i = 0; i < right.rows(); ++i)
-      right(i, c) = (right(i, c) - triangle.col(i).head(i).dot(right.col(c).head(i))) / triangle(i, i);
-  return right;
-}
-
-MatrixXd solve_backward(const MatrixXd& triangle, MatrixXd right) {
-  for (Index c = 0; c < right.cols(); ++c)
-    for (Index i = right.rows(); i-- > 0;) {
-      right(i, c) /= triangle(i, i);
-      right.col(c).head(i) -= right(i, c) * triangle.col(i).head(i);
-    }
-  return right;
+// R of functions, basis = functions·R⁻¹ orthonormal. `gram`: their inner products.
+MatrixXd triangle_of(const MatrixXd& gram, double frequency) {
+  auto triangle = cholesky_factor(gram, 0);
+  require(triangle.has_value(), "frequency", frequency, "one whose harmonics the rows tell from a trend");
+  return std::move(*triangle);
 }
 
 // Distance of the first row of the second half from the middle.
@@ -220,7 +199,7 @@ PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t max
   PeriodicModel model;
   model.trend_degree = cycles < 2 ? 0 : cycles < 4 ? 1 : 2;
   const double below = 0.5 - 0.5 / static_cast<double>(rows);  // closer to half the row rate, sine or cosine vanish
-  for (std::size_t h = 2; h <= max_harmonics && static_cast<double>(h) * frequency <= below; ++h)
+  for (std::size_t h = 2; cycles >= 1 && h <= max_harmonics && static_cast<double>(h) * frequency <= below; ++h)
     model.harmonics.push_back(h);
   while (model.harmonics.size() > 1 && rows < 2 * model.parameters()) model.harmonics.pop_back();
   return model;
@@ -335,45 +314,34 @@ HarmonicProducts products_of_each(const PeriodicSignals& signals, const Periodic
 struct Equations {
   std::vector<Index> at, slopes_at;
   Index trend;              // functions of the trend, the first ones
-  MatrixXd triangle;        // R of the model's functions, basis = functions·R⁻¹ orthonormal
+  MatrixXd triangle;        // R of the model's functions
   MatrixXd coordinates;     // of the signals in the basis
-  MatrixXd with_slopes;     // inner products with the slopes: of the functions, or of the basis
-  bool of_basis;            // the latter
+  MatrixXd with_slopes;     // inner products of the functions with the slopes
   MatrixXd slopes_gram;     // inner products of the slopes
   MatrixXd slopes_signals;  // inner products of the slopes and the signals
-
-  // Sums of the slopes, (slopes × signals), in the basis.
-  [[nodiscard]] MatrixXd in_basis(const MatrixXd& slopes) const {
-    MatrixXd sums = product(with_slopes, slopes);
-    return of_basis ? sums : solve_forward(triangle, std::move(sums));
-  }
 };
 
-constexpr double kMinPivot = 0.03;  // less loses more than three digits by normal equations: orthogonal factors then
-
 // From products of the signals with the functions of one parity, and of their slopes; no slopes without `u`.
-std::optional<Equations> normal_equations(const Parity& parity, const RowMoments& moments, const PeriodicModel& model,
-                                          const Eigen::Map<const RowMajor>& trend, const RowMajor& harmonics,
-                                          const RowMajor& u) {
-  auto triangle = cholesky_factor(inner_products(parity.functions, moments), kMinPivot);
-  if (!triangle) return std::nullopt;
+Equations equations_of(const Parity& parity, const RowMoments& moments, const PeriodicModel& model, double frequency,
+                       const Eigen::Map<const RowMajor>& trend, const RowMajor& harmonics, const RowMajor& u) {
   MatrixXd own(parity.trend + harmonics.rows(), harmonics.cols());
   own << trend.topRows(parity.trend), harmonics;
-  MatrixXd coordinates = solve_forward(*triangle, std::move(own));
-  Equations equations{
-      parity.at, parity.slopes_at, parity.trend, std::move(*triangle), std::move(coordinates), {}, false, {}, {}};
+  MatrixXd triangle = triangle_of(inner_products(parity.functions, parity.functions, moments), frequency);
+  MatrixXd coordinates = solve_upper_transposed(triangle, own);
+  Equations equations{parity.at, parity.slopes_at, parity.trend, std::move(triangle), std::move(coordinates), {}, {},
+                      {}};
   if (u.size() == 0) return equations;
   equations.slopes_signals = 2 * std::numbers::pi * u;
   for (Index j = 0; j < equations.slopes_signals.rows(); ++j)
     equations.slopes_signals.row(j) *= static_cast<double>(model.harmonics[static_cast<std::size_t>(j)]);
   equations.with_slopes = inner_products(parity.functions, parity.slopes, moments);
-  equations.slopes_gram = inner_products(parity.slopes, moments);
+  equations.slopes_gram = inner_products(parity.slopes, parity.slopes, moments);
   return equations;
 }
 
-// One set of equations for each parity; empty where they lose digits.
-std::vector<Equations> normal_equations(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
-                                        bool with_slopes) {
+// One set of equations for each parity.
+std::array<Equations, 2> normal_equations(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
+                                          bool with_slopes) {
   const auto [even, odd] = parities_of(model, signals.rows());
   const RowMoments moments = moments_of(model, signals.rows(), frequency);
   const HarmonicProducts products = signals.in_lanes() ? products_in_lanes(signals, model, frequency, with_slopes)
@@ -383,35 +351,9 @@ std::vector<Equations> normal_equations(const PeriodicSignals& signals, const Pe
                                       static_cast<Index>(signals.count()));
   };
   const RowMajor none;
-  auto of_even =
-      normal_equations(even, moments, model, trend(0, 2), products.cosine, with_slopes ? products.u_sine : none);
-  auto of_odd =
-      normal_equations(odd, moments, model, trend(2, 1), products.sine, with_slopes ? products.u_cosine : none);
-  std::vector<Equations> equations;
-  if (of_even && of_odd) {
-    equations.push_back(std::move(*of_even));
-    equations.push_back(std::move(*of_odd));
-  }
-  return equations;
-}
-
-Equations orthogonal_equations(const PeriodicSignals& signals, const PeriodicModel& model, double frequency) {
-  const Signals y = as_matrix(signals.samples(), signals.rows());
-  const MatrixXd matrix = model_matrix(model, signals.rows(), frequency);
-  const MatrixXd slopes = slope_matrix(model, matrix);
-  std::vector<Index> at(static_cast<std::size_t>(matrix.cols())), slopes_at(static_cast<std::size_t>(slopes.cols()));
-  std::iota(at.begin(), at.end(), Index{0});
-  std::iota(slopes_at.begin(), slopes_at.end(), Index{0});
-  OrthogonalFactors factors = orthogonal_factors(matrix);
-  return {std::move(at),
-          std::move(slopes_at),
-          trend_columns(model),
-          std::move(factors.triangle),
-          transposed_product(factors.basis, y),
-          transposed_product(factors.basis, slopes),
-          true,
-          transposed_product(slopes, slopes),
-          transposed_product(slopes, y)};
+  return {
+      equations_of(even, moments, model, frequency, trend(0, 2), products.cosine, with_slopes ? products.u_sine : none),
+      equations_of(odd, moments, model, frequency, trend(2, 1), products.sine, with_slopes ? products.u_cosine : none)};
 }
 
 }  // namespace
@@ -435,8 +377,7 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   const std::size_t rows = signals.rows();
   require(rows > model.parameters(), "rows", rows, "more rows than the model has parameters");
   const Index first = trend_columns(model), parameters = static_cast<Index>(model.parameters());
-  auto equations = normal_equations(signals, model, frequency, with_step);
-  if (equations.empty()) equations.push_back(orthogonal_equations(signals, model, frequency));
+  const auto equations = normal_equations(signals, model, frequency, with_step);
 
   PeriodicFit fit;
   fit.frequency = frequency;
@@ -447,7 +388,7 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   for (const Equations& of : equations) {
     residual -= of.coordinates.colwise().squaredNorm();
     periodic += of.coordinates.bottomRows(of.coordinates.rows() - of.trend).colwise().squaredNorm();
-    const MatrixXd own = solve_backward(of.triangle, of.coordinates);
+    const MatrixXd own = solve_upper(of.triangle, of.coordinates);
     for (std::size_t j = 0; j < of.at.size(); ++j) coefficients.row(of.at[j]) = own.row(static_cast<Index>(j));
   }
   fit.residual_energy = as_vector(residual.cwiseMax(0.0));
@@ -465,7 +406,8 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
     MatrixXd turned(of.slopes_signals.rows(), count);
     for (std::size_t j = 0; j < of.slopes_at.size(); ++j)
       turned.row(static_cast<Index>(j)) = all_turned.row(of.slopes_at[j]);
-    const MatrixXd inside = of.in_basis(turned);  // what the model absorbs of ∂y/∂f
+    const MatrixXd inside =  // what the model absorbs of ∂y/∂f
+        solve_upper_transposed(of.triangle, product(of.with_slopes, turned));
     gradient += of.slopes_signals.cwiseProduct(turned).sum() - inside.cwiseProduct(of.coordinates).sum();
     information += product(of.slopes_gram, turned).cwiseProduct(turned).sum() - inside.squaredNorm();
   }
@@ -499,22 +441,6 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel&
   return best;
 }
 
-// By normal equations in closed form where these lose few digits.
-static OrthogonalFactors factors_of(const PeriodicModel& model, double frequency, const MatrixXd& matrix) {
-  const auto rows = static_cast<std::size_t>(matrix.rows());
-  const RowMoments moments = moments_of(model, rows, frequency);
-  MatrixXd gram = MatrixXd::Zero(matrix.cols(), matrix.cols());
-  for (const Parity& parity : parities_of(model, rows)) {
-    const MatrixXd own = inner_products(parity.functions, moments);
-    for (std::size_t a = 0; a < parity.at.size(); ++a)
-      for (std::size_t b = 0; b < parity.at.size(); ++b)
-        gram(parity.at[a], parity.at[b]) = own(static_cast<Index>(a), static_cast<Index>(b));
-  }
-  auto triangle = cholesky_factor(gram, kMinPivot);
-  if (!triangle) return orthogonal_factors(matrix);
-  return {solve_upper_transposed(*triangle, matrix.transpose()).transpose(), std::move(*triangle), {}};
-}
-
 double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
                      double frequency) {
   if (rows <= model.parameters() + 1) return kNaN;
@@ -522,12 +448,19 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   const auto members = static_cast<Index>(group);
   require(group > 0 && y.cols() % members == 0, "group", group, "a divisor of the number of signals");
   const MatrixXd matrix = model_matrix(model, rows, frequency);
-  const OrthogonalFactors factors = factors_of(model, frequency, matrix);
-  const MatrixXd& q = factors.basis;
+  MatrixXd gram = MatrixXd::Zero(matrix.cols(), matrix.cols());
+  for (const Parity& parity : parities_of(model, rows)) {
+    const MatrixXd own = inner_products(parity.functions, parity.functions, moments_of(model, rows, frequency));
+    for (std::size_t a = 0; a < parity.at.size(); ++a)
+      for (std::size_t b = 0; b < parity.at.size(); ++b)
+        gram(parity.at[a], parity.at[b]) = own(static_cast<Index>(a), static_cast<Index>(b));
+  }
+  const MatrixXd triangle = triangle_of(gram, frequency);
+  const MatrixXd q = solve_upper_transposed(triangle, matrix.transpose()).transpose();
   const MatrixXd coordinates = transposed_product(q, y);
   const MatrixXd residual = y - product(q, coordinates);
   const MatrixXd slopes = slope_matrix(model, matrix);
-  MatrixXd derivative = product(slopes, slope_coefficients(model, solve_upper(factors.triangle, coordinates)));
+  MatrixXd derivative = product(slopes, slope_coefficients(model, solve_upper(triangle, coordinates)));
   derivative = beside(q, derivative);
   const double information = derivative.squaredNorm();
   if (!(information > 0)) return kNaN;

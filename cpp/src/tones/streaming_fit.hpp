@@ -42,8 +42,8 @@ class StreamingFit {
   // and resized; its memory is reused.
   void estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count, Columns& to) const;
 
-  // Covariance of the parameters for row noise of variance 1.
-  [[nodiscard]] double covariance(std::size_t i, std::size_t j) const { return covariance_[i * estimates_ + j]; }
+  // Covariance of the parameters for row noise of variance 1, (estimates × estimates).
+  [[nodiscard]] std::span<const double> covariance() const { return covariance_; }
   [[nodiscard]] std::size_t rows_added() const {  // the first ones
     return weights_.groups() * static_cast<std::size_t>(weights_.row_group());
   }

@@ -38,26 +38,6 @@ constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: reading 
 constexpr std::size_t kColumnsPerPart = 256;     // minimum for parts shared by threads
 constexpr std::size_t kColumnsPerBlock = 64;     // fixed, so that results do not depend on the threads
 
-// Estimates of one tone in a block of columns, (columns,): y ≈ mean + cosine·cos(2πνu) + sine·sin(2πνu).
-struct Estimates {
-  std::vector<double> mean, cosine, sine, noise_variance;  // the mean becomes the source's own; noise of one row
-  double variance_mean, variance_cosine, variance_sine, covariance_mean_cosine;  // for noise of variance 1
-
-  [[nodiscard]] kernels::FittedTone fitted() const {
-    return {mean.data(),
-            cosine.data(),
-            sine.data(),
-            noise_variance.data(),
-            mean.size(),
-            variance_mean,
-            variance_cosine,
-            variance_sine,
-            covariance_mean_cosine,
-            0,
-            0};
-  }
-};
-
 struct Tone {
   double frequency;
   double cycles_per_row;
@@ -75,31 +55,17 @@ struct Context {
   std::vector<double> others{};  // cycles per row of tones that are fitted too, without a result
 };
 
-// Phase of H: half an exposure of delay, and π where sinc is negative.
-double exposure_phase(const Camera& camera, double frequency) {
-  if (!camera.exposure) return 0;
-  const double cycles = frequency * *camera.exposure;
-  return -std::numbers::pi * std::fmod(cycles, 2.0) + (sinc(cycles) < 0 ? std::numbers::pi : 0.0);
-}
-
-Flags exposure_flags(const Camera& camera, double frequency) {
-  if (!camera.exposure) return 0;
-  return std::abs(sinc(frequency * *camera.exposure)) < kNearNull ? flag::near_null : 0;
-}
-
-// Rows after which the tone's phases come again, and by how many cycles they drift in the frame.
-struct Recurrence {
-  double rows, drift;
-};
+// Rows after which a tone's phases come again, and by how many cycles they drift in the frame.
+using Recurrences = std::vector<std::pair<double, double>>;
 
 // Those that drift less than all shorter ones.
-std::vector<Recurrence> recurrences_of(double cycles_per_row, std::size_t rows) {
+Recurrences recurrences_of(double cycles_per_row, std::size_t rows) {
   constexpr int kMost = 64;
-  std::vector<Recurrence> found;
+  Recurrences found;
   for (int period = 1; period <= kMost; ++period) {
     const double cycles = cycles_per_row * period;
     const double drift = std::abs(cycles - std::nearbyint(cycles)) / period * static_cast<double>(rows);
-    if (found.empty() || drift < found.back().drift) found.push_back({static_cast<double>(period), drift});
+    if (found.empty() || drift < found.back().second) found.emplace_back(period, drift);
   }
   return found;
 }
@@ -108,7 +74,7 @@ std::vector<Recurrence> recurrences_of(double cycles_per_row, std::size_t rows) 
 // amplitude error, in steps: RMS over the position of the light between two codes, 1/π of a step at each of the levels
 // that rows see. A sine has as many as Widrow's series says, with <J1²(x)> = 1/(πx); phases that come again as many as
 // there are of them, times the levels through which they drift.
-double rounding_pull(double amplitude, double noise_variance, std::span<const Recurrence> recurrences) {
+double rounding_pull(double amplitude, double noise_variance, const Recurrences& recurrences) {
   constexpr double kLevelsOfStep = 8.21;  // π²/ζ(3)
   double levels = kLevelsOfStep * std::max(amplitude, 0.1);
   for (const auto& [rows, drift] : recurrences) levels = std::min(levels, rows * (1 + 4 * amplitude * drift));
@@ -133,23 +99,16 @@ void mark_unknown(const ToneGainView& result, std::size_t index) {
   for (const auto& values : {result.gain, result.gain_std, result.phase, result.snr}) values[index] = kNaN;
 }
 
-void take_off(double light, std::span<double> mean) {
-  if (light == 0) return;
-  for (double& value : mean) value -= light;
-}
-
-// Subtracts the background.
-void take_off_background(const Context& context, std::size_t frame, std::size_t first, std::span<double> mean) {
-  const auto& background = context.options->background;
-  if (background.empty()) return;
-  if (background.size() == 1) return take_off(background[0], mean);
-  for (std::size_t i = 0; i < mean.size(); ++i) mean[i] -= background_of(context, frame, first + i);
+// Subtracts the dark level, if it is in there still, and the background.
+void take_off(const Context& context, std::size_t frame, std::size_t first, double dark, std::span<double> mean) {
+  if (dark == 0 && context.options->background.empty()) return;
+  for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = mean[i] - dark - background_of(context, frame, first + i);
 }
 
 // True if the amplitude error of column i by rounding may exceed that by noise. From a noise variance of 1 on it is
 // below 10⁻⁸ of a step.
 bool is_quantised(const kernels::FittedTone& estimates, std::size_t i, double amplitude,
-                  std::span<const Recurrence> recurrences) {
+                  const Recurrences& recurrences) {
   const double noise = estimates.noise_variance[i];
   const double cosine = estimates.cosine[i] * estimates.cosine[i];
   const double sine = estimates.sine[i] * estimates.sine[i];
@@ -171,7 +130,7 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
   for (std::size_t i = 0; i < count; ++i)
     result.flags[first + i] = tone.flags | (tops[i] >= level ? flag::saturated : 0);
   if (!any && !(tone.flags & flag::unresolvable)) return;
-  std::vector<Recurrence> recurrences;
+  Recurrences recurrences;
   if (context.whole_numbers) recurrences = recurrences_of(tone.cycles_per_row, context.shape.rows);
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t index = first + i;
@@ -187,8 +146,8 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
   }
 }
 
-// Estimates each tone from columns of linear light, (columns × rows).
-std::vector<Estimates> estimates_of(const HarmonicModel& model, const std::vector<double>& signals) {
+// Estimates from columns of linear light, (columns × rows).
+StreamingFit::Columns fitted_columns(const HarmonicModel& model, const std::vector<double>& signals) {
   const auto rows = static_cast<Eigen::Index>(model.rows);
   const Eigen::Index count = static_cast<Eigen::Index>(signals.size()) / rows;
   const Eigen::Map<const Eigen::MatrixXd> y(signals.data(), rows, count);
@@ -197,26 +156,43 @@ std::vector<Estimates> estimates_of(const HarmonicModel& model, const std::vecto
   const Eigen::Map<const Eigen::MatrixXd> basis(model.basis.data(), rows, static_cast<Eigen::Index>(model.parameters));
   const Eigen::MatrixXd values = transposed_product(y, weights), residual = beside(basis, y);
   const auto freedom = static_cast<double>(model.rows - std::min(model.rows, model.parameters));
-  std::vector<double> noise(static_cast<std::size_t>(count), kNaN);
+  StreamingFit::Columns fitted{{values.data(), values.data() + values.size()},
+                               std::vector<double>(static_cast<std::size_t>(count), kNaN)};
   for (Eigen::Index column = 0; freedom > 0 && column < count; ++column)
-    noise[static_cast<std::size_t>(column)] = residual.col(column).squaredNorm() / freedom;
-  const auto estimate = [&](std::size_t i) {
-    const auto column = values.col(static_cast<Eigen::Index>(i));
-    return std::vector<double>(column.begin(), column.end());
-  };
-  const auto covariance = [&](std::size_t i, std::size_t j) { return model.covariance[i * model.estimates + j]; };
-  std::vector<Estimates> estimates;
-  for (std::size_t a = 1; a < 2 * model.tone_flags.size(); a += 2)
-    estimates.push_back({estimate(0), estimate(a), estimate(a + 1), noise, covariance(0, 0), covariance(a, a),
-                         covariance(a + 1, a + 1), covariance(0, a)});
-  return estimates;
+    fitted.noise_variance[static_cast<std::size_t>(column)] = residual.col(column).squaredNorm() / freedom;
+  return fitted;
 }
 
-// Row 0 lies `middle` rows before the phase origin of a fit.
-void count_phase_from(Tone& tone, double middle, Flags flags) {
+// One tone of the estimates. `covariance`: of the parameters, for noise of variance 1.
+kernels::FittedTone fitted_tone(const StreamingFit::Columns& columns, std::span<const double> covariance,
+                                std::size_t tone) {
+  const std::size_t count = columns.noise_variance.size(), estimates = columns.parameters.size() / count,
+                    a = 2 * tone + 1;
+  const auto parameter = [&](std::size_t i) { return &columns.parameters[i * count]; };
+  const auto of = [&](std::size_t i, std::size_t j) { return covariance[i * estimates + j]; };
+  return {parameter(0),
+          parameter(a),
+          parameter(a + 1),
+          columns.noise_variance.data(),
+          count,
+          of(0, 0),
+          of(a, a),
+          of(a + 1, a + 1),
+          of(0, a),
+          0,
+          0};
+}
+
+// Row 0 lies `middle` rows before the phase origin of a fit, which has flags of its own.
+Tone counted_from(double middle, Flags flags, Tone tone) {
   const Phasor turn = phasor(tone.cycles_per_row, -middle);
   tone.phase_at_zero += std::atan2(turn.sine, turn.cosine);
   tone.flags |= flags;
+  return tone;
+}
+
+Tone tone_of_model(const Context& context, const HarmonicModel& model, std::size_t k) {
+  return counted_from((static_cast<double>(model.rows) - 1) / 2, model.tone_flags[k], context.tones[k]);
 }
 
 // One square wave: two may have harmonics on each other's aliases. Without an exposure: that of a row.
@@ -248,24 +224,20 @@ std::shared_ptr<const HarmonicModel> kept_model(std::size_t rows, const std::vec
   return kept.get({rows, tones}, [&] { return std::make_shared<const HarmonicModel>(harmonic_model(rows, tones)); });
 }
 
-// Counts the tones' phases from its middle row.
-std::shared_ptr<const HarmonicModel> model_of(Context& context) {
+std::shared_ptr<const HarmonicModel> model_of(const Context& context) {
   std::vector<ModelTone> tones;
   for (const Tone& tone : context.tones) tones.push_back({tone.cycles_per_row, harmonics_of(context, tone)});
   for (const double cycles : context.others) tones.push_back({cycles, {1}});
-  auto model = kept_model(context.shape.rows, tones);
-  const double middle = (static_cast<double>(context.shape.rows) - 1) / 2;
-  for (std::size_t k = 0; k < context.tones.size(); ++k)
-    count_phase_from(context.tones[k], middle, model->tone_flags[k]);
-  return model;
+  return kept_model(context.shape.rows, tones);
 }
 
 // Tones of a fit, or the lines of the DFT nearest to them (eq. 25), those above half the row rate of negative
 // frequencies: on a line, steps 1-4 of the paper are a fit of mean and tone, and noise is all energy outside of them.
 Tone tone_of(const Camera& camera, double frequency, const ToneGainOptions& options, std::size_t row_count) {
   const auto rows = static_cast<double>(row_count);
-  Tone tone{frequency, frequency * camera.row_time, exposure_flags(camera, frequency),
-            -exposure_phase(camera, frequency)};
+  const auto response = exposure_response(frequency, camera.exposure.value_or(0));
+  Tone tone{frequency, frequency * camera.row_time, std::abs(response) < kNearNull ? flag::near_null : 0,
+            -std::arg(response)};
   const double position = tone.cycles_per_row * rows, nearest = std::nearbyint(position);
   require(tone.cycles_per_row > 0 && position < 0x1p52, "frequency", frequency,
           "a frequency whose cycles in the frame can be counted");
@@ -329,8 +301,6 @@ void check_room(const ToneGainView& result, std::size_t size) {
   require(result.flags.size() == size, "result", result.flags.size(), "tones × frames × columns flags");
 }
 
-bool holds_bytes(const AnyFramesView& frames) { return std::holds_alternative<FramesView<const std::uint8_t>>(frames); }
-
 // Cycles per row of all oscillations of the model: tones first, then their harmonics, then other tones.
 std::vector<double> model_cycles(const Context& context) {
   std::vector<double> cycles;
@@ -344,13 +314,13 @@ std::vector<double> model_cycles(const Context& context) {
 
 // True for samples that are multiplied as integers.
 bool holds_linear_bytes(const AnyFramesView& frames, const ToneCurve& curve) {
-  return holds_bytes(frames) && curve.kind == ToneCurve::Kind::linear;
+  return std::holds_alternative<FramesView<const std::uint8_t>>(frames) && curve.kind == ToneCurve::Kind::linear;
 }
 
 // Plan of a pass over the stored pixels if it loses nothing of them against the float64 fit of linear light; else null.
 // A residual that is a difference of squares resolves noise of 10⁻⁷ of the light: rounding to float32 makes nearly as
 // much. At full efficiency float64 uses the fit, whose residual is exact too.
-std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, Context& context) {
+std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, const Context& context) {
   const auto& options = *context.options;
   const ToneCurve& curve = context.camera->tone_curve;
   const bool linear = curve.kind == ToneCurve::Kind::linear;
@@ -361,26 +331,7 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, C
   if (exact || (!linear && !holds_integers(frames))) return nullptr;
   auto fit = StreamingFit::plan(context.shape.rows, model_cycles(context), efficiency,
                                 holds_linear_bytes(frames, curve), is_fit ? 1 : kLimbs);
-  if (!fit->well_posed()) return nullptr;
-  for (std::size_t k = 0; k < context.tones.size(); ++k)
-    count_phase_from(context.tones[k], fit->middle(), fit->flags(k));
-  return fit;
-}
-
-kernels::FittedTone fitted_tone(const StreamingFit& fit, const StreamingFit::Columns& columns, std::size_t tone) {
-  const std::size_t count = columns.noise_variance.size(), a = 2 * tone + 1;
-  const auto parameter = [&](std::size_t i) { return &columns.parameters[i * count]; };
-  return {parameter(0),
-          parameter(a),
-          parameter(a + 1),
-          columns.noise_variance.data(),
-          count,
-          fit.covariance(0, 0),
-          fit.covariance(a, a),
-          fit.covariance(a + 1, a + 1),
-          fit.covariance(0, a),
-          0,
-          0};
+  return fit->well_posed() ? fit : nullptr;
 }
 
 constexpr double kHalfStep = 0.5;  // between stored values
@@ -562,12 +513,11 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
     for (std::size_t done = 0; done < count; done += kernels::kColumnsAtOnce) {
       const std::size_t here = std::min(kernels::kColumnsAtOnce, count - done);
       fit.estimate(sums, bytes, done, here, columns);
-      const auto mean = std::span(columns.parameters).first(here);
-      take_off(stored.dark, mean);
-      take_off_background(context, frame, first + done, mean);
+      take_off(context, frame, first + done, stored.dark, std::span(columns.parameters).first(here));
       const auto maxima = std::span(sums.maximum).subspan(done, here);
       for (std::size_t k = 0; k < context.tones.size(); ++k)
-        write_result(context, context.tones[k], fitted_tone(fit, columns, k), maxima, stored.saturated,
+        write_result(context, counted_from(fit.middle(), fit.flags(k), context.tones[k]),
+                     fitted_tone(columns, fit.covariance(), k), maxima, stored.saturated,
                      index_of(context, k, frame) + first + done, result);
     }
     if (is_part(pieces[block]))
@@ -581,7 +531,7 @@ void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Co
                    std::span(tops).subspan(piece.frame * columns_of_frame, columns_of_frame), result);
 }
 
-void gains_of_model(const AnyFramesView& frames, Context context, const ToneGainView& result);
+void gains_of_model(const AnyFramesView& frames, const Context& context, const ToneGainView& result);
 
 // Gains of one frame's columns, with others' tones in the model; it is `frame` of the context.
 ToneGain gains_of_frame(const AnyFramesView& one, const Context& context, std::size_t frame,
@@ -700,7 +650,7 @@ PooledColumn pool_columns(const AnyFramesView& frames, const Context& context, s
 }
 
 // Gains of all columns by one model, with the flags of clipped ones.
-void gains_of_model(const AnyFramesView& frames, Context context, const ToneGainView& result) {
+void gains_of_model(const AnyFramesView& frames, const Context& context, const ToneGainView& result) {
   const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
   if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
   check_samples(frames);
@@ -713,13 +663,12 @@ void gains_of_model(const AnyFramesView& frames, Context context, const ToneGain
     const std::size_t frame = block / blocks;
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
-    auto estimates = estimates_of(*model, column_signals(frames, frame, first, count, context.camera->tone_curve));
+    auto fitted = fitted_columns(*model, column_signals(frames, frame, first, count, context.camera->tone_curve));
+    take_off(context, frame, first, 0, std::span(fitted.parameters).first(count));
     const auto samples = project(frames, frame, first, count, none).maximum;
-    for (std::size_t k = 0; k < context.tones.size(); ++k) {
-      take_off_background(context, frame, first, estimates[k].mean);
-      write_result(context, context.tones[k], estimates[k].fitted(), samples, level,
-                   index_of(context, k, frame) + first, result);
-    }
+    for (std::size_t k = 0; k < context.tones.size(); ++k)
+      write_result(context, tone_of_model(context, *model, k), fitted_tone(fitted, model->covariance, k), samples,
+                   level, index_of(context, k, frame) + first, result);
     std::ranges::copy(samples, &tops[frame * columns + first]);
   });
   for (std::size_t frame = 0; frame < frame_count; ++frame)
@@ -847,19 +796,15 @@ void flag_misfit(const Surroundings& around, std::size_t first, std::size_t coun
 // Fits the frame again with the other tones.
 void fit_with_others(const AnyFramesView& frames, const Context& context, std::size_t frame,
                      const std::vector<double>& others, const ToneGainView& result) {
-  const ToneGain found = gains_of_frame(frame_of(frames, frame), context, frame, others);
+  ToneGain found = gains_of_frame(frame_of(frames, frame), context, frame, others);
   const std::size_t columns = context.shape.columns;
-  const auto copy = [&](const auto& from, auto to, std::size_t tone) {
-    std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(tone * columns), columns,
-                to.begin() + static_cast<std::ptrdiff_t>(index_of(context, tone, frame)));
-  };
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
-    copy(found.gain, result.gain, tone);
-    copy(found.gain_std, result.gain_std, tone);
-    copy(found.phase, result.phase, tone);
-    copy(found.mean, result.mean, tone);
-    copy(found.snr, result.snr, tone);
-    copy(found.flags, result.flags, tone);
+    const ToneGainView from = part_of(view_of(found), tone * columns, columns),
+                       to = part_of(result, index_of(context, tone, frame), columns);
+    for (const auto values :
+         {&ToneGainView::gain, &ToneGainView::gain_std, &ToneGainView::phase, &ToneGainView::mean, &ToneGainView::snr})
+      std::ranges::copy(from.*values, (to.*values).begin());
+    std::ranges::copy(from.flags, to.flags.begin());
   }
 }
 
@@ -920,10 +865,9 @@ void untie_harmonics(const Context& context, const ToneGainView& result) {
     if (result.flags[i] & flag::harmonics_dropped ||
         !(folded.error * result.gain[i] > kUnseenBias * result.gain_std[i]))
       continue;
-    if (tied && !harmonics) {
-      Context own = context;
-      harmonics.emplace(*model_of(own), folded.tied, context.tones[0].cycles_per_row, context.options->duty, *known);
-    }
+    if (tied && !harmonics)
+      harmonics.emplace(*model_of(context), folded.tied, context.tones[0].cycles_per_row, context.options->duty,
+                        *known);
     if (!tied || !untie(context, *harmonics, *known, i, result)) result.flags[i] |= flag::harmonics_dropped;
   }
 }
@@ -947,7 +891,7 @@ double full_depth_ratio(WaveformShape waveform, double duty) {
 
 void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                const ToneGainOptions& options, const ToneGainView& result) {
-  Context context = make_context(frames, camera, frequencies, options);
+  const Context context = make_context(frames, camera, frequencies, options);
   const std::size_t each = context.shape.frames * context.shape.columns;
   check_room(result, frequencies.size() * each);
   if (options.method == GainMethod::dft && frequencies.size() > 1) {
@@ -986,24 +930,24 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
   const auto model = model_of(context);
   for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
     const PooledColumn pooled = pool_columns(frames, context, frame);
-    const auto write = [&](const Context& of_fit, const HarmonicModel& own) {
-      auto estimates = estimates_of(own, pooled.signal);
-      for (std::size_t k = 0; k < of_fit.tones.size(); ++k) {
-        estimates[k].mean[0] -= pooled.background;
-        const std::array saturated{pooled.saturated ? 1.0 : 0.0};
+    const auto write = [&](const HarmonicModel& own) {
+      auto fitted = fitted_columns(own, pooled.signal);
+      fitted.parameters[0] -= pooled.background;
+      const std::array saturated{pooled.saturated ? 1.0 : 0.0};
+      for (std::size_t k = 0; k < context.tones.size(); ++k) {
         const std::size_t index = k * context.shape.frames + frame;
-        write_result(of_fit, of_fit.tones[k], estimates[k].fitted(), saturated, 1, index, result);
+        write_result(context, tone_of_model(context, own, k), fitted_tone(fitted, own.covariance, k), saturated, 1,
+                     index, result);
         if (pooled.negative) result.flags[index] |= flag::model_misfit;
       }
     };
-    write(context, *model);
+    write(*model);
     if (options.method != GainMethod::fit || !options.robust || pooled.saturated) return;
     const Surroundings around = surroundings_of(context, pooled);
     if (!around.tones.empty()) {
-      Context with_others = make_context(frames, camera, frequencies, options);
-      with_others.whole_numbers = false;
+      Context with_others = context;
       with_others.others = around.tones;
-      write(with_others, *model_of(with_others));
+      write(*model_of(with_others));
     }
     for (std::size_t k = 0; k < context.tones.size(); ++k)
       flag_misfit(around, k * context.shape.frames + frame, 1, result);

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <optional>
 #include <tuple>
 
@@ -41,19 +40,17 @@ struct Place {
 };
 constexpr std::size_t kPlaces = 8;
 
-// Newton's iteration on the polynomial of degree kPlaces.
+// Eigenvalues of the recurrence of Legendre's polynomials (Golub and Welsch 1969).
 std::array<Place, kPlaces> make_places() {
-  constexpr auto kDegree = static_cast<double>(kPlaces);
+  MatrixXd recurrence = MatrixXd::Zero(kPlaces, kPlaces);
+  for (Index k = 1; k < recurrence.rows(); ++k)
+    recurrence(k, k - 1) = recurrence(k - 1, k) =
+        static_cast<double>(k) / std::sqrt(static_cast<double>(4 * k * k - 1));
+  const EigenFactors of = symmetric_factors(recurrence);
   std::array<Place, kPlaces> places{};
   for (std::size_t i = 0; i < kPlaces; ++i) {
-    double x = -std::cos(std::numbers::pi * (static_cast<double>(i) + 0.75) / (kDegree + 0.5)), slope = 1;
-    for (int step = 0; step < 6; ++step) {
-      std::array<double, kPlaces + 1> values{};
-      legendre(x, values);
-      slope = kDegree * (x * values[kPlaces] - values[kPlaces - 1]) / (x * x - 1);
-      x -= values[kPlaces] / slope;
-    }
-    places[i] = {x, 1 / ((1 - x * x) * slope * slope)};
+    const auto at = static_cast<Index>(i);
+    places[i] = {of.values(at), of.vectors(0, at) * of.vectors(0, at)};
   }
   return places;
 }

@@ -5,7 +5,7 @@
 #include <span>
 
 #include "ocisac/core/constants.hpp"
-#include "ocisac/exposure/noisy_exposure.hpp"
+#include "ocisac/exposure/best_exposure.hpp"
 
 namespace ocisac {
 
@@ -71,7 +71,7 @@ struct ExposureSuggestion {
   std::uint32_t reasons;
 };
 
-// Maximises J (noisy_exposure.hpp) over the exposures allowed by the camera and the brightness. The suggestion is held
+// Maximises J (best_exposure.hpp) over the exposures allowed by the camera and the brightness. The suggestion is held
 // while J(suggested)·(1 + hysteresis) >= J(T) for every allowed T, with the tones as measured. An update allocates no
 // memory.
 class ExposureController {

@@ -16,8 +16,8 @@ struct PeriodicModel {
   [[nodiscard]] std::size_t parameters() const { return trend_degree + 1 + 2 * harmonics.size(); }
 };
 
-// Up to `max_harmonics` below half the row rate, and a trend that few cycles do not resemble: a constant below 2 cycles
-// in the frame, a line below 4, then a parabola. Lower orders if there are too few rows.
+// Up to `max_harmonics` below half the row rate, none of less than a cycle in the frame, and a trend that few cycles do
+// not resemble: a constant below 2 cycles, a line below 4, then a parabola. Lower orders if there are too few rows.
 PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t max_harmonics);
 
 struct PeriodicFit {
