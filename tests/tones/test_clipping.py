@@ -112,3 +112,21 @@ def test_light_without_clipping_has_no_flag(pooled):
         if pixels.min() > 0 and pixels.max() < 240:
             found = tone_gain(pixels, camera, **asked, pooled=pooled)
             assert not (found.flags & (Flag.SATURATED | Flag.MODEL_MISFIT)).any()
+
+
+def test_a_dark_lamp_without_noise_is_no_clipping():
+    """Noise that grows with the light leaves samples equal where the lamp is off."""
+    flagged = 0
+    for seed in range(60):
+        random = np.random.default_rng([seed, 99])
+        frequency, duty = random.uniform(150, 3000), random.choice([0.3, 0.5, 0.7])
+        camera = Camera(ROW_TIME, exposure=random.uniform(0.05, 0.4) / frequency, dark_level=random.uniform(5, 30))
+        wave = SquareWave(frequency, phase=random.uniform(0, 6), duty=duty)
+        light = integrate_exposure(wave, camera, np.arange(ROWS))[:, None] * np.linspace(0.6, 1, 24)
+        light *= random.uniform(60, 180)
+        spread = random.choice([0.05, 0.1, 0.2, 0.3]) + random.uniform(0.1, 0.4) * np.sqrt(light)
+        stored = light + camera.dark_level + spread * random.standard_normal(light.shape)
+        pixels = np.rint(stored).clip(0, 255).astype(np.uint8)
+        found = tone_gain(pixels, camera, frequency, waveform="square", duty=duty)
+        flagged += bool((found.flags & Flag.SATURATED).any())
+    assert flagged <= 20

@@ -11,9 +11,8 @@ namespace {
 
 constexpr std::size_t kWindowRows = 60;
 constexpr std::size_t kMinWindows = 4;
-constexpr double kMinLoading = 0.2;   // relative to the largest in a window: blocks below are outside of the light
-constexpr double kMinSwing = 0.2;     // relative to the largest of the windows: windows below contain no light
-constexpr double kSlopeErrors = 6;    // standard errors
+constexpr double kMinLight = 0.2;   // relative to the largest: blocks of a window, or windows, below it are without it
+constexpr double kSlopeErrors = 6;  // standard errors
 constexpr double kMinMovement = 0.5;  // standard deviations of the light along the columns
 
 // Light in a window of rows: its mean row, and centroid and standard deviation along the columns.
@@ -44,7 +43,7 @@ Centroid window_centroid(std::span<const double> swings, std::span<const double>
     largest = *std::ranges::max_element(loadings);
     std::ranges::fill(common, 0.0);
     for (std::size_t index = 0; index < centres.size(); ++index) {
-      if (loadings[index] < kMinLoading * largest) loadings[index] = 0;
+      if (loadings[index] < kMinLight * largest) loadings[index] = 0;
       for (std::size_t row = 0; row < common.size(); ++row) common[row] += loadings[index] * block(index)[row];
     }
   }
@@ -78,7 +77,7 @@ double lamp_slope(std::span<const double> swings, std::span<const double> centre
     found.push_back(window_centroid(swings, centres, window * rows / windows, (window + 1) * rows / windows));
     strongest = std::max(strongest, found.back().swing);
   }
-  std::erase_if(found, [&](const Centroid& light) { return !(light.swing > kMinSwing * strongest); });
+  std::erase_if(found, [&](const Centroid& light) { return !(light.swing > kMinLight * strongest); });
   if (found.size() < kMinWindows) return 0;
   const auto count = static_cast<double>(found.size());
   // A centroid's variance is inverse to the power of its window.

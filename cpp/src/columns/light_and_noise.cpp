@@ -18,17 +18,18 @@ using std::numbers::pi;
 
 constexpr int kCorners = 10;  // of the light's spectrum, from half a cycle a row down by octaves
 constexpr std::size_t kShapes = 1 + 3 * kCorners;
-constexpr int kMinRatio = -12, kRatios = 21;  // noise over light: 4^-12 to 4^8
-constexpr int kAliases = 4;                   // on either side
-constexpr std::size_t kMaxGroups = 512;       // of bins that the fit sees
-constexpr double kEvidence = 6;               // log likelihood that light and its shape must gain over noise alone
-constexpr int kFitSteps = 20;
-constexpr double kSmoothNoise = 1.3;  // power left by smooth light over that of the noise, at most
+constexpr int kMinRatio = -8, kRatios = 23;  // light over noise: 4^-8 to 4^14
+constexpr int kAliases = 4;                  // on either side
+constexpr std::size_t kMaxGroups = 512;      // of bins that the fit sees
+constexpr double kEvidence = 6;              // log likelihood that light must gain over noise alone
+constexpr double kSmoothNoise = 1.3;         // power left by smooth light over that of the noise, at most
 constexpr std::size_t kMaxTones = 12;
-constexpr int kRounds = 5;               // of the search for tones
-constexpr double kMinResponse = 0.1;     // of the exposure to a tone: no light is amplified more
-constexpr double kMinSeen = 0.08;        // the same for a peak, whose frequency has an error
-constexpr double kMinPowerRatio = 0.01;  // power of a tone over that of the strongest found with it
+constexpr int kRounds = 5;                               // of the search for tones
+constexpr double kMinResponse = 0.1;                     // of the exposure to a tone: no light is amplified more
+constexpr double kMaxCycles = 36, kMinRowsPerCycle = 8;  // of smooth light in the column
+constexpr double kWidest = 3.5;                          // the highest frequency over the corner of the widest spectrum
+constexpr int kWidths = 12;                              // corners, by half octaves
+constexpr double kMinPivot = 1e-8;
 
 // Power density of light at a frequency (cycles per row): flat, or one of three shapes that fall beyond a corner.
 double density(std::size_t shape, double frequency) {
@@ -44,6 +45,87 @@ double density(std::size_t shape, double frequency) {
 }
 
 }  // namespace
+
+// Light with a Gaussian spectrum: independent waves of a period of two columns. Straight lines have no say in the
+// evidence: its contrasts are orthogonal to them.
+SmoothLight::SmoothLight(std::size_t row_count, double exposure_rows) {
+  const auto rows = static_cast<Index>(row_count);
+  const auto length = static_cast<double>(rows);
+  const double cycles = std::min(kMaxCycles, length / kMinRowsPerCycle), corner = cycles / (kWidest * length);
+  const Index count = static_cast<Index>(2 * cycles) + 1;
+  const Vector frequencies = Vector::LinSpaced(count, 0, static_cast<double>(count - 1) / (2 * length));
+  const auto density = [&](double at) {
+    return Vector(
+        Vector::NullaryExpr(2 * count, [&](Index k) { return std::exp(-std::pow(frequencies(k / 2) / at, 2)); }));
+  };
+  RowSampling sampling = centred_rows(row_count);
+  const Eigen::Map<const Vector> centred(sampling.times.data(), rows);
+  line_.resize(rows, 2);
+  line_.col(0).setConstant(1 / std::sqrt(length));
+  line_.col(1) = centred / centred.norm();
+  line_light_ = line_;
+  line_light_.col(1).array() += 0.5 * exposure_rows / centred.norm();
+
+  std::vector<double> light, seen_basis;
+  append_tones(light, sampling, {frequencies.data(), static_cast<std::size_t>(count)});
+  for (double& time : sampling.times) time -= 0.5 * exposure_rows;
+  sampling.exposures.assign(row_count, exposure_rows);
+  append_tones(seen_basis, sampling, {frequencies.data(), static_cast<std::size_t>(count)});
+  const Matrix seen = matrix_of(seen_basis, sampling);
+  const Matrix in_lines = transposed_product(line_, seen);
+  light_ = matrix_of(light, sampling) - product(line_light_, in_lines);
+  const Matrix weighted = (seen - product(line_, in_lines)) * density(corner).cwiseSqrt().asDiagonal();
+  const OrthogonalFactors factors = pivoted_orthogonal_factors(weighted);
+  Index terms = 0;
+  while (terms < factors.rank() &&
+         std::abs(factors.triangle(terms, terms)) > kMinPivot * std::abs(factors.triangle(0, 0)))
+    ++terms;
+  basis_ = factors.basis.leftCols(terms);
+  projected_ = transposed_product(basis_, seen);
+  for (int width = 0; width < kWidths; ++width) {
+    Vector power = density(corner * std::exp2(-0.5 * width));
+    Matrix covariance = gram(projected_ * power.cwiseSqrt().asDiagonal());
+    const double scale = length / covariance.trace();
+    EigenFactors of = symmetric_factors(covariance * scale);
+    widths_.push_back({power * scale, of.values.cwiseMax(0), std::move(of.vectors)});
+  }
+}
+
+SmoothLight::Estimate SmoothLight::estimate(const Vector& column, std::optional<double> noise) const {
+  const auto count = static_cast<double>(column.size() - 2);
+  const double whole = column.squaredNorm();
+  const Vector parts = basis_.transpose() * column;
+  const double outside = std::max(whole - parts.squaredNorm(), 1e-28 * whole);
+  const auto misfit = [&](double left) {
+    return noise ? left / *noise + count * std::log(*noise) : count * (std::log(left / count) + 1);
+  };
+  Estimate best{
+      .score = misfit(whole), .evident = false, .noise = noise.value_or(whole / count), .seen = {}, .light = {}};
+  if (whole == 0) return best;
+  const Width* width = nullptr;
+  double score = kInfinity, ratio = 0;
+  for (const Width& tried : widths_) {
+    const Eigen::ArrayXd squares = (tried.vectors.transpose() * parts).array().square();
+    for (int k = 0; k < kRatios; ++k) {
+      const double over_noise = std::exp2(2 * (k + kMinRatio));
+      const Eigen::ArrayXd variances = 1 + over_noise * tried.values.array();
+      const double own = misfit((squares / variances).sum() + outside) + variances.log().sum();
+      if (own < score) score = own, ratio = over_noise, width = &tried;
+    }
+  }
+  if (best.score - score < 2 * kEvidence) return best;
+  const Vector turned = width->vectors.transpose() * parts;
+  const Eigen::ArrayXd weights = ratio / (1 + ratio * width->values.array());
+  const Eigen::ArrayXd kept = weights * width->values.array();
+  best.score = score;
+  best.evident = true;
+  best.seen = basis_ * (width->vectors * Vector(kept * turned.array()));
+  best.noise = (column - best.seen).squaredNorm() / (count - kept.sum());
+  const Vector amplitudes =
+      width->power.cwiseProduct(projected_.transpose() * (width->vectors * Vector(weights * turned.array())));
+  best.light = light_ * amplitudes;
+  return best;
+}
 
 ColumnAnalysis::ColumnAnalysis(std::size_t rows, double exposure_rows, std::size_t length)
     : rows_(rows),
@@ -85,7 +167,7 @@ void ColumnAnalysis::make_shapes(double exposure_rows) {
       groups_seen_(shape, g) =
           seen_.row(shape).segment(g * static_cast<Index>(grouped_), static_cast<Index>(grouped_)).mean();
     for (int ratio = 0; ratio < kRatios; ++ratio) {
-      const auto power = groups_seen_.row(shape).array() + std::exp2(2 * (ratio + kMinRatio));
+      const auto power = groups_seen_.row(shape).array() + std::exp2(-2 * (ratio + kMinRatio));
       weights_.row(shape * kRatios + ratio) = power.inverse();
       log_sums_(shape * kRatios + ratio) = power.log().sum();
     }
@@ -111,7 +193,7 @@ LightAndNoise ColumnAnalysis::fit(const Vector& periodogram, std::optional<doubl
   double least = kInfinity;
   LightAndNoise best;
   for (Index model = 0; model < sums.size(); ++model) {
-    const double ratio = std::exp2(2 * (static_cast<int>(model % kRatios) + kMinRatio));
+    const double ratio = std::exp2(-2 * (static_cast<int>(model % kRatios) + kMinRatio));
     const double light = noise ? *noise / ratio : sums(model) / count;
     const double misfit = log_sums_(model) + count * std::log(light) + sums(model) / light;
     if (misfit < least) {
@@ -120,25 +202,16 @@ LightAndNoise ColumnAnalysis::fit(const Vector& periodogram, std::optional<doubl
     }
   }
   if (!((alone - least) * static_cast<double>(grouped_) > kEvidence)) return {0, noise.value_or(mean), 0};
-  const auto seen = groups_seen_.row(static_cast<Index>(best.shape)).transpose().array();
-  for (int step = 0; step < kFitSteps; ++step) {
-    const Eigen::ArrayXd power = best.light * seen + best.noise;
-    best.light *= std::sqrt((values.array() * seen / power.square()).sum() / (seen / power).sum());
-    if (noise) continue;
-    const Eigen::ArrayXd after = best.light * seen + best.noise;
-    best.noise *= std::sqrt((values.array() / after.square()).sum() / after.inverse().sum());
-  }
   return best;
 }
 
-// Smooth light, and whether no more light than noise is left beside it; else it is not evident.
-ColumnAnalysis::Smooth ColumnAnalysis::smooth_light(const Vector& column, std::optional<double> noise) const {
-  Smooth found{smooth_.estimate(column, noise), false};
-  const bool evident = found.light.evident;
+// Smooth light; it is not evident, with the worst score, where it leaves more than noise.
+SmoothLight::Estimate ColumnAnalysis::smooth_light(const Vector& column, std::optional<double> noise) const {
+  SmoothLight::Estimate found = smooth_.estimate(column, noise);
   const double allowed = kSmoothNoise * noise.value_or(noise_of_differences({column.data(), rows_}));
-  const LightAndNoise left = fit(power_of(evident ? Vector(column - found.light.seen) : column), noise);
-  found.is_all = (!evident || found.light.noise <= allowed) && left.light <= left.noise;
-  found.light.evident = evident && found.is_all;
+  if (!found.evident || found.noise <= allowed) return found;
+  found.evident = false;
+  found.score = kInfinity;
   return found;
 }
 
@@ -151,13 +224,14 @@ std::vector<double> ColumnAnalysis::new_tones(const Vector& spectrum, const Ligh
   for (Index k = 1; k + 1 < spectrum.size(); ++k) {
     const double f = static_cast<double>(k) / static_cast<double>(length_);
     if (spectrum(k) > threshold * (rest.light * seen(k) + rest.noise) && spectrum(k) >= spectrum(k - 1) &&
-        spectrum(k) > spectrum(k + 1) && f > apart && f < 0.5 - apart && std::abs(sinc(f * exposure_rows_)) > kMinSeen)
+        spectrum(k) > spectrum(k + 1) && f > apart && f < 0.5 - apart &&
+        std::abs(sinc(f * exposure_rows_)) > kMinResponse)
       peaks.push_back(k);
   }
   std::ranges::stable_sort(peaks, [&](Index a, Index b) { return spectrum(a) > spectrum(b); });
   std::vector<double> found;
   for (const Index k : peaks) {
-    if (spectrum(k) < kMinPowerRatio * spectrum(peaks.front()) || known.size() + found.size() >= kMaxTones) break;
+    if (known.size() + found.size() >= kMaxTones) break;
     const double f = static_cast<double>(k) / static_cast<double>(length_);
     const auto is_near = [&](double other) { return std::abs(other - f) <= apart; };
     if (std::ranges::none_of(known, is_near) && std::ranges::none_of(found, is_near)) found.push_back(f);
@@ -201,24 +275,24 @@ ColumnAnalysis::Vector ColumnAnalysis::light_of(const FrequencyFit& tones) const
 ColumnAnalysis::Result ColumnAnalysis::take_off_course(std::span<double> column, std::optional<double> noise) const {
   Eigen::Map<Vector> stored(column.data(), static_cast<Index>(rows_));
   const Vector values = stored;
-  Smooth smooth = smooth_light(values, noise);
-  Tones tones = find_tones(values, noise, smooth.light);
+  SmoothLight::Estimate smooth = smooth_light(values, noise);
+  Tones tones = find_tones(values, noise, smooth);
   Vector course = Vector::Zero(values.size());
   bool with_tones = !tones.fit.frequencies.empty();
   if (with_tones) {  // Schwarz's criterion: three parameters a tone
-    Smooth beside = smooth_light(tones.fit.rest, noise);
-    const double score = beside.light.score + 3 * static_cast<double>(tones.fit.frequencies.size()) *
-                                                  std::log(static_cast<double>(rows_ - 2));
-    with_tones = !smooth.light.evident || (beside.is_all && score < smooth.light.score);
+    SmoothLight::Estimate beside = smooth_light(tones.fit.rest, noise);
+    const double score =
+        beside.score + 3 * static_cast<double>(tones.fit.frequencies.size()) * std::log(static_cast<double>(rows_ - 2));
+    with_tones = !smooth.evident || score < smooth.score;
     if (with_tones) {
       course += light_of(tones.fit);
       smooth = std::move(beside);
     }
   }
   Vector rest = with_tones ? tones.fit.rest : values;
-  if (smooth.light.evident) {
-    course += smooth.light.light;
-    rest -= smooth.light.seen;
+  if (smooth.evident) {
+    course += smooth.light;
+    rest -= smooth.seen;
     tones.left = fit(power_of(rest), noise);
   }
   stored = rest;

@@ -8,10 +8,47 @@
 #include <span>
 #include <vector>
 
-#include "columns/smooth_light.hpp"
 #include "rows/fit.hpp"
 
 namespace ocisac {
+
+// Smooth light in a column: its most probable width and power, and the light that the rows saw.
+// For columns of `rows` rows at one exposure, without their least-squares lines. Method: docs on equalisation.
+class SmoothLight {
+ public:
+  using Vector = Eigen::VectorXd;
+
+  SmoothLight(std::size_t rows, double exposure_rows);
+
+  struct Estimate {
+    double score = 0;  // −2·ln of the evidence; of noise alone where the light is not evident
+    bool evident = false;
+    double noise = 0;    // variance that is left
+    Vector seen, light;  // (rows) by the rows, and at the ends of their exposures; empty where it is not evident
+  };
+  // `noise`: variance of a row's noise; absent: estimated.
+  [[nodiscard]] Estimate estimate(const Vector& column, std::optional<double> noise) const;
+
+  // (rows × 2) orthonormal lines as the rows see them, and their light at the ends of the exposures.
+  [[nodiscard]] const Eigen::MatrixXd& line() const { return line_; }
+  [[nodiscard]] const Eigen::MatrixXd& line_light() const { return line_light_; }
+
+ private:
+  using Matrix = Eigen::MatrixXd;
+
+  // Covariance of the rows, a row's variance 1: basis·vectors·diag(values)·vectorsᵀ·basisᵀ.
+  struct Width {
+    Vector power;  // (waves) variances
+    Vector values;
+    Matrix vectors;
+  };
+
+  Matrix line_, line_light_;
+  Matrix basis_;      // (rows × terms) orthonormal, orthogonal to lines
+  Matrix projected_;  // (terms × waves) waves as the rows see them
+  Matrix light_;      // (rows × waves) light of the waves, less that of the lines in what the rows see of them
+  std::vector<Width> widths_;
+};
 
 // Power densities of the rows: light · seen(shape) + noise.
 struct LightAndNoise {
@@ -40,10 +77,6 @@ class ColumnAnalysis {
   using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   using Vector = Eigen::VectorXd;
 
-  struct Smooth {
-    SmoothLight::Estimate light;
-    bool is_all;  // no more light than noise is left beside it
-  };
   struct Tones {
     FrequencyFit fit;    // as the rows see them, beside a line
     LightAndNoise left;  // in its rest
@@ -52,7 +85,7 @@ class ColumnAnalysis {
   void make_shapes(double exposure_rows);
   [[nodiscard]] Vector power_of(const Vector& column) const;  // its periodogram, (bins)
   [[nodiscard]] LightAndNoise fit(const Vector& periodogram, std::optional<double> noise) const;
-  [[nodiscard]] Smooth smooth_light(const Vector& column, std::optional<double> noise) const;
+  [[nodiscard]] SmoothLight::Estimate smooth_light(const Vector& column, std::optional<double> noise) const;
   [[nodiscard]] std::vector<double> new_tones(const Vector& spectrum, const LightAndNoise& rest,
                                               std::span<const double> known) const;
   [[nodiscard]] Tones find_tones(const Vector& column, std::optional<double> noise,

@@ -95,8 +95,8 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
 }
 
 // The same in one instruction if kDot: AVX-512 VNNI, for which Highway 1.0.3 has no sound target.
+constexpr bool kMayHaveDotProducts = HWY_TARGET <= HWY_AVX3 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG);
 #if HWY_TARGET <= HWY_AVX3 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
-constexpr bool kMayHaveDotProducts = true;
 template <bool kDot>
 HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
   if constexpr (!kDot) return multiply_pairs(sum, a, b);
@@ -104,7 +104,6 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
   return sum;
 }
 #else
-constexpr bool kMayHaveDotProducts = false;
 template <bool kDot>
 HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
   return multiply_pairs(sum, a, b);
@@ -135,6 +134,7 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, const PairWeights& b) {
 constexpr std::size_t kVectors = 4;  // 32-bit sums per strip
 const hn::ScalableTag<std::uint8_t> d8;
 using Bytes = hn::Vec<decltype(d8)>;
+constexpr auto kWidth = static_cast<std::ptrdiff_t>(hn::MaxLanes(d8));
 
 // a₀ + a₁ and a₀ − a₁ in every 16-bit lane, whose bytes are (a₀, a₁).
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_SSSE3
@@ -247,6 +247,7 @@ using LinesAhead = std::array<std::ptrdiff_t, kLines>;
 
 // A strip is processed in slices; a slice is as large as registers allow for all sums of one tone.
 constexpr std::size_t kSlices = kWide ? 1 : 2, kPerSlice = kVectors / kSlices;
+constexpr std::size_t kUpperHalf = kPerSlice - 2;  // of a slice, its first vector
 
 // Two groups of rows of a slice of a strip side by side in 32-bit lanes: as they are, or the sums with their mirror
 // images and the differences. Lane i of block b (of 128 bits) of vector v is column 16·b + 4·v + i of the strip, v
@@ -356,10 +357,9 @@ HWY_INLINE void load_rows(const Rows<kLines>& rows, Bytes& top, Pairs& to, Pixel
   };
   const Bytes none = hn::Zero(d8);
   const FourRows four{near(0), near(rows.stride), kFold ? far(0) : none, kFold ? far(rows.stride) : none};
-  constexpr std::size_t kUpper = kPerSlice - 2;
   if (kSlice == 0) pair_rows<kFold, false>(four, to.sums, to.differences, pixels.of);
   if (kSlice + 1 == kSlices)
-    pair_rows<kFold, true>(four, to.sums + kUpper, to.differences + kUpper, pixels.of + kUpper);
+    pair_rows<kFold, true>(four, to.sums + kUpperHalf, to.differences + kUpperHalf, pixels.of + kUpperHalf);
 }
 
 // Sums of a group of rows, for the columns in the lower and in the upper halves of a vector's blocks.
@@ -400,13 +400,12 @@ HWY_INLINE void load_groups(const Rows<kLines>& rows, Bytes& top, Pairs& first, 
   const GroupSum c = kFold ? far(rows.far) : none;
   const GroupSum b = near(rows.near + second);
   const GroupSum d = kFold ? far(rows.far - second) : none;
-  constexpr std::size_t kUpper = kPerSlice - 2;
   interleave_groups({hn::Add(a.lower, c.lower), hn::Add(a.upper, c.upper)},
-                    {hn::Add(b.lower, d.lower), hn::Add(b.upper, d.upper)}, first.sums, last.sums + kUpper);
+                    {hn::Add(b.lower, d.lower), hn::Add(b.upper, d.upper)}, first.sums, last.sums + kUpperHalf);
   if constexpr (!kFold) return;
   interleave_groups({hn::Sub(a.lower, c.lower), hn::Sub(a.upper, c.upper)},
                     {hn::Sub(b.lower, d.lower), hn::Sub(b.upper, d.upper)}, first.differences,
-                    last.differences + kUpper);
+                    last.differences + kUpperHalf);
 }
 
 // Strips of a vector's width that cover the columns; neighbours overlap instead of being cut. Where rows are a whole
@@ -445,7 +444,6 @@ class StripGrid {
   }
 
  private:
-  static constexpr auto kWidth = static_cast<std::ptrdiff_t>(hn::MaxLanes(d8));
   std::ptrdiff_t columns_;
   std::ptrdiff_t before_ = 0;  // columns of the first strip that would lie before the block
   std::size_t count_ = 1;
@@ -706,7 +704,6 @@ class PaddedRows {
   [[nodiscard]] const Rows<>& rows() const { return rows_; }
 
  private:
-  static constexpr auto kWidth = static_cast<std::ptrdiff_t>(hn::MaxLanes(d8));
   static constexpr std::size_t kBytes = kRowsAhead<kGroup, kFold, kMore> * hn::MaxLanes(d8);
 
   static void copy(const std::uint8_t* from, const ByteBlock& block, std::size_t rows, std::uint8_t* to) {

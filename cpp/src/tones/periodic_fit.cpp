@@ -117,10 +117,14 @@ RowMoments moments_of(const PeriodicModel& model, std::size_t rows, double frequ
 
 MatrixXd inner_products(const std::vector<Function>& some, const std::vector<Function>& others,
                         const RowMoments& moments) {
-  return MatrixXd::NullaryExpr(
-      static_cast<Index>(some.size()), static_cast<Index>(others.size()), [&](Index a, Index b) {
-        return inner_product(some[static_cast<std::size_t>(a)], others[static_cast<std::size_t>(b)], moments);
-      });
+  const bool same = &some == &others;
+  MatrixXd products(static_cast<Index>(some.size()), static_cast<Index>(others.size()));
+  for (Index a = 0; a < products.rows(); ++a)
+    for (Index b = 0; b < (same ? a + 1 : products.cols()); ++b) {
+      products(a, b) = inner_product(some[static_cast<std::size_t>(a)], others[static_cast<std::size_t>(b)], moments);
+      if (same) products(b, a) = products(a, b);
+    }
+  return products;
 }
 
 // R of functions, basis = functions·R⁻¹ orthonormal. `gram`: their inner products.

@@ -64,7 +64,7 @@ double largest_integer(std::span<const double> weights, std::span<const double> 
 RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std::size_t rows, int row_group, int limbs)
     : rows_(rows), outputs_(outputs), row_group_(row_group), weights_(weights.begin(), weights.end()) {
   require(row_group == 1 || row_group == 2 || row_group == 4 || row_group == 8, "row_group", row_group, "1, 2, 4 or 8");
-  require(limbs >= 1 && limbs <= 3, "limbs", limbs, "1, 2 or 3");
+  require(limbs >= 1 && limbs <= kMostLimbs, "limbs", limbs, "1, 2 or 3");
   groups_ = rows / static_cast<std::size_t>(row_group);
   require(groups_ > 0, "rows", rows, "at least row_group");
   require(weights.size() == outputs * groups_, "weights", weights.size(), "outputs·(rows/row_group) values");

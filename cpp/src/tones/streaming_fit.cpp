@@ -99,7 +99,7 @@ void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_r
     const Candidate sums = candidate(rows, cycles_per_row, row_group);
     if (keeps(efficiency, all_rows.covariance, sums.covariance)) return adopt(rows, sums, 1);
   }
-  adopt(rows, all_rows, efficiency < 1 || rows >= kFewRows ? limbs : 3);
+  adopt(rows, all_rows, efficiency < 1 || rows >= kFewRows ? limbs : kMostLimbs);
 }
 
 void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {

@@ -7,8 +7,6 @@
 #include <cstddef>
 #include <memory>
 #include <numbers>
-#include <optional>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -28,7 +26,7 @@ using Eigen::VectorXd;
 
 constexpr std::size_t kMaxTones = 3;
 constexpr double kPeak = 20;         // of the residual's periodogram over its floor, for a significant tone
-constexpr double kExplained = 0.05;  // max fraction of the residual's energy above the noise that tones may leave
+constexpr double kExplained = 0.05;  // fraction of the residual's energy above the noise that tones leave at most
 
 // All harmonics below half the row rate, at least a quarter of a bin apart; at most one for eight rows.
 std::vector<double> all_harmonics(const std::vector<double>& lights, std::size_t row_count) {
@@ -42,47 +40,37 @@ std::vector<double> all_harmonics(const std::vector<double>& lights, std::size_t
   return kept;
 }
 
-// Orthonormal basis of polynomials up to `degree` times mean and harmonics. The last used ones are kept: their
-// decomposition takes longer than all else.
-std::shared_ptr<const MatrixXd> basis_of(std::vector<double> harmonics, std::size_t rows, std::size_t degree) {
-  static RecentlyUsed<std::tuple<std::size_t, std::size_t, std::vector<double>>, MatrixXd, 8> kept;
-  const std::size_t room = rows / 2 / (degree + 1);  // terms that leave half of the degrees of freedom
-  harmonics.resize(std::min(harmonics.size(), (std::max<std::size_t>(room, 1) - 1) / 2));
-  return kept.get({rows, degree, harmonics}, [&] {
-    return std::make_shared<const MatrixXd>(
-        orthogonal_factors(tone_design(centred_rows(rows), harmonics, degree, degree)).basis);
+// Orthonormal basis of mean and harmonics. The last used ones are kept: their decomposition takes longer than all else.
+std::shared_ptr<const MatrixXd> basis_of(const std::vector<double>& harmonics, std::size_t rows) {
+  static RecentlyUsed<std::pair<std::size_t, std::vector<double>>, MatrixXd, 8> kept;
+  return kept.get({rows, harmonics}, [&] {
+    return std::make_shared<const MatrixXd>(orthogonal_factors(tone_design(centred_rows(rows), harmonics)).basis);
   });
 }
 
-// Tones that leave white noise; nothing without tones, or if they do not explain the residual.
-std::optional<std::vector<double>> find_tones(const VectorXd& column, const MatrixXd& basis) {
+// Tones that explain the residual or leave white noise; none if they do not.
+std::vector<double> find_tones(const VectorXd& column, const MatrixXd& basis) {
   const auto count = static_cast<std::size_t>(column.size()), length = padded_length(count);
-  const auto rows = static_cast<double>(count);
-  const auto power_of = [&](const VectorXd& rest) { return periodogram({rest.data(), count}, count, length); };
-  const VectorXd first = beside(basis, column);
-  FrequencyFit found{{}, {}, first};
-  auto power = power_of(first);
-  const double floor = noise_floor(power);
-  const double excess = first.squaredNorm() - floor * rows;
+  FrequencyFit found{{}, {}, beside(basis, column)};
+  const VectorXd first = found.rest;
+  double floor = 0;
   while (true) {
+    const std::span<const double> rest(found.rest.data(), count);
+    const auto power = periodogram(rest, count, length);
+    if (found.frequencies.empty()) floor = noise_floor(power);
     const auto slowest = power.begin() + static_cast<std::ptrdiff_t>(length / count);  // a cycle in the frame
     const auto peak = std::max_element(slowest, power.end());
-    const double left = found.rest.squaredNorm() - floor * rows;
-    const bool explained = left < std::max(kExplained * excess, 4 * floor * std::sqrt(2 * rows));
-    if (!found.frequencies.empty() && (explained || (*peak < kPeak * floor && is_white({found.rest.data(), count})))) {
-      constexpr double kTrend = 1.2;  // cycles in the frame: no tone
-      if (std::ranges::min(found.frequencies) * rows < kTrend) return {};
-      return found.frequencies;
-    }
+    const double noise = floor * static_cast<double>(count);
+    const bool explained = found.rest.squaredNorm() - noise < kExplained * (first.squaredNorm() - noise);
+    if (explained || (*peak < kPeak * floor && is_white(rest))) return found.frequencies;
     if (*peak < kPeak * floor || found.frequencies.size() == kMaxTones) return {};
     found.frequencies.push_back(static_cast<double>(peak - power.begin()) / static_cast<double>(length));
     found = refine_frequencies(centred_rows(count), std::move(found.frequencies), basis, first);
-    power = power_of(found.rest);
   }
 }
 
 // True for the sidebands of a light that varies along the rows: f + d with d, or f + d with f − d; a gradient has them
-// at f itself, and rows that are brighter in turns or in pairs at 1/2 − f or 1/4 ± f.
+// at f itself.
 bool modulates(const std::vector<double>& tones, double cycles_per_row, double rows) {
   constexpr double kSame = 0.6, kSlow = 3, kOnLight = 0.3;  // cycles in the frame
   for (std::size_t i = 0; i < tones.size(); ++i) {
@@ -90,8 +78,6 @@ bool modulates(const std::vector<double>& tones, double cycles_per_row, double r
     for (const double slow : tones)
       if (slow * rows < kSlow && (std::abs(std::abs(side) - slow * rows) < kSame || std::abs(side) < kOnLight))
         return true;
-    for (const double pattern : {0.25, 0.5})
-      if (std::abs(std::abs(tones[i] - pattern) - cycles_per_row) * rows < kSame) return true;
     for (std::size_t j = 0; j < i; ++j)
       if (std::abs(side + (tones[j] - cycles_per_row) * rows) < kSame) return true;
   }
@@ -255,18 +241,15 @@ Surroundings surroundings(std::span<const double> column, std::span<const Fitted
   if (harmonics.empty()) return result;
   const Eigen::Map<const VectorXd> given(column.data(), static_cast<Index>(column.size()));
   const VectorXd centred = given.array() - given.mean();
-  const auto steady = basis_of(harmonics, column.size(), 0);
+  const auto steady = basis_of(harmonics, column.size());
   for (const FittedLight& light : lights)
     result.distortion = std::max(result.distortion, distortion_of(centred, light, harmonics, *steady));
   const auto rows = static_cast<double>(column.size());
-  for (const std::size_t degree : {0U, 2U}) {  // of the light's course along the rows
-    const auto tones = find_tones(centred, *basis_of(harmonics, column.size(), degree));
-    if (!tones || std::ranges::any_of(cycles_per_row, [&](double c) { return modulates(*tones, c, rows); })) continue;
-    result.tones = *tones;
-    for (const double tone : *tones)
-      for (const double cycles : cycles_per_row) result.inseparable |= std::abs(tone - cycles) * rows < 1;
-    return result;
-  }
+  const auto tones = find_tones(centred, *steady);
+  if (std::ranges::any_of(cycles_per_row, [&](double c) { return modulates(tones, c, rows); })) return result;
+  for (const double tone : tones)
+    for (const double cycles : cycles_per_row) result.inseparable |= std::abs(tone - cycles) * rows < 1;
+  result.tones = tones;
   return result;
 }
 

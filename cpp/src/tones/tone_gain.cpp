@@ -35,7 +35,6 @@ namespace {
 
 constexpr double kOffBin = 0.01;                 // bins
 constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: reading along rows is fastest
-constexpr std::size_t kColumnsPerPart = 256;     // minimum for parts shared by threads
 constexpr std::size_t kColumnsPerBlock = 64;     // fixed, so that results do not depend on the threads
 
 struct Tone {
@@ -78,9 +77,8 @@ double rounding_pull(double amplitude, double noise_variance, const Recurrences&
   constexpr double kLevelsOfStep = 8.21;  // π²/ζ(3)
   double levels = kLevelsOfStep * std::max(amplitude, 0.1);
   for (const auto& [rows, drift] : recurrences) levels = std::min(levels, rows * (1 + 4 * amplitude * drift));
-  const bool on_two_codes = amplitude < 1 && noise_variance < 0.3;  // changes between two codes resemble noise
-  const double of_rounding = (1 + 1.8 / std::sqrt(levels)) / 12;    // two standard deviations of few levels' above 1/12
-  const double noise = on_two_codes ? 0 : std::max(noise_variance - of_rounding, 0.0);
+  const double of_rounding = (1 + 1.8 / std::sqrt(levels)) / 12;  // two standard deviations of few levels' above 1/12
+  const double noise = std::max(noise_variance - of_rounding, 0.0);
   return std::exp(-2 * std::numbers::pi * std::numbers::pi * noise) / (std::numbers::pi * std::sqrt(levels));
 }
 
@@ -324,13 +322,12 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, c
   const auto& options = *context.options;
   const ToneCurve& curve = context.camera->tone_curve;
   const bool linear = curve.kind == ToneCurve::Kind::linear;
-  constexpr int kLimbs = 3;  // of a transform, which agrees to 10⁻⁹ in every type
   const bool is_fit = options.method == GainMethod::fit;
   const double efficiency = is_fit ? options.efficiency : 1;
   const bool exact = std::holds_alternative<FramesView<const double>>(frames) && efficiency == 1;
   if (exact || (!linear && !holds_integers(frames))) return nullptr;
   auto fit = StreamingFit::plan(context.shape.rows, model_cycles(context), efficiency,
-                                holds_linear_bytes(frames, curve), is_fit ? 1 : kLimbs);
+                                holds_linear_bytes(frames, curve), is_fit ? 1 : kMostLimbs);
   return fit->well_posed() ? fit : nullptr;
 }
 
@@ -357,15 +354,12 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
     if (result.flags[index] & kSettled ||
         !(at > allowed && at > kThinsOut * counts.beside[i] && at > kLast * counts.beyond[i]))
       continue;
-    const double noise = noise_of(result, index);
-    if (is_linear && noise < kHalfStep * pile.step) continue;
-    if (pile.level < pile.beside) {
-      // Where the lamp is off, samples are equal without noise there, too; noise alone does not reach far below.
-      const double off = context.camera->tone_curve.dark_level + background_of(context, frame, i);
-      const bool may_be_off = pile.level > 0 && (!is_linear || pile.level <= off + kHalfStep * pile.step);
-      if (may_be_off && counts.runs[i] < kRunsOfNoise * at) continue;
-      if (is_linear && pile.level < off - kNoise * noise - kHalfStep * pile.step) continue;
-    }
+    if (is_linear && noise_of(result, index) < kHalfStep * pile.step) continue;
+    // Where the lamp is off, samples are equal without noise there, too.
+    const double off = context.camera->tone_curve.dark_level + background_of(context, frame, i);
+    const bool may_be_off =
+        pile.level < pile.beside && pile.level > 0 && (!is_linear || pile.level <= off + kHalfStep * pile.step);
+    if (may_be_off && counts.runs[i] < kRunsOfNoise * at) continue;
     for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
       result.flags[index_of(context, tone, frame) + i] |= flag::saturated;
   }
@@ -375,7 +369,7 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
 // square wave has crests that its fundamental does not tell.
 bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::size_t frame, std::size_t column,
                     double largest, const ToneGainView& result) {
-  constexpr double kLargest = 1.2, kLeast = 0.8;  // σ beyond the light
+  constexpr double kBeyond = 1.2;  // σ beyond the light
   const ToneCurve& curve = context.camera->tone_curve;
   if (curve.kind != ToneCurve::Kind::linear || context.options->waveform == WaveformShape::square) return true;
   double depth = 0;
@@ -388,8 +382,8 @@ bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::si
   const auto within = [noise](double x, double deviations) { return x < 0 || x < deviations * noise; };
   const double off = curve.dark_level + background_of(context, frame, column), least = result.mean[start] - depth;
   return within(least - kHalfStep, kNoise) || within(least + off - kHalfStep, kNoise) ||
-         within(largest - off - result.mean[start] - depth, kLargest) ||
-         within(least + off - least_of_some(frames, frame, column), kLeast);
+         within(largest - off - result.mean[start] - depth, kBeyond) ||
+         within(least + off - least_of_some(frames, frame, column), kBeyond);
 }
 
 constexpr double kDarker = 0.9;  // columns that are alike tell the same
@@ -443,7 +437,7 @@ struct Piece {
 std::size_t columns_per_part(std::size_t columns, std::size_t left, std::size_t threads) {
   const auto share = [](std::size_t of, std::size_t parts) { return (of + parts - 1) / parts; };
   const std::size_t parts = std::max<std::size_t>(share(threads, std::max<std::size_t>(left, 1)), 2);
-  return std::max(share(columns, parts), kColumnsPerPart);
+  return std::max(share(columns, parts), kernels::kColumnsAtOnce);
 }
 
 // Whole frames, which are read fastest; those that are left when every thread has had as many are split. The results do
@@ -610,15 +604,14 @@ std::vector<double> weigh_columns(const Context& context, std::size_t frame, con
 // As weighted_rows(); rows of contiguous linear bytes by integers, as columns of the turned frame.
 std::vector<double> pooled_rows(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
                                 std::span<const double> weights) {
-  constexpr int kLimbs = 3;
   if (!holds_linear_bytes(frames, curve)) return weighted_rows(frames, frame, curve, weights);
   auto turned = std::get<FramesView<const std::uint8_t>>(frames);
   // The weights of the integers: few cycles do not tell mean and tone apart, and magnify any difference.
   if (turned.column_stride != 1)
-    return weighted_rows(frames, frame, curve, RowWeights(weights, 1, turned.columns, 1, kLimbs).byte_weights());
+    return weighted_rows(frames, frame, curve, RowWeights(weights, 1, turned.columns, 1, kMostLimbs).byte_weights());
   std::swap(turned.rows, turned.columns);
   std::swap(turned.row_stride, turned.column_stride);
-  auto signal = project(turned, frame, 0, turned.columns, {weights, 1, turned.rows, 1, kLimbs}).sums;
+  auto signal = project(turned, frame, 0, turned.columns, {weights, 1, turned.rows, 1, kMostLimbs}).sums;
   for (double& light : signal) light -= curve.dark_level;
   return signal;
 }
@@ -687,36 +680,34 @@ std::vector<FittedLight> lights_of(const Context& context) {
 
 constexpr std::size_t kMaxColumns = 16;  // that are averaged for the test of a frame
 
-// Mean of up to 16 neighbouring columns with the strongest tone, without saturated ones; empty if all are.
+// Mean of up to 16 neighbouring columns about that with the strongest tone, without saturated ones; empty if all are.
 PooledColumn strongest_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
                                const ToneGainView& result) {
   constexpr Flags kUnusable = flag::saturated | flag::unresolvable | flag::no_light;
   const std::size_t columns = context.shape.columns, start = index_of(context, 0, frame);
-  const auto level = [&](std::size_t column) { return result.gain[start + column] * result.mean[start + column]; };
-  std::size_t longest = 0;
-  for (std::size_t i = 0, run = 0; i < columns && longest < kMaxColumns; ++i) {
-    run = result.flags[start + i] & kUnusable ? 0 : run + 1;
-    longest = std::max(longest, run);
-  }
-  if (longest == 0) return {};
-  const std::size_t count = std::min(kMaxColumns, longest);
-  double best = -1, sum = 0;
-  std::size_t first = 0;
-  for (std::size_t i = 0, run = 0; i < columns; ++i) {
-    const bool usable = !(result.flags[start + i] & kUnusable);
-    run = usable ? run + 1 : 0;
-    sum = usable ? sum + level(i) - (run > count ? level(i - count) : 0) : 0;
-    if (run >= count && sum > best) {
-      best = sum;
-      first = i + 1 - count;
+  const auto is_usable = [&](std::size_t column) {
+    return column < columns && !(result.flags[start + column] & kUnusable);
+  };
+  double most = -1;
+  std::size_t first = columns;
+  for (std::size_t i = 0; i < columns; ++i)
+    if (const double level = result.gain[start + i] * result.mean[start + i]; is_usable(i) && level > most) {
+      most = level;
+      first = i;
     }
-  }
+  if (first == columns) return {};
+  std::size_t end = first + 1;
+  while (end - first < kMaxColumns && (is_usable(end) || (first > 0 && is_usable(first - 1))))
+    if (is_usable(end))
+      ++end;
+    else
+      --first;
+  const double share = 1 / static_cast<double>(end - first);
   double background = 0;
-  for (std::size_t i = first; i < first + count; ++i) background += background_of(context, frame, i);
-  const double share = 1 / static_cast<double>(count);
+  for (std::size_t i = first; i < end; ++i) background += share * background_of(context, frame, i);
   const auto part =
-      part_of(frame_of(frames, frame), {.x = first, .y = 0, .width = count, .height = context.shape.rows});
-  return {weighted_rows(part, 0, context.camera->tone_curve, std::vector<double>(count, share)), background * share};
+      part_of(frame_of(frames, frame), {.x = first, .y = 0, .width = end - first, .height = context.shape.rows});
+  return {weighted_rows(part, 0, context.camera->tone_curve, std::vector<double>(end - first, share)), background};
 }
 
 // A column's fit of all oscillations, and what it leaves.

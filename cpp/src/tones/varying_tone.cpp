@@ -101,7 +101,6 @@ struct Plan {
 
 void plan_sums(Plan& plan) {
   constexpr double kInside = 1e-9;  // of the largest weight
-  constexpr int kLimbs = 3;         // of bytes' weights, which differ by 10⁻¹² then: energies are differences
   const Index parameters = plan.weights.rows(), terms = plan.basis.cols();
   const MatrixXd inside = product(plan.weights, plan.basis);
   const MatrixXd steady = plan.weights.bottomRows(3);
@@ -113,7 +112,8 @@ void plan_sums(Plan& plan) {
   plan.of_sums.leftCols(terms) = inside;
   plan.of_sums.bottomRightCorner(beside, beside).setIdentity();
   plan.sums.emplace(std::span(outputs.data(), static_cast<std::size_t>(outputs.size())),
-                    static_cast<std::size_t>(outputs.rows()), static_cast<std::size_t>(outputs.cols()), 1, kLimbs);
+                    static_cast<std::size_t>(outputs.rows()), static_cast<std::size_t>(outputs.cols()), 1,
+                    kMostLimbs);  // energies are differences
 }
 
 Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions& options) {

@@ -276,7 +276,7 @@ def best_noisy_exposure(
     Args:
         frequencies: Hz, finite, above 0; 1 to 32.
         weights: one for each, finite, 0 or above, not all 0.
-        bounds: (shortest, longest) in s, 0 < shortest <= longest, with at most a million lobes between.
+        bounds: (shortest, longest) in s, 0 < shortest <= longest, with at most 10 million lobes between.
         noise_exposure: T_n in s, above 0, where shot noise equals read noise; infinite: eq. 18.
         step: restrict exposures to whole multiples of it, s; 0: any.
 

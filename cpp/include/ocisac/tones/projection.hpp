@@ -11,6 +11,8 @@
 
 namespace ocisac {
 
+inline constexpr int kMostLimbs = 3;
+
 // Row weights in the layout of the kernels. Immutable after construction; may be shared by threads.
 //
 // D neighbouring rows are summed before weighting (D = 1: none); rows of an incomplete group are ignored. Bytes are
