@@ -391,19 +391,6 @@ BestExposure best_exposure_exact(std::span<const double> frequencies, std::span<
   return exact_of_lobes(tones, domain);
 }
 
-BestExposure best_exposure_search(std::span<const double> frequencies, std::span<const double> weights,
-                                  const ExposureDomain& domain, std::size_t points) {
-  const auto tones = tones_of(frequencies, weights);
-  check_domain(domain);
-  check_points(points);
-  return search(tones, domain, points);
-}
-
-BestExposure best_exposure_closed_form(double f_1, double f_2, double w_1, double w_2, bool rounded) {
-  check(std::array{WeightedTone{f_1, w_1}, WeightedTone{f_2, w_2}});
-  return closed_form({f_1, w_1}, {f_2, w_2}, rounded);
-}
-
 BestExposure best_noisy_exposure(Tones tones, double noise_exposure, const ExposureWindow& window) {
   check_noise(tones, noise_exposure);
   require_positive("bounds", window.low);

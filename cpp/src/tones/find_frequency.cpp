@@ -29,10 +29,6 @@ constexpr std::size_t fewest_rows = 8;
 constexpr std::size_t max_harmonics = 31;
 constexpr std::size_t compared_harmonics = 3;  // sufficient to distinguish a fundamental from its harmonics
 
-struct Range {
-  double lower, upper;
-};
-
 // Dense signals of equal length.
 struct Signals {
   std::vector<double> samples;
@@ -95,7 +91,7 @@ class UnitSignals {
 };
 
 // The strongest local maxima of the votes, in cycles per row.
-std::vector<double> spectral_peaks(const Signals& signals, const Range& range, std::size_t max_count) {
+std::vector<double> spectral_peaks(const Signals& signals, const FrequencySearch& range, std::size_t max_count) {
   const std::size_t length = optimal_dft_length(2 * signals.rows);
   const auto votes = spectral_votes(signals.samples, signals.rows, length);
   const auto inside = [&](std::size_t k) {
@@ -122,7 +118,7 @@ double misfit(std::span<const double> residuals, const PeriodicModel& model, std
 
 // A few cycles are below the resolution of a spectrum: minimises the misfit of a tone on a fine grid up to 4 cycles, or
 // over the whole range if that is narrow.
-std::vector<double> grid_minima(const PeriodicSignals& signals, const Range& range) {
+std::vector<double> grid_minima(const PeriodicSignals& signals, const FrequencySearch& range) {
   const auto rows = static_cast<double>(signals.rows());
   const bool narrow = (range.upper - range.lower) * rows < 4;
   const double last = narrow ? range.upper : std::min(range.upper, 4 / rows);
@@ -190,7 +186,7 @@ bool may_win(const FittedModel& tone, double reach, double best, std::size_t row
 
 // Refines the fundamental alone, then with its first harmonics, as long as it may have less than the misfit `best`. A
 // sub-multiple of the true frequency has almost no fundamental and is rejected.
-Candidate judged(const PeriodicSignals& signals, double frequency, const Range& range, double best) {
+Candidate judged(const PeriodicSignals& signals, double frequency, const FrequencySearch& range, double best) {
   const std::size_t rows = signals.rows();
   constexpr int steps = 2;       // from a quarter of a bin to a thousandth
   constexpr double reach = 0.5;  // cycles in the frame, of two steps
@@ -200,13 +196,14 @@ Candidate judged(const PeriodicSignals& signals, double frequency, const Range& 
   tone.fit = refine_periodic(signals, tone.model, std::move(tone.fit), range.lower, range.upper, steps);
   if (!may_win(tone, 0, best, rows)) return {};
   const auto model = periodic_model(tone.fit.frequency, rows, compared_harmonics);
-  const auto fit = refine_periodic(signals, model, tone.fit.frequency, range.lower, range.upper, steps);
+  const auto fit = refine_periodic(signals, model, fit_periodic(signals, model, tone.fit.frequency), range.lower,
+                                   range.upper, steps);
   if (fit.harmonic_energy[0] < min_share * sum(fit.harmonic_energy)) return {};
   return {fit.frequency, misfit(fit.residual_energy, model, rows)};
 }
 
 // NaN for constant signals.
-double coarse_frequency(const UnitSignals& signals, const Range& range) {
+double coarse_frequency(const UnitSignals& signals, const FrequencySearch& range) {
   if (signals.signals().count() == 0) return kNaN;
   std::vector<double> frequencies = spectral_peaks(signals.signals(), range, 5);
   for (const double f : grid_minima(signals.prepared(), range))
@@ -221,7 +218,7 @@ double coarse_frequency(const UnitSignals& signals, const Range& range) {
 
 // The fundamental of which `frequency` is a harmonic, or itself. Each of many parts pays for the harmonics of its
 // model, which a faint light does not repay; combined, it does.
-double fundamental_of(const Signals& combined, double frequency, const Range& range) {
+double fundamental_of(const Signals& combined, double frequency, const FrequencySearch& range) {
   constexpr int kHighest = 5;
   const UnitSignals signals(combined.samples, combined.rows);
   if (signals.signals().count() == 0) return frequency;
@@ -234,7 +231,7 @@ double fundamental_of(const Signals& combined, double frequency, const Range& ra
 }
 
 // True if half or a third of the frequency is there, too, too weak for a fundamental (min_share).
-bool has_weak_fundamental(const Signals& combined, double frequency, const Range& range) {
+bool has_weak_fundamental(const Signals& combined, double frequency, const FrequencySearch& range) {
   constexpr double kLeastShare = 0.05;
   const PeriodicSignals signals(combined.samples, combined.rows);
   for (const double order : {2.0, 3.0}) {
@@ -249,9 +246,11 @@ bool has_weak_fundamental(const Signals& combined, double frequency, const Range
   return false;
 }
 
-FittedModel refined(const PeriodicSignals& signals, PeriodicModel model, double frequency, const Range& range) {
+FittedModel refined(const PeriodicSignals& signals, PeriodicModel model, double frequency,
+                    const FrequencySearch& range) {
   FittedModel final;
-  final.fit = refine_periodic(signals, model, frequency, range.lower, range.upper);
+  const double start = std::clamp(frequency, range.lower, range.upper);
+  final.fit = refine_periodic(signals, model, fit_periodic(signals, model, start), range.lower, range.upper);
   final.model = std::move(model);
   const auto spare = static_cast<double>((signals.rows() - final.model.parameters()) * signals.count());
   // The second term is the rounding error; it prevents that noiseless signals seem to consist of harmonics.
@@ -259,30 +258,27 @@ FittedModel refined(const PeriodicSignals& signals, PeriodicModel model, double 
   return final;
 }
 
-bool stands_out(const FittedModel& final, std::size_t harmonic, std::size_t signals) {
-  return final.fit.harmonic_energy[harmonic] > chance_energy(2 * signals) * final.noise_power;
-}
-
 // The fundamental and the significant harmonics.
 PeriodicModel pruned(const FittedModel& final, std::size_t signals) {
   PeriodicModel model{final.model.trend_degree, {1}};
   for (std::size_t i = 1; i < final.model.harmonics.size(); ++i)
-    if (stands_out(final, i, signals)) model.harmonics.push_back(final.model.harmonics[i]);
+    if (final.fit.harmonic_energy[i] > chance_energy(2 * signals) * final.noise_power)
+      model.harmonics.push_back(final.model.harmonics[i]);
   return model;
 }
 
 // Adds harmonics step by step: each step refines the frequency enough for the next, whose minimum is narrower.
-FittedModel final_fit(const PeriodicSignals& signals, double frequency, const Range& range, Harmonics wanted) {
+FittedModel final_fit(const PeriodicSignals& signals, double frequency, const FrequencySearch& range) {
   FittedModel final = refined(signals, periodic_model(frequency, signals.rows(), 1), frequency, range);
-  if (wanted == Harmonics::fundamental) return final;
+  if (range.harmonics == Harmonics::fundamental) return final;
   for (std::size_t count = 3; count <= max_harmonics; count = 2 * count + 1) {
     const std::size_t before = final.model.harmonics.back();
     const auto model = periodic_model(final.fit.frequency, signals.rows(), count);
     if (model.harmonics.size() == final.model.harmonics.size()) break;
     final = refined(signals, model, final.fit.frequency, range);
-    if (wanted == Harmonics::automatic && pruned(final, signals.count()).harmonics.back() <= before) break;
+    if (range.harmonics == Harmonics::automatic && pruned(final, signals.count()).harmonics.back() <= before) break;
   }
-  if (wanted == Harmonics::automatic) {
+  if (range.harmonics == Harmonics::automatic) {
     const PeriodicModel model = pruned(final, signals.count());
     if (model.harmonics.size() < final.model.harmonics.size())
       final = refined(signals, model, final.fit.frequency, range);
@@ -312,10 +308,11 @@ CombinedTone combined_signals(const ColumnBlocks& blocks, const std::vector<std:
 }
 
 // Excludes 0 and half the row rate, where cosine or sine vanish or equal the mean.
-Range resolvable(const FrequencySearch& search, double rows) {
-  const double upper = std::clamp(search.upper, 0.1 / rows, 0.5 - 0.05 / rows);
-  const double lower = search.lower > 0 ? search.lower : std::min(1 / rows, upper / 4);
-  return {std::clamp(lower, 0.1 / rows, upper), upper};
+FrequencySearch resolvable(FrequencySearch search, double rows) {
+  search.upper = std::clamp(search.upper, 0.1 / rows, 0.5 - 0.05 / rows);
+  const double lower = search.lower > 0 ? search.lower : std::min(1 / rows, search.upper / 4);
+  search.lower = std::clamp(lower, 0.1 / rows, search.upper);
+  return search;
 }
 
 FoundFrequency nothing_found(const ColumnBlocks& blocks) {
@@ -408,7 +405,7 @@ struct Sighting {
 
 // Searches the parts of the frame, each with its own noise, phase and overlays. Without a significant tone, searches
 // their sum, which is better for a weak light over the whole frame.
-Sighting look(const ColumnBlocks& blocks, const UnitSignals& parts, const Range& range) {
+Sighting look(const ColumnBlocks& blocks, const UnitSignals& parts, const FrequencySearch& range) {
   const double frequency = coarse_frequency(parts, range);
   if (std::isnan(frequency) || shows_tone(parts, blocks.frames * blocks.blocks, frequency))
     return {frequency, true, false};
@@ -442,7 +439,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const ColumnBlocks blocks = column_blocks(frames, search.saturation);
   if (blocks.rows < fewest_rows) return nothing_found(blocks);
   const auto rows = static_cast<double>(blocks.rows);
-  const Range range = resolvable(search, rows);
+  const FrequencySearch range = resolvable(search, rows);
   const UnitSignals parts(blocks.signals, blocks.rows);
   const Sighting sighting = look(blocks, parts, range);
   if (std::isnan(sighting.frequency)) return nothing_found(blocks);
@@ -462,7 +459,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   Signals signals = combined(sighting.frequency);
   const double coarse = fundamental_of(signals, sighting.frequency, range);
   if (std::abs(coarse - sighting.frequency) * rows > 1) signals = combined(coarse);
-  const FittedModel final = final_fit(PeriodicSignals(signals.samples, signals.rows), coarse, range, search.harmonics);
+  const FittedModel final = final_fit(PeriodicSignals(signals.samples, signals.rows), coarse, range);
   const double std = frequency_std(signals.samples, signals.rows, per_frame, final.model, final.fit.frequency);
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);

@@ -419,12 +419,6 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   return fit;
 }
 
-PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency, double lower,
-                            double upper, int max_steps) {
-  return refine_periodic(signals, model, fit_periodic(signals, model, std::clamp(frequency, lower, upper)), lower,
-                         upper, max_steps);
-}
-
 PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, PeriodicFit best, double lower,
                             double upper, int max_steps) {
   const double bin = 1 / static_cast<double>(signals.rows());

@@ -96,7 +96,7 @@ void RowWeights::fold_exactly(std::span<const double> largest) {
   constexpr double kRounding = 1e-12;  // of the largest weight
   output_order_.resize(outputs_);
   std::iota(output_order_.begin(), output_order_.end(), std::size_t{0});
-  if (groups_ % 2 == 1) return;
+  if (groups_ % 2 == 1 || outputs_ == 0) return;
   const auto deviation = [&](std::size_t o, double sign) {
     const std::span<const double> row = std::span(weights_).subspan(o * groups_, groups_);
     double worst = 0;
@@ -130,22 +130,27 @@ void RowWeights::fold() {
   order_.resize(units_.size());
   std::iota(order_.begin(), order_.end(), std::size_t{0});
   if (!folds_) return;
-  const std::size_t limbs = outputs_ > 0 ? units_.size() / outputs_ : 0;
-  even_parts_ = even_outputs_ * limbs;
   for (const std::size_t output : output_order_)
-    for (std::size_t limb = 0; limb < limbs; ++limb) folded_order_.push_back(output * limbs + limb);
-  folded_pairs_.assign(folded_order_.size() * folded_pair_count(), 0);
+    for (std::size_t limb = 0; limb < limbs(); ++limb) folded_order_.push_back(output * limbs() + limb);
+  const std::size_t pairs = (groups_ / 2 + 1) / 2;
+  folded_pairs_.assign(folded_order_.size() * pairs, 0);
   for (std::size_t place = 0; place < folded_order_.size(); ++place)
     for (std::size_t g = 0; g < groups_ / 2; ++g)
-      put_weight(folded_pairs_[place * folded_pair_count() + g / 2], g, integer_weight(folded_order_[place], g));
+      put_weight(folded_pairs_[place * pairs + g / 2], g, integer_weight(folded_order_[place], g));
+}
+
+kernels::ByteWeights RowWeights::integers(bool folded, std::size_t group) const {
+  if (folded)
+    return {row_group_,    from(folded_pairs_, group / 2), (groups_ / 2 + 1) / 2,
+            folded_order_, even_outputs_ * limbs(),        units_};
+  return {row_group_, from(pairs_, group / 2), pair_count(), order_, order_.size(), units_};
 }
 
 std::vector<double> RowWeights::byte_weights() const {
   std::vector<double> values(outputs_ * groups_);
-  const std::size_t limbs = outputs_ > 0 ? units_.size() / outputs_ : 0;
   for (std::size_t part = units_.size(); part-- > 0;)  // smallest limb of an output first
     for (std::size_t g = 0; g < groups_; ++g)
-      values[part / limbs * groups_ + g] += units_[part] * integer_weight(part, g);
+      values[part / limbs() * groups_ + g] += units_[part] * integer_weight(part, g);
   return values;
 }
 
@@ -164,40 +169,25 @@ BlockSize block_of(const ByteRows& source, Columns columns) {
   return source.is_transposed() ? kTransposed : kCopied;
 }
 
-void add_folded(ByteRows& near, ByteRows& far, Columns columns, std::size_t most_rows, const RowWeights& weights,
-                kernels::ProjectionSums sums) {
+void add_block(ByteRows& near, ByteRows& far, Columns columns, std::size_t most_rows, const RowWeights& weights,
+               kernels::ProjectionSums sums) {
+  const bool folded = weights.folds();
   const auto group = static_cast<std::size_t>(weights.row_group());
-  const std::size_t half = weights.groups() / 2;
-  const std::size_t most = most_rows / (2 * group);
-  for (std::size_t g = 0; g < half; g += most) {
-    const std::size_t here = std::min(most, half - g), rows = here * group;
+  const std::size_t groups = folded ? weights.groups() / 2 : weights.groups();
+  const std::size_t most = most_rows / (folded ? 2 * group : group);
+  for (std::size_t g = 0; g < groups; g += most) {
+    const std::size_t here = std::min(most, groups - g), rows = here * group;
     sums.first = g == 0;
-    sums.last = g + here == half;
+    sums.last = g + here == groups;
     const auto first = near.read(g * group, rows, columns);
-    const auto last = far.read((weights.groups() - g - here) * group, rows, columns);
-    kernels::project_bytes(
-        {first.samples, last.samples + static_cast<std::ptrdiff_t>(rows - group) * last.stride, first.stride, here,
-         columns.count, !near.in_place(), here == half ? near.to_next_frame() : 0},
-        {weights.row_group(), weights.folded_pairs().data() + g / 2, weights.folded_pair_count(),
-         weights.folded_order(), weights.even_parts(), weights.units()},
-        sums);
-  }
-}
-
-void add_plainly(ByteRows& source, Columns columns, std::size_t most_rows, const RowWeights& weights,
-                 kernels::ProjectionSums sums) {
-  const auto group = static_cast<std::size_t>(weights.row_group());
-  const std::size_t most = most_rows / group;
-  for (std::size_t g = 0; g < weights.groups(); g += most) {
-    const std::size_t here = std::min(most, weights.groups() - g);
-    sums.first = g == 0;
-    sums.last = g + here == weights.groups();
-    const auto rows = source.read(g * group, here * group, columns);
-    const std::ptrdiff_t to_next = here == weights.groups() ? source.to_next_frame() : 0;
-    kernels::project_bytes({rows.samples, nullptr, rows.stride, here, columns.count, !source.in_place(), to_next},
-                           {weights.row_group(), from(weights.pairs(), g / 2), weights.pair_count(), weights.order(),
-                            weights.order().size(), weights.units()},
-                           sums);
+    const std::uint8_t* mirrored = nullptr;
+    if (folded) {
+      const auto last = far.read((weights.groups() - g - here) * group, rows, columns);
+      mirrored = last.samples + static_cast<std::ptrdiff_t>(rows - group) * last.stride;
+    }
+    kernels::project_bytes({first.samples, mirrored, first.stride, here, columns.count, !near.in_place(),
+                            here == groups ? near.to_next_frame() : 0},
+                           weights.integers(folded, g), sums);
   }
 }
 
@@ -222,7 +212,7 @@ kernels::ProjectionSums sums_of(Projection& result, std::size_t first, std::size
 
 // Adds the parts of each output, in place, smallest limb first.
 void join_limbs(const RowWeights& weights, std::size_t count, std::vector<double>& sums) {
-  const std::size_t limbs = weights.outputs() > 0 ? weights.units().size() / weights.outputs() : 1;
+  const std::size_t limbs = weights.limbs();
   if (limbs == 1) return;
   for (std::size_t o = 0; o < weights.outputs(); ++o)
     for (std::size_t c = 0; c < count; ++c) {
@@ -238,11 +228,7 @@ void add_by_rows(const FramesView<const std::uint8_t>& view, std::size_t frame, 
   ByteRows near(view, frame, columns.count, {}), far(view, frame, columns.count, {});
   const BlockSize most = block_of(near, columns);
   for_each_part(columns, most.columns, [&](Columns part) {
-    const auto sums = sums_of(result, part.first - columns.first, columns.count);
-    if (weights.folded_pairs().empty())
-      add_plainly(near, part, most.rows, weights, sums);
-    else
-      add_folded(near, far, part, most.rows, weights, sums);
+    add_block(near, far, part, most.rows, weights, sums_of(result, part.first - columns.first, columns.count));
   });
 }
 
@@ -251,7 +237,7 @@ constexpr std::size_t kMostAcross = 8;
 
 bool is_projected_across(const FramesView<const std::uint8_t>& view, const RowWeights& weights) {
   return view.row_stride == 1 && view.column_stride != 1 && view.rows >= kernels::kFewestAcross &&
-         weights.row_group() == 1 && weights.units().size() <= kMostAcross;
+         weights.row_group() == 1 && weights.outputs() * weights.limbs() <= kMostAcross;
 }
 
 void add_across(const FramesView<const std::uint8_t>& view, std::size_t frame, Columns columns,
@@ -261,16 +247,14 @@ void add_across(const FramesView<const std::uint8_t>& view, std::size_t frame, C
     sums.first = row == 0;
     sums.last = row + here == view.rows;
     kernels::project_across({view.at(frame, row, columns.first), nullptr, view.column_stride, here, columns.count},
-                            {1, from(weights.pairs(), row / 2), weights.pair_count(), weights.order(),
-                             weights.order().size(), weights.units()},
-                            sums);
+                            weights.integers(false, row), sums);
   }
 }
 
 // True if a frame of interleaved bytes is read with all that lies between its columns: with wide vectors and a tone,
 // sums that nobody asks for take less time than a copy without them.
 bool is_read_whole(const FramesView<const std::uint8_t>& view, const RowWeights& weights) {
-  return view.column_stride > 1 && view.column_stride <= 4 && weights.units().size() <= 2 &&
+  return view.column_stride > 1 && view.column_stride <= 4 && weights.outputs() * weights.limbs() <= 2 &&
          kernels::has_wide_vectors();
 }
 
@@ -294,7 +278,7 @@ void project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame
       keep_every(step, columns.count, *values);
     return;
   }
-  make_room(weights.units().size(), columns.count, result);
+  make_room(weights.outputs() * weights.limbs(), columns.count, result);
   if (is_projected_across(view, weights))
     add_across(view, frame, columns, weights, sums_of(result, 0, columns.count));
   else

@@ -343,7 +343,7 @@ double noise_of(const ToneGainView& result, std::size_t index) {
 // makes piles itself.
 void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t frame, const Pile& pile,
                const ToneGainView& result) {
-  constexpr double kChance = 5, kThinsOut = 1.25, kLast = 20, kRunsOfNoise = 0.25;
+  constexpr double kChance = 5, kLast = 20, kRunsOfNoise = 0.25;
   const auto counts = count_pile(frames, frame, pile);
   const double allowed = kChance + 0.5 * std::sqrt(static_cast<double>(context.shape.rows));
   const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
@@ -351,8 +351,7 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
   for (std::size_t i = 0; i < context.shape.columns; ++i) {
     const double at = counts.at[i];
     const std::size_t index = index_of(context, 0, frame) + i;
-    if (result.flags[index] & kSettled ||
-        !(at > allowed && at > kThinsOut * counts.beside[i] && at > kLast * counts.beyond[i]))
+    if (result.flags[index] & kSettled || !(at > allowed && at > counts.beside[i] && at > kLast * counts.beyond[i]))
       continue;
     if (is_linear && noise_of(result, index) < kHalfStep * pile.step) continue;
     // Where the lamp is off, samples are equal without noise there, too.

@@ -103,7 +103,9 @@ std::string exposures() {
   const std::array frequencies{500.0, 350.0, 120.0}, weights{1.0, 1.0, 0.5};
   std::string answer;
   append(answer, best_exposure_exact(frequencies, weights, {}).exposure);
-  append(answer, best_exposure_search(frequencies, weights, {}, 101).exposure);
+  std::array<double, 1> exposure{}, objective{};
+  best_exposures(frequencies, weights, ExposureMethod::search, {}, 101, exposure, objective);
+  append(answer, exposure[0]);
   return answer;
 }
 

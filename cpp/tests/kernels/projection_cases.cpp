@@ -90,7 +90,7 @@ double projection_deviation(const Frame<T>& frame, const FrameCase& of) {
   const auto got = ocisac::project(frame.view, 0, 0, of.columns, frame.weights, frame.light);
   const auto want = project_plainly(frame.view, 0, 0, of.columns, frame.weights, frame.light);
   const std::size_t groups = of.rows / static_cast<std::size_t>(of.row_group);
-  const bool folded = !frame.weights.folded_pairs().empty();
+  const bool folded = frame.weights.folds();
   if (got.maximum != want.maximum || (groups > 4 && folded != (of.symmetric && groups % 2 == 0))) return kInfinite;
   double worst = deviation<double>(got.sums, want.sums);
   for (std::size_t c = 0; c < of.columns; ++c) {

@@ -27,15 +27,15 @@ TEST_CASE("a Gauss-Newton step leads to the least residual energy") {
     signal.push_back(std::sin(two_pi * cycles) + 0.3 * std::cos(3 * two_pi * cycles + 1) + 0.01 * std::sin(n * n));
   }
   const ocisac::PeriodicModel model{2, {1, 3}};
-  const auto best = ocisac::refine_periodic({signal, 100}, model, 0.0412, 0.01, 0.4);
+  const ocisac::PeriodicSignals prepared(signal, 100);
+  const auto refined = [&](double start, double lower) {
+    return ocisac::refine_periodic(prepared, model, ocisac::fit_periodic(prepared, model, start), lower, 0.4);
+  };
+  const auto best = refined(0.0412, 0.01);
   CHECK(best.frequency == doctest::Approx(0.0417).epsilon(1e-3));
   for (const double aside : {-1e-5, 1e-5})
     CHECK(ocisac::fit_periodic({signal, 100}, model, best.frequency + aside).total_residual() > best.total_residual());
-  const ocisac::PeriodicSignals prepared(signal, 100);
-  const auto begun = ocisac::fit_periodic(prepared, model, 0.0412);
-  CHECK(ocisac::refine_periodic(prepared, model, begun, 0.01, 0.4).frequency == best.frequency);
-  const auto cut = ocisac::refine_periodic({signal, 100}, model, 0.05, 0.043, 0.4);
-  CHECK(cut.frequency == 0.043);
+  CHECK(refined(0.05, 0.043).frequency == 0.043);
   CHECK_THROWS_AS(ocisac::fit_periodic({signal, 5}, model, 0.1), std::invalid_argument);
 }
 

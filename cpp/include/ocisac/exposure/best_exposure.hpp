@@ -41,17 +41,14 @@ BestExposure best_exposure_exact(double f_1, double f_2, double w_1 = 1, double 
 BestExposure best_exposure_exact(std::span<const double> frequencies, std::span<const double> weights,
                                  const ExposureDomain& domain);
 
-// Maximum of Y over `points` equally spaced exposures that include both ends of the domain (2 to 10 million), or over
-// all multiples of the step.
-BestExposure best_exposure_search(std::span<const double> frequencies, std::span<const double> weights,
-                                  const ExposureDomain& domain, std::size_t points = 10001);
-
-// The paper's algorithm (eqs. 19–23): T = (γ + 1/2)/f_max with γ = max(⌊ε/2 − 1/2⌋, 0), ε = f_max/f_min; with
-// `rounded`, γ = ⌊ε/2⌋, the nearest whole number to ε/2 − 1/2. The weights affect the objective only.
-BestExposure best_exposure_closed_form(double f_1, double f_2, double w_1 = 1, double w_2 = 1, bool rounded = false);
-
-// Many problems at once. `frequencies`: (problems × tones), `weights`: (tones). Two tones without bounds or step are
-// solved in constant time. `exposures` and `objectives`: (problems).
+// Many problems at once. `frequencies`: (problems × tones), `weights`: (tones). `exposures` and `objectives`:
+// (problems).
+//   exact        as above; two tones without bounds or step in constant time
+//   closed_form  the paper's algorithm (eqs. 19–23) for two tones without bounds or step: T = (γ + 1/2)/f_max with
+//                γ = max(⌊ε/2 − 1/2⌋, 0), ε = f_max/f_min; the weights affect the objective only
+//   rounded      the same with γ = ⌊ε/2⌋, the nearest whole number to ε/2 − 1/2
+//   search       the best of `points` equally spaced exposures that include both ends of the domain (2 to 10 million),
+//                or of all multiples of the step
 enum class ExposureMethod { exact, closed_form, rounded, search };
 void best_exposures(std::span<const double> frequencies, std::span<const double> weights, ExposureMethod method,
                     const ExposureDomain& domain, std::size_t points, std::span<double> exposures,

@@ -66,10 +66,7 @@ class PeriodicSignals {
 PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
                          bool with_step = true);
 
-// The minimum over f near `frequency`, within [lower, upper] cycles per row.
-PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency, double lower,
-                            double upper, int max_steps = 30);
-// The same from a fit within these bounds, with its step.
+// The minimum over f near that of a fit with its step, within [lower, upper] cycles per row, where that fit lies.
 PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, PeriodicFit best, double lower,
                             double upper, int max_steps = 30);
 

@@ -11,6 +11,10 @@
 
 namespace ocisac {
 
+namespace kernels {
+struct ByteWeights;
+}
+
 inline constexpr int kMostLimbs = 3;
 
 // Row weights in the layout of the kernels. Immutable after construction; may be shared by threads.
@@ -32,20 +36,12 @@ class RowWeights {
   // The rounded weights used for bytes.
   [[nodiscard]] std::vector<double> byte_weights() const;
 
-  // Value of one unit of each part: the limbs of output 0, those of output 1, …
-  [[nodiscard]] std::span<const double> units() const { return units_; }
-  // For the kernels. Integer weights of groups 2i and 2i + 1 as one pair: (parts × pairs). order(): index of each part.
-  [[nodiscard]] std::span<const std::size_t> order() const { return order_; }
-  [[nodiscard]] std::span<const std::int32_t> pairs() const { return pairs_; }
-  [[nodiscard]] std::size_t pair_count() const { return (groups_ + 1) / 2; }
-  // The same for the first half of the groups, if every output is symmetric or antisymmetric about the middle and the
-  // number of groups is even; else empty. The weights of a fit are symmetric in this sense, which halves the products.
-  // Symmetric parts come first.
-  [[nodiscard]] std::span<const std::size_t> folded_order() const { return folded_order_; }
-  [[nodiscard]] std::span<const std::int32_t> folded_pairs() const { return folded_pairs_; }
-  [[nodiscard]] std::size_t folded_pair_count() const { return (groups_ / 2 + 1) / 2; }
-  [[nodiscard]] std::size_t even_parts() const { return even_parts_; }
-  // The same of the exact weights: outputs, symmetric ones first, if all are one or the other; else in their order.
+  [[nodiscard]] std::size_t limbs() const { return outputs_ > 0 ? units_.size() / outputs_ : 1; }
+  // Integer weights of the groups from `group` on, as kernels take them. Folded, of the first half of the groups, if
+  // folds(): the weights of a fit are symmetric in this sense, which halves the products.
+  [[nodiscard]] kernels::ByteWeights integers(bool folded, std::size_t group) const;
+  // True if every output is symmetric or antisymmetric about the middle and the number of groups is even. Then the
+  // order has symmetric outputs first; else it is that of the outputs.
   [[nodiscard]] bool folds() const { return folds_; }
   [[nodiscard]] std::span<const std::size_t> output_order() const { return output_order_; }
   [[nodiscard]] std::size_t even_outputs() const { return even_outputs_; }
@@ -54,13 +50,13 @@ class RowWeights {
   std::size_t rows_, groups_, outputs_;
   int row_group_;
   std::vector<double> weights_;
+  [[nodiscard]] std::size_t pair_count() const { return (groups_ + 1) / 2; }
   [[nodiscard]] int integer_weight(std::size_t part, std::size_t group) const;
   void fold();
   void fold_exactly(std::span<const double> largest);
-  std::vector<double> units_;
-  std::vector<std::size_t> order_, folded_order_;
-  std::vector<std::int32_t> pairs_, folded_pairs_;
-  std::size_t even_parts_ = 0;
+  std::vector<double> units_;  // value of one unit of each part: the limbs of output 0, those of output 1, …
+  std::vector<std::size_t> order_, folded_order_;   // index of each part
+  std::vector<std::int32_t> pairs_, folded_pairs_;  // (parts × pairs of groups)
   bool folds_ = false;
   std::vector<std::size_t> output_order_;
   std::size_t even_outputs_ = 0;
