@@ -30,7 +30,7 @@ std::vector<std::vector<ModelledLight>> lights_by_colour(const SceneLight& light
   std::vector<std::vector<ModelledLight>> lights;
   for (const ColourLights& frame : light.lights) {
     lights.emplace_back();
-    for (const std::size_t k : frame.of_colour) lights.back().push_back(frame.lights[k]);
+    for (std::size_t colour = 0; colour < frame.of_colour.size(); ++colour) lights.back().push_back(frame.of(colour));
   }
   return lights;
 }

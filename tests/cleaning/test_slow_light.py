@@ -99,19 +99,6 @@ def test_three_frames_show_what_one_does_not(cycles: float, depth: float) -> Non
         assert decibels(done.frames[k], 120 * picture) > decibels(stored[k], 120 * picture) + 4
 
 
-def test_two_frames_are_enough_with_the_cameras_clock() -> None:
-    """Two frames show the difference of two phases; mains and the frame time give their step."""
-    camera = Camera(row_time=1.2 / (100 * ROWS), frame_time=1 / 29)
-    picture = boxes(6)
-    step = 100 / 29 % 1
-    stored = np.stack([under(picture, 1.2, 0.2, step * k, seed=k) for k in range(2)])
-    done = remove_bands(stored, camera, still=True)
-    assert done.unchanged == ("", "")
-    assert done.frequency == pytest.approx(100)
-    for k in range(2):
-        assert decibels(done.frames[k], 120 * picture) > decibels(stored[k], 120 * picture) + 8
-
-
 def test_a_video_is_cleaned_once_its_frames_show_the_bands() -> None:
     picture = boxes(5) * np.where(np.arange(ROWS) < 180, 1.0, 0.5)[:, None]
     cleaner = VideoCleaner(CAMERA)

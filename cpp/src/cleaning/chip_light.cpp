@@ -10,6 +10,7 @@
 #include "cleaning/row_basis.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/receive.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 
@@ -23,7 +24,7 @@ constexpr double min_top = 0.3;                           // of the largest row 
 constexpr double knot_rows = 0.8;      // max. spacing of the knots of the response; at most a quarter of a chip
 constexpr double own_swing = 0.015;    // deviation of a row from the chips' model: sharpening follows no response
 constexpr std::size_t least_bits = 8;  // of a detection
-constexpr Eigen::Index rows_per_term = 4, rows_per_pair_term = 8;
+constexpr Eigen::Index rows_per_term = 4;
 constexpr double response_chips = 3;  // from one before a chip's ramp begins
 
 // The largest of the values within `reach` of each.
@@ -90,14 +91,14 @@ class Responses {
   }
 
   // Adds `weight` times the response of a chip to columns of the basis from `first` on.
-  void add(std::size_t chip, double weight, Eigen::Index first, Basis& basis) const {
+  void add(std::size_t chip, double weight, Eigen::Index first, Eigen::MatrixXd& basis) const {
     of_chip(chip,
             [&](Eigen::Index row, Eigen::Index knot, double value) { basis(row, first + knot) += weight * value; });
   }
 
   // A constant, then the sums of the chips' responses with their weights.
-  [[nodiscard]] Basis basis(const Values& bits) const {
-    Basis basis = Basis::Zero(static_cast<Eigen::Index>(rows_), 1 + knots_);
+  [[nodiscard]] Eigen::MatrixXd basis(const Values& bits) const {
+    Eigen::MatrixXd basis = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(rows_), 1 + knots_);
     basis.col(0).setOnes();
     for (std::size_t chip = 0; chip < chips_; ++chip)
       if (bits[chip] != 0) add(chip, bits[chip], 1, basis);
@@ -118,7 +119,7 @@ class Responses {
 };
 
 struct ChipFit {
-  Basis basis;  // (rows × terms)
+  Eigen::MatrixXd basis;  // (rows × terms)
   Values light;
   double rate, explained;  // chips per row
 };
@@ -149,7 +150,7 @@ std::optional<DetectedChips> detected(const Values& rows, Flags refused) {
 
 // Decides on the guessed chips, those next to the detected ones first, with the response that fits now.
 void guess(const Responses& responses, const Values& rows, const Values& weight, const Eigen::VectorXd& terms,
-           DetectedChips& chips, Basis& basis) {
+           DetectedChips& chips, Eigen::MatrixXd& basis) {
   std::vector<std::size_t> guessed;
   for (std::size_t k = chips.before; k-- > 0;) guessed.push_back(k);
   for (std::size_t k = chips.before + chips.count; k < chips.bits.size(); ++k) guessed.push_back(k);
@@ -165,14 +166,14 @@ void guess(const Responses& responses, const Values& rows, const Values& weight,
   }
 }
 
-Eigen::VectorXd fitted(const Basis& basis, const Values& rows, const Values& weight) {
+Eigen::VectorXd fitted(const Eigen::MatrixXd& basis, const Values& rows, const Values& weight) {
   const Eigen::VectorXd root = vector_of(weight).array().sqrt();
-  return fitted_terms(root.asDiagonal() * basis, root.cwiseProduct(vector_of(rows)));
+  return coefficients_of(root.asDiagonal() * basis, root.cwiseProduct(vector_of(rows)));
 }
 
 // The basis with a second response, of pairs of consecutive bright chips.
-Basis with_pairs(const Basis& basis, const Responses& responses, const Values& bits) {
-  Basis wider = Basis::Zero(basis.rows(), basis.cols() + responses.knots());
+Eigen::MatrixXd with_pairs(const Eigen::MatrixXd& basis, const Responses& responses, const Values& bits) {
+  Eigen::MatrixXd wider = Eigen::MatrixXd::Zero(basis.rows(), basis.cols() + responses.knots());
   wider.leftCols(basis.cols()) = basis;
   for (std::size_t k = 0; k + 1 < bits.size(); ++k)
     if (bits[k] * bits[k + 1] != 0) responses.add(k, 1, basis.cols(), wider);
@@ -197,7 +198,7 @@ std::optional<ChipFit> fitted_chips(const Values& rows, const Values& weight, Fl
     guess(responses, rows, weight, found, *chips, fit.basis);
   }
   fit.explained = explained_share(rows, values_of(fit.basis * found), weight);
-  if (count >= rows_per_pair_term * terms) {
+  if (count >= rows_per_term * (terms + responses.knots())) {
     fit.basis = with_pairs(fit.basis, responses, chips->bits);
     found = fitted(fit.basis, rows, weight);
   }
@@ -207,7 +208,7 @@ std::optional<ChipFit> fitted_chips(const Values& rows, const Values& weight, Fl
 
 }  // namespace
 
-std::optional<ChipLight> find_chip_light(const ColumnBundles& picture, const RowLight& rows, bool always) {
+std::optional<ModelledLight> find_chip_light(const ColumnBundles& picture, const RowLight& rows, bool always) {
   require(rows.light.size() == picture.rows() && rows.information.size() == picture.rows(), "rows", rows.light.size(),
           "one value a row");
   const Flags refused = flag::no_signal | (always ? 0 : flag::too_few_edges);
@@ -216,11 +217,12 @@ std::optional<ChipLight> find_chip_light(const ColumnBundles& picture, const Row
   Values light = fully_modulated_rows(best->light);
   const RowLightPrior within{.basis = span_of(best->basis)};
   for (int again = 0; again < 2; ++again) {
-    const Values start = values_of(best->basis * fitted_terms(best->basis, vector_of(light)));
+    const Values start = values_of(best->basis * coefficients_of(best->basis, vector_of(light)));
     light = fully_modulated_rows(picture.refined(start, within).light);
   }
   light = fully_modulated_rows(picture.refined(light, {.basis = {}, .deviation = own_swing}).light);
-  return ChipLight{std::move(light), best->rate};
+  const double full = quantile(light, bright_rows);
+  return ModelledLight{std::move(light), full, RowModel::chips, best->rate, {}};
 }
 
 double unexplained_by_chips(const RowLight& rows) {

@@ -2,22 +2,15 @@
 #pragma once
 
 #include <optional>
-#include <span>
-#include <vector>
 
-#include "ocisac/cleaning/column_bundles.hpp"
+#include "ocisac/cleaning/row_model.hpp"
 
 namespace ocisac {
-
-struct ChipLight {
-  std::vector<double> light;  // of each row, mean 1
-  double rate = 0;            // chips per row
-};
 
 // Refines rows estimated without a model (ColumnBundles::free) with chips; none if chips do not explain 92 % of them,
 // unless `always`. Rows drift, since the picture contributes to their slow changes: chips are detected without these,
 // and their response is then fitted to the differences of neighbouring rows of the picture.
-std::optional<ChipLight> find_chip_light(const ColumnBundles& picture, const RowLight& rows, bool always);
+std::optional<ModelledLight> find_chip_light(const ColumnBundles& picture, const RowLight& rows, bool always);
 
 // Share of the rows' swing, about the line through the tops of bright runs, that chips of one response leave
 // unexplained; 1 without chips. Chips are additive in linear light only: a wrong tone curve increases it.

@@ -20,6 +20,8 @@ struct Cleaned {
   explicit Cleaned(std::size_t size) : light(size), slope(size), variance(size) {}
 };
 
+constexpr double least_light = 0.02;  // of the mean light, below which logarithms show noise
+
 // Of the steps of a robust fit to rows: wide at first, so that bands are not taken for edges.
 constexpr std::array<double, 5> row_textures{0.5, 0.3, 0.2, 0.1, 0.05};
 

@@ -8,10 +8,10 @@
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/row_basis.hpp"
-#include "cleaning/slow_modes.hpp"
+#include "cleaning/slow_tones.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/linear_algebra.hpp"
-#include "ocisac/cleaning/slow_light.hpp"
+#include "ocisac/cleaning/column_bundles.hpp"
 
 namespace ocisac {
 
@@ -28,6 +28,7 @@ constexpr int steps = 12, wide_steps = 6;  // of the robust fit; those with a la
                                            // taken for edges
 constexpr double darkest = 1e-3;           // of the mean light, of which a logarithm is taken
 constexpr double ridge = 1e-6;
+constexpr double shortest_period = 58, most_slow_cycles = 16;  // of a slow light: rows; in the picture
 
 // Differences of the logarithms of blocks, some apart in one column, and how modes change over them.
 struct Differences {
@@ -143,9 +144,12 @@ Eigen::MatrixXd slow_modes(std::size_t places, std::size_t count) {
   return modes;
 }
 
+double most_cycles(std::size_t rows) {
+  return std::clamp(static_cast<double>(rows) / shortest_period, slow_cycles, most_slow_cycles);
+}
+
 std::size_t mode_count(std::size_t rows) {
-  const double cycles = std::min(1.1 * static_cast<double>(rows) / slowest_period, most_cycles);
-  return std::max(std::min<std::size_t>(24, rows / 4), static_cast<std::size_t>(std::ceil(3 * cycles)));
+  return std::max(std::min<std::size_t>(24, rows / 4), static_cast<std::size_t>(std::ceil(3 * most_cycles(rows))));
 }
 
 CommonCourse common_course(const BandedPicture& picture, const CommonCourse* of_all) {

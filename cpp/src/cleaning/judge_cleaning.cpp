@@ -1,78 +1,50 @@
 #include "ocisac/cleaning/judge_cleaning.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
-#include "cleaning/pair_misfit.hpp"
+#include "cleaning/merged_blocks.hpp"
+#include "cleaning/row_misfit.hpp"
 #include "core/statistics.hpp"
+#include "ocisac/core/constants.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr std::size_t most_groups = 24;                  // of columns
-constexpr std::size_t enough_columns = 96;               // evenly spaced, that are judged
-constexpr double min_left = 0.125;                       // lower bound of a light that is a divisor
-constexpr double floor_of_light = 0.01;                  // of the mean light, below which logarithms show noise
-constexpr double most_left = 0.25;                       // of the row light; of a texture 0.28 and more
-constexpr double min_level = 0.25;                       // of a light on part of the picture 0.4 and more
-constexpr double min_part = 0.8;                         // of a group's pixels, of rows that count
-constexpr double smallest = 1e-100, independent = 1e-9;  // of a term that another one does not explain
+constexpr std::size_t most_groups = 24;     // of columns
+constexpr std::size_t enough_columns = 96;  // evenly spaced, that are judged
+constexpr double min_left = 0.125;          // lower bound of a light that is a divisor
+constexpr double floor_of_light = 0.01;     // of the mean light, below which logarithms show noise
+constexpr double most_left = 0.25;          // of the row light; of a texture 0.28 and more
+constexpr double min_part = 0.8;            // of a group's pixels, of rows that count
 
 using Values = std::vector<double>;
 
-// Some columns of a picture before or after cleaning; a pixel that is not kept was saturated or too dark.
-struct Side {
-  Values light, variance;
-  std::vector<std::uint8_t> kept;
-
-  explicit Side(std::size_t size) : light(size), variance(size), kept(size) {}
-};
-
-struct Compared {
-  std::size_t rows, columns;
-  Side before, after;
-};
-
-Compared compared(const BandedPicture& picture, std::span<const double> row_light, const BlockShares& shares) {
+// Some columns of a picture before and after cleaning.
+std::array<Blocks, 2> compared(const BandedPicture& picture, std::span<const double> row_light,
+                               const BlockShares& shares) {
   const std::size_t every = std::max<std::size_t>(1, picture.columns / enough_columns);
-  const std::size_t columns = blocks_of(picture.columns, every), pixels = picture.rows * columns;
   const std::size_t blocks = blocks_of(picture.columns, shares.block_columns);
-  Compared result{picture.rows, columns, Side(pixels), Side(pixels)};
-  for (std::size_t n = 0, at = 0; n < picture.rows; ++n)
-    for (std::size_t k = 0; k < picture.columns; k += every, ++at) {
+  Blocks before{picture.rows, blocks_of(picture.columns, every), {}, {}}, after = before;
+  for (std::size_t n = 0; n < picture.rows; ++n)
+    for (std::size_t k = 0; k < picture.columns; k += every) {
       const double light = picture.light[n * picture.columns + k], variance = picture.variance[n * picture.columns + k];
       const double share = shares.share[n / shares.block_rows * blocks + k / shares.block_columns];
       const double left = std::max(1 + share * (row_light[n] - 1), min_left);
-      result.before.light[at] = light;
-      result.before.variance[at] = variance;
-      result.before.kept[at] = std::isfinite(variance) ? 1 : 0;
-      result.after.light[at] = light / left;
-      result.after.variance[at] = variance / (left * left);
-      result.after.kept[at] = result.before.kept[at] != 0 && left > min_left ? 1 : 0;
+      before.light.push_back(light);
+      before.variance.push_back(variance);
+      after.light.push_back(light / left);
+      after.variance.push_back(variance / (left * left));
     }
-  return result;
-}
-
-std::vector<PairMisfit> misfit_of(const Side& side, std::size_t columns, std::size_t lag) {
-  std::vector<PairMisfit> of_columns(columns);
-  add_misfit(side.light, side.variance, lag, of_columns);
-  return of_columns;
-}
-
-PairMisfit total(std::span<const PairMisfit> of_columns) {
-  PairMisfit sum;
-  for (const PairMisfit& one : of_columns) sum += one;
-  return sum;
-}
-
-double decrease_of_misfit(const Compared& picture, std::size_t lag) {
-  const auto mean = [&](const Side& side) { return total(misfit_of(side, picture.columns, lag)).mean(); };
-  return mean(picture.before) - mean(picture.after);
+  return {std::move(before), std::move(after)};
 }
 
 // The row light and its gradient, which a shift adds, of standard deviation 1.
@@ -84,103 +56,86 @@ std::array<Values, 2> course_of(std::span<const double> row_light) {
   for (Values& term : course) {
     const auto count = static_cast<double>(term.size());
     const double mean = mean_of(term);
-    const double squares = smallest + squares_about_mean(term);
-    for (double& value : term) value = (value - mean) / std::sqrt(squares / count);
+    const double deviation = std::sqrt(squares_about_mean(term) / count);
+    for (double& value : term) value = deviation > 0 ? (value - mean) / deviation : 0;
   }
   return course;
 }
 
 // Terms of the course in the changes of some logarithms over `lag` rows. Edges count little, at first more, so that
 // bands are not taken for edges.
-std::array<double, 2> swing_in(const Values& level, const std::array<Values, 2>& course, std::size_t lag) {
-  std::array<double, 2> terms{};
+Eigen::Vector2d swing_in(const Values& level, const std::array<Values, 2>& course, std::size_t lag) {
+  Eigen::Vector2d terms = Eigen::Vector2d::Zero();
   for (const double texture : row_textures) {
-    double aa = smallest, ab = 0, bb = smallest, right_a = 0, right_b = 0;
+    Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
+    Eigen::Vector2d right = Eigen::Vector2d::Zero();
     for (std::size_t n = 0; n + lag < level.size(); ++n) {
-      const double change = level[n + lag] - level[n], a = course[0][n + lag] - course[0][n],
-                   b = course[1][n + lag] - course[1][n], rest = change - terms[0] * a - terms[1] * b;
+      const Eigen::Vector2d slope(course[0][n + lag] - course[0][n], course[1][n + lag] - course[1][n]);
+      const double change = level[n + lag] - level[n], rest = change - terms.dot(slope);
       if (!std::isfinite(rest)) continue;
       const double weight = 1 / (texture * texture + rest * rest);
-      aa += weight * a * a;
-      ab += weight * a * b;
-      bb += weight * b * b;
-      right_a += weight * a * change;
-      right_b += weight * b * change;
+      normal += weight * slope * slope.transpose();
+      right += weight * change * slope;
     }
-    const double determinant = aa * bb - ab * ab;
-    const bool are_two = determinant > independent * aa * bb;
-    terms = are_two
-                ? std::array{(bb * right_a - ab * right_b) / determinant, (aa * right_b - ab * right_a) / determinant}
-                : std::array{right_a / aa, 0.0};
+    if (const auto both = solve_normal(normal, right))
+      terms = both->values;
+    else
+      terms << (normal(0, 0) > 0 ? right[0] / normal(0, 0) : 0), 0;
   }
   return terms;
 }
 
-// First columns of the groups, and the number of columns last.
-std::vector<std::size_t> group_starts(std::size_t columns) {
-  std::vector<std::size_t> starts;
-  const double width = static_cast<double>(columns) / static_cast<double>(most_groups);
-  for (std::size_t group = 0; group < most_groups; ++group) {
-    const auto start = static_cast<std::size_t>(static_cast<double>(group) * width);
-    if (starts.empty() || start != starts.back()) starts.push_back(start);
-  }
-  starts.push_back(columns);
-  return starts;
-}
-
 // Logarithm of the mean light of columns [first, end) in each row; none in those that lack pixels.
-Values group_levels(const Side& side, std::size_t rows, std::size_t columns, std::size_t first, std::size_t end,
-                    double floor) {
-  Values means(rows), counts(rows);
-  for (std::size_t n = 0; n < rows; ++n)
-    for (std::size_t at = n * columns + first; at < n * columns + end; ++at)
-      if (side.kept[at] != 0) {
+Values group_levels(const Blocks& side, std::size_t first, std::size_t end, double floor) {
+  Values means(side.rows), counts(side.rows);
+  for (std::size_t n = 0; n < side.rows; ++n)
+    for (std::size_t at = n * side.columns + first; at < n * side.columns + end; ++at)
+      if (std::isfinite(side.variance[at])) {
         means[n] += side.light[at];
         counts[n] += 1;
       }
   const double enough = std::max(min_part * *std::max_element(counts.begin(), counts.end()), 1.0);
-  for (std::size_t n = 0; n < rows; ++n)
+  for (std::size_t n = 0; n < side.rows; ++n)
     means[n] = counts[n] < enough ? NAN : std::log(std::max(means[n] / counts[n], floor));
   return means;
 }
 
-void judge_swing(const Compared& picture, std::span<const double> row_light, std::size_t lag,
+void judge_swing(const Blocks& before, const Blocks& after, std::span<const double> row_light, std::size_t lag,
                  CleaningVerdict& verdict) {
   const std::array<Values, 2> course = course_of(row_light);
-  const std::vector<std::size_t> starts = group_starts(picture.columns);
-  const auto groups = static_cast<double>(starts.size() - 1);
-  const double mean_light = std::max(mean_of(picture.before.light), smallest);
-  std::array<double, 2> mean{};
+  const std::size_t groups = std::min(most_groups, before.columns);
+  const double mean_light = std::max(mean_of(before.light), std::numeric_limits<double>::min());
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   double left = 0, energy = 0;
-  for (std::size_t group = 0; group + 1 < starts.size(); ++group) {
-    const auto swing = [&](const Side& side) {
-      return swing_in(group_levels(side, picture.rows, picture.columns, starts[group], starts[group + 1],
-                                   floor_of_light * mean_light),
-                      course, lag);
+  for (std::size_t group = 0; group < groups; ++group) {
+    const auto swing = [&](const Blocks& side) {
+      const std::size_t first = group * before.columns / groups, end = (group + 1) * before.columns / groups;
+      return swing_in(group_levels(side, first, end, floor_of_light * mean_light), course, lag);
     };
-    const std::array<double, 2> before = swing(picture.before), after = swing(picture.after);
-    for (std::size_t k = 0; k < mean.size(); ++k) {
-      energy += before[k] * before[k];
-      left += after[k] * after[k];
-      mean[k] += before[k] / groups;
-    }
+    const Eigen::Vector2d then = swing(before);
+    energy += then.squaredNorm();
+    left += swing(after).squaredNorm();
+    mean += then / static_cast<double>(groups);
   }
-  if (!(energy > smallest)) return;
+  if (!(energy > 0)) return;
   verdict.light_left = std::sqrt(left / energy);
-  verdict.level = (mean[0] * mean[0] + mean[1] * mean[1]) * groups / energy;
+  verdict.level = mean.squaredNorm() * static_cast<double>(groups) / energy;
   verdict.energy = energy * mean_light * mean_light;
 }
 
-// Mean square of the mixed differences of log light over rows and columns, in which bands and gains cancel.
-double texture_of(const Values& light, const std::vector<std::uint8_t>& kept, std::size_t columns) {
-  const double mean = mean_of(light);
-  Values level(light.size());
+// Mean square of the mixed differences of log light over rows and columns, in which bands and gains cancel, of pixels
+// that are known after cleaning.
+double texture_of(const Blocks& side, const Blocks& after) {
+  const double mean = mean_of(side.light);
+  Values level(side.light.size());
   for (std::size_t i = 0; i < level.size(); ++i)
-    level[i] = std::log(std::max(light[i], 0.0) + floor_of_light * std::max(mean, smallest));
+    level[i] =
+        std::log(std::max(side.light[i], 0.0) + floor_of_light * std::max(mean, std::numeric_limits<double>::min()));
   double sum = 0, count = 0;
-  for (std::size_t first = 0; first + columns < level.size(); first += columns)
-    for (std::size_t i = first, j = first + columns; i + 1 < first + columns; ++i, ++j) {
-      if ((kept[i] & kept[i + 1] & kept[j] & kept[j + 1]) == 0) continue;
+  for (std::size_t first = 0; first + side.columns < level.size(); first += side.columns)
+    for (std::size_t i = first, j = first + side.columns; i + 1 < first + side.columns; ++i, ++j) {
+      if (!std::isfinite(after.variance[i] + after.variance[i + 1] + after.variance[j] + after.variance[j + 1]))
+        continue;
       const double mixed = (level[j + 1] - level[j]) - (level[i + 1] - level[i]);
       sum += mixed * mixed;
       count += 1;
@@ -195,14 +150,15 @@ CleaningVerdict judge_cleaning(const BandedPicture& picture, std::span<const dou
   check(picture, row_light);
   require(picture.frames == 1, "frames", picture.frames, "1");
   check(shares, picture.rows, picture.columns);
-  const Compared sides = compared(picture, row_light, shares);
+  auto [before, after] = compared(picture, row_light, shares);
   CleaningVerdict verdict;
   const std::size_t lag = comparison_lag(row_light, picture.rows);
-  verdict.gain = decrease_of_misfit(sides, lag);
-  judge_swing(sides, row_light, lag, verdict);
-  const double before = texture_of(sides.before.light, sides.after.kept, sides.columns);
-  const double after = texture_of(sides.after.light, sides.after.kept, sides.columns);
-  verdict.texture_change = before > 0 && after > 0 ? 10 * std::log10(after / before) : 0;
+  verdict.gain = pair_misfit(before.picture(), lag) - pair_misfit(after.picture(), lag);
+  for (std::size_t i = 0; i < after.variance.size(); ++i)  // too dark to be known
+    if (!(after.variance[i] * min_left * min_left < before.variance[i])) after.variance[i] = kInfinity;
+  judge_swing(before, after, row_light, lag, verdict);
+  const double then = texture_of(before, after), now = texture_of(after, after);
+  verdict.texture_change = then > 0 && now > 0 ? 10 * std::log10(now / then) : 0;
   return verdict;
 }
 

@@ -8,6 +8,7 @@
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/edge_aware_filter.hpp"
 #include "cleaning/merged_blocks.hpp"
+#include "cleaning/row_misfit.hpp"
 #include "cleaning/smooth_shares.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/statistics.hpp"
@@ -25,21 +26,16 @@ constexpr std::array<Step, 6> plan{{{0.5, 48}, {0.3, 32}, {0.2, 32}, {0.1, 24}, 
 // Relative change of light that halves the passage weight, per row of the lag: a larger lag gives fewer comparisons,
 // which need a wider reach. Between frames the lag does not matter.
 constexpr double edge_of_lag = 0.025, min_edge = 0.03, max_edge = 0.25, edge_of_frames = 0.15;
-constexpr double hold = 1000;                   // weight of the previous step's share
-constexpr double lags_of_reach = 2;             // at least
-constexpr double lags_of_guide = 4;             // for the guide: edges of the columns against noise
-constexpr double edge_noise = 9;                // in variances: suppresses edges caused by noise
-constexpr double texture_between_frames = 0.2;  // relative to that between rows; due to small motion
+constexpr double hold = 1000;        // weight of the previous step's share
+constexpr double lags_of_reach = 2;  // at least
+constexpr double edge_noise = 9;     // in variances: suppresses edges caused by noise
 
 constexpr std::size_t wide = 3;             // steps of the plan, at first
 constexpr std::size_t merged_at_first = 4;  // columns per sum in the wide steps
-constexpr int smooth_steps = 4, even_steps = 6;
+constexpr int even_steps = 6;
 
-// Evidence of one picture, cleaned with the current shares, for a change of them.
-struct Evidence {
-  std::vector<double> pull;    // Σ weight·residual·slope
-  std::vector<double> weight;  // Σ weight·slope²
-};
+// Increase of the log-likelihood of a pair of pixels: pictures under an even light have at most 0.03.
+constexpr double gain_by_chance = 0.05;
 
 // Comparison of two pixels of equal texture: weight of the pair and its contribution to the gradient in q.
 struct Comparison {
@@ -54,7 +50,7 @@ inline Comparison compare(double c1, double g1, double var1, double c2, double g
 }
 
 void compare_rows(const Cleaned& frame, std::size_t columns, std::size_t first, std::size_t second, double texture,
-                  Evidence& evidence) {
+                  ShareEvidence& evidence) {
   const double* const light = frame.light.data();
   const double* const slope = frame.slope.data();
   const double* const variance = frame.variance.data();
@@ -73,7 +69,7 @@ void compare_rows(const Cleaned& frame, std::size_t columns, std::size_t first, 
   }
 }
 
-void compare_frames(const Cleaned& one, const Cleaned& next, double texture, Evidence& evidence) {
+void compare_frames(const Cleaned& one, const Cleaned& next, double texture, ShareEvidence& evidence) {
   for (std::size_t i = 0; i < evidence.pull.size(); ++i) {
     const Comparison both =
         compare(one.light[i], one.slope[i], one.variance[i], next.light[i], next.slope[i], next.variance[i], texture);
@@ -142,7 +138,14 @@ class ShareEstimator {
     else
       wide_steps();
     for (std::size_t k = wide; k < plan.size(); ++k) step_of_each(plan[k]);
-    if (smooth) smooth_shares();
+    if (!smooth) return std::move(share_);
+    const auto gathered = [this]() -> const ShareEvidence& {
+      for (double& value : share_) value = std::clamp(value, 0.0, max_share_);
+      gather(plan.back().texture, false);
+      return evidence_;
+    };
+    smooth_shares(picture_.rows, picture_.columns, gathered, share_);
+    for (double& value : share_) value = std::clamp(value, 0.0, max_share_);
     return std::move(share_);
   }
 
@@ -173,7 +176,7 @@ class ShareEstimator {
         if (row >= lag_) compare_rows(now_, columns, row - lag_, row, texture, evidence_);
         if (with_guide) add_to_guide(now_, first, first + columns, guide_);
       }
-      if (frame > 0) compare_frames(before_, now_, texture_between_frames * texture, evidence_);
+      if (frame > 0) compare_frames(before_, now_, texture, evidence_);
       if (picture_.frames > 1) std::swap(now_, before_);
     }
   }
@@ -219,23 +222,14 @@ class ShareEstimator {
       share_[i] = merged.share_[i / picture_.columns * columns + i % picture_.columns / merged_at_first];
   }
 
-  void smooth_shares() {
-    ShareSmoother smoother(picture_.rows, picture_.columns);
-    for (int k = 0; k < smooth_steps; ++k) {
-      gather(plan.back().texture, false);
-      smoother.step(evidence_.pull, evidence_.weight, share_);
-      for (double& value : share_) value = std::clamp(value, 0.0, max_share_);
-    }
-  }
-
   void find_passages(double reach) {
     now_.light = guide_.light;
     now_.variance = guide_.variance;
     finish_guide(now_);
     const double of_rows = std::max(reach, lags_of_reach * static_cast<double>(lag_));
     if (picture_.frames == 1) reach = of_rows;  // between frames the lag does not matter
-    passages(now_, picture_.columns, lags_of_guide * static_cast<double>(lag_), edge_, down_);
-    filter_.along_columns(down_, guide_.light);
+    passages(now_, picture_.columns, lags_of_reach * static_cast<double>(lag_), edge_, down_);
+    filter_.along_columns(down_, guide_.light);  // edges along rows are those of sums down the columns: less noise
     filter_.along_columns(down_, guide_.variance);
     finish_guide(guide_);
     passages(guide_, 1, reach / merged_, edge_, across_);
@@ -250,7 +244,7 @@ class ShareEstimator {
   std::size_t pixels_;
   double max_share_ = 0;
   std::vector<double> share_;
-  Evidence evidence_;
+  ShareEvidence evidence_;
   Cleaned now_, before_, guide_;
   std::vector<double> down_, across_;
   EdgeAwareFilter filter_;
@@ -283,9 +277,21 @@ std::vector<double> light_share(const BandedPicture& picture, std::span<const do
   return ShareEstimator(picture, row_light).estimate(row_light, smooth);
 }
 
-double even_share(const BandedPicture& picture, std::span<const double> row_light) {
-  check(picture, row_light);
-  return ShareEstimator(picture, row_light).estimate_even();
+std::vector<std::vector<double>> colour_shares(std::span<const BandedPicture> colours,
+                                               std::span<const std::vector<double>> row_lights) {
+  std::vector<std::vector<double>> shares;
+  std::vector<double> even;
+  double gain = 0;  // by shares of each pixel over one for all
+  for (std::size_t k = 0; k < colours.size(); ++k) {
+    const std::size_t lag = comparison_lag(row_lights[k], colours[k].rows);
+    shares.push_back(light_share(colours[k], row_lights[k]));
+    even.push_back(ShareEstimator(colours[k], row_lights[k]).estimate_even());
+    gain += row_misfit(colours[k], row_lights[k], {&even.back(), 1}, lag) -
+            row_misfit(colours[k], row_lights[k], shares.back(), lag);
+  }
+  if (gain < gain_by_chance * static_cast<double>(colours.size()))
+    for (std::size_t k = 0; k < colours.size(); ++k) std::fill(shares[k].begin(), shares[k].end(), even[k]);
+  return shares;
 }
 
 }  // namespace ocisac

@@ -6,6 +6,7 @@
 
 #include "cleaning/block_shares.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -62,5 +63,13 @@ Blocks sum_of(std::span<const BandedPicture> colours) {
 Blocks merged_down(const Blocks& from, std::size_t count) { return merged(from, count, 1); }
 
 Blocks merged_along(const Blocks& from, std::size_t count) { return merged(from, 1, count); }
+
+std::vector<double> means_of_rows(std::span<const double> row_light, std::size_t rows, std::size_t count) {
+  std::vector<double> means;
+  for (std::size_t frame = 0; frame < row_light.size(); frame += rows)
+    for (std::size_t first = 0; first < rows; first += count)
+      means.push_back(mean_of(row_light.subspan(frame + first, std::min(count, rows - first))));
+  return means;
+}
 
 }  // namespace ocisac

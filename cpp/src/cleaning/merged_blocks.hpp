@@ -1,4 +1,4 @@
-// Means of neighbouring pixels that are known.
+// Means of neighbouring pixels that are known, and of rows.
 #pragma once
 
 #include <cstddef>
@@ -6,16 +6,11 @@
 #include <vector>
 
 #include "ocisac/cleaning/light_share.hpp"
+#include "ocisac/cleaning/restore_picture.hpp"
 
 namespace ocisac {
 
-// Light and its noise variance (rows × columns); infinite variance: unknown.
-struct Blocks {
-  std::size_t rows = 0, columns = 0;
-  std::vector<double> light, variance;
-
-  [[nodiscard]] BandedPicture picture() const { return {light, variance, 1, rows, columns}; }
-};
+constexpr std::size_t enough_pixels = 1U << 17U;  // for what is estimated once or varies slowly
 
 // A picture's pixels; the sums of those of several colours.
 Blocks copy_of(const BandedPicture& picture);
@@ -24,5 +19,13 @@ Blocks sum_of(std::span<const BandedPicture> colours);
 // Means of the known ones of `count` neighbours, down the rows or along them; the last ones have what is left.
 Blocks merged_down(const Blocks& from, std::size_t count);
 Blocks merged_along(const Blocks& from, std::size_t count);
+
+// Means of the unsaturated pixels of `merged` neighbouring columns. `stored`: one frame, each value below the table's
+// length.
+template <class Sample>
+Blocks merge_columns(const FramesView<const Sample>& stored, std::size_t merged, const StoredTable& table);
+
+// Means of `count` rows within each frame; the last of a frame has what is left. row_light: (frames × rows).
+std::vector<double> means_of_rows(std::span<const double> row_light, std::size_t rows, std::size_t count);
 
 }  // namespace ocisac

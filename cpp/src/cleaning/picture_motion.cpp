@@ -1,5 +1,6 @@
 #include "cleaning/picture_motion.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,6 +11,7 @@
 #include "core/spectrum.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 
@@ -20,11 +22,9 @@ using Values = std::vector<double>;
 constexpr std::size_t window = 8;  // side of a part that is compared, pixels
 constexpr std::size_t min_side = 4;
 constexpr int rounds = 2;
-constexpr double max_step = 2;        // pixels, of what the peak leaves
-constexpr double independent = 1e-6;  // slopes along both axes: lines show one displacement only
-constexpr double whitened = 1e-3;     // of the mean spectrum, below which a frequency counts less
-constexpr double unlike = 0.1;        // mean difference of logarithms in a window
-constexpr double half_pixel = 0.5;
+constexpr double max_step = 2;     // pixels, of what the peak leaves
+constexpr double whitened = 1e-3;  // of the mean spectrum, below which a frequency counts less
+constexpr double unlike = 0.1;     // mean difference of logarithms in a window
 
 // The window of Hann, not 0 at its ends.
 Values bell(std::size_t length) {
@@ -36,14 +36,14 @@ Values bell(std::size_t length) {
 }
 
 // Spectrum of a windowed picture: (columns/2 + 1) × rows.
-std::vector<std::complex<double>> spectrum_of(const LogPicture& picture) {
+std::vector<std::complex<double>> spectrum_of(const Blocks& picture) {
   const std::size_t rows = picture.rows, columns = picture.columns, bins = columns / 2 + 1;
-  const double mean = mean_of(picture.values);
+  const double mean = mean_of(picture.light);
   const Values down = bell(rows), across = bell(columns);
-  Values windowed(picture.values.size());
+  Values windowed(picture.light.size());
   for (std::size_t n = 0; n < rows; ++n)
     for (std::size_t k = 0; k < columns; ++k)
-      windowed[n * columns + k] = (picture.values[n * columns + k] - mean) * down[n] * across[k];
+      windowed[n * columns + k] = (picture.light[n * columns + k] - mean) * down[n] * across[k];
   const std::vector<std::complex<double>> of_rows = half_spectra(windowed, columns);
   std::vector<std::complex<double>> turned(of_rows.size()), result(of_rows.size());
   for (std::size_t n = 0; n < rows; ++n)
@@ -53,7 +53,7 @@ std::vector<std::complex<double>> spectrum_of(const LogPicture& picture) {
 }
 
 // Correlation of the phases at every displacement, C order; a negative displacement is at rows or columns less it.
-Values phase_correlation(const LogPicture& before, const LogPicture& after) {
+Values phase_correlation(const Blocks& before, const Blocks& after) {
   const std::size_t rows = after.rows, columns = after.columns, bins = columns / 2 + 1;
   const std::vector<std::complex<double>> one = spectrum_of(before);
   std::vector<std::complex<double>> cross = spectrum_of(after);
@@ -80,44 +80,40 @@ double refined_peak(Line line, std::size_t place, std::size_t length) {
          (bend < 0 ? 0.5 * (left - right) / bend : 0);
 }
 
-void check(const LogPicture& before, const LogPicture& after) {
-  require(after.rows > 0 && after.columns > 0, "after", after.values.size(), "at least one pixel");
-  require(after.values.size() == after.rows * after.columns, "after", after.values.size(), "rows x columns values");
-  require(before.rows == after.rows && before.columns == after.columns && before.values.size() == after.values.size(),
-          "before", before.values.size(), "a picture of the shape of after");
-  for (const double value : before.values) require_finite("before", value);
-  for (const double value : after.values) require_finite("after", value);
+void check(const Blocks& before, const Blocks& after) {
+  require(after.rows > 0 && after.columns > 0, "after", after.light.size(), "at least one pixel");
+  require(after.light.size() == after.rows * after.columns, "after", after.light.size(), "rows x columns values");
+  require(before.rows == after.rows && before.columns == after.columns && before.light.size() == after.light.size(),
+          "before", before.light.size(), "a picture of the shape of after");
+  for (const double value : before.light) require_finite("before", value);
+  for (const double value : after.light) require_finite("after", value);
 }
 
 // True for a place more than half a pixel outside of a line.
-bool is_outside(double place, std::size_t length) {
-  return place < -half_pixel || place > static_cast<double>(length) - half_pixel;
-}
+bool is_outside(double place, std::size_t length) { return place < -0.5 || place > static_cast<double>(length) - 0.5; }
 
 // One step of the gradients' equation of the whole picture (Lucas and Kanade 1981).
-void improve(std::array<double, 2>& way, const LogPicture& before, const LogPicture& after) {
+void improve(std::array<double, 2>& way, const Blocks& before, const Blocks& after) {
   const std::size_t columns = after.columns;
-  const Values there = moved_picture(before.values, columns, way[0], way[1]);
+  const Values there = moved_picture(before.light, columns, way[0], way[1]);
   const auto slope = [&](std::size_t i, std::size_t apart) {
-    return 0.25 * (there[i + apart] - there[i - apart] + after.values[i + apart] - after.values[i - apart]);
+    return 0.25 * (there[i + apart] - there[i - apart] + after.light[i + apart] - after.light[i - apart]);
   };
-  double dd = 0, dr = 0, rr = 0, dc = 0, rc = 0;
+  Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d right = Eigen::Vector2d::Zero();
   for (std::size_t n = 1; n + 1 < after.rows; ++n)
     for (std::size_t i = n * columns + 1; i + 1 < (n + 1) * columns; ++i) {
-      const double down = slope(i, columns), right = slope(i, 1), change = there[i] - after.values[i];
-      dd += down * down;
-      dr += down * right;
-      rr += right * right;
-      dc += down * change;
-      rc += right * change;
+      const Eigen::Vector2d slopes(slope(i, columns), slope(i, 1));
+      normal += slopes * slopes.transpose();
+      right += (there[i] - after.light[i]) * slopes;
     }
-  const double scale = dd * rr - dr * dr;
-  if (!(scale > independent * dd * rr)) return;
-  way[0] += std::clamp((rr * dc - dr * rc) / scale, -max_step, max_step);
-  way[1] += std::clamp((dd * rc - dr * dc) / scale, -max_step, max_step);
+  const auto step = solve_normal(normal, right);
+  if (!step) return;  // lines show one displacement only
+  for (std::size_t k = 0; k < 2; ++k)
+    way[k] += std::clamp(step->values[static_cast<Eigen::Index>(k)], -max_step, max_step);
 }
 
-std::array<double, 2> displacement(const LogPicture& before, const LogPicture& after) {
+std::array<double, 2> displacement(const Blocks& before, const Blocks& after) {
   if (std::min(after.rows, after.columns) < min_side) return {};
   const std::size_t columns = after.columns;
   const Values peaks = phase_correlation(before, after);
@@ -150,14 +146,14 @@ std::vector<double> moved_picture(std::span<const double> values, std::size_t co
   return result;
 }
 
-PictureChange picture_change(const LogPicture& before, const LogPicture& after) {
+PictureChange picture_change(const Blocks& before, const Blocks& after) {
   check(before, after);
   const auto [down, right] = displacement(before, after);
   PictureChange change{down, right, {}};
-  Blocks difference{after.rows, after.columns, moved_picture(before.values, before.columns, down, right),
-                    Values(after.values.size(), 1.0)};
-  for (std::size_t i = 0; i < after.values.size(); ++i)
-    difference.light[i] = std::abs(difference.light[i] - after.values[i]);
+  Blocks difference{after.rows, after.columns, moved_picture(before.light, before.columns, down, right),
+                    Values(after.light.size(), 1.0)};
+  for (std::size_t i = 0; i < after.light.size(); ++i)
+    difference.light[i] = std::abs(difference.light[i] - after.light[i]);
   const Blocks means = merged_along(merged_down(difference, window), window);
   for (std::size_t n = 0; n < after.rows; ++n)
     for (std::size_t k = 0; k < after.columns; ++k) {

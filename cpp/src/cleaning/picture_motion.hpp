@@ -6,13 +6,9 @@
 #include <span>
 #include <vector>
 
-namespace ocisac {
+#include "ocisac/cleaning/light_share.hpp"
 
-// Logarithm of light, dense (rows × columns).
-struct LogPicture {
-  std::span<const double> values;
-  std::size_t rows = 0, columns = 0;
-};
+namespace ocisac {
 
 // Values where each was before the picture moved by `down` and `right` pixels, interpolated; those of the border beyond
 // it. values: (rows × columns).
@@ -24,8 +20,9 @@ struct PictureChange {
   std::vector<std::uint8_t> is_new;
 };
 
-// The displacement is the peak of the phase correlation, refined by least squares (Lucas and Kanade 1981). Pictures of
-// fewer than 4 rows or columns are taken to stand still.
-PictureChange picture_change(const LogPicture& before, const LogPicture& after);
+// Of two pictures of logarithms of light, whose variances do not matter. The displacement is the peak of the phase
+// correlation, refined by least squares (Lucas and Kanade 1981). Pictures of fewer than 4 rows or columns are taken to
+// stand still.
+PictureChange picture_change(const Blocks& before, const Blocks& after);
 
 }  // namespace ocisac

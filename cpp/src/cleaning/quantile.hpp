@@ -19,10 +19,9 @@ inline double quantile(std::span<const double> values, double share) {
   return *middle + (place - static_cast<double>(before)) * (after - *middle);
 }
 
+constexpr double bright_rows = 0.95;  // quantile: a fully lit row, or column
+
 // Light above which a row is an outlier.
-inline double most_of_rows(std::span<const double> rows) {
-  constexpr double of_bright = 1.5, bright = 0.95;  // a quantile
-  return of_bright * quantile(rows, bright);
-}
+inline double most_of_rows(std::span<const double> rows) { return 1.5 * quantile(rows, bright_rows); }
 
 }  // namespace ocisac

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "cleaning/block_shares.hpp"
+#include "cleaning/merged_blocks.hpp"
 #include "core/check_interrupt.hpp"
 
 namespace ocisac {
@@ -16,7 +17,7 @@ constexpr std::size_t cells = 4096;  // of the table from which the search for a
 constexpr double min_left = 1e-9;    // of the light of a row, as a divisor
 
 template <class Sample>
-void check(const FramesView<const Sample>& stored, const StoredLight& table) {
+void check(const FramesView<const Sample>& stored, const StoredTable& table) {
   require(stored.frames == 1 && stored.columns > 0 && stored.rows > 0, "stored", stored.frames, "one frame");
   require(!table.light.empty() && table.variance.size() == table.light.size(), "variance", table.variance.size(),
           "one for each stored value");
@@ -33,15 +34,15 @@ void check(const FramesView<const Sample>& stored, const StoredLight& table) {
 template <class Sample>
 class RestoredPixels {
  public:
-  RestoredPixels(const StoredLight& table, std::span<const double> bounds, double max_gain)
-      : light_(table.light), bounds_(bounds), max_gain_(max_gain), starts_(cells) {
+  RestoredPixels(const StoredTable& table, double max_gain)
+      : light_(table.light), bounds_(table.bounds), max_gain_(max_gain), starts_(cells) {
     for (const double variance : table.variance) is_saturated_.push_back(std::isfinite(variance) ? 0 : 1);
     const auto brightest = static_cast<std::size_t>(std::ranges::find(is_saturated_, 1) - is_saturated_.begin());
     highest_ = brightest - std::min<std::size_t>(brightest, 1);
     const double width = std::max(light_.back() - light_.front(), 1e-300) / static_cast<double>(cells);
     scale_ = 1 / width;
     for (std::size_t k = 0, value = 0; k < cells; ++k) {
-      while (value < bounds.size() && light_.front() + width * static_cast<double>(k) >= bounds[value]) ++value;
+      while (value < bounds_.size() && light_.front() + width * static_cast<double>(k) >= bounds_[value]) ++value;
       starts_[k] = static_cast<std::uint32_t>(value);
     }
   }
@@ -75,7 +76,7 @@ bool BlockShares::is_one() const {
 }
 
 template <class Sample>
-MergedPicture merge_columns(const FramesView<const Sample>& stored, std::size_t merged, const StoredLight& table) {
+Blocks merge_columns(const FramesView<const Sample>& stored, std::size_t merged, const StoredTable& table) {
   check(stored, table);
   require(merged > 0, "merged", merged, "1 or more");
   struct Entry {
@@ -87,7 +88,7 @@ MergedPicture merge_columns(const FramesView<const Sample>& stored, std::size_t 
     entries.push_back({known ? table.light[k] : 0, known ? table.variance[k] : 0, known ? 1.0 : 0.0});
   }
   const std::size_t rows = stored.rows, columns = stored.columns, blocks = blocks_of(columns, merged);
-  MergedPicture result{std::vector<double>(rows * blocks), std::vector<double>(rows * blocks)};
+  Blocks result{rows, blocks, std::vector<double>(rows * blocks), std::vector<double>(rows * blocks)};
   std::size_t to = 0;
   for (std::size_t row = 0; row < rows; ++row) {
     check_interrupt();
@@ -109,14 +110,14 @@ MergedPicture merge_columns(const FramesView<const Sample>& stored, std::size_t 
 
 template <class Sample>
 void restore_picture(const FramesView<const Sample>& stored, const BlockShares& shares, const Restoration& to,
-                     const StoredLight& table, std::span<const double> bounds, const RestoredPicture<Sample>& result) {
+                     const StoredTable& table, const RestoredPicture<Sample>& result) {
   check(stored, table);
   const std::size_t rows = stored.rows, columns = stored.columns;
-  require(bounds.size() + 1 == table.light.size(), "bounds", bounds.size(), "one less than stored values");
+  require(table.bounds.size() + 1 == table.light.size(), "bounds", table.bounds.size(), "one less than stored values");
   require(to.rows.size() == rows, "rows", to.rows.size(), "one value a row");
   check(shares, rows, columns);
   const std::size_t down = blocks_of(rows, shares.block_rows), across = blocks_of(columns, shares.block_columns);
-  const RestoredPixels<Sample> pixels(table, bounds, to.max_gain);
+  const RestoredPixels<Sample> pixels(table, to.max_gain);
   std::vector<BetweenBlocks> places;
   for (std::size_t column = 0; column < columns; ++column)
     places.push_back(place_in_blocks(column, shares.block_columns, across));
@@ -148,11 +149,11 @@ void restore_picture(const FramesView<const Sample>& stored, const BlockShares& 
   }
 }
 
-template MergedPicture merge_columns(const FramesView<const std::uint8_t>&, std::size_t, const StoredLight&);
-template MergedPicture merge_columns(const FramesView<const std::uint16_t>&, std::size_t, const StoredLight&);
+template Blocks merge_columns(const FramesView<const std::uint8_t>&, std::size_t, const StoredTable&);
+template Blocks merge_columns(const FramesView<const std::uint16_t>&, std::size_t, const StoredTable&);
 template void restore_picture(const FramesView<const std::uint8_t>&, const BlockShares&, const Restoration&,
-                              const StoredLight&, std::span<const double>, const RestoredPicture<std::uint8_t>&);
+                              const StoredTable&, const RestoredPicture<std::uint8_t>&);
 template void restore_picture(const FramesView<const std::uint16_t>&, const BlockShares&, const Restoration&,
-                              const StoredLight&, std::span<const double>, const RestoredPicture<std::uint16_t>&);
+                              const StoredTable&, const RestoredPicture<std::uint16_t>&);
 
 }  // namespace ocisac

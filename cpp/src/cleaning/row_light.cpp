@@ -104,21 +104,21 @@ RowEquations row_equations(const BandedPicture& picture, std::span<const double>
   return equations;
 }
 
-// Change B·δ of the rows with (BᵀHB)·δ = Bᵀb; `basis`: B, (rows × terms).
+// Change B·δ of the rows with (BᵀHB)·δ = Bᵀb; `basis`: B, column by column.
 std::vector<double> solve_in(std::span<const double> basis, const RowEquations& equations, std::size_t rows) {
-  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   const auto terms = static_cast<Eigen::Index>(basis.size() / rows);
-  const Eigen::Map<const Matrix> b(basis.data(), static_cast<Eigen::Index>(rows), terms);
+  const Eigen::Map<const Eigen::MatrixXd> b(basis.data(), static_cast<Eigen::Index>(rows), terms);
   const Eigen::Map<const Eigen::VectorXd> right(equations.right.data(), static_cast<Eigen::Index>(rows));
-  Matrix product = Matrix::Zero(b.rows(), terms);  // H·B
+  Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(terms, b.rows());  // (H·B)ᵀ
+  const Eigen::MatrixXd turned = b.transpose();
   for (std::size_t n = 0; n < rows; ++n)
     for (std::size_t k = 0; k < std::min(band, rows - n); ++k) {
       const auto one = static_cast<Eigen::Index>(n), other = static_cast<Eigen::Index>(n + k);
       const double value = equations.matrix[n * band + k];
-      product.row(one) += value * b.row(other);
-      if (k > 0) product.row(other) += value * b.row(one);
+      moved.col(one) += value * turned.col(other);
+      if (k > 0) moved.col(other) += value * turned.col(one);
     }
-  Eigen::MatrixXd normal = transposed_product(b, product);
+  Eigen::MatrixXd normal = product(moved, b);
   if (!(normal.trace() > 0)) return std::vector<double>(rows);
   normal.diagonal().array() += 1e-6 * normal.trace() / static_cast<double>(terms);
   const Eigen::VectorXd change = b * solve_positive_definite(normal, b.transpose() * right);

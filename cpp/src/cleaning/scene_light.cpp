@@ -8,10 +8,7 @@
 #include "cleaning/block_shares.hpp"
 #include "cleaning/chip_light.hpp"
 #include "cleaning/cleaned_picture.hpp"
-#include "cleaning/colour_shares.hpp"
-#include "cleaning/means_of_rows.hpp"
 #include "cleaning/merged_blocks.hpp"
-#include "cleaning/slow_changes.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -22,10 +19,6 @@ using Values = std::vector<double>;
 
 constexpr double left_by_chips = 0.125, level_of_lines = 0.5;  // chips on some columns that leave more are its lines
 constexpr double least_shown = 1.5;  // cycles of a light in a frame that its rows show, whatever the picture's shades
-constexpr std::size_t whole_pixels =
-    1U << 19U;  // of a picture under chips up to which every pixel has a share of its own
-constexpr double blocks_of_shares =
-    1U << 17U;                             // in larger ones: they vary slowly, and blocks average noise and texture
 constexpr std::size_t longest_block = 16;  // rows
 constexpr std::size_t flattest_block = 4;  // columns over rows: wide ones blur oblique edges of the light
 constexpr std::array<double, 2> toes{1.0 / 32, 1.0 / 8};  // in order; values in between give nearly the same picture
@@ -43,20 +36,10 @@ bool all_tones(std::span<const ColourLights> lights) {
 Values rows_of(std::span<const ColourLights> lights, std::size_t colour) {
   Values rows;
   for (const ColourLights& frame : lights) {
-    const Values& own = frame.lights[frame.of_colour[colour]].light;
+    const Values& own = frame.of(colour).light;
     rows.insert(rows.end(), own.begin(), own.end());
   }
   return rows;
-}
-
-// Lag of compared rows, of the mean light of the colours.
-std::size_t lag_of(const StoredScene& scene, std::span<const ColourLights> lights) {
-  Values mean(scene.frames() * scene.rows());
-  for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
-    const Values rows = rows_of(lights, colour);
-    for (std::size_t n = 0; n < mean.size(); ++n) mean[n] += rows[n] / static_cast<double>(scene.colours());
-  }
-  return comparison_lag(mean, scene.rows());
 }
 
 // Rows and columns of the blocks of a picture. Means of rows as far apart as those compared change as the rows of a
@@ -64,37 +47,20 @@ std::size_t lag_of(const StoredScene& scene, std::span<const ColourLights> light
 BlockShares blocks_in(const StoredScene& scene, bool of_tones, std::size_t lag) {
   const std::size_t pixels = scene.rows() * scene.columns(), most = of_tones ? lag : lag / 4;
   if (!of_tones && pixels <= whole_pixels) return {{}, 1, 1};
-  const double each = std::max(static_cast<double>(pixels) / blocks_of_shares, 1.0);
+  const double each = std::max(static_cast<double>(pixels) / static_cast<double>(enough_pixels), 1.0);
   const auto square = static_cast<std::size_t>(std::nearbyint(std::sqrt(each)));
   const std::size_t rows = std::max<std::size_t>(1, std::min({most, longest_block, square}));
   const auto wide = static_cast<std::size_t>(std::nearbyint(each / static_cast<double>(rows)));
   return {{}, rows, scene.merged() * blocks_of(std::min(wide, flattest_block * rows), scene.merged())};
 }
 
-// The light of chips in the first frame with a toe: the share of the rows' swing that they leave.
-double left_with_toe(const Values& light, const Values& variance, const BandedPicture& shape, std::size_t colours,
-                     double toe, double white) {
-  const std::size_t pixels = light.size() / colours;
-  Values sum(pixels), noise(pixels);
-  for (std::size_t i = 0; i < light.size(); ++i) {
-    const double slope = slope_of_lifted(light[i], toe, white);
-    sum[i % pixels] += lifted_light(light[i], toe, white);
-    noise[i % pixels] += variance[i] * slope * slope;
-  }
-  return unexplained_by_chips(ColumnBundles({sum, noise, 1, shape.rows, shape.columns}).free());
-}
-
-// The toe of the first frame under chips, which are additive in light only: the candidate with the best fit, or 0.
-double find_toe(const StoredScene& scene) {
-  const std::vector<BandedPicture> colours = scene.colours_of(0);
-  const std::vector<std::size_t> alike = alike_colours(colours).front();
-  Values light, variance;
-  for (const std::size_t k : alike) {
-    light.insert(light.end(), colours[k].light.begin(), colours[k].light.end());
-    variance.insert(variance.end(), colours[k].variance.begin(), colours[k].variance.end());
-  }
+// The toe of the first frame under chips, which are additive in light only: the candidate with the best fit, or 0. The
+// scene has it then.
+double find_toe(StoredScene& scene) {
+  const std::vector<std::size_t> alike = alike_colours(scene.colours_of(0)).front();
   const auto left = [&](double toe) {
-    return left_with_toe(light, variance, colours.front(), alike.size(), toe, scene.white());
+    scene.set_toe(toe);
+    return unexplained_by_chips(sum_of(scene.colours_of(0), alike).free());
   };
   const double without = left(0);
   double least = without, best = 0;
@@ -104,7 +70,8 @@ double find_toe(const StoredScene& scene) {
     best = toe;
     least = now;
   }
-  return least < less_left * without ? best : 0;
+  scene.set_toe(least < less_left * without ? best : 0);
+  return scene.toe();
 }
 
 std::vector<ColourLights> lights_of(const StoredScene& scene, RowModel model) {
@@ -121,7 +88,7 @@ std::vector<std::vector<BandedPicture>> pictures_of(const StoredScene& scene) {
 }
 
 // Slow light that is left after division by another light.
-std::vector<SlowLight> slow_light_left(const StoredScene& scene, const Camera& camera, const SceneLight& light) {
+std::vector<SlowLight> slow_light_left(const StoredScene& scene, const SceneLight& light) {
   std::vector<std::vector<BandedPicture>> frames = pictures_of(scene);
   std::vector<Values> cleaned;
   cleaned.reserve(scene.frames() * scene.colours());
@@ -129,7 +96,7 @@ std::vector<SlowLight> slow_light_left(const StoredScene& scene, const Camera& c
     for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
       BandedPicture& picture = frames[frame][colour];
       const BlockShares& shares = light.shares[colour];
-      const Values& rows = light.lights[frame].lights[light.lights[frame].of_colour[colour]].light;
+      const Values& rows = light.lights[frame].of(colour).light;
       const std::size_t across = blocks_of(scene.columns(), shares.block_columns);
       Values& values = cleaned.emplace_back(picture.light.begin(), picture.light.end());
       for (std::size_t i = 0; i < values.size(); ++i) {
@@ -139,7 +106,7 @@ std::vector<SlowLight> slow_light_left(const StoredScene& scene, const Camera& c
       }
       picture.light = values;
     }
-  return find_slow_lights(frames, camera);
+  return find_slow_lights(frames);
 }
 
 void tell_slow_bands(std::span<const SlowLight> slow, SceneLight& light) {
@@ -166,7 +133,7 @@ bool are_alike(std::span<const BlockShares> shares) {
 }  // namespace
 
 double SceneLight::full_level(std::size_t frame, std::size_t colour) const {
-  const auto lift_of = [&](std::size_t k) { return lights[frame].lights[lights[frame].of_colour[k]].full - 1; };
+  const auto lift_of = [&](std::size_t k) { return lights[frame].of(k).full - 1; };
   const double own = shares[colour].share.front();
   if (!(own > 0) || !are_alike(shares)) return 1 + lift_of(colour);
   double least = HUGE_VAL;
@@ -196,7 +163,7 @@ bool has_equal_rows(const StoredScene& scene) {
 }
 
 std::vector<BlockShares> shares_of(const StoredScene& scene, std::span<const ColourLights> lights) {
-  const BlockShares block = blocks_in(scene, all_tones(lights), lag_of(scene, lights));
+  const BlockShares block = blocks_in(scene, all_tones(lights), comparison_lag(rows_of(lights, 0), scene.rows()));
   std::vector<Blocks> pictures;
   std::vector<Values> rows;
   for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
@@ -214,12 +181,11 @@ std::vector<BlockShares> shares_of(const StoredScene& scene, std::span<const Col
     pictures.push_back(std::move(all));
     rows.push_back(means_of_rows(rows_of(lights, colour), scene.rows(), block.block_rows));
   }
-  std::vector<BandedColour> colours;
-  for (std::size_t k = 0; k < pictures.size(); ++k)
-    colours.push_back(
-        {{pictures[k].light, pictures[k].variance, scene.frames(), pictures[k].rows, pictures[k].columns}, rows[k]});
+  std::vector<BandedPicture> colours;
+  for (const Blocks& all : pictures)
+    colours.push_back({all.light, all.variance, scene.frames(), all.rows, all.columns});
   std::vector<BlockShares> result;
-  for (Values& share : colour_shares(colours))
+  for (Values& share : colour_shares(colours, rows))
     result.push_back({std::move(share), block.block_rows, block.block_columns});
   return result;
 }
@@ -230,8 +196,7 @@ CleaningVerdict verdict_on(const StoredScene& scene, std::size_t frame, const Co
   for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
     const BlockShares& own = shares[colour];
     const BlockShares merged{own.share, own.block_rows, blocks_of(own.block_columns, scene.merged())};
-    verdicts.push_back(
-        judge_cleaning(scene.picture(frame, colour), lights.lights[lights.of_colour[colour]].light, merged));
+    verdicts.push_back(judge_cleaning(scene.picture(frame, colour), lights.of(colour).light, merged));
   }
   return mean_verdict(verdicts);
 }
@@ -281,7 +246,7 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
   if (given.empty() && has_equal_rows(scene)) return left_alone(scene, objection_to(CleaningVerdict{}));
   std::vector<SlowLight> slow;
   if (given.empty() && (model == RowModel::automatic || model == RowModel::tone))
-    slow = find_slow_lights(pictures_of(scene), camera, earlier);
+    slow = find_slow_lights(pictures_of(scene), earlier);
   std::optional<SceneLight> slow_found;
   if (!slow.empty() && std::ranges::all_of(slow, [](const SlowLight& own) { return own.objection.empty(); }))
     slow_found = light_of_slow(scene, slow);
@@ -292,14 +257,10 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
   std::vector<ColourLights> lights =
       given.empty() ? lights_of(scene, model) : std::vector<ColourLights>(given.begin(), given.end());
   const bool is_curved = camera.tone_curve.kind != ToneCurve::Kind::linear;
-  if (!toe_is_known && is_curved && lights.front().lights[lights.front().of_colour[0]].model == RowModel::chips) {
-    const double toe = find_toe(scene);
-    if (toe > 0) {
-      scene.set_toe(toe);
-      lights = lights_of(scene, RowModel::chips);
-    }
+  if (!toe_is_known && is_curved && lights.front().of(0).model == RowModel::chips) {
+    if (find_toe(scene) > 0) lights = lights_of(scene, RowModel::chips);
   }
-  const RowModel main = lights.front().lights[lights.front().of_colour[0]].model;
+  const RowModel main = lights.front().of(0).model;
   if (model == RowModel::automatic && main == RowModel::rows && !slow_found && given.empty()) {
     SceneLight found = left_alone(scene, "no tone and no chips: the rows may be the picture's own");
     tell_slow_bands(slow, found);
@@ -324,7 +285,7 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
     found.slow = std::move(slow);
     return found;
   }
-  tell_slow_bands(slow_light_left(scene, camera, found), found);
+  tell_slow_bands(slow_light_left(scene, found), found);
   return found;
 }
 

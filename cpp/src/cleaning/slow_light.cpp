@@ -5,11 +5,11 @@
 #include <numbers>
 #include <numeric>
 
+#include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
-#include "cleaning/slow_modes.hpp"
-#include "cleaning/slow_shares.hpp"
 #include "cleaning/slow_tones.hpp"
 #include "core/check_interrupt.hpp"
+#include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -20,11 +20,11 @@ constexpr double likely = 10, sure = 400;  // odds of a light against none: it i
 constexpr double clear = 3;                // standard errors of its amplitude
 constexpr double colours_differ = 0.7;     // relative deviation of a colour's tones from those of all
 constexpr double of_groups = 0.5;          // expected deviation of the terms of a group of columns: hardly a bound
-constexpr double min_level = 0.25, max_worse = 0.25;
-constexpr double least_move = 0.05;  // cycles from frame to frame
-constexpr double most_other = 0.5;   // of the difference of two frames of one scene
-constexpr double by_chance = 13.8;   // chi square of two terms that one in a thousand exceeds
-constexpr double least_seen = 0.5;   // of tones that are on
+constexpr double max_worse = 0.25;         // of the groups of columns
+constexpr double least_move = 0.05;        // cycles from frame to frame
+constexpr double most_other = 0.5;         // of the difference of two frames of one scene
+constexpr double by_chance = 13.8;         // chi square of two terms that one in a thousand exceeds
+constexpr double least_seen = 0.5;         // of tones that are on
 constexpr const char* not_sure = "slow bands that the picture's own shades may be";
 constexpr const char* disagrees = "slow bands that are others than those of the frames before";
 
@@ -37,23 +37,21 @@ CommonCourse course_of(const CommonCourse& course, std::size_t group) {
   return own;
 }
 
-// The course without the light of some tones, and with that of others.
-CommonCourse under_others(CommonCourse course, std::span<const double> modes, std::span<const double> others) {
-  for (std::size_t k = 0; k < course.modes.size(); ++k) course.modes[k] += others[k] - modes[k];
-  return course;
-}
-
 // The tones of each colour: those of all, and what the colour's course differs by; less than a cycle of that is like a
 // shade of the colour.
-std::vector<std::vector<SlowTone>> tones_of_colours(const CommonCourse& all, std::span<const CommonCourse> colours,
+std::vector<std::vector<SlowTone>> tones_of_colours(std::span<const CommonCourse> courses,
                                                     const std::vector<SlowTone>& tones) {
+  const std::span<const CommonCourse> colours = courses.subspan(1);
   if (colours.size() == 1 || tones.front().cycles < 1) return std::vector(colours.size(), tones);
+  const CommonCourse& all = courses.front();
   const std::vector<double> common = modes_of_light(tones, all.modes.size());
   std::vector<std::vector<SlowTone>> found;
-  for (const CommonCourse& own : colours) {
-    CommonCourse apart = under_others(own, all.modes, common);
-    for (std::size_t k = 0; k < apart.variance.size(); ++k) apart.variance[k] += all.variance[k];
-    found.push_back(refitted_tones({&apart, 1}, tones, colours_differ * swing_of(tones)));
+  for (CommonCourse own : colours) {
+    for (std::size_t k = 0; k < own.modes.size(); ++k) {
+      own.modes[k] += common[k] - all.modes[k];
+      own.variance[k] += all.variance[k];
+    }
+    found.push_back(refitted_tones({&own, 1}, tones, colours_differ * swing_of(tones)));
   }
   return found;
 }
@@ -96,20 +94,13 @@ std::string objection_to(const SlowVerdict& verdict, bool is_even) {
   return is_even && verdict.worse > max_worse ? "slow bands of a light on some of the columns" : "";
 }
 
-struct FrameCourses {
-  CommonCourse all;
-  std::vector<CommonCourse> colours;
-};
-
-FrameCourses courses_of(const std::vector<BandedPicture>& colours) {
+// The course of all colours, then of each.
+std::vector<CommonCourse> courses_of(const std::vector<BandedPicture>& colours) {
   require(!colours.empty(), "colours", 0, "at least one");
-  if (colours.size() == 1) {
-    const CommonCourse only = common_course(colours.front());
-    return {only, {only}};
-  }
-  FrameCourses result{common_course(sum_of(colours).picture()), {}};
-  for (const BandedPicture& colour : colours) result.colours.push_back(common_course(colour, &result.all));
-  return result;
+  std::vector<CommonCourse> courses{common_course(sum_of(colours).picture())};
+  for (const BandedPicture& colour : colours)
+    courses.push_back(colours.size() == 1 ? courses.front() : common_course(colour, &courses.front()));
+  return courses;
 }
 
 std::vector<SlowTone> in_frame(std::vector<SlowTone> tones, std::ptrdiff_t frame) {
@@ -182,7 +173,7 @@ std::vector<double> light_of(std::span<const SlowTone> tones, std::size_t rows) 
           2 * std::numbers::pi * tone.cycles * ((static_cast<double>(n) + 0.5) / static_cast<double>(rows) - 0.5);
       light[n] += tone.terms[0] * std::cos(angle) + tone.terms[1] * std::sin(angle);
     }
-    light[n] = std::max(light[n], darkest_row);
+    light[n] = std::max(light[n], least_light);
   }
   return light;
 }
@@ -193,17 +184,17 @@ double swing_of(std::span<const SlowTone> tones) {
   return sum;
 }
 
-std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames, const Camera& camera,
+std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames,
                                         const EarlierFrames& earlier, std::span<const SlowTone> near) {
   require(!frames.empty(), "frames", 0, "at least one");
   const std::size_t rows = frames.front().empty() ? 0 : frames.front().front().rows;
   std::vector<CommonCourse> courses = earlier.courses;
   std::vector<std::vector<CommonCourse>> of_colours;
   for (const std::vector<BandedPicture>& colours : frames) {
-    FrameCourses found = courses_of(colours);
-    found.all.place = earlier.next + static_cast<std::ptrdiff_t>(of_colours.size());
-    courses.push_back(std::move(found.all));
-    of_colours.push_back(std::move(found.colours));
+    std::vector<CommonCourse> found = courses_of(colours);
+    found.front().place = earlier.next + static_cast<std::ptrdiff_t>(of_colours.size());
+    courses.push_back(found.front());
+    of_colours.push_back(std::move(found));
   }
   for (const CommonCourse& course : courses)
     require(course.modes.size() == courses.back().modes.size(), "earlier", course.modes.size(),
@@ -214,10 +205,8 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
   std::vector<SlowTone> first;
   SlowVerdict verdict;
   std::vector<double> shares;
-  // Two frames differ alike where a light moves and where it is switched, but for mains by the camera's clock.
-  const bool are_clocked = camera.frame_time && courses.size() == 2 &&
-                           are_of_mains(find_slow_tones(courses, rows, camera, {}), rows, camera);
-  const std::size_t most = courses.size() == 2 && !are_clocked ? 1 : most_slow_frames;
+  // Two frames differ alike where a light moves and where it is switched.
+  const std::size_t most = courses.size() == 2 ? 1 : most_slow_frames;
   std::vector<SlowLight> result;
   for (std::size_t frame = earlier.courses.size(); frame < courses.size(); ++frame) {
     check_interrupt();
@@ -225,7 +214,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     const std::size_t start = most == 1 ? frame : std::min(frame - std::min(frame, most / 2), last);
     if (compared != start) {
       const auto these = std::span<const CommonCourse>(courses).subspan(start, std::min(most, courses.size() - start));
-      first = find_slow_tones(these, rows, camera, in_frame(known, these.front().place - place_of_known));
+      first = find_slow_tones(these, rows, in_frame(known, these.front().place - place_of_known));
       verdict = agreement_of_groups(these, first);
       shares = slow_shares(these, first, rows);
       known = first;
@@ -237,8 +226,8 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     const SlowTone& main = tones.front();
     const bool is_sure = std::ranges::all_of(tones, [](const SlowTone& tone) { return tone.is_sure(); });
     const bool is_other = are_others(std::span<const CommonCourse>(courses).subspan(start, frame - start + 1), first);
-    result.push_back({tones_of_colours(courses[frame], of_colours[frame - earlier.courses.size()], tones), tones,
-                      courses[frame], main.log_odds > std::log(likely) ? main.amplitude() : 0, verdict,
+    result.push_back({tones_of_colours(of_colours[frame - earlier.courses.size()], tones), tones, courses[frame],
+                      main.log_odds > std::log(likely) ? main.amplitude() : 0, verdict,
                       !is_sure   ? not_sure
                       : is_other ? disagrees
                                  : objection_to(verdict, shares.empty()),
@@ -246,20 +235,21 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
   }
   const bool is_other = std::ranges::any_of(result, [](const SlowLight& one) { return one.objection == disagrees; });
   if (!is_other || earlier.courses.empty()) return result;
-  result = find_slow_lights(frames, camera, {{}, earlier.next});
+  result = find_slow_lights(frames, {{}, earlier.next});
   for (SlowLight& one : result) one.is_first = true;
   return result;
 }
 
 SlowLight slow_light_before(const std::vector<BandedPicture>& colours, const SlowLight& later, std::ptrdiff_t ago) {
-  FrameCourses found = courses_of(colours);
-  require(found.all.modes.size() == later.course.modes.size(), "colours", colours.front().rows, "as many rows");
-  found.all.place = later.course.place - ago;
+  std::vector<CommonCourse> found = courses_of(colours);
+  CommonCourse& all = found.front();
+  require(all.modes.size() == later.course.modes.size(), "colours", colours.front().rows, "as many rows");
+  all.place = later.course.place - ago;
   SlowLight light = later;
   light.common = in_frame(later.common, -ago);
-  light.tones = tones_of_colours(found.all, found.colours, light.common);
-  if (!difference_of(found.all, later.course, light.common, found.all.place).is_less()) light.objection = disagrees;
-  light.course = std::move(found.all);
+  light.tones = tones_of_colours(found, light.common);
+  if (!difference_of(all, later.course, light.common, all.place).is_less()) light.objection = disagrees;
+  light.course = std::move(all);
   return light;
 }
 

@@ -1,12 +1,11 @@
-#include "cleaning/slow_shares.hpp"
-
 #include <Eigen/Core>
 #include <algorithm>
 
 #include "cleaning/block_shares.hpp"
-#include "cleaning/means_of_rows.hpp"
+#include "cleaning/cleaned_picture.hpp"
+#include "cleaning/merged_blocks.hpp"
 #include "cleaning/quantile.hpp"
-#include "cleaning/slow_modes.hpp"
+#include "cleaning/slow_tones.hpp"
 #include "core/linear_algebra.hpp"
 
 namespace ocisac {
@@ -66,7 +65,7 @@ std::vector<double> slow_shares(std::span<const CommonCourse> courses, const std
   level = centred(level);
   const MatrixXd prior = prior_of(cells, across);
   VectorXd share = VectorXd::Ones(cells);
-  const auto left = [&] { return (1 + change.colwise() * share.array()).max(darkest_row).eval(); };
+  const auto left = [&] { return (1 + change.colwise() * share.array()).max(least_light).eval(); };
   const auto residual = [&] { return (level - centred(left().log())).eval(); };
   double noise_of_one = 0, before = 0;
   for (int step = 0; step < steps; ++step) {

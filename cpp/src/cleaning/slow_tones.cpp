@@ -7,10 +7,10 @@
 #include <numbers>
 #include <numeric>
 
-#include "cleaning/slow_changes.hpp"
-#include "cleaning/slow_modes.hpp"
+#include "cleaning/cleaned_picture.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/linear_algebra.hpp"
+#include "ocisac/cleaning/column_bundles.hpp"
 #include "ocisac/rows/tone_search.hpp"
 
 namespace ocisac {
@@ -34,15 +34,11 @@ constexpr std::array<double, 4> trends{0.5, 0.5, 0.1, 0.05};  // standard deviat
                                                               // vignettes, skies
 constexpr std::array<double, 3> sizes{0.05, 0.15, 0.5};       // expected of a tone's terms, one as likely as another
 constexpr std::size_t phase_steps = 16;
-constexpr double real_row_time = 1e-3;  // s; a larger one is no camera's, but a unit
 constexpr std::size_t places_of_mode = 8;
 constexpr double turn = 2 * std::numbers::pi;
-constexpr double same_cycles = 1e-6;
 constexpr double near_cycles = 0.06, near_at_most = 0.25;  // between neighbouring tones: relative, and cycles
-constexpr int near_tones = 9;
 constexpr std::size_t most_tones = 3;
-constexpr double least_apart = 0.5;    // cycles between tones
-constexpr double step_of_mains = 0.1;  // rad; standard deviation of what mains and the clock differ by in a frame
+constexpr double least_apart = 0.5;  // cycles between tones
 constexpr int most_iterations = 20;
 constexpr std::size_t parameters = 4;  // of a tone: its two terms, cycles and phase step
 
@@ -128,17 +124,15 @@ struct Frames {
   MatrixXd modes;                  // (modes × frames)
   MatrixXd slow;                   // (places × modes) cosines
   std::vector<double> places;      // of the frames, after the first
-  std::vector<SlowTone> mains;     // cycles in the picture and phase step, if it is known; of no terms
   std::vector<Spread> still;       // of their mean
   std::vector<VectorXd> changing;  // inverse variances of the deviations from it; none for one frame
 };
 
-Frames frames_of(std::span<const CommonCourse> courses, const std::vector<SlowTone>& mains = {}) {
+Frames frames_of(std::span<const CommonCourse> courses) {
   const auto count = static_cast<Index>(courses.front().modes.size()), number = static_cast<Index>(courses.size());
   Frames frames{MatrixXd(count, number),
                 slow_modes(places_of_mode * static_cast<std::size_t>(count), static_cast<std::size_t>(count)),
                 {},
-                mains,
                 {},
                 {}};
   VectorXd variance = VectorXd::Zero(count);
@@ -184,51 +178,18 @@ Evidence evidence_of(const Frames& frames, const MatrixXd& modes) {
   return result;
 }
 
-// A tone that is tried: cycles in the picture, phase step, probability before; index of its modes.
-struct Tried {
-  double cycles, step, prior;
-  std::size_t modes = 0;
-};
-
-std::vector<double> all_steps(std::size_t frames) {
-  std::vector<double> steps;
-  for (std::size_t k = 0; k < (frames > 1 ? phase_steps : 1); ++k)
-    steps.push_back(turn * static_cast<double>(k) / static_cast<double>(phase_steps));
-  return steps;
-}
-
-// Tones of every frequency and phase step; mains have half of the probability where the row time is known.
-std::vector<Tried> all_tones(std::size_t rows, std::size_t frames, const std::vector<SlowTone>& mains) {
-  const auto length = static_cast<double>(rows);
-  const double most = std::min(std::max(1.1 * length / slowest_period, slow_cycles), most_cycles);
-  const std::vector<double> steps = all_steps(frames);
-  std::vector<Tried> tones;
+// Tones of every frequency and phase step, which one frame does not show, with the logarithms of their probabilities.
+std::vector<SlowTone> all_tones(std::size_t rows, std::size_t frames) {
+  const double most = most_cycles(rows);
+  std::vector<SlowTone> tones;
   for (double cycles = least_cycles;; cycles += std::min(near_cycles * cycles, near_at_most)) {
-    for (const double step : steps) tones.push_back({cycles, step, 1});
+    for (std::size_t k = 0; k < (frames > 1 ? phase_steps : 1); ++k) {
+      tones.emplace_back().cycles = cycles;
+      if (frames > 1) tones.back().step = turn * static_cast<double>(k) / static_cast<double>(phase_steps);
+    }
     if (!(cycles < most)) break;
   }
-  for (Tried& tone : tones) tone.prior = 1 / static_cast<double>(tones.size());
-  std::vector<SlowTone> seen;
-  for (const SlowTone& tone : mains)
-    if (least_cycles < tone.cycles && tone.cycles < most) seen.push_back(tone);
-  for (const SlowTone& tone : seen) {
-    const std::vector<double> known = frames > 1 && tone.step ? std::vector{*tone.step} : steps;
-    for (const double step : known)
-      tones.push_back({tone.cycles, step, 1 / static_cast<double>(known.size() * seen.size())});
-  }
-  for (Tried& tone : tones) tone.prior /= seen.empty() ? 1 : 2;
-  return tones;
-}
-
-// Tones of nearly the same cycles, and of every phase step.
-std::vector<Tried> tones_near(const SlowTone& tone, std::size_t frames) {
-  std::vector<Tried> tones;
-  const std::vector<double> steps = all_steps(frames);
-  for (int k = 0; k < near_tones; ++k)
-    for (const double step : steps)
-      tones.push_back({tone.cycles + std::min(near_cycles * tone.cycles, near_at_most) *
-                                         (static_cast<double>(k) / (near_tones - 1) - 0.5),
-                       step, 1 / static_cast<double>(near_tones * steps.size())});
+  for (SlowTone& tone : tones) tone.log_odds = -std::log(static_cast<double>(tones.size()));
   return tones;
 }
 
@@ -274,19 +235,12 @@ OfCycles equations_of(const Frames& frames, const MatrixXd& residual, double cyc
   return result;
 }
 
-// A tone that was tried: its log evidence, with that of all S, floors, changes and sizes; mean and variance of its
-// terms.
-struct Compared {
-  Tried tried;
-  double evidence = 0;
-  Vector2d mean = Vector2d::Zero(), variance = Vector2d::Zero();
-};
-
-Compared compared(const Tried& tried, const OfCycles& equations, const Frames& frames, const Evidence& none) {
+// A tone that is tried, with the mean of its terms, and its log evidence, that of all S, floors, changes and sizes.
+SlowTone compared(SlowTone tone, const OfCycles& equations, const Frames& frames, const Evidence& none) {
   std::vector<Matrix2d> turns;
   Matrix2d still = Matrix2d::Zero();
   for (const double place : frames.places) {
-    turns.push_back(rotation(tried.step * place));
+    turns.push_back(rotation(tone.step.value_or(0) * place));
     still += turns.back() / static_cast<double>(frames.places.size());
   }
   std::vector<Matrix2d> changing(none.changing.size(), Matrix2d::Zero());
@@ -298,7 +252,7 @@ Compared compared(const Tried& tried, const OfCycles& equations, const Frames& f
       pulls[change] += moving.transpose() * equations.pulls[change].col(static_cast<Index>(frame));
     }
   std::vector<double> evidence;
-  std::vector<Vector2d> terms, variances;
+  std::vector<Vector2d> terms;
   for (std::size_t k = 0; k < none.still.size(); ++k) {
     const Matrix2d normal = still.transpose() * equations.still[k] * still;
     const Vector2d pull = still.transpose() * equations.pull[k];
@@ -307,34 +261,34 @@ Compared compared(const Tried& tried, const OfCycles& equations, const Frames& f
         const Matrix2d all = normal + changing[change] + Matrix2d::Identity() / (size * size);
         const double determinant = all(0, 0) * all(1, 1) - all(0, 1) * all(1, 0);
         const Vector2d right = pull + pulls[change];
-        const Vector2d inverse_diagonal(all(1, 1) / determinant, all(0, 0) / determinant);
         const Vector2d solution((all(1, 1) * right[0] - all(0, 1) * right[1]) / determinant,
                                 (all(0, 0) * right[1] - all(1, 0) * right[0]) / determinant);
         evidence.push_back(none.still[k] + none.changing[change] + 0.5 * right.dot(solution) -
                            0.5 * std::log(determinant) - 2 * std::log(size) -
                            std::log(static_cast<double>(sizes.size())));
         terms.push_back(solution);
-        variances.push_back(inverse_diagonal);
       }
   }
-  Compared result{tried, log_sum(evidence)};
-  for (std::size_t k = 0; k < terms.size(); ++k) result.mean += std::exp(evidence[k] - result.evidence) * terms[k];
+  const double sum = log_sum(evidence);
   for (std::size_t k = 0; k < terms.size(); ++k)
-    result.variance += std::exp(evidence[k] - result.evidence) * (variances[k] + (terms[k] - result.mean).cwiseAbs2());
-  return result;
+    for (Index i = 0; i < 2; ++i) tone.terms[static_cast<std::size_t>(i)] += std::exp(evidence[k] - sum) * terms[k][i];
+  tone.log_odds += sum;
+  return tone;
 }
 
 // Mean square by which the terms of tones that differ by their phase steps differ from those of the likeliest one, in
 // the first or the last frame: two frames show the difference of two phasors, which has several solutions.
-double ambiguity(std::span<const Compared> all, const Compared& best, double last) {
+double ambiguity(std::span<const SlowTone> all, const SlowTone& best, double last) {
   double most = 0;
   for (const double frame : {0.0, last}) {
-    const Vector2d expected = rotation(best.tried.step * frame) * best.mean;
+    const auto terms_of = [&](const SlowTone& tone) {
+      return Vector2d(rotation(tone.step.value_or(0) * frame) * Vector2d(tone.terms[0], tone.terms[1]));
+    };
     double sum = 0, weights = 0;
-    for (const Compared& one : all) {
-      if (one.tried.cycles != best.tried.cycles) continue;
-      const double weight = std::exp(one.evidence - best.evidence);
-      sum += weight * (rotation(one.tried.step * frame) * one.mean - expected).squaredNorm();
+    for (const SlowTone& one : all) {
+      if (one.cycles != best.cycles) continue;
+      const double weight = std::exp(one.log_odds - best.log_odds);
+      sum += weight * (terms_of(one) - terms_of(best)).squaredNorm();
       weights += weight;
     }
     most = std::max(most, sum / weights);
@@ -343,28 +297,22 @@ double ambiguity(std::span<const Compared> all, const Compared& best, double las
 }
 
 // The likeliest of the tones that are tried, with the odds of all together against none.
-SlowTone likeliest(const Frames& frames, const MatrixXd& residual, std::span<const Tried> tones) {
+SlowTone likeliest(const Frames& frames, const MatrixXd& residual, std::vector<SlowTone> tones) {
   const Evidence none = evidence_of(frames, residual);
-  std::vector<Compared> all;
-  std::vector<double> weighed, cycles;
-  std::vector<OfCycles> equations;
-  for (const Tried& tone : tones) {
+  std::vector<double> evidence;
+  OfCycles equations;
+  double cycles = 0;  // that they are of; above 0
+  for (SlowTone& tone : tones) {
     check_interrupt();
-    auto known = std::find(cycles.begin(), cycles.end(), tone.cycles);
-    if (known == cycles.end()) {
-      equations.push_back(equations_of(frames, residual, tone.cycles));
-      known = cycles.insert(known, tone.cycles);
-    }
-    all.push_back(compared(tone, equations[static_cast<std::size_t>(known - cycles.begin())], frames, none));
-    weighed.push_back(all.back().evidence + std::log(tone.prior));
+    if (tone.cycles != cycles) equations = equations_of(frames, residual, tone.cycles);
+    cycles = tone.cycles;
+    tone = compared(tone, equations, frames, none);
+    evidence.push_back(tone.log_odds);
   }
-  const Compared& best = all[static_cast<std::size_t>(std::ranges::max_element(weighed) - weighed.begin())];
-  const double doubt = ambiguity(all, best, frames.places.back());
-  return {best.tried.cycles,
-          frames.places.size() > 1 ? std::optional(best.tried.step) : std::nullopt,
-          {best.mean[0], best.mean[1]},
-          {doubt, doubt},
-          log_sum(weighed) - none.all()};
+  SlowTone best = tones[static_cast<std::size_t>(std::ranges::max_element(evidence) - evidence.begin())];
+  best.variance.fill(ambiguity(tones, best, frames.places.back()));
+  best.log_odds = log_sum(evidence) - none.all();
+  return best;
 }
 
 // Light and its derivatives by the parameters of the tones, in the logarithm, as modes of each frame.
@@ -391,8 +339,8 @@ Predicted predicted(const Frames& frames, std::span<const SlowTone> tones) {
         change.row(n).segment(at, parameters) << cosine, sine, slope * turn * place, slope * frames.places[frame];
       }
     for (Index n = 0; n < places; ++n) {
-      change.row(n) *= light[n] > darkest_row ? 1 / light[n] : 0;
-      light[n] = std::log(std::max(light[n], darkest_row));
+      change.row(n) *= light[n] > least_light ? 1 / light[n] : 0;
+      light[n] = std::log(std::max(light[n], least_light));
     }
     result.modes.col(static_cast<Index>(frame)) = modes_of_courses(frames.slow, light);
     result.derivative.push_back(modes_of_courses(frames.slow, change));
@@ -476,15 +424,8 @@ Fitted fitted(const Frames& frames, const std::vector<SlowTone>& start, const Ex
   VectorXd centre = first, hold(first.size());
   for (Index at = 0; at < first.size(); at += parameters) {
     if (expected.about_zero) centre.segment(at, 2).setZero();
-    double cycles = std::max(expected.cycles, fixed), step = std::max(expected.step, fixed);
-    for (const SlowTone& known : frames.mains) {
-      if (std::abs(known.cycles - first[at + 2]) >= same_cycles) continue;
-      cycles = fixed;
-      if (!known.step) continue;
-      centre[at + 3] -= std::remainder(first[at + 3] - *known.step, turn);
-      step = std::min(step, step_of_mains);
-    }
-    hold.segment(at, parameters) << expected.terms, expected.terms, cycles, step;
+    hold.segment(at, parameters) << expected.terms, expected.terms, std::max(expected.cycles, fixed),
+        std::max(expected.step, fixed);
   }
   hold = hold.cwiseAbs2().cwiseInverse();
   VectorXd now = first;
@@ -546,45 +487,25 @@ std::vector<SlowTone> joined(const Frames& frames, std::vector<SlowTone> tones, 
   return std::move(all.tones);
 }
 
-std::vector<SlowTone> mains_of(std::size_t rows, const Camera& camera) {
-  std::vector<SlowTone> mains;
-  for (const double frequency : kMains) {
-    if (!(camera.row_time < real_row_time)) continue;
-    mains.emplace_back().cycles = frequency * camera.row_time * static_cast<double>(rows);
-    if (camera.frame_time) mains.back().step = std::fmod(turn * frequency * *camera.frame_time, turn);
-  }
-  return mains;
-}
-
 }  // namespace
 
-bool are_of_mains(const std::vector<SlowTone>& tones, std::size_t rows, const Camera& camera) {
-  const std::vector<SlowTone> mains = mains_of(rows, camera);
-  return std::ranges::all_of(tones, [&](const SlowTone& tone) {
-    return std::ranges::any_of(
-        mains, [&](const SlowTone& known) { return known.step && std::abs(known.cycles - tone.cycles) < same_cycles; });
-  });
-}
-
-std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std::size_t rows, const Camera& camera,
+std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std::size_t rows,
                                       std::span<const SlowTone> near) {
-  const std::vector<SlowTone> mains = mains_of(rows, camera);
-  const Frames frames = frames_of(courses, mains);
+  const Frames frames = frames_of(courses);
   std::vector<SlowTone> found;
   for (const SlowTone& tone : near) {
+    if (courses.size() > 1 && !tone.step) break;  // that of a single frame; another search finds its step
     SlowTone start = tone;
-    if (courses.size() > 1 && !tone.step)
-      start = likeliest(frames, without(frames, found), tones_near(tone, courses.size()));
     start.log_odds = -HUGE_VAL;
     start.variance = {};
     found = joined(frames, std::move(found), start, 1);
   }
-  std::vector<Tried> tried = all_tones(rows, courses.size(), mains);
+  std::vector<SlowTone> tried = all_tones(rows, courses.size());
   // A second one moves in several frames; in one it may be shades, or what a tone curve makes of the first one.
   const std::size_t most = courses.size() == 1 ? 1 : most_tones;
   while (found.size() < most && (near.empty() || courses.size() < most_slow_frames)) {
     for (const SlowTone& own : found)
-      std::erase_if(tried, [&](const Tried& other) { return std::abs(other.cycles - own.cycles) < least_apart; });
+      std::erase_if(tried, [&](const SlowTone& other) { return std::abs(other.cycles - own.cycles) < least_apart; });
     if (tried.empty()) break;
     std::vector<SlowTone> more = joined(frames, found, likeliest(frames, without(frames, found), tried), tried.size());
     const bool is_sure = more.back().is_sure();
@@ -595,7 +516,7 @@ std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std
 }
 
 std::vector<double> modes_of_light(std::span<const SlowTone> tones, std::size_t count) {
-  const Frames one{{}, slow_modes(places_of_mode * count, count), {0}, {}, {}, {}};
+  const Frames one{{}, slow_modes(places_of_mode * count, count), {0}, {}, {}};
   const MatrixXd modes = predicted(one, tones).modes;
   return {modes.data(), modes.data() + modes.size()};
 }

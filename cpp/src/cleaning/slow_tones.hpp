@@ -1,7 +1,7 @@
-// Slow tones of the light of the rows, and their odds against none.
+// Slow tones of the light of the rows, their odds against none, and their shares.
 #pragma once
 
-#include <array>
+#include <Eigen/Core>
 #include <span>
 #include <vector>
 
@@ -10,14 +10,18 @@
 namespace ocisac {
 
 constexpr double least_cycles = 0.1;  // in the picture
+constexpr double least_mode_variance = 1e-8;
+
+// Cycles in the picture of the fastest slow tone: of 58 rows, but at least 2.5 cycles and at most 16.
+double most_cycles(std::size_t rows);
+
+// (places × count): cosines of order 1 to count.
+Eigen::MatrixXd slow_modes(std::size_t places, std::size_t count);
 
 // Tones in consecutive frames of one scene, as in the first of them, the strongest first; at least one. The last of
 // several is sure, and the first one need not be. `near`: tones whose cycles and phase steps are nearly those.
-std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std::size_t rows, const Camera& camera,
+std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std::size_t rows,
                                       std::span<const SlowTone> near);
-
-// Tones of the mains, whose phase steps the clock of the camera gives.
-bool are_of_mains(const std::vector<SlowTone>& tones, std::size_t rows, const Camera& camera);
 
 // Tones of the same cycles and steps, whose terms follow those of the courses. `deviation`: of the new terms from the
 // given ones.
@@ -26,5 +30,11 @@ std::vector<SlowTone> refitted_tones(std::span<const CommonCourse> courses, cons
 
 // The first `count` cosine modes of the log light of the tones.
 std::vector<double> modes_of_light(std::span<const SlowTone> tones, std::size_t count);
+
+// Shares of the light in the cells of the courses: in consecutive frames the phase moves and the picture hardly, so
+// that the mean of a cell changes by its share. `tones`: as in the first of the frames. Empty where cells of their own
+// explain the changes no better than one share, or where the frames are too few.
+std::vector<double> slow_shares(std::span<const CommonCourse> courses, const std::vector<SlowTone>& tones,
+                                std::size_t rows);
 
 }  // namespace ocisac

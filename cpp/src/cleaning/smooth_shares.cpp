@@ -4,8 +4,10 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <span>
 #include <utility>
 
+#include "cleaning/edge_aware_filter.hpp"
 #include "core/check_interrupt.hpp"
 
 namespace ocisac {
@@ -13,6 +15,7 @@ namespace ocisac {
 namespace {
 
 constexpr double variation = 20;  // λ, in log likelihood: equals the evidence of 10 pixels for a change of 1 in share
+constexpr int steps = 4;          // of reweighting
 constexpr double min_slope = 1e-3;                       // ε, per pixel
 constexpr std::size_t block = 8;                         // side of a block with one trend, pixels
 constexpr double reach_of_trend = 40;                    // pixels
@@ -30,209 +33,244 @@ double scalar_product(const double* a, const double* b, std::size_t count) {
   return sum;
 }
 
+// System: weight·x_i + Σ_j coupling_ij·(x_i − x_j) = right over the neighbours j.
+struct Level {
+  std::size_t rows, columns;
+  std::vector<double> weight, down, across;  // couplings to the next row and column, 0 where there is none
+  std::vector<double> right;                 // right-hand side, then the residual
+  std::vector<double> change;                // x
+  std::vector<double> direction, product, inverse;
+
+  Level(std::size_t rows_of, std::size_t columns_of) : rows(rows_of), columns(columns_of) {
+    for (auto* values : {&weight, &down, &across, &right, &change, &direction, &product, &inverse})
+      values->assign(size(), 0);
+  }
+
+  std::size_t size() const { return rows * columns; }
+
+  // Sums over 2 × 2 pixels.
+  void take_from(const Level& finer) {
+    for (auto* values : {&weight, &down, &across, &right}) std::fill(values->begin(), values->end(), 0);
+    for (std::size_t row = 0; row < finer.rows; ++row)
+      for (std::size_t column = 0; column < finer.columns; ++column) {
+        const std::size_t from = row * finer.columns + column, to = row / 2 * columns + column / 2;
+        weight[to] += finer.weight[from];
+        right[to] += finer.right[from];
+        if (row % 2 == 1) down[to] += finer.down[from];
+        if (column % 2 == 1) across[to] += finer.across[from];
+      }
+  }
+
+  // Start value: the change of the coarser pixel.
+  void start_from(const Level& coarser) {
+    for (std::size_t row = 0; row < rows; ++row)
+      for (std::size_t column = 0; column < columns; ++column)
+        change[row * columns + column] = coarser.change[row / 2 * coarser.columns + column / 2];
+  }
+
+  void invert_diagonal() {
+    for (std::size_t i = 0; i < size(); ++i) {
+      double sum = weight[i] + down[i] + across[i];
+      if (i >= columns) sum += down[i - columns];
+      if (i > 0) sum += across[i - 1];  // 0 from the end of the row before
+      inverse[i] = 1 / sum;
+    }
+  }
+
+  // One row of the product of the matrix and x.
+  void apply(const std::vector<double>& x, std::size_t row, std::vector<double>& out) const {
+    const std::size_t first = row * columns, above = row > 0 ? columns : 0, below = row + 1 < rows ? columns : 0;
+    const double* here = &x[first];
+    const double* up = here - above;
+    const double* under = here + below;
+    const double* from_up = &down[first] - above;  // in the first row this term has weight 0
+    const double* to_under = &down[first];
+    const double* beside = &across[first];
+    const double* held = &weight[first];
+    double* result = &out[first];
+    const auto of_column = [&](std::size_t i) {
+      return held[i] * here[i] + from_up[i] * (here[i] - up[i]) + to_under[i] * (here[i] - under[i]);
+    };
+    result[0] = of_column(0);
+    if (columns == 1) return;
+    result[0] += beside[0] * (here[0] - here[1]);
+    for (std::size_t i = 1; i + 1 < columns; ++i)
+      result[i] = of_column(i) + beside[i] * (here[i] - here[i + 1]) + beside[i - 1] * (here[i] - here[i - 1]);
+    result[columns - 1] = of_column(columns - 1) + beside[columns - 2] * (here[columns - 1] - here[columns - 2]);
+  }
+
+  // direction = residual/diagonal + keep·direction; product = matrix·direction; returns their scalar product.
+  double multiply(double keep) {
+    double sum = 0;
+    for (std::size_t row = 0; row <= rows; ++row) {
+      if (row < rows)
+        for (std::size_t i = row * columns; i < (row + 1) * columns; ++i)
+          direction[i] = right[i] * inverse[i] + keep * direction[i];
+      if (row == 0) continue;
+      apply(direction, row - 1, product);
+      const std::size_t first = (row - 1) * columns;
+      sum += scalar_product(&direction[first], &product[first], columns);
+    }
+    return sum;
+  }
+
+  // Along the direction; returns the size of the residual.
+  double advance(double step) {
+    double sum = 0;
+    std::array<double, 256> scaled{};
+    for (std::size_t first = 0; first < size(); first += scaled.size()) {
+      const std::size_t count = std::min(scaled.size(), size() - first);
+      for (std::size_t k = 0; k < count; ++k) {
+        const std::size_t i = first + k;
+        change[i] += step * direction[i];
+        right[i] -= step * product[i];
+        scaled[k] = right[i] * inverse[i];
+      }
+      sum += scalar_product(&right[first], scaled.data(), count);
+    }
+    return sum;
+  }
+
+  void solve(int count) {
+    invert_diagonal();
+    for (std::size_t row = 0; row < rows; ++row) apply(change, row, product);
+    std::fill(direction.begin(), direction.end(), 0);
+    for (std::size_t i = 0; i < size(); ++i) right[i] -= product[i];
+    double residual = advance(0), keep = 0;
+    const double negligible = 1e-24 * residual;
+    for (int k = 0; k < count && residual > negligible; ++k) {
+      check_interrupt();
+      const double before = std::exchange(residual, advance(residual / multiply(keep)));
+      keep = residual / before;
+    }
+  }
+};
+
+class ShareSmoother {
+ public:
+  ShareSmoother(std::size_t rows, std::size_t columns)
+      : block_rows_((rows + block - 1) / block),
+        block_columns_((columns + block - 1) / block),
+        blocks_(block_rows_, block_columns_),
+        passages_(block_rows_ * block_columns_, std::exp(-static_cast<double>(block) / reach_of_trend)) {
+    trend_down_.assign(passages_.size(), 0);
+    trend_across_ = trend_down_;
+    levels_.emplace_back(rows, columns);
+    while (levels_.size() < iterations.size() && std::min(levels_.back().rows, levels_.back().columns) >= min_side)
+      levels_.emplace_back((levels_.back().rows + 1) / 2, (levels_.back().columns + 1) / 2);
+  }
+
+  // Adds x to `share`.
+  void step(std::span<const double> pull, std::span<const double> weight, std::span<double> share) {
+    Level& finest = levels_.front();
+    couple(share);
+    find_trend(share);
+    find_right(pull, share);
+    for (std::size_t i = 0; i < share.size(); ++i) finest.weight[i] = weight[i] + min_weight;
+    for (std::size_t k = 1; k < levels_.size(); ++k) levels_[k].take_from(levels_[k - 1]);
+    std::fill(levels_.back().change.begin(), levels_.back().change.end(), 0);
+    for (std::size_t k = levels_.size(); k-- > 0;) {
+      if (k + 1 < levels_.size()) levels_[k].start_from(levels_[k + 1]);
+      levels_[k].solve(k + 1 < levels_.size() ? iterations[k] : iterations.back());
+    }
+    for (std::size_t i = 0; i < share.size(); ++i) share[i] += finest.change[i];
+  }
+
+ private:
+  double trend_down(std::size_t row, std::size_t column) const {
+    return trend_down_[row / block * block_columns_ + column / block];
+  }
+
+  double trend_across(std::size_t row, std::size_t column) const {
+    return trend_across_[row / block * block_columns_ + column / block];
+  }
+
+  void couple(std::span<const double> share) {
+    Level& level = levels_.front();
+    const std::size_t rows = level.rows, columns = level.columns;
+    std::vector<double>& slope = level.product;  // squared: twice the mean of both sides
+    std::fill(slope.begin(), slope.end(), 0);
+    for (std::size_t row = 0; row < rows; ++row)
+      for (std::size_t first = 0; first < columns; first += block) {
+        const std::size_t begin = row * columns + first, end = row * columns + std::min(first + block, columns);
+        const double to_next = trend_across(row, first), to_under = trend_down(row, first);
+        for (std::size_t i = begin; i < (end == (row + 1) * columns ? end - 1 : end); ++i) {
+          const double difference = share[i + 1] - share[i] - to_next, square = difference * difference;
+          slope[i] += square;
+          slope[i + 1] += square;
+        }
+        for (std::size_t i = begin; row + 1 < rows && i < end; ++i) {
+          const double difference = share[i + columns] - share[i] - to_under, square = difference * difference;
+          slope[i] += square;
+          slope[i + columns] += square;
+        }
+      }
+    const auto coupling = [&](std::size_t i, std::size_t next) {
+      return variation / std::sqrt(min_slope * min_slope + 0.25 * (slope[i] + slope[next]));
+    };
+    for (std::size_t row = 0; row < rows; ++row) {
+      const std::size_t first = row * columns, end = first + columns;
+      for (std::size_t i = first; i + 1 < end; ++i) level.across[i] = coupling(i, i + 1);
+      for (std::size_t i = first; row + 1 < rows && i < end; ++i) level.down[i] = coupling(i, i + columns);
+    }
+  }
+
+  // Mean slopes weighted by the coupling, which makes them medians.
+  void find_trend(std::span<const double> share) {
+    const Level& level = levels_.front();
+    const auto find = [&](const std::vector<double>& coupling, std::size_t next, std::vector<double>& trend) {
+      std::vector<double> sums(trend.size()), counts(trend.size());
+      for (std::size_t row = 0; row < level.rows; ++row)
+        for (std::size_t column = 0; column < level.columns; ++column) {
+          const std::size_t i = row * level.columns + column, to = row / block * block_columns_ + column / block;
+          if (!(coupling[i] > 0)) continue;
+          sums[to] += coupling[i] * (share[i + next] - share[i]);
+          counts[to] += coupling[i];
+        }
+      for (auto* values : {&sums, &counts}) blocks_.all_around(passages_, passages_, *values);
+      for (std::size_t k = 0; k < trend.size(); ++k) trend[k] = counts[k] > 0 ? sums[k] / counts[k] : 0;
+    };
+    find(level.down, level.columns, trend_down_);
+    find(level.across, 1, trend_across_);
+  }
+
+  // Right-hand side: pull + div(coupling·(∇q − t)).
+  void find_right(std::span<const double> pull, std::span<const double> share) {
+    Level& level = levels_.front();
+    const std::size_t columns = level.columns;
+    level.right.assign(pull.begin(), pull.end());
+    for (std::size_t row = 0; row < level.rows; ++row)
+      for (std::size_t column = 0; column < columns; ++column) {
+        const std::size_t i = row * columns + column;
+        if (column + 1 < columns) {
+          const double flow = level.across[i] * (share[i + 1] - share[i] - trend_across(row, column));
+          level.right[i] += flow;
+          level.right[i + 1] -= flow;
+        }
+        if (row + 1 < level.rows) {
+          const double flow = level.down[i] * (share[i + columns] - share[i] - trend_down(row, column));
+          level.right[i] += flow;
+          level.right[i + columns] -= flow;
+        }
+      }
+  }
+
+  std::size_t block_rows_, block_columns_;
+  EdgeAwareFilter blocks_;
+  std::vector<double> passages_;                   // equal for all blocks
+  std::vector<double> trend_down_, trend_across_;  // slopes of the shares per pixel, by blocks
+  std::vector<Level> levels_;                      // the finest first
+};
+
 }  // namespace
 
-ShareSmoother::Level::Level(std::size_t rows_of, std::size_t columns_of) : rows(rows_of), columns(columns_of) {
-  for (auto* values : {&weight, &down, &across, &right, &change, &direction, &product, &inverse})
-    values->assign(size(), 0);
-}
-
-void ShareSmoother::Level::take_from(const Level& finer) {
-  for (auto* values : {&weight, &down, &across, &right}) std::fill(values->begin(), values->end(), 0);
-  for (std::size_t row = 0; row < finer.rows; ++row)
-    for (std::size_t column = 0; column < finer.columns; ++column) {
-      const std::size_t from = row * finer.columns + column, to = row / 2 * columns + column / 2;
-      weight[to] += finer.weight[from];
-      right[to] += finer.right[from];
-      if (row % 2 == 1) down[to] += finer.down[from];
-      if (column % 2 == 1) across[to] += finer.across[from];
-    }
-}
-
-void ShareSmoother::Level::start_from(const Level& coarser) {
-  for (std::size_t row = 0; row < rows; ++row)
-    for (std::size_t column = 0; column < columns; ++column)
-      change[row * columns + column] = coarser.change[row / 2 * coarser.columns + column / 2];
-}
-
-void ShareSmoother::Level::invert_diagonal() {
-  for (std::size_t i = 0; i < size(); ++i) {
-    double sum = weight[i] + down[i] + across[i];
-    if (i >= columns) sum += down[i - columns];
-    if (i > 0) sum += across[i - 1];  // 0 from the end of the row before
-    inverse[i] = 1 / sum;
+void smooth_shares(std::size_t rows, std::size_t columns, const std::function<const ShareEvidence&()>& gather,
+                   std::vector<double>& share) {
+  ShareSmoother smoother(rows, columns);
+  for (int k = 0; k < steps; ++k) {
+    const ShareEvidence& evidence = gather();
+    smoother.step(evidence.pull, evidence.weight, share);
   }
-}
-
-// One row of the product of the matrix and x.
-void ShareSmoother::Level::apply(const std::vector<double>& x, std::size_t row, std::vector<double>& out) const {
-  const std::size_t first = row * columns, above = row > 0 ? columns : 0, below = row + 1 < rows ? columns : 0;
-  const double* here = &x[first];
-  const double* up = here - above;
-  const double* under = here + below;
-  const double* from_up = &down[first] - above;  // in the first row this term has weight 0
-  const double* to_under = &down[first];
-  const double* beside = &across[first];
-  const double* held = &weight[first];
-  double* result = &out[first];
-  const auto of_column = [&](std::size_t i) {
-    return held[i] * here[i] + from_up[i] * (here[i] - up[i]) + to_under[i] * (here[i] - under[i]);
-  };
-  result[0] = of_column(0);
-  if (columns == 1) return;
-  result[0] += beside[0] * (here[0] - here[1]);
-  for (std::size_t i = 1; i + 1 < columns; ++i)
-    result[i] = of_column(i) + beside[i] * (here[i] - here[i + 1]) + beside[i - 1] * (here[i] - here[i - 1]);
-  result[columns - 1] = of_column(columns - 1) + beside[columns - 2] * (here[columns - 1] - here[columns - 2]);
-}
-
-double ShareSmoother::Level::multiply(double keep) {
-  double sum = 0;
-  for (std::size_t row = 0; row <= rows; ++row) {
-    if (row < rows)
-      for (std::size_t i = row * columns; i < (row + 1) * columns; ++i)
-        direction[i] = right[i] * inverse[i] + keep * direction[i];
-    if (row == 0) continue;
-    apply(direction, row - 1, product);
-    const std::size_t first = (row - 1) * columns;
-    sum += scalar_product(&direction[first], &product[first], columns);
-  }
-  return sum;
-}
-
-double ShareSmoother::Level::advance(double step) {
-  double sum = 0;
-  std::array<double, 256> scaled{};
-  for (std::size_t first = 0; first < size(); first += scaled.size()) {
-    const std::size_t count = std::min(scaled.size(), size() - first);
-    for (std::size_t k = 0; k < count; ++k) {
-      const std::size_t i = first + k;
-      change[i] += step * direction[i];
-      right[i] -= step * product[i];
-      scaled[k] = right[i] * inverse[i];
-    }
-    sum += scalar_product(&right[first], scaled.data(), count);
-  }
-  return sum;
-}
-
-void ShareSmoother::Level::solve(int count) {
-  invert_diagonal();
-  for (std::size_t row = 0; row < rows; ++row) apply(change, row, product);
-  std::fill(direction.begin(), direction.end(), 0);
-  for (std::size_t i = 0; i < size(); ++i) right[i] -= product[i];
-  double residual = advance(0), keep = 0;
-  const double negligible = 1e-24 * residual;
-  for (int k = 0; k < count && residual > negligible; ++k) {
-    check_interrupt();
-    const double before = std::exchange(residual, advance(residual / multiply(keep)));
-    keep = residual / before;
-  }
-}
-
-ShareSmoother::ShareSmoother(std::size_t rows, std::size_t columns)
-    : block_rows_((rows + block - 1) / block),
-      block_columns_((columns + block - 1) / block),
-      blocks_(block_rows_, block_columns_),
-      passages_(block_rows_ * block_columns_, std::exp(-static_cast<double>(block) / reach_of_trend)) {
-  trend_.down.assign(passages_.size(), 0);
-  trend_.across = trend_.down;
-  levels_.emplace_back(rows, columns);
-  while (levels_.size() < iterations.size() && std::min(levels_.back().rows, levels_.back().columns) >= min_side)
-    levels_.emplace_back((levels_.back().rows + 1) / 2, (levels_.back().columns + 1) / 2);
-}
-
-double ShareSmoother::trend_down(std::size_t row, std::size_t column) const {
-  return trend_.down[row / block * block_columns_ + column / block];
-}
-
-double ShareSmoother::trend_across(std::size_t row, std::size_t column) const {
-  return trend_.across[row / block * block_columns_ + column / block];
-}
-
-void ShareSmoother::couple(std::span<const double> share) {
-  Level& level = levels_.front();
-  const std::size_t rows = level.rows, columns = level.columns;
-  std::vector<double>& slope = level.product;  // squared: twice the mean of both sides
-  std::fill(slope.begin(), slope.end(), 0);
-  for (std::size_t row = 0; row < rows; ++row)
-    for (std::size_t first = 0; first < columns; first += block) {
-      const std::size_t begin = row * columns + first, end = row * columns + std::min(first + block, columns);
-      const double to_next = trend_across(row, first), to_under = trend_down(row, first);
-      for (std::size_t i = begin; i < (end == (row + 1) * columns ? end - 1 : end); ++i) {
-        const double difference = share[i + 1] - share[i] - to_next, square = difference * difference;
-        slope[i] += square;
-        slope[i + 1] += square;
-      }
-      for (std::size_t i = begin; row + 1 < rows && i < end; ++i) {
-        const double difference = share[i + columns] - share[i] - to_under, square = difference * difference;
-        slope[i] += square;
-        slope[i + columns] += square;
-      }
-    }
-  const auto coupling = [&](std::size_t i, std::size_t next) {
-    return variation / std::sqrt(min_slope * min_slope + 0.25 * (slope[i] + slope[next]));
-  };
-  for (std::size_t row = 0; row < rows; ++row) {
-    const std::size_t first = row * columns, end = first + columns;
-    for (std::size_t i = first; i + 1 < end; ++i) level.across[i] = coupling(i, i + 1);
-    for (std::size_t i = first; row + 1 < rows && i < end; ++i) level.down[i] = coupling(i, i + columns);
-  }
-}
-
-// Mean slopes weighted by the coupling, which makes them medians.
-void ShareSmoother::find_trend(std::span<const double> share) {
-  const Level& level = levels_.front();
-  const auto find = [&](const std::vector<double>& coupling, std::size_t next, std::vector<double>& trend) {
-    std::vector<double> sums(trend.size()), counts(trend.size());
-    for (std::size_t row = 0; row < level.rows; ++row)
-      for (std::size_t column = 0; column < level.columns; ++column) {
-        const std::size_t i = row * level.columns + column, to = row / block * block_columns_ + column / block;
-        if (!(coupling[i] > 0)) continue;
-        sums[to] += coupling[i] * (share[i + next] - share[i]);
-        counts[to] += coupling[i];
-      }
-    for (auto* values : {&sums, &counts}) blocks_.all_around(passages_, passages_, *values);
-    for (std::size_t k = 0; k < trend.size(); ++k) trend[k] = counts[k] > 0 ? sums[k] / counts[k] : 0;
-  };
-  find(level.down, level.columns, trend_.down);
-  find(level.across, 1, trend_.across);
-}
-
-// Right-hand side: pull + div(coupling·(∇q − t)).
-void ShareSmoother::find_right(std::span<const double> pull, std::span<const double> share) {
-  Level& level = levels_.front();
-  const std::size_t columns = level.columns;
-  level.right.assign(pull.begin(), pull.end());
-  for (std::size_t row = 0; row < level.rows; ++row)
-    for (std::size_t column = 0; column < columns; ++column) {
-      const std::size_t i = row * columns + column;
-      if (column + 1 < columns) {
-        const double flow = level.across[i] * (share[i + 1] - share[i] - trend_across(row, column));
-        level.right[i] += flow;
-        level.right[i + 1] -= flow;
-      }
-      if (row + 1 < level.rows) {
-        const double flow = level.down[i] * (share[i + columns] - share[i] - trend_down(row, column));
-        level.right[i] += flow;
-        level.right[i + columns] -= flow;
-      }
-    }
-}
-
-void ShareSmoother::step(std::span<const double> pull, std::span<const double> weight, std::span<double> share) {
-  Level& finest = levels_.front();
-  couple(share);
-  find_trend(share);
-  find_right(pull, share);
-  for (std::size_t i = 0; i < share.size(); ++i) finest.weight[i] = weight[i] + min_weight;
-  for (std::size_t k = 1; k < levels_.size(); ++k) levels_[k].take_from(levels_[k - 1]);
-  std::fill(levels_.back().change.begin(), levels_.back().change.end(), 0);
-  for (std::size_t k = levels_.size(); k-- > 0;) {
-    if (k + 1 < levels_.size()) levels_[k].start_from(levels_[k + 1]);
-    levels_[k].solve(k + 1 < levels_.size() ? iterations[k] : iterations.back());
-  }
-  for (std::size_t i = 0; i < share.size(); ++i) share[i] += finest.change[i];
 }
 
 }  // namespace ocisac

@@ -18,11 +18,9 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t whole_pixels = 1U << 19U;  // means of neighbouring columns in larger ones
-constexpr std::size_t most_merged = 8;           // columns in each
-constexpr std::size_t noise_pixels = 1U << 18U;  // whose differences estimate the noise
-constexpr double half_step = 0.5, relative_noise = 1e-4;
-constexpr double black = 2e-4;  // of white, below which a toe has no slope
+constexpr std::size_t most_merged = 8;   // columns in each
+constexpr double relative_noise = 1e-4;  // of the largest value
+constexpr double black = 2e-4;           // of white, below which a toe has no slope
 constexpr double inf = std::numeric_limits<double>::infinity();
 
 template <class Sample>
@@ -73,7 +71,7 @@ double largest_magnitude(const AnyFramesView& colour) {
 
 // Noise, DN; at least half a step of integers.
 double noise_of(std::span<const AnyFramesView> colours, const Shape& shape) {
-  double least = half_step;
+  double least = 0.5;
   if (!holds_integers(colours.front())) {
     double most = 1e-100;
     for (const AnyFramesView& colour : colours) most = std::max(most, largest_magnitude(colour));
@@ -83,7 +81,7 @@ double noise_of(std::span<const AnyFramesView> colours, const Shape& shape) {
   const std::size_t samples = shape.frames * shape.rows * shape.columns * colours.size();
   std::vector<double> bends;
   for (const AnyFramesView& colour : colours)
-    add_bends(colour, std::max<std::size_t>(2, samples / noise_pixels), bends);
+    add_bends(colour, std::max<std::size_t>(2, samples / (2 * enough_pixels)), bends);
   return std::max(least, quantile(bends, 0.5) / (kMedianMagnitude * std::sqrt(6.0)));
 }
 
@@ -127,58 +125,57 @@ StoredScene::StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& cu
   merged_ = std::min(blocks_of(rows_ * columns_, whole_pixels), most_merged);
   pixels_ = rows_ * blocks_of(columns_, merged_);
   white_ = white_level(curve_, largest_sample(colours_.front())) - curve_.dark_level;
-  noise_ = noise || !is_read ? noise.value_or(half_step) : noise_of(colours_, shape);
+  noise_ = noise || !is_read ? noise.value_or(0.5) : noise_of(colours_, shape);
   if (is_read) set_toe(toe);
 }
 
 void StoredScene::set_toe(double toe) {
   toe_ = toe;
   if (holds_integers(colours_.front())) make_table();
-  light_.assign(colours_.size(), std::vector<double>(frames_ * pixels_));
+  light_.assign(colours_.size(), {});
   variance_ = light_;
   for (std::size_t colour = 0; colour < colours_.size(); ++colour)
-    for (std::size_t frame = 0; frame < frames_; ++frame) convert(frame, colour);
+    for (std::size_t frame = 0; frame < frames_; ++frame) {
+      const Blocks found = converted(frame, colour);
+      light_[colour].insert(light_[colour].end(), found.light.begin(), found.light.end());
+      variance_[colour].insert(variance_[colour].end(), found.variance.begin(), found.variance.end());
+    }
+}
+
+double StoredScene::variance_at(double value, double top) const {
+  const double deviation =
+      noise_ * light_per_step(curve_, value, top) * slope_of_lifted(linear_light(curve_, value, top), toe_, white_);
+  return value >= saturation_level(colours_.front(), curve_) ? inf : deviation * deviation;
 }
 
 void StoredScene::make_table() {
-  const double top = largest_sample(colours_.front()), saturated = saturation_level(colours_.front(), curve_);
+  const double top = largest_sample(colours_.front());
   const auto count = static_cast<std::size_t>(top) + 1;
-  table_ = {std::vector<double>(count), std::vector<double>(count), std::vector<double>(count - 1)};
+  const auto lit = [&](double value) { return lifted_light(linear_light(curve_, value, top), toe_, white_); };
+  table_ = {};
   for (std::size_t k = 0; k < count; ++k) {
     const auto value = static_cast<double>(k);
-    const double light = linear_light(curve_, value, top);
-    const double deviation = noise_ * light_per_step(curve_, value, top) * slope_of_lifted(light, toe_, white_);
-    const double lit = lifted_light(light, toe_, white_);
-    table_.light[k] = k == 0 ? lit : std::max(lit, table_.light[k - 1]);
-    table_.variance[k] = value >= saturated ? inf : deviation * deviation;
-    if (k + 1 == count) continue;
-    const double bound = lifted_light(linear_light(curve_, value + 0.5, top), toe_, white_);
-    table_.bounds[k] = k == 0 ? bound : std::max(bound, table_.bounds[k - 1]);
+    table_.light.push_back(k == 0 ? lit(value) : std::max(lit(value), table_.light.back()));
+    table_.variance.push_back(variance_at(value, top));
+    if (k + 1 < count)
+      table_.bounds.push_back(k == 0 ? lit(value + 0.5) : std::max(lit(value + 0.5), table_.bounds.back()));
   }
 }
 
-void StoredScene::convert(std::size_t frame, std::size_t colour) {
-  const double saturated = saturation_level(colours_[colour], curve_);
-  std::visit(
+Blocks StoredScene::converted(std::size_t frame, std::size_t colour) const {
+  return std::visit(
       [&]<class Sample>(const FramesView<const Sample>& view) {
         const FramesView<const Sample> plane = one_frame(view, frame);
-        const auto at = static_cast<std::ptrdiff_t>(frame * pixels_);
         if constexpr (is_integer<Sample>) {
-          const MergedPicture merged = merge_columns(plane, merged_, {table_.light, table_.variance});
-          std::copy(merged.light.begin(), merged.light.end(), light_[colour].begin() + at);
-          std::copy(merged.variance.begin(), merged.variance.end(), variance_[colour].begin() + at);
+          return merge_columns(plane, merged_, table_);
         } else {
           Blocks blocks{rows_, columns_, {}, {}};
           for (std::size_t i = 0; i < rows_ * columns_; ++i) {
             const double value = static_cast<double>(plane(0, i / columns_, i % columns_));
-            const double light = linear_light(curve_, value, 1);
-            const double deviation = noise_ * light_per_step(curve_, value, 1) * slope_of_lifted(light, toe_, white_);
-            blocks.light.push_back(lifted_light(light, toe_, white_));
-            blocks.variance.push_back(value >= saturated ? inf : deviation * deviation);
+            blocks.light.push_back(lifted_light(linear_light(curve_, value, 1), toe_, white_));
+            blocks.variance.push_back(variance_at(value, 1));
           }
-          const Blocks merged = merged_along(blocks, merged_);
-          std::copy(merged.light.begin(), merged.light.end(), light_[colour].begin() + at);
-          std::copy(merged.variance.begin(), merged.variance.end(), variance_[colour].begin() + at);
+          return merged_along(blocks, merged_);
         }
       },
       colours_[colour]);
@@ -202,7 +199,7 @@ void StoredScene::restore(std::size_t frame, std::size_t colour, const BlockShar
                           const RestoredPicture<Sample>& result) const {
   const auto* const view = std::get_if<FramesView<const Sample>>(&colours_.at(colour));
   require(view != nullptr && by_table() && frame < frames_, "frame", frame, "a frame of samples of this type");
-  restore_picture<Sample>(one_frame(*view, frame), shares, to, {table_.light, table_.variance}, table_.bounds, result);
+  restore_picture<Sample>(one_frame(*view, frame), shares, to, table_, result);
 }
 
 template void StoredScene::restore(std::size_t, std::size_t, const BlockShares&, const Restoration&,

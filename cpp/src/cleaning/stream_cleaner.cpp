@@ -7,7 +7,6 @@
 
 #include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
-#include "cleaning/means_of_rows.hpp"
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/picture_motion.hpp"
 #include "core/statistics.hpp"
@@ -20,16 +19,14 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr std::size_t frames_of_shares = 8, frames_of_one_share = 64;  // between estimates: of pixels, of the picture
-constexpr double most_estimates = 6;                                   // whose mean the shares are
+constexpr std::size_t frames_of_shares = 8;   // between estimates of the shares
+constexpr double most_estimates = 6;          // whose mean the shares are
 constexpr double new_part = 1.0 / 16;         // of the picture, from which on shares are estimated at once
 constexpr double guide_blocks = 1U << 15U;    // of the picture whose displacement is measured
 constexpr double cut = 0.5;                   // of the picture unlike the frame before: another scene
 constexpr std::size_t most_frequencies = 64;  // frames whose mean frequency is followed
-constexpr double floor_of_light = 0.02;       // of the mean light, below which logarithms show noise
 constexpr std::size_t most_moved = 32;        // part of the rows that a picture moves by in a frame
 constexpr double still = 0.6;                 // correlation of the lights of two frames
-constexpr double more_left = 0.1;             // of the light than when it was found: another one is searched
 constexpr std::size_t frames_of_search = 32, searched_frames = 3;  // where none has a light
 constexpr double most_jitter = 0.25;  // of a time stamp, in frames: phases of slow tones are those of whole ones
 
@@ -51,17 +48,13 @@ std::size_t guide_size(std::size_t blocks) {
       1, static_cast<std::size_t>(std::nearbyint(std::sqrt(static_cast<double>(blocks) / guide_blocks))));
 }
 
-const Values& light_of(const ColourLights& lights, std::size_t colour) {
-  return lights.lights[lights.of_colour[colour]].light;
-}
-
 // Logarithm of the cleaned light of blocks, all colours added, in some 32,000 larger blocks.
-Values guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, std::span<const BlockShares> shares) {
+Blocks guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, std::span<const BlockShares> shares) {
   Blocks picture = colours.front();
   std::fill(picture.light.begin(), picture.light.end(), 0.0);
   std::fill(picture.variance.begin(), picture.variance.end(), 1.0);
   for (std::size_t colour = 0; colour < colours.size(); ++colour) {
-    const Values& light = light_of(lights, colour);
+    const Values& light = lights.of(colour).light;
     const Values rows = means_of_rows(light, light.size(), shares[colour].block_rows);
     for (std::size_t i = 0; i < picture.light.size(); ++i) {
       const double change = rows[i / picture.columns] - 1;
@@ -69,40 +62,35 @@ Values guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, 
     }
   }
   const std::size_t count = guide_size(picture.light.size());
-  Values guide = merged_along(merged_down(picture, count), count).light;
-  const double mean = mean_of(guide);
-  for (double& value : guide) value = std::log(std::max(value, 0.0) + floor_of_light * std::max(mean, 1e-300));
+  Blocks guide = merged_along(merged_down(picture, count), count);
+  const double mean = mean_of(guide.light);
+  for (double& value : guide.light) value = std::log(std::max(value, 0.0) + least_light * std::max(mean, 1e-300));
   return guide;
 }
 
-// Shares of the frame before, and how many estimates each consists of.
-struct Carried {
-  std::vector<BlockShares> shares;
-  Values estimates;
-};
-
-// Moved with the picture, whose places are `size` × `size` blocks of shares; what is new has no estimate.
-void move(const PictureChange& change, std::size_t size, std::size_t columns, Carried& carried) {
+// Shares, and how many estimates each consists of, moved with the picture, whose places are `size` × `size` blocks;
+// what is new has no estimate.
+void move(const PictureChange& change, std::size_t size, std::size_t columns, std::vector<BlockShares>& shares,
+          Values& estimates) {
   const double down = change.down * static_cast<double>(size), right = change.right * static_cast<double>(size);
-  for (BlockShares& shares : carried.shares) shares.share = moved_picture(shares.share, columns, down, right);
-  carried.estimates = moved_picture(carried.estimates, columns, down, right);
-  for (std::size_t i = 0; i < carried.estimates.size(); ++i)
-    if (change.is_new[i / columns / size * blocks_of(columns, size) + i % columns / size] != 0)
-      carried.estimates[i] = 0;
+  for (BlockShares& own : shares) own.share = moved_picture(own.share, columns, down, right);
+  estimates = moved_picture(estimates, columns, down, right);
+  for (std::size_t i = 0; i < estimates.size(); ++i)
+    if (change.is_new[i / columns / size * blocks_of(columns, size) + i % columns / size] != 0) estimates[i] = 0;
 }
 
 // Joined by the shares of this frame.
-void estimate(const std::vector<Blocks>& blocks, const ColourLights& lights, Carried& carried) {
+void estimate(const std::vector<Blocks>& blocks, const ColourLights& lights, std::vector<BlockShares>& shares,
+              Values& estimates) {
   for (std::size_t colour = 0; colour < blocks.size(); ++colour) {
-    const Blocks& picture = blocks[colour];
-    const Values& light = light_of(lights, colour);
-    const Values rows = means_of_rows(light, light.size(), carried.shares[colour].block_rows);
-    const Values own = light_share({picture.light, picture.variance, 1, picture.rows, picture.columns}, rows);
-    Values& share = carried.shares[colour].share;
+    const Values& light = lights.of(colour).light;
+    const Values rows = means_of_rows(light, light.size(), shares[colour].block_rows);
+    const Values own = light_share(blocks[colour].picture(), rows);
+    Values& share = shares[colour].share;
     for (std::size_t i = 0; i < share.size(); ++i)
-      share[i] += (own[i] - share[i]) / (std::min(carried.estimates[i], most_estimates - 1) + 1);
+      share[i] += (own[i] - share[i]) / (std::min(estimates[i], most_estimates - 1) + 1);
   }
-  for (double& count : carried.estimates) count += 1;
+  for (double& count : estimates) count += 1;
 }
 
 // The light of chips differs from frame to frame by more than a picture moves.
@@ -149,7 +137,6 @@ StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours, std
     return {std::move(stored), std::move(light)};
   }
   std::optional<Frame> found = followed(colours);
-  if (found) found = checked(*std::move(found), colours);
   if (!found) found = slowly(colours);
   if (!found) found = alone(colours);
   unlit_ = found->light.unchanged.empty() ? 0 : unlit_ + 1;
@@ -230,7 +217,6 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
                      stored.toe(),
                      stored.noise(),
                      light.verdicts.front().slow_bands,
-                     light.verdicts.front().light_left,
                      0,
                      Values(light.shares.front().share.size(), 1.0)};
   }
@@ -266,7 +252,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::slowly(const std::vector<AnyF
   StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
   if (has_equal_rows(stored)) return {};
   const std::vector<std::vector<BandedPicture>> frame{stored.colours_of(0)};
-  std::vector<SlowLight> slow = find_slow_lights(frame, camera_, earlier_, slow_->common);
+  std::vector<SlowLight> slow = find_slow_lights(frame, earlier_, slow_->common);
   if (!slow.back().objection.empty()) return {};
   SceneLight light = light_of_slow(stored, std::move(slow));
   if (!light.unchanged.empty()) return {};
@@ -277,7 +263,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::slowly(const std::vector<AnyF
 std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<AnyFramesView>& colours) {
   const Shape shape = shape_of(colours.front());
   if (!before_ || before_->lights.of_colour.size() != colours.size() || before_->columns != shape.columns ||
-      light_of(before_->lights, 0).size() != shape.rows)
+      before_->lights.of(0).light.size() != shape.rows)
     return {};
   StoredScene stored(colours, camera_.tone_curve, before_->noise, before_->toe);
   Before now = *before_;
@@ -289,23 +275,14 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
     chips_ = main.light;
   }
   const std::vector<Blocks> blocks = all_in_blocks(stored, now.shares.front());
-  const std::size_t rows = blocks.front().rows, columns = blocks.front().columns;
   now.guide = guide_of(blocks, now.lights, now.shares);
-  const std::size_t size = guide_size(rows * columns), down = blocks_of(rows, size), across = blocks_of(columns, size);
-  const PictureChange change = picture_change({before_->guide, down, across}, {now.guide, down, across});
+  const PictureChange change = picture_change(before_->guide, now.guide);
   const auto unlike = std::accumulate(change.is_new.begin(), change.is_new.end(), std::size_t{0});
   if (static_cast<double>(unlike) > cut * static_cast<double>(change.is_new.size())) return {};
-  if (std::ranges::all_of(now.shares, &BlockShares::is_one)) {
-    if (now.frames % frames_of_one_share == 0) {
-      now.shares = shares_of(stored, {&now.lights, 1});
-      now.estimates.assign(now.shares.front().share.size(), 1.0);
-    }
-  } else {
-    Carried carried{std::move(now.shares), std::move(now.estimates)};
-    move(change, size, columns, carried);
-    if (is_due(carried.estimates, now.frames)) estimate(blocks, now.lights, carried);
-    now.shares = std::move(carried.shares);
-    now.estimates = std::move(carried.estimates);
+  if (!std::ranges::all_of(now.shares, &BlockShares::is_one)) {
+    const std::size_t pixels = now.estimates.size();
+    move(change, guide_size(pixels), blocks.front().columns, now.shares, now.estimates);
+    if (is_due(now.estimates, now.frames)) estimate(blocks, now.lights, now.shares, now.estimates);
   }
   CleaningVerdict verdict = verdict_on(stored, 0, now.lights, now.shares);
   verdict.slow_bands = now.slow_bands;
@@ -313,19 +290,6 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   Frame frame{std::move(stored), {{now.lights}, now.shares, {verdict}, {}, {}}};
   before_ = std::move(now);
   return frame;
-}
-
-// The frame, or the same cleaned alone where that leaves less of a light of which more is left than when it was found.
-StreamCleaner::Frame StreamCleaner::checked(Frame followed, const std::vector<AnyFramesView>& colours) {
-  const double left = followed.light.verdicts.front().light_left;
-  if (left <= before_->light_left + more_left) return followed;
-  Before kept = *before_;
-  Frame other = alone(colours);
-  if (other.light.unchanged.empty() && other.light.verdicts.front().light_left < left) return other;
-  forget_slow();
-  kept.light_left = left;
-  before_ = std::move(kept);
-  return followed;
 }
 
 // The row light of each colour; colours that had one light have one again.
@@ -355,7 +319,7 @@ ColourLights StreamCleaner::followed_lights(const StoredScene& stored) const {
       for (std::size_t n = 0; n < down; ++n)
         of_columns[k] +=
             shares.share[n * across + k * stored.merged() / shares.block_columns] / static_cast<double>(down);
-    ToneLight tone = followed_tone_light(ColumnBundles(picture, of_columns), *own.tone);
+    ToneLight tone = refined_tone_light(ColumnBundles(picture, of_columns), Values(picture.rows, 1.0), *own.tone);
     const double weight = 1 / static_cast<double>(std::min(before_->frames, most_frequencies) + 2);
     tone.frequency = std::lerp(own.tone->frequency, tone.frequency, weight);
     tone.second = std::lerp(own.tone->second, tone.second, weight);

@@ -6,12 +6,13 @@
 #include <numbers>
 
 #include "cleaning/row_basis.hpp"
-#include "cleaning/slow_changes.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/core/require.hpp"
+#include "ocisac/rows/basis.hpp"
 #include "ocisac/tones/find_frequency.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 
@@ -19,42 +20,37 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr int steps = 10;                // of Gauss and Newton
-constexpr double much_likelier = 0.01;   // min. decrease of the misfit
-constexpr double largest_change = 0.25;  // cycles in the frame: the range of a linear step
-constexpr double quarter = 0.25;         // cycles between compared rows
+constexpr int steps = 10;               // of Gauss and Newton
+constexpr double much_likelier = 0.01;  // min. decrease of the misfit
+constexpr double quarter = 0.25;        // cycles: between compared rows; in the frame, the range of a linear step
 
-double from_middle(Eigen::Index row, Eigen::Index rows) {
-  return static_cast<double>(row) - 0.5 * static_cast<double>(rows - 1);
+// Cycles per row of a light that may be a shade of the picture.
+bool is_slow(double frequency, std::size_t rows) {
+  return frequency * static_cast<double>(slowest_rows) < 1 || frequency * static_cast<double>(rows) < slow_cycles;
 }
 
-// Frequencies of the waves of a tone: its harmonics below half the row rate, and the second lamp's.
-Values waves_of(const ToneLight& tone) {
-  Values waves;
-  for (std::size_t k = 1; k <= tone.harmonics && static_cast<double>(k) * tone.frequency < 0.5; ++k)
-    waves.push_back(static_cast<double>(k) * tone.frequency);
-  if (tone.second > 0) waves.push_back(tone.second);
-  return waves;
+// Fundamentals of its lamps; harmonics of the first one below half the row rate.
+Values fundamentals_of(const ToneLight& tone) {
+  return tone.second > 0 ? Values{tone.frequency, tone.second} : Values{tone.frequency};
 }
 
-// Cosines, then sines, of the waves, phases from the middle row, into columns from `first` on.
-void put_waves(Basis& basis, Eigen::Index first, const Values& waves) {
-  const auto count = static_cast<Eigen::Index>(waves.size());
-  for (Eigen::Index n = 0; n < basis.rows(); ++n)
-    for (Eigen::Index k = 0; k < count; ++k) {
-      const double cycles = from_middle(n, basis.rows()) * waves[static_cast<std::size_t>(k)];
-      const double angle = 2 * std::numbers::pi * (cycles - std::floor(cycles));
-      basis(n, first + k) = std::cos(angle);
-      basis(n, first + count + k) = std::sin(angle);
-    }
+Values harmonics_of(const ToneLight& tone) {
+  Values harmonics;
+  for (std::size_t k = 2; k <= tone.harmonics && static_cast<double>(k) * tone.frequency < 0.5; ++k)
+    harmonics.push_back(static_cast<double>(k) * tone.frequency);
+  return harmonics;
 }
 
-// A constant, then the waves, then `more` columns of zeros.
-Basis periodic_basis(std::size_t rows, const Values& waves, Eigen::Index more = 0) {
-  Basis basis = Basis::Zero(static_cast<Eigen::Index>(rows), 1 + 2 * static_cast<Eigen::Index>(waves.size()) + more);
-  basis.col(0).setOnes();
-  put_waves(basis, 1, waves);
-  return basis;
+// A constant and slow terms, then the fundamentals times polynomials up to `degree`, then the harmonics; phases are
+// from the middle row.
+Eigen::MatrixXd design_of(std::size_t rows, const ToneLight& tone, std::size_t slow = 0, std::size_t degree = 0) {
+  const RowSampling sampling = centred_rows(rows);
+  Values basis;
+  append_trend(basis, sampling, 0);
+  append_slow_light(basis, sampling, slow);
+  append_tones(basis, sampling, fundamentals_of(tone), degree);
+  append_tones(basis, sampling, harmonics_of(tone));
+  return matrix_of(basis, sampling);
 }
 
 // Scaled to mean 1 and a minimum of 0.
@@ -66,72 +62,24 @@ Values fully_modulated(Values tone) {
   return tone;
 }
 
-// The tone fitted to the picture from `light`, and the frequency f of each lamp by one Gauss–Newton step; d/df is
-// proportional to the row.
-ToneLight tone_of_picture(const ColumnBundles& picture, std::span<const double> light, ToneLight tone) {
-  const Values waves = waves_of(tone);
-  const auto count = static_cast<Eigen::Index>(waves.size());
-  std::vector<Eigen::Index> fundamentals{0};
-  if (tone.second > 0) fundamentals.push_back(count - 1);
-  Basis basis = periodic_basis(picture.rows(), waves, 2 * static_cast<Eigen::Index>(fundamentals.size()));
-  const Eigen::Index rows = basis.rows();
-  const auto length = static_cast<double>(rows);
-  Eigen::Index drift = 1 + 2 * count;
-  for (const Eigen::Index wave : fundamentals)
-    for (const Eigen::Index column : {1 + wave, 1 + count + wave}) {
-      for (Eigen::Index n = 0; n < rows; ++n) basis(n, drift) = from_middle(n, rows) / length * basis(n, column);
-      ++drift;
-    }
-  const RowLight refined = picture.refined(light, {.basis = span_of(basis)}, steps);
-  const Eigen::VectorXd terms = fitted_terms(basis, vector_of(refined.light));
-  drift = 1 + 2 * count;
-  for (const Eigen::Index wave : fundamentals) {
-    const double cosine = terms[1 + wave], sine = terms[1 + count + wave];
-    const double change = (terms[drift] * sine - terms[drift + 1] * cosine) /
-                          (2 * std::numbers::pi * length * std::max(cosine * cosine + sine * sine, 1e-300));
-    drift += 2;
-    double& frequency = wave == 0 ? tone.frequency : tone.second;
-    const double moved = frequency + std::clamp(change, -largest_change / length, largest_change / length);
-    const bool is_kept = wave > 0 || waves_of({{}, moved, tone.harmonics, tone.second}).size() == waves.size();
-    if (moved > 0 && moved < 0.5 && is_kept) frequency = moved;
-  }
-  Basis moved = Basis::Zero(rows, 2 * count);
-  put_waves(moved, 0, waves_of(tone));
-  tone.light = fully_modulated(values_of(moved * terms.segment(1, 2 * count)));
-  return tone;
-}
-
 ToneLight fitted_tone(const ColumnBundles& picture, const Values& start, ToneLight tone) {
   tone.light = fully_modulated(start);
-  for (int again = 0; again < 2; ++again) tone = tone_of_picture(picture, tone.light, tone);
+  for (int again = 0; again < 2; ++again) tone = refined_tone_light(picture, tone.light, tone);
   return tone;
 }
 
-// Slow terms, then the waves.
-Basis slow_and_periodic(std::size_t rows, const Values& waves) {
-  const auto slow = static_cast<Eigen::Index>(slow_terms(rows));
-  Basis basis = Basis::Zero(static_cast<Eigen::Index>(rows), slow + 2 * static_cast<Eigen::Index>(waves.size()));
-  Values term(rows);
-  for (Eigen::Index k = 0; k < slow; ++k) {
-    slow_term(static_cast<std::size_t>(k), term);
-    basis.col(k) = vector_of(term);
-  }
-  put_waves(basis, slow, waves);
-  return basis;
-}
-
-// Least squares of the rows, weighted by their information: what the slow terms and the waves explain, and the waves.
+// Least squares of the rows, weighted by their information: what the slow terms and the tone explain, and the tone.
 struct OfRows {
   Values explained, waves;
 };
 
-OfRows fitted_to_rows(const RowLight& rows, const Values& waves) {
-  const Basis basis = slow_and_periodic(rows.light.size(), waves);
+OfRows fitted_to_rows(const RowLight& rows, const ToneLight& tone) {
+  const std::size_t slow = slow_terms(rows.light.size());
+  const Eigen::MatrixXd design = design_of(rows.light.size(), tone, slow);
   const Eigen::VectorXd root = vector_of(rows.information).array().sqrt();
-  const Basis weighted = root.asDiagonal() * basis;
-  const Eigen::VectorXd terms = fitted_terms(weighted, root.cwiseProduct(vector_of(rows.light)));
-  const auto count = 2 * static_cast<Eigen::Index>(waves.size());
-  return {values_of(basis * terms), values_of(basis.rightCols(count) * terms.tail(count))};
+  const Eigen::VectorXd terms = coefficients_of(root.asDiagonal() * design, root.cwiseProduct(vector_of(rows.light)));
+  const Eigen::Index waves = design.cols() - 1 - static_cast<Eigen::Index>(slow);
+  return {values_of(design * terms), values_of(design.rightCols(waves) * terms.tail(waves))};
 }
 
 // The frequency of the rows, which may be of any scale.
@@ -145,7 +93,7 @@ FoundFrequency frequency_of(const Values& rows) {
 // The fundamental of a tone and the sine of a second lamp, where what the first leaves of the rows has one.
 std::optional<ToneLight> with_second(const RowLight& rows, double frequency) {
   ToneLight tone{{}, frequency};
-  Values left = fitted_to_rows(rows, waves_of(tone)).explained;
+  Values left = fitted_to_rows(rows, tone).explained;
   for (std::size_t n = 0; n < left.size(); ++n) left[n] = rows.light[n] - left[n];
   const FoundFrequency found = frequency_of(left);
   if (!std::isfinite(found.frequency) || (found.flags & flag::no_tone) != 0) return {};
@@ -166,7 +114,7 @@ std::optional<ToneLight> likeliest(const ColumnBundles& picture, const RowLight&
   std::vector<ToneLight> others;
   if (tone.harmonics > 1) others.push_back(fitted_tone(picture, fundamental, tone));
   if (const std::optional<ToneLight> two = with_second(rows, best.frequency))
-    others.push_back(fitted_tone(picture, fitted_to_rows(rows, waves_of(*two)).waves, *two));
+    others.push_back(fitted_tone(picture, fitted_to_rows(rows, *two).waves, *two));
   double least = others.empty() ? 0 : picture.misfit(best.light, lag);
   for (ToneLight& tried : others) {
     const double misfit = picture.misfit(tried.light, lag);
@@ -175,12 +123,6 @@ std::optional<ToneLight> likeliest(const ColumnBundles& picture, const RowLight&
     least = misfit;
   }
   return best;
-}
-
-void check(const ColumnBundles& picture, const ToneLight& tone) {
-  require(tone.light.size() == picture.rows(), "tone", tone.light.size(), "one value a row");
-  require(tone.frequency > 0 && tone.frequency < 0.5, "frequency", tone.frequency, "above 0 and below 0.5");
-  require(tone.harmonics > 0, "harmonics", tone.harmonics, "1 or more");
 }
 
 }  // namespace
@@ -192,33 +134,41 @@ std::optional<ToneLight> find_tone_light(const ColumnBundles& picture, const Row
   const FoundFrequency found = frequency_of(rows.light);
   if (!std::isfinite(found.frequency) || ((found.flags & flag::no_tone) != 0 && enough)) return {};
   const ToneLight tone{{}, found.frequency, found.harmonics};
-  const Values waves = waves_of(tone);
-  if (waves.empty() || is_slow(found.frequency, picture.rows())) return {};  // slow lights, or shades
+  if (is_slow(found.frequency, picture.rows())) return {};  // slow lights, or shades
   const auto is_enough = [&](const Values& explained) {
     return !enough || explained_share(rows.light, explained, rows.information) >= *enough;
   };
-  if (!is_enough(fitted_to_rows(rows, waves).explained)) {
+  if (!is_enough(fitted_to_rows(rows, tone).explained)) {
     const std::optional<ToneLight> two = with_second(rows, found.frequency);
-    if (!two || !is_enough(fitted_to_rows(rows, waves_of(*two)).explained)) return {};
+    if (!two || !is_enough(fitted_to_rows(rows, *two).explained)) return {};
   }
-  return likeliest(picture, rows, fitted_to_rows(rows, {tone.frequency}).waves, tone, enough.has_value());
+  return likeliest(picture, rows, fitted_to_rows(rows, {{}, tone.frequency}).waves, tone, enough.has_value());
 }
 
-ToneLight tone_light_at(const ColumnBundles& picture, const ToneLight& tone, double frequency) {
-  ToneLight moved{tone.light, frequency, tone.harmonics, tone.second};
-  check(picture, moved);
-  const Values waves = waves_of(moved);
-  const Basis basis = periodic_basis(picture.rows(), waves);
-  const RowLight refined = picture.refined(tone.light, {.basis = span_of(basis)}, steps);
-  const Eigen::VectorXd terms = fitted_terms(basis, vector_of(refined.light));
-  const auto count = 2 * static_cast<Eigen::Index>(waves.size());
-  moved.light = fully_modulated(values_of(basis.rightCols(count) * terms.tail(count)));
-  return moved;
-}
-
-ToneLight followed_tone_light(const ColumnBundles& picture, const ToneLight& tone) {
-  check(picture, tone);
-  return tone_of_picture(picture, Values(picture.rows(), 1.0), tone);
+ToneLight refined_tone_light(const ColumnBundles& picture, std::span<const double> light, ToneLight tone) {
+  require(tone.frequency > 0 && tone.frequency < 0.5, "frequency", tone.frequency, "above 0 and below 0.5");
+  const std::size_t harmonics = harmonics_of(tone).size();
+  const Eigen::MatrixXd design = design_of(picture.rows(), tone, 0, 1);
+  const RowLight refined = picture.refined(light, {.basis = span_of(design)}, steps);
+  const Eigen::VectorXd terms = coefficients_of(design, vector_of(refined.light));
+  std::vector<double*> lamps{&tone.frequency};
+  if (tone.second > 0) lamps.push_back(&tone.second);
+  Eigen::VectorXd waves(2 * (lamps.size() + harmonics));  // without the polynomials, which move the frequencies
+  for (std::size_t k = 0; k < lamps.size(); ++k) {
+    const Eigen::Vector4d own = terms.segment(static_cast<Eigen::Index>(1 + 4 * k), 4);
+    const double squares = std::max(own[0] * own[0] + own[2] * own[2], 1e-300),
+                 rows = static_cast<double>(picture.rows());
+    const double change = (own[1] * own[2] - own[3] * own[0]) / (std::numbers::pi * rows * squares);
+    const double limit = quarter / rows, before = *lamps[k];
+    *lamps[k] += std::clamp(change, -limit, limit);
+    const bool is_tone = *lamps[k] > 0 && *lamps[k] < 0.5 && harmonics_of(tone).size() == harmonics;
+    if (!is_tone) *lamps[k] = before;
+    waves.segment(static_cast<Eigen::Index>(2 * k), 2) << own[0], own[2];
+  }
+  waves.tail(static_cast<Eigen::Index>(2 * harmonics)) = terms.tail(static_cast<Eigen::Index>(2 * harmonics));
+  const Eigen::MatrixXd course = design_of(picture.rows(), tone).rightCols(waves.size());
+  tone.light = fully_modulated(values_of(course * waves));
+  return tone;
 }
 
 }  // namespace ocisac

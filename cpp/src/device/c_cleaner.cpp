@@ -88,7 +88,7 @@ void clean_as(const ocisac_cleaner& cleaner, const ocisac::StreamCleaner::Frame&
               const std::vector<ocisac::AnyFramesView>& views) {
   const ocisac::ColourLights& lights = frame.light.lights.front();
   for (std::size_t colour = 0; colour < lights.of_colour.size(); ++colour) {
-    const ocisac::ModelledLight& light = lights.lights[lights.of_colour[colour]];
+    const ocisac::ModelledLight& light = lights.of(colour);
     std::vector<double> rows = light.light;
     for (double& row : rows) row = std::min(row, light.full);  // brighter rows are fully lit rows with noise
     const double level = cleaner.mean_level ? 1 : frame.light.full_level(0, colour);
@@ -101,7 +101,7 @@ void clean_as(const ocisac_cleaner& cleaner, const ocisac::StreamCleaner::Frame&
 
 ocisac_cleaned cleaned_of(const ocisac_cleaner& cleaner, const ocisac::SceneLight& found) {
   const ocisac::ColourLights& lights = found.lights.front();
-  const ocisac::ModelledLight& light = lights.lights[lights.of_colour.front()];
+  const ocisac::ModelledLight& light = lights.of(0);
   const ocisac::CleaningVerdict& verdict = found.verdicts.front();
   return {sizeof(ocisac_cleaned), number_of(light.model), light.frequency / cleaner.row_time, verdict.light_left,
           verdict.texture_change, verdict.slow_bands,     cleaner.unchanged.c_str()};

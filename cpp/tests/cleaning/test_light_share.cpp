@@ -72,8 +72,8 @@ TEST_CASE("the row light is found within a basis, or near where it starts") {
   std::vector<double> share(rows * columns), basis(2 * rows), start(rows, 1.0);
   for (std::size_t i = 0; i < share.size(); ++i) share[i] = Scene::share(i % columns);
   for (std::size_t n = 0; n < rows; ++n) {
-    basis[2 * n] = std::cos(2 * std::numbers::pi * static_cast<double>(n) / 15);
-    basis[2 * n + 1] = std::sin(2 * std::numbers::pi * static_cast<double>(n) / 15);
+    basis[n] = std::cos(2 * std::numbers::pi * static_cast<double>(n) / 15);
+    basis[rows + n] = std::sin(2 * std::numbers::pi * static_cast<double>(n) / 15);
   }
   const RowLight within = refine_row_light(scene.picture(), share, start, 12, {.basis = basis});
   const RowLight held = refine_row_light(scene.picture(), share, start, 12, {.basis = {}, .deviation = 1e-4});

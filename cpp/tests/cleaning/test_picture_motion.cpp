@@ -27,7 +27,7 @@ std::vector<double> texture(double down, double right) {
 
 TEST_CASE("a displacement below a pixel is found, and the moved picture is the later one") {
   const std::vector<double> before = texture(0, 0), after = texture(1.4, -2.3);
-  const PictureChange change = picture_change({before, rows, columns}, {after, rows, columns});
+  const PictureChange change = picture_change({rows, columns, before, {}}, {rows, columns, after, {}});
   const std::size_t middle = rows / 2 * columns + columns / 2;
   CHECK(change.down == doctest::Approx(1.4).epsilon(0.1));
   CHECK(change.right == doctest::Approx(-2.3).epsilon(0.1));
@@ -39,8 +39,8 @@ TEST_CASE("a displacement below a pixel is found, and the moved picture is the l
 
 TEST_CASE("narrow pictures stand still, and shapes must agree") {
   const std::vector<double> line(30, 1.0), other(30, 2.0);
-  CHECK(picture_change({line, 3, 10}, {other, 3, 10}).down == 0);
-  CHECK_THROWS_AS(picture_change({line, 3, 10}, {other, 10, 3}), std::invalid_argument);
+  CHECK(picture_change({3, 10, line, {}}, {3, 10, other, {}}).down == 0);
+  CHECK_THROWS_AS(picture_change({3, 10, line, {}}, {10, 3, other, {}}), std::invalid_argument);
 }
 
 }  // namespace ocisac

@@ -5,6 +5,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "cleaning/merged_blocks.hpp"
 #include "ocisac/cleaning/restore_picture.hpp"
 #include "ocisac/cleaning/stored_scene.hpp"
 
@@ -15,17 +16,13 @@ namespace {
 constexpr double inf = std::numeric_limits<double>::infinity();
 
 // Light equals the stored value; 250 and above are saturated.
-struct Tables {
-  std::vector<double> light = std::vector<double>(256), variance = std::vector<double>(256, 1), bounds;
-
-  Tables() {
-    std::iota(light.begin(), light.end(), 0.0);
-    for (std::size_t k = 250; k < 256; ++k) variance[k] = inf;
-    for (std::size_t k = 0; k < 255; ++k) bounds.push_back(light[k] + 0.5);
-  }
-
-  StoredLight stored() const { return {light, variance}; }
-};
+StoredTable tables_of_bytes() {
+  StoredTable table{std::vector<double>(256), std::vector<double>(256, 1), std::vector<double>(255)};
+  std::iota(table.light.begin(), table.light.end(), 0.0);
+  for (std::size_t k = 250; k < 256; ++k) table.variance[k] = inf;
+  std::iota(table.bounds.begin(), table.bounds.end(), 0.5);
+  return table;
+}
 
 struct Restored {
   std::vector<std::uint8_t> picture, marks;
@@ -33,11 +30,10 @@ struct Restored {
 };
 
 Restored restored(const std::vector<std::uint8_t>& stored, const BlockShares& shares, std::span<const double> light) {
-  const Tables tables;
   const std::size_t size = stored.size(), rows = light.size(), columns = size / rows;
   Restored result{std::vector<std::uint8_t>(size), std::vector<std::uint8_t>(size), std::vector<float>(size)};
   restore_picture<std::uint8_t>(
-      dense_view(stored.data(), 1, rows, columns), shares, {light, 1, 8}, tables.stored(), tables.bounds,
+      dense_view(stored.data(), 1, rows, columns), shares, {light, 1, 8}, tables_of_bytes(),
       {dense_view(result.picture.data(), 1, rows, columns), dense_view(result.marks.data(), 1, rows, columns),
        dense_view(result.share.data(), 1, rows, columns)});
   return result;
@@ -46,9 +42,8 @@ Restored restored(const std::vector<std::uint8_t>& stored, const BlockShares& sh
 }  // namespace
 
 TEST_CASE("columns are averaged without saturated pixels") {
-  const Tables tables;
   const std::vector<std::uint8_t> stored{10, 20, 255, 30, 255, 255, 0, 2, 4, 6, 8, 10};
-  const MergedPicture merged = merge_columns<std::uint8_t>(dense_view(stored.data(), 1, 2, 6), 4, tables.stored());
+  const Blocks merged = merge_columns<std::uint8_t>(dense_view(stored.data(), 1, 2, 6), 4, tables_of_bytes());
   CHECK(merged.light == std::vector<double>{20, 0, 3, 9});
   CHECK(merged.variance == std::vector<double>{1.0 / 3, inf, 0.25, 0.5});
 }
@@ -88,10 +83,9 @@ TEST_CASE("shares of blocks are interpolated between their centres") {
 }
 
 TEST_CASE("stored values beyond the table are rejected") {
-  const std::vector<double> light{0, 1}, variance{1, 1}, bounds{0.5};
+  const StoredTable table{{0, 1}, {1, 1}, {0.5}};
   const std::vector<std::uint8_t> stored{2};
-  CHECK_THROWS_AS(merge_columns<std::uint8_t>(dense_view(stored.data(), 1, 1, 1), 1, {light, variance}),
-                  std::invalid_argument);
+  CHECK_THROWS_AS(merge_columns<std::uint8_t>(dense_view(stored.data(), 1, 1, 1), 1, table), std::invalid_argument);
 }
 
 TEST_CASE("the slope of the light above a toe is its derivative") {

@@ -15,12 +15,6 @@ namespace {
 
 constexpr std::size_t rows = 400, columns = 120;
 
-Camera camera() {
-  Camera result;
-  result.row_time = 1e-5;
-  return result;
-}
-
 // Boxes under a lamp of so many cycles a picture, at a phase in cycles that grows by `tilt` over the columns.
 struct Boxes {
   std::vector<double> light, variance = std::vector<double>(rows * columns, 1.0);
@@ -45,28 +39,28 @@ struct Boxes {
 TEST_CASE("a slow tone is found in one picture, and no other") {
   const Boxes lit(2, 0.5, 0.1), even(2, 0, 0);
   const std::vector<std::vector<BandedPicture>> one{lit.colours()}, other{even.colours()};
-  const SlowLight found = find_slow_lights(one, camera()).front();
+  const SlowLight found = find_slow_lights(one).front();
   CHECK(found.objection.empty());
   CHECK(found.common.front().cycles == doctest::Approx(2).epsilon(0.1));
   CHECK(found.amplitude == doctest::Approx(0.5).epsilon(0.25));
-  CHECK_FALSE(find_slow_lights(other, camera()).front().objection.empty());
+  CHECK_FALSE(find_slow_lights(other).front().objection.empty());
 }
 
 TEST_CASE("tilted slow bands are not removed") {
   const Boxes tilted(2, 0.5, 0, 1);
   const std::vector<std::vector<BandedPicture>> frames{tilted.colours()};
-  CHECK_FALSE(find_slow_lights(frames, camera()).front().objection.empty());
+  CHECK_FALSE(find_slow_lights(frames).front().objection.empty());
 }
 
 TEST_CASE("the phase advances from frame to frame, and courses before help") {
   const Boxes first(1.4, 0.2, 0), second(1.4, 0.2, 0.3), third(1.4, 0.2, 0.6);
   const std::vector<std::vector<BandedPicture>> frames{first.colours(), second.colours(), third.colours()};
-  const std::vector<SlowLight> found = find_slow_lights(frames, camera());
+  const std::vector<SlowLight> found = find_slow_lights(frames);
   REQUIRE(found.size() == 3);
   for (const SlowLight& one : found) CHECK(one.objection.empty());
   const EarlierFrames earlier{{found[0].course, found[1].course}, 2};
   const std::vector<std::vector<BandedPicture>> last{third.colours()};
-  const SlowLight again = find_slow_lights(last, camera(), earlier).front();
+  const SlowLight again = find_slow_lights(last, earlier).front();
   for (std::size_t k = 0; k < 2; ++k)
     CHECK(again.common.front().terms[k] == doctest::Approx(found[2].common.front().terms[k]));
 }
@@ -87,9 +81,9 @@ TEST_CASE("courses of other lengths and missing frames are refused") {
   const Boxes boxes(2, 0.5, 0);
   const std::vector<std::vector<BandedPicture>> frames{boxes.colours()}, none, empty{{}};
   const EarlierFrames other{{{{1, 2}, {1, 1}, {{1, 2}}}}, 1};
-  CHECK_THROWS_AS(find_slow_lights(none, camera()), std::invalid_argument);
-  CHECK_THROWS_AS(find_slow_lights(empty, camera()), std::invalid_argument);
-  CHECK_THROWS_AS(find_slow_lights(frames, camera(), other), std::invalid_argument);
+  CHECK_THROWS_AS(find_slow_lights(none), std::invalid_argument);
+  CHECK_THROWS_AS(find_slow_lights(empty), std::invalid_argument);
+  CHECK_THROWS_AS(find_slow_lights(frames, other), std::invalid_argument);
 }
 
 }  // namespace ocisac

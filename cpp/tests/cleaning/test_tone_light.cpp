@@ -6,7 +6,6 @@
 #include <stdexcept>
 #include <vector>
 
-#include "cleaning/colour_shares.hpp"
 #include "ocisac/cleaning/column_bundles.hpp"
 #include "ocisac/cleaning/tone_light.hpp"
 
@@ -57,11 +56,9 @@ TEST_CASE("a tone is found in the rows and in the picture, and followed to anoth
   CHECK(largest_difference(tone->light, first.row_light) < 0.05);
   CHECK(explained_share(rows_alone.light, tone->light, rows_alone.information) > 0.9);
   const std::vector<double> share(columns, 0.7);
-  const ToneLight next = followed_tone_light(ColumnBundles(second.picture(), share), *tone);
+  const std::vector<double> any(rows, 1.0);
+  const ToneLight next = refined_tone_light(ColumnBundles(second.picture(), share), any, *tone);
   CHECK(largest_difference(next.light, second.row_light) < 0.05);
-  const ToneLight again = tone_light_at(picture, *tone, 1 / period);
-  CHECK(again.frequency == 1 / period);
-  CHECK(largest_difference(again.light, first.row_light) < 0.05);
 }
 
 TEST_CASE("two lamps are found in the rows and in the picture, and followed") {
@@ -91,7 +88,8 @@ TEST_CASE("two lamps are found in the rows and in the picture, and followed") {
     return explained_share(a, b, std::vector<double>(a.size(), 1.0));
   };
   CHECK(correlation(fully_modulated_rows(now), fully_modulated_rows(tone->light)) > 0.97);
-  const ToneLight next = followed_tone_light(ColumnBundles(second.picture(), std::vector<double>(columns, 0.7)), *tone);
+  const ColumnBundles later(second.picture(), std::vector<double>(columns, 0.7));
+  const ToneLight next = refined_tone_light(later, std::vector<double>(rows, 1.0), *tone);
   CHECK(correlation(fully_modulated_rows(then), fully_modulated_rows(next.light)) > 0.97);
 }
 
@@ -114,8 +112,9 @@ TEST_CASE("colours of one course are alike, a colour without the light is not") 
 
 TEST_CASE("a light on a part of the picture has shares by pixel, one on all of it one share") {
   const Boxes all, part(true);
-  const std::vector<BandedColour> even{{all.picture(), all.row_light}}, uneven{{part.picture(), part.row_light}};
-  const std::vector<double> one = colour_shares(even).front(), each = colour_shares(uneven).front();
+  const std::vector<BandedPicture> even{all.picture()}, uneven{part.picture()};
+  const std::vector<std::vector<double>> lights{all.row_light};
+  const std::vector<double> one = colour_shares(even, lights).front(), each = colour_shares(uneven, lights).front();
   CHECK(one.front() == one.back());
   CHECK(one.front() == doctest::Approx(0.7).epsilon(0.05));
   CHECK(each[120 * columns + 40] == doctest::Approx(0.7).epsilon(0.1));
@@ -137,10 +136,10 @@ TEST_CASE("rows, shares and frequencies without meaning are refused") {
   const std::vector<double> few(3, 1.0);
   CHECK_THROWS_AS(ColumnBundles(boxes.picture(), few), std::invalid_argument);
   CHECK_THROWS_AS(static_cast<void>(picture.refined(few)), std::invalid_argument);
-  CHECK_THROWS_AS(static_cast<void>(picture.depth(few)), std::invalid_argument);
+  CHECK_THROWS_AS(static_cast<void>(picture.misfit(few, 1)), std::invalid_argument);
   CHECK_THROWS_AS(find_tone_light(picture, {few, few}, {}), std::invalid_argument);
-  CHECK_THROWS_AS(tone_light_at(picture, {boxes.row_light, 0.1, 1}, 0.7), std::invalid_argument);
-  CHECK_THROWS_AS(followed_tone_light(picture, {few, 0.1, 1}), std::invalid_argument);
+  CHECK_THROWS_AS(refined_tone_light(picture, boxes.row_light, {{}, 0.7}), std::invalid_argument);
+  CHECK_THROWS_AS(refined_tone_light(picture, few, {{}, 0.1}), std::invalid_argument);
   CHECK_THROWS_AS(explained_share(few, boxes.row_light, few), std::invalid_argument);
 }
 

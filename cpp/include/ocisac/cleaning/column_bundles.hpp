@@ -9,6 +9,12 @@
 
 namespace ocisac {
 
+constexpr std::size_t slowest_rows = 128;  // per cycle; slower changes are those of the picture as well
+constexpr double slow_cycles = 2.5;        // in the picture, up to which bands of any length are like its shades
+
+// Number of cosines of longer periods (append_slow_light), without a constant.
+constexpr std::size_t slow_terms(std::size_t rows) { return 2 * rows / slowest_rows; }
+
 // One frame in at most 192 bundles of neighbouring columns, since all columns of a row have the same light.
 class ColumnBundles {
  public:
@@ -21,27 +27,31 @@ class ColumnBundles {
   // The row light without a model or an initial value: mean 1, its slow changes attributed to the picture.
   [[nodiscard]] RowLight free() const;
 
-  [[nodiscard]] double depth(std::span<const double> rows) const;  // mean share of a row light of mean 1
-  [[nodiscard]] double misfit(std::span<const double> rows, std::size_t lag) const;  // row_misfit with those shares
+  // row_misfit with the shares of a row light of mean 1.
+  [[nodiscard]] double misfit(std::span<const double> rows, std::size_t lag) const;
   // Decrease of the misfit by division by the light, at its comparison_lag.
   [[nodiscard]] double gain(std::span<const double> rows) const;
 
-  [[nodiscard]] std::size_t rows() const { return rows_; }
+  [[nodiscard]] std::size_t rows() const { return bundles_.rows; }
 
  private:
-  [[nodiscard]] BandedPicture picture() const { return {light_, variance_, 1, rows_, columns_}; }
   [[nodiscard]] std::vector<double> share_of_columns(std::span<const double> rows) const;
   [[nodiscard]] RowLight refined_with(std::span<const double> share, std::span<const double> rows,
                                       const RowLightPrior& model, int steps) const;
 
-  std::size_t rows_, columns_ = 0;
-  std::vector<double> light_, variance_;  // (rows × columns): means, and their noise variance
-  std::vector<double> share_;             // of each bundle, where it is known
+  Blocks bundles_;
+  std::vector<double> share_;  // of each bundle, where it is known
 };
 
-// Groups of colours with nearly the same course and depth along the rows, the one with the largest swing first. All are
+// The sum of some colours.
+ColumnBundles sum_of(std::span<const BandedPicture> colours, std::span<const std::size_t> some);
+
+// Groups of colours with nearly the same course along the rows, the one with the largest swing first. All are
 // of one shape.
 std::vector<std::vector<std::size_t>> alike_colours(std::span<const BandedPicture> colours);
+
+// Correlation of two courses of rows, 0 where one does not vary.
+double correlation(std::span<const double> a, std::span<const double> b);
 
 // Rows scaled to mean 1 and the darkest ones to 0: the part of the light that is certainly modulated.
 std::vector<double> fully_modulated_rows(std::span<const double> rows);

@@ -19,6 +19,14 @@ struct BandedPicture {
   std::size_t frames = 1, rows = 0, columns = 0;
 };
 
+// One frame of its own memory: a picture, means of its blocks, or frames one below the other.
+struct Blocks {
+  std::size_t rows = 0, columns = 0;
+  std::vector<double> light, variance;
+
+  [[nodiscard]] BandedPicture picture() const { return {light, variance, 1, rows, columns}; }
+};
+
 // Lower bound of 1 + q·P: in darker rows the remaining light of a pixel is no reliable measure.
 constexpr double min_light = 0.05;
 
@@ -37,8 +45,12 @@ std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows);
 // their size.
 std::vector<double> light_share(const BandedPicture& picture, std::span<const double> row_light, bool smooth = true);
 
-// One share of the light for all pixels, by the same comparisons.
-double even_share(const BandedPicture& picture, std::span<const double> row_light);
+// Shares (rows × columns) of each colour; all are of one shape. row_lights: of each colour.
+//
+// A light that is the only one, or that lights all alike, has one share; shares by pixel then follow texture. They
+// replace one share for each colour only where they increase the likelihood by more than they do under an even light.
+std::vector<std::vector<double>> colour_shares(std::span<const BandedPicture> colours,
+                                               std::span<const std::vector<double>> row_lights);
 
 struct RowLight {
   std::vector<double> light;        // (rows)
@@ -47,7 +59,7 @@ struct RowLight {
 
 // Prior of the row light.
 struct RowLightPrior {
-  // (rows × terms): the change from the start is a linear combination of these; empty: unconstrained.
+  // (rows × terms), column by column: the change from the start is a linear combination of these; empty: unconstrained.
   std::span<const double> basis;
   double deviation = std::numeric_limits<double>::infinity();  // standard deviation of a row from its start; > 0
 };

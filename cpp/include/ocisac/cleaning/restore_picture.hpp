@@ -10,19 +10,12 @@
 
 namespace ocisac {
 
-// Linear light of each stored value, ascending, and its noise variance: infinite where a value is saturated.
-struct StoredLight {
-  std::span<const double> light, variance;
+// Of every stored value.
+struct StoredTable {
+  std::vector<double> light;     // linear, ascending
+  std::vector<double> variance;  // of its noise; infinite where a value is saturated
+  std::vector<double> bounds;    // (values − 1) light at which the stored value changes from one to the next
 };
-
-struct MergedPicture {
-  std::vector<double> light, variance;  // (rows × ceil(columns/merged)); variance infinite where all are saturated
-};
-
-// Means of the unsaturated pixels of `merged` neighbouring columns. `stored`: one frame, each value below the tables'
-// length.
-template <class Sample>
-MergedPicture merge_columns(const FramesView<const Sample>& stored, std::size_t merged, const StoredLight& table);
 
 // Shares of the light in blocks of pixels; between the blocks' centres they are interpolated.
 struct BlockShares {
@@ -49,11 +42,9 @@ struct RestoredPicture {
 };
 
 // v·(1 + q·(level − 1))/(1 + q·(L − 1)) of every pixel; saturated ones are unchanged, others stay below saturation, and
-// gains are bounded.
-// `bounds`: (values − 1) light at which the stored value changes from one to the next. The picture may be the stored
-// one.
+// gains are bounded. `stored`: one frame, each value below the table's length. The picture may be the stored one.
 template <class Sample>
 void restore_picture(const FramesView<const Sample>& stored, const BlockShares& shares, const Restoration& to,
-                     const StoredLight& table, std::span<const double> bounds, const RestoredPicture<Sample>& result);
+                     const StoredTable& table, const RestoredPicture<Sample>& result);
 
 }  // namespace ocisac

@@ -20,9 +20,6 @@ enum class RowModel { automatic, tone, chips, rows, given };
 
 std::string_view name_of(RowModel model);
 
-// Correlation of two courses of rows, 0 where one does not vary.
-double correlation(std::span<const double> a, std::span<const double> b);
-
 struct ModelledLight {
   std::vector<double> light;  // of each row, mean 1
   double full = 1;            // of a fully lit row
@@ -41,11 +38,13 @@ ModelledLight light_of(ToneLight tone);
 struct ColourLights {
   std::vector<ModelledLight> lights;
   std::vector<std::size_t> of_colour;
+
+  [[nodiscard]] const ModelledLight& of(std::size_t colour) const { return lights[of_colour[colour]]; }
 };
 
 // The light of discharge lamps and of phosphors changes colour over a cycle. Colours of similar course are added. Other
 // groups have tone or chips of their own if their frequency is that of the strongest group, else its light. Tones are
-// then fitted to every colour at their mean frequency.
+// then fitted to every colour.
 ColourLights find_colour_lights(std::span<const BandedPicture> colours, RowModel model);
 
 }  // namespace ocisac

@@ -13,7 +13,6 @@
 #include <string>
 #include <vector>
 
-#include "ocisac/camera/camera.hpp"
 #include "ocisac/cleaning/light_share.hpp"
 
 namespace ocisac {
@@ -85,7 +84,7 @@ struct EarlierFrames {
 // Finds the slow light of each of consecutive frames of one scene. `frames`: of each frame, the pictures of its
 // colours. `near`: the tones of the last of the earlier frames, if they are known.
 // Frames whose own course disagrees with the tone of earlier ones are compared without them.
-std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames, const Camera& camera,
+std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPicture>> frames,
                                         const EarlierFrames& earlier = {}, std::span<const SlowTone> near = {});
 
 // The slow light of a frame `ago` frames before one of known light; `colours`: its pictures. It has an objection where

@@ -15,6 +15,8 @@
 
 namespace ocisac {
 
+constexpr std::size_t whole_pixels = 1U << 19U;  // means of neighbouring pixels in larger pictures
+
 // A toe t of the tone curve stores light x as x²/(x + t·W), W: white light. Light of a stored value, and its slope.
 double lifted_light(double stored, double toe, double white);
 double slope_of_lifted(double stored, double toe, double white);
@@ -53,19 +55,15 @@ class StoredScene {
                const RestoredPicture<Sample>& result) const;
 
  private:
-  // Of all stored values.
-  struct Table {
-    std::vector<double> light, variance, bounds;
-  };
-
   void make_table();
-  void convert(std::size_t frame, std::size_t colour);
+  [[nodiscard]] double variance_at(double value, double top) const;  // of the light of a stored value
+  [[nodiscard]] Blocks converted(std::size_t frame, std::size_t colour) const;
 
   std::vector<AnyFramesView> colours_;
   ToneCurve curve_;
   std::size_t frames_, rows_, columns_, merged_, pixels_ = 0;  // pixels of a picture with merged columns
   double noise_, white_, toe_ = 0;
-  Table table_;
+  StoredTable table_;
   std::vector<std::vector<double>> light_, variance_;  // of each colour: (frames × rows × merged columns)
 };
 

@@ -47,11 +47,11 @@ class StreamCleaner {
   struct Before {
     ColourLights lights;
     std::vector<BlockShares> shares;
-    std::vector<double> guide;                  // logarithm of the cleaned picture, in large blocks
-    std::size_t columns;                        // of the camera
-    double toe, noise, slow_bands, light_left;  // in the last frame that was cleaned alone
-    std::size_t frames;                         // since the first
-    std::vector<double> estimates;              // number of them in each block's share
+    Blocks guide;                   // logarithm of the cleaned picture, in large blocks
+    std::size_t columns;            // of the camera
+    double toe, noise, slow_bands;  // in the last frame that was cleaned alone
+    std::size_t frames;             // since the first
+    std::vector<double> estimates;  // number of them in each block's share
   };
 
   std::optional<double> frames_since_last(std::optional<double> time);
@@ -60,7 +60,6 @@ class StreamCleaner {
   void forget_slow();
   [[nodiscard]] bool compares_with(std::size_t rows) const;
   std::optional<Frame> followed(const std::vector<AnyFramesView>& colours);
-  Frame checked(Frame followed, const std::vector<AnyFramesView>& colours);
   std::optional<Frame> slowly(const std::vector<AnyFramesView>& colours);
   Frame alone(const std::vector<AnyFramesView>& colours);
   void keep_slow(const SceneLight& light);

@@ -25,10 +25,8 @@ struct ToneLight {
 std::optional<ToneLight> find_tone_light(const ColumnBundles& picture, const RowLight& rows,
                                          std::optional<double> enough);
 
-// The tone, fitted to the picture again at a given frequency, cycles per row.
-ToneLight tone_light_at(const ColumnBundles& picture, const ToneLight& tone, double frequency);
-
-// The tone in another frame, of any phase; its frequencies, one Gauss–Newton step from those of `tone`.
-ToneLight followed_tone_light(const ColumnBundles& picture, const ToneLight& tone);
+// The tone fitted to the picture from `light`, of any phase; its frequencies, one Gauss–Newton step from those of
+// `tone`.
+ToneLight refined_tone_light(const ColumnBundles& picture, std::span<const double> light, ToneLight tone);
 
 }  // namespace ocisac
