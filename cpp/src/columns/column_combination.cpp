@@ -131,15 +131,13 @@ double block_sums(const FramesView<const T>& view, const ToneCurve& curve, std::
   return dark;
 }
 
-// Reach of the moving mean about which a light swings: long, so that slow light swings; short, so that lamps which
-// begin and end on the same rows have these in common for a few rows only.
-Index long_reach(Index rows) { return rows / 16 + 1; }
-Index short_reach(Index rows) { return rows / 128 + 1; }
+// Rows either side of the moving mean about which a light swings: many, so that slow light swings.
+Index reach_of(Index rows) { return rows / 16 + 1; }
 
 // Swings of the blocks about their moving means over rows n − reach … n + reach, which removes gradients along the
 // rows, times `scale`. count·x − Σx is exact for integers, so constant columns have exactly zero swing.
-void take_swings(const Matrix& sums, const Eigen::RowVectorXd& scale, Index reach, Matrix& swings) {
-  const Index rows = sums.rows();
+void take_swings(const Matrix& sums, const Eigen::RowVectorXd& scale, Matrix& swings) {
+  const Index rows = sums.rows(), reach = reach_of(rows);
   swings.resize(rows, sums.cols());
   Eigen::RowVectorXd window = sums.topRows(std::min(reach, rows)).colwise().sum();
   Index length = std::min(reach, rows);
@@ -148,18 +146,6 @@ void take_swings(const Matrix& sums, const Eigen::RowVectorXd& scale, Index reac
     if (row > reach) window -= sums.row(row - reach - 1), --length;
     const auto count = static_cast<double>(length);
     swings.row(row) = ((count * sums.row(row) - window) * (1 / count)).cwiseProduct(scale);
-  }
-}
-
-// Sets the steps at a lamp's ends to 0: swings of more than twice those of nine rows in ten.
-void leave_out_ends(Matrix& swings) {
-  std::vector<double> sizes(static_cast<std::size_t>(swings.rows()));
-  for (Index block = 0; block < swings.cols(); ++block) {
-    for (Index row = 0; row < swings.rows(); ++row) sizes[static_cast<std::size_t>(row)] = std::abs(swings(row, block));
-    const auto at = sizes.begin() + static_cast<std::ptrdiff_t>(0.9 * static_cast<double>(sizes.size() - 1));
-    std::ranges::nth_element(sizes, at);
-    for (Index row = 0; row < swings.rows(); ++row)
-      if (std::abs(swings(row, block)) > 2 * *at) swings(row, block) = 0;
   }
 }
 
@@ -181,7 +167,7 @@ struct BlockedFrame {
     Eigen::RowVectorXd scale(means.cols());
     for (Index block = 0; block < means.cols(); ++block)
       scale(block) = 1 / static_cast<double>(blocks.size[static_cast<std::size_t>(block)]);
-    take_swings(means, scale, long_reach(means.rows()), swings);
+    take_swings(means, scale, swings);
     for (Index row = 0; row < means.rows(); ++row)
       means.row(row) = (means.row(row).array() * scale.array() - dark).matrix();
   }
@@ -299,10 +285,9 @@ std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t fra
 }
 
 double agreement(std::span<const double> signal, const LightGroup& group) {
-  const auto slow = moving_mean(signal, group.reach);
+  const auto slow = moving_mean(signal, static_cast<std::size_t>(reach_of(std::ssize(signal))));
   double product = 0, square = 0;
   for (std::size_t n = 0; n < signal.size(); ++n) {
-    if (group.swings[n] == 0) continue;  // left out
     product += (signal[n] - slow[n]) * group.swings[n];
     square += (signal[n] - slow[n]) * (signal[n] - slow[n]);
   }
@@ -491,28 +476,16 @@ ColumnSums::~ColumnSums() = default;
 CombinedColumn ColumnSums::combine() const { return combined_from_products(*memory_, memory_->products); }
 
 std::vector<LightGroup> ColumnSums::light_groups() const {
-  const auto& [usable, blocks, means] = std::tie(memory_->usable, memory_->blocks, memory_->means);
-  const Matrix* swings = &memory_->swings;
-  Index reach = long_reach(means.rows());
-  auto groups = groups_by(*swings, memory_->products);
-  // Some of several lamps on the same rows may differ by chance over the long reach too.
-  const Eigen::RowVectorXd swing = (swings->colwise().squaredNorm().array() > 0).cast<double>();
-  Matrix quick;
-  take_swings(means, swing, short_reach(means.rows()), quick);  // a block without swing has none but by rounding
-  leave_out_ends(quick);
-  if (auto quick_groups = groups_by(quick, gram(quick.transpose()));
-      groups.size() < 2 || quick_groups.size() > groups.size()) {
-    reach = short_reach(means.rows());
-    groups = std::move(quick_groups);
-    swings = &quick;
-  }
+  const auto& [usable, blocks] = std::tie(memory_->usable, memory_->blocks);
+  const Matrix& swings = memory_->swings;
+  const auto groups = groups_by(swings, memory_->products);
   if (groups.size() < 2) return {};
   std::vector<LightGroup> lights;
   for (const auto& group : groups) {
-    LightGroup light{std::vector<std::uint8_t>(usable.size(), 0), {}, static_cast<std::size_t>(reach)};
-    VectorXd sum = VectorXd::Zero(swings->rows());
+    LightGroup light{std::vector<std::uint8_t>(usable.size(), 0), {}};
+    VectorXd sum = VectorXd::Zero(swings.rows());
     for (const Index block : group.members) {
-      sum += swings->col(block);
+      sum += swings.col(block);
       const auto at = static_cast<std::size_t>(block);
       for (std::size_t column = blocks.begin[at]; column < blocks.end[at]; ++column)
         light.columns[column] = usable[column];

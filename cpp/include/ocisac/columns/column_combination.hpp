@@ -34,7 +34,6 @@ std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t fra
 struct LightGroup {
   std::vector<std::uint8_t> columns;  // (columns) 1: member
   std::vector<double> swings;         // (rows) its swings about their moving mean, normalised to length 1
-  std::size_t reach = 0;              // rows of that mean either side
 };
 
 // Lights side by side, the strongest first: groups of columns whose swings correlate with each other (cosine above 0.6)
