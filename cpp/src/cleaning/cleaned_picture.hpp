@@ -45,11 +45,6 @@ inline void clean_row(const BandedPicture& picture, std::size_t frame, std::size
   }
 }
 
-inline void clean(const BandedPicture& picture, std::size_t frame, std::span<const double> change,
-                  std::span<const double> share, Cleaned& out) {
-  for (std::size_t row = 0; row < picture.rows; ++row) clean_row(picture, frame, row, change, share, out);
-}
-
 inline void check(const BandedPicture& picture, std::span<const double> row_light) {
   const std::size_t pixels = picture.frames * picture.rows * picture.columns;
   require(pixels > 0, "picture", pixels, "at least one pixel");

@@ -27,28 +27,14 @@ constexpr double dark = 0.02;                // quantile
 constexpr double min_share = 0.02;           // of a column, relative to those with a large one
 constexpr double min_depth = 1e-3;
 constexpr double least_trend = 0.1;  // of the mean
-constexpr double enough_rows = 0.9;  // of a column that counts
 constexpr double alike = 0.9;        // correlation of the swings of two colours
 
-// Share of the rows in which each column is known.
-Values known_share(const BandedPicture& picture) {
-  Values share(picture.columns);
-  for (std::size_t n = 0; n < picture.rows; ++n)
-    for (std::size_t k = 0; k < picture.columns; ++k)
-      share[k] += std::isfinite(picture.variance[n * picture.columns + k]) ? 1 : 0;
-  for (double& value : share) value /= static_cast<double>(picture.rows);
-  return share;
-}
-
-// Row means over the columns that are known in most rows; rows without any are interpolated.
+// Row means over the known pixels; rows without any are interpolated.
 Values row_means(const BandedPicture& picture) {
-  const Values share = known_share(picture);
-  const double enough = std::min(enough_rows, *std::max_element(share.begin(), share.end()));
   Values means(picture.rows), counts(picture.rows);
   for (std::size_t n = 0; n < picture.rows; ++n) {
-    for (std::size_t k = 0; k < picture.columns; ++k) {
-      const std::size_t at = n * picture.columns + k;
-      if (share[k] < enough || !std::isfinite(picture.variance[at])) continue;
+    for (std::size_t at = n * picture.columns; at < (n + 1) * picture.columns; ++at) {
+      if (!std::isfinite(picture.variance[at])) continue;
       means[n] += picture.light[at];
       counts[n] += 1;
     }
@@ -104,7 +90,7 @@ ColumnBundles::ColumnBundles(const BandedPicture& picture, std::span<const doubl
   require(share.empty() || share.size() == picture.columns, "share", share.size(), "one value a column");
   const std::size_t most = std::max(least_columns, std::min(most_columns, enough_pixels / picture.rows));
   const std::size_t width = blocks_of(picture.columns, most);
-  bundles_ = merged_along(copy_of(picture), width);
+  bundles_ = block_means(picture, 1, width);
   share_ = means_of_rows(share, std::max<std::size_t>(share.size(), 1), width);
 }
 
@@ -115,10 +101,10 @@ std::vector<double> ColumnBundles::share_of_columns(std::span<const double> rows
   for (double& value : lit) value = std::max(value, 0.0);
   const std::size_t lag = comparison_lag(lit, lit.size());
   const std::size_t height = std::max<std::size_t>(1, std::min(lag / rows_of_lag, lit.size() / rows_of_shares));
-  const Blocks merged = merged_down(bundles_, height);
-  const Values each = light_share(merged.picture(), means_of_rows(lit, lit.size(), height), false);
-  Values share(merged.columns);
-  for (std::size_t i = 0; i < each.size(); ++i) share[i % merged.columns] += each[i] / static_cast<double>(merged.rows);
+  const Blocks blocks = block_means(bundles_.picture(), height, 1);
+  const Values each = light_share(blocks.picture(), means_of_rows(lit, lit.size(), height), false);
+  Values share(blocks.columns);
+  for (std::size_t i = 0; i < each.size(); ++i) share[i % blocks.columns] += each[i] / static_cast<double>(blocks.rows);
   return share;
 }
 

@@ -158,7 +158,7 @@ CommonCourse common_course(const BandedPicture& picture, const CommonCourse* of_
   const std::size_t count = mode_count(picture.rows);
   const std::size_t height = std::max<std::size_t>(1, picture.rows / (4 * count));
   const std::size_t width = blocks_of(picture.columns, most_columns);
-  const Blocks blocks = merged_along(merged_down(copy_of(picture), height), width);
+  const Blocks blocks = block_means(picture, height, width);
   const Differences all = differences_of(blocks, count);
   Eigen::VectorXd modes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
   if (of_all != nullptr)
@@ -176,7 +176,7 @@ CommonCourse common_course(const BandedPicture& picture, const CommonCourse* of_
   }
   compare_groups(all, weights, course);
   const std::size_t down = blocks_of(blocks.rows, most_cells), across = blocks_of(blocks.columns, most_cells);
-  const Blocks cells = merged_along(merged_down(blocks, down), across);
+  const Blocks cells = block_means(blocks.picture(), down, across);
   const double least = darkest * std::max(mean_of_known(cells), 1e-100);
   for (const double light : cells.light) course.cells.push_back(std::log(std::max(light, least)));
   course.cell_rows = height * down;

@@ -212,14 +212,14 @@ class ShareEstimator {
 
   // wide_steps on sums of columns.
   void take_wide_steps(std::span<const double> row_light) {
-    const Blocks blocks = merged_along(copy_of(picture_), merged_at_first);
+    const Blocks blocks = block_means(picture_, 1, merged_at_first);
     const std::size_t columns = blocks.columns;
-    ShareEstimator merged({blocks.light, blocks.variance, picture_.frames, picture_.rows, columns}, row_light,
-                          merged_at_first);
-    merged.wide_steps();
+    ShareEstimator wider({blocks.light, blocks.variance, picture_.frames, picture_.rows, columns}, row_light,
+                         merged_at_first);
+    wider.wide_steps();
     share_.resize(pixels_);
     for (std::size_t i = 0; i < pixels_; ++i)
-      share_[i] = merged.share_[i / picture_.columns * columns + i % picture_.columns / merged_at_first];
+      share_[i] = wider.share_[i / picture_.columns * columns + i % picture_.columns / merged_at_first];
   }
 
   void find_passages(double reach) {

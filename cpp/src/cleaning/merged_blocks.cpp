@@ -11,24 +11,27 @@
 
 namespace ocisac {
 
-namespace {
-
-Blocks merged(const Blocks& from, std::size_t height, std::size_t width) {
-  if (height == 1 && width == 1) return from;
-  Blocks to{blocks_of(from.rows, height), blocks_of(from.columns, width), {}, {}};
+Blocks block_means(const BandedPicture& picture, std::size_t height, std::size_t width) {
+  const std::size_t rows = picture.frames * picture.rows, columns = picture.columns;
+  if (height == 1 && width == 1)
+    return {rows,
+            columns,
+            {picture.light.begin(), picture.light.end()},
+            {picture.variance.begin(), picture.variance.end()}};
+  Blocks to{blocks_of(rows, height), blocks_of(columns, width), {}, {}};
   to.light.resize(to.rows * to.columns);
   to.variance.resize(to.light.size());
   std::vector<double> known(to.light.size());
-  for (std::size_t n = 0; n < from.rows; ++n) {
+  for (std::size_t n = 0; n < rows; ++n) {
     check_interrupt();
     for (std::size_t block = 0; block < to.columns; ++block) {
-      const std::size_t at = n / height * to.columns + block, first = n * from.columns + block * width;
-      const std::size_t end = std::min(first + width, (n + 1) * from.columns);
+      const std::size_t at = n / height * to.columns + block, first = n * columns + block * width;
+      const std::size_t end = std::min(first + width, (n + 1) * columns);
       for (std::size_t i = first; i < end; ++i) {
-        const bool is_known = std::isfinite(from.variance[i]);
+        const bool is_known = std::isfinite(picture.variance[i]);
         known[at] += is_known ? 1 : 0;
-        to.light[at] += is_known ? from.light[i] : 0;
-        to.variance[at] += is_known ? from.variance[i] : 0;
+        to.light[at] += is_known ? picture.light[i] : 0;
+        to.variance[at] += is_known ? picture.variance[i] : 0;
       }
     }
   }
@@ -39,17 +42,8 @@ Blocks merged(const Blocks& from, std::size_t height, std::size_t width) {
   return to;
 }
 
-}  // namespace
-
-Blocks copy_of(const BandedPicture& picture) {
-  return {picture.frames * picture.rows,
-          picture.columns,
-          {picture.light.begin(), picture.light.end()},
-          {picture.variance.begin(), picture.variance.end()}};
-}
-
 Blocks sum_of(std::span<const BandedPicture> colours) {
-  Blocks sum = copy_of(colours.front());
+  Blocks sum = block_means(colours.front(), 1, 1);
   for (const BandedPicture& colour : colours.subspan(1)) {
     require(colour.light.size() == sum.light.size(), "colours", colour.light.size(), "pictures of one shape");
     for (std::size_t i = 0; i < sum.light.size(); ++i) {
@@ -59,10 +53,6 @@ Blocks sum_of(std::span<const BandedPicture> colours) {
   }
   return sum;
 }
-
-Blocks merged_down(const Blocks& from, std::size_t count) { return merged(from, count, 1); }
-
-Blocks merged_along(const Blocks& from, std::size_t count) { return merged(from, 1, count); }
 
 std::vector<double> means_of_rows(std::span<const double> row_light, std::size_t rows, std::size_t count) {
   std::vector<double> means;

@@ -12,13 +12,11 @@ namespace ocisac {
 
 constexpr std::size_t enough_pixels = 1U << 17U;  // for what is estimated once or varies slowly
 
-// A picture's pixels; the sums of those of several colours.
-Blocks copy_of(const BandedPicture& picture);
+// The sums of several colours.
 Blocks sum_of(std::span<const BandedPicture> colours);
 
-// Means of the known ones of `count` neighbours, down the rows or along them; the last ones have what is left.
-Blocks merged_down(const Blocks& from, std::size_t count);
-Blocks merged_along(const Blocks& from, std::size_t count);
+// Means of the known ones of `height` × `width` pixels; the last blocks have what is left.
+Blocks block_means(const BandedPicture& picture, std::size_t height, std::size_t width);
 
 // Means of the unsaturated pixels of `merged` neighbouring columns. `stored`: one frame, each value below the table's
 // length.

@@ -154,7 +154,7 @@ PictureChange picture_change(const Blocks& before, const Blocks& after) {
                     Values(after.light.size(), 1.0)};
   for (std::size_t i = 0; i < after.light.size(); ++i)
     difference.light[i] = std::abs(difference.light[i] - after.light[i]);
-  const Blocks means = merged_along(merged_down(difference, window), window);
+  const Blocks means = block_means(difference.picture(), window, window);
   for (std::size_t n = 0; n < after.rows; ++n)
     for (std::size_t k = 0; k < after.columns; ++k) {
       const bool outside = is_outside(static_cast<double>(n) - down, after.rows) ||

@@ -92,10 +92,11 @@ RowEquations row_equations(const BandedPicture& picture, std::span<const double>
   const std::size_t rows = picture.rows, columns = picture.columns;
   std::vector<double> change(rows);
   for (std::size_t n = 0; n < rows; ++n) change[n] = light[n] - 1;
-  clean(picture, 0, change, share, cleaned);
-  for (std::size_t row = 0; row < rows; ++row)
+  for (std::size_t row = 0; row < rows; ++row) {
+    clean_row(picture, 0, row, change, share, cleaned);
     for (std::size_t i = row * columns; i < (row + 1) * columns; ++i)
       cleaned.slope[i] = share[i] / light_left(share[i], change[row]);
+  }
   RowEquations equations{std::vector<double>(rows * band), std::vector<double>(rows)};
   const double texture = row_textures[std::min(static_cast<std::size_t>(step), row_textures.size() - 1)];
   for (const std::size_t lag : lags)

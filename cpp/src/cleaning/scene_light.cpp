@@ -169,10 +169,8 @@ std::vector<BlockShares> shares_of(const StoredScene& scene, std::span<const Col
   for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
     Blocks all{0, 0, {}, {}};
     for (std::size_t frame = 0; frame < scene.frames(); ++frame) {
-      const BandedPicture picture = scene.picture(frame, colour);
-      const Blocks one = merged_down(
-          merged_along(copy_of(picture), block.block_columns / std::min(scene.merged(), block.block_columns)),
-          block.block_rows);
+      const std::size_t width = block.block_columns / std::min(scene.merged(), block.block_columns);
+      const Blocks one = block_means(scene.picture(frame, colour), block.block_rows, width);
       all.rows = one.rows;
       all.columns = one.columns;
       all.light.insert(all.light.end(), one.light.begin(), one.light.end());

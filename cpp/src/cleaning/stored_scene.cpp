@@ -175,7 +175,7 @@ Blocks StoredScene::converted(std::size_t frame, std::size_t colour) const {
             blocks.light.push_back(lifted_light(linear_light(curve_, value, 1), toe_, white_));
             blocks.variance.push_back(variance_at(value, 1));
           }
-          return merged_along(blocks, merged_);
+          return block_means(blocks.picture(), 1, merged_);
         }
       },
       colours_[colour]);

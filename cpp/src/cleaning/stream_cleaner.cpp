@@ -33,7 +33,7 @@ constexpr double most_jitter = 0.25;  // of a time stamp, in frames: phases of s
 // Means of one colour over the blocks of its shares.
 Blocks in_blocks(const StoredScene& stored, std::size_t colour, const BlockShares& shares) {
   const std::size_t width = std::max<std::size_t>(1, shares.block_columns / stored.merged());
-  return merged_down(merged_along(copy_of(stored.picture(0, colour)), width), shares.block_rows);
+  return block_means(stored.picture(0, colour), shares.block_rows, width);
 }
 
 std::vector<Blocks> all_in_blocks(const StoredScene& stored, const BlockShares& shares) {
@@ -62,7 +62,7 @@ Blocks guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, 
     }
   }
   const std::size_t count = guide_size(picture.light.size());
-  Blocks guide = merged_along(merged_down(picture, count), count);
+  Blocks guide = block_means(picture.picture(), count, count);
   const double mean = mean_of(guide.light);
   for (double& value : guide.light) value = std::log(std::max(value, 0.0) + least_light * std::max(mean, 1e-300));
   return guide;
