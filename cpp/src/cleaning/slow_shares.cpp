@@ -7,6 +7,7 @@
 #include "cleaning/quantile.hpp"
 #include "cleaning/slow_tones.hpp"
 #include "core/linear_algebra.hpp"
+#include "ocisac/core/constants.hpp"
 
 namespace ocisac {
 
@@ -18,16 +19,15 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr Index least_frames = 3;
-constexpr double between_cells = 0.15, from_one = 1;  // standard deviations of a share
-constexpr double median_square = 0.455;               // of a normal deviate
-constexpr double clearly_less = 0.8;                  // of what one share leaves; by chance 0.9
+constexpr double between_cells = 0.15;  // standard deviation of a share from its neighbours; from 1 it is 1
+constexpr double clearly_less = 0.8;    // of what one share leaves; by chance 0.9
 constexpr int steps = 4;
 
 // Inverse covariance of the shares of cells, `across` in a row of them.
 MatrixXd prior_of(Index cells, Index across) {
-  MatrixXd prior = MatrixXd::Identity(cells, cells) / (from_one * from_one);
+  MatrixXd prior = MatrixXd::Identity(cells, cells);
   const auto join = [&](Index a, Index b) {
-    constexpr double weight = 1 / (between_cells * between_cells);
+    const double weight = 1 / (between_cells * between_cells);
     prior(a, a) += weight;
     prior(b, b) += weight;
     prior(a, b) -= weight;
@@ -70,8 +70,9 @@ std::vector<double> slow_shares(std::span<const CommonCourse> courses, const std
   double noise_of_one = 0, before = 0;
   for (int step = 0; step < steps; ++step) {
     const ArrayXXd rest = residual(), slope = centred(change / left()), squares = rest.square();
-    const double noise =
-        quantile({squares.data(), static_cast<std::size_t>(squares.size())}, 0.5) / median_square + least_mode_variance;
+    const double noise = quantile({squares.data(), static_cast<std::size_t>(squares.size())}, 0.5) /
+                             (kMedianMagnitude * kMedianMagnitude) +
+                         least_mode_variance;
     if (step == 0) {
       noise_of_one = noise;
       before = (1 + squares / noise).log().sum();
