@@ -21,7 +21,6 @@ namespace {
 using std::numbers::pi;
 using Tones = std::span<const WeightedTone>;
 
-constexpr double kMostCandidates = 1e7;
 constexpr double kMostCycles = 1e15;      // of an exposure; beyond it phases are rounding errors
 constexpr double kMostMultiple = 0x1p53;  // of a step; beyond it neighbours do not differ
 constexpr double kPrecision = 1e-12;      // relative, of the objective

@@ -19,7 +19,6 @@ namespace {
 
 using Intervals = std::vector<Interval>;
 
-constexpr double kMostValues = 1e7;
 constexpr double kMostNulls = 1e6;
 constexpr int kHalvings = 60;  // of a bracket: to float64 precision
 // Relative reduction of intervals, which keeps their ends within the bound despite rounding.
@@ -123,7 +122,7 @@ Allowed smallest_level(double below, const std::function<Intervals(double)>& fou
 
 std::vector<double> multiples(const Intervals& every, double step) {
   require_positive("step", step);
-  require(every.back().high / step <= kMostValues, "step", step,
+  require(every.back().high / step <= kMostCandidates, "step", step,
           "at most 10 million multiples up to " + shortest_text(every.back().high) + " s");
   std::vector<double> grid;
   double next = 1;

@@ -16,7 +16,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kCollinear = 1e-6;  // relative pivot of a column that others explain
 constexpr int kMaxSteps = 8;
 constexpr double kReach = 0.25;    // bins of the rows: the longest step of a frequency
 constexpr double kSettled = 1e-3;  // bins; a smaller step is the last
@@ -77,7 +76,7 @@ MatrixXd beside(const ConstMatrix& basis, const ConstMatrix& vectors) {
 }
 
 VectorXd coefficients_of(const ConstMatrix& design, const VectorXd& values) {
-  return least_squares(design, values, kCollinear);
+  return least_squares(design, values, 1 / kIllConditioned);
 }
 
 std::optional<NormalSolution> solve_normal(const MatrixXd& normal, const VectorXd& right) {

@@ -6,6 +6,7 @@
 namespace ocisac::kernels {
 
 inline constexpr double kWeak = 3;         // standard errors below which a tone is weak
+inline constexpr double kSure = 4;         // standard errors beyond which noise alone does not reach
 inline constexpr double kRounding = 1e-9;  // contrast of rounding errors of a steady column
 
 // Weighted sums of many columns: totals (count,), sums (estimates − 1 × count, `stride` apart) and squares (count,),

@@ -332,7 +332,6 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, c
 }
 
 constexpr double kHalfStep = 0.5;  // between stored values
-constexpr double kNoise = 4;       // σ beyond which noise alone does not reach
 
 double noise_of(const ToneGainView& result, std::size_t index) {
   return result.gain[index] * result.mean[index] / std::sqrt(result.snr[index]);
@@ -380,7 +379,7 @@ bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::si
   const double noise = noise_of(result, start);
   const auto within = [noise](double x, double deviations) { return x < 0 || x < deviations * noise; };
   const double off = curve.dark_level + background_of(context, frame, column), least = result.mean[start] - depth;
-  return within(least - kHalfStep, kNoise) || within(least + off - kHalfStep, kNoise) ||
+  return within(least - kHalfStep, kernels::kSure) || within(least + off - kHalfStep, kernels::kSure) ||
          within(largest - off - result.mean[start] - depth, kBeyond) ||
          within(least + off - least_of_some(frames, frame, column), kBeyond);
 }
@@ -414,7 +413,7 @@ void flag_clipped(const AnyFramesView& frames, const Context& context, std::size
   const std::size_t start = index_of(context, 0, frame);
   const auto piles_at = [&](std::size_t column) {
     if (!may_be_clipped(frames, context, frame, column, tops[column], result)) return Piles{};
-    const double least = least_light(frames, *context.camera) - kNoise * noise_of(result, start + column);
+    const double least = least_light(frames, *context.camera) - kernels::kSure * noise_of(result, start + column);
     return find_piles(frames, frame, column, least);
   };
   const std::size_t brightest = place_of_extreme(tops, 1), darkest = place_of_extreme(means, -1);
@@ -716,7 +715,6 @@ struct ColumnFit {
 
   // Without a result: nothing is left but rounding, or too little is known.
   static std::optional<ColumnFit> of(const Context& context, std::span<const double> column) {
-    constexpr double kRounding = 1e-9;  // of the column
     std::vector<ModelTone> oscillations;
     for (const double cycles : model_cycles(context)) oscillations.push_back({cycles, {1}});
     // A slow square wave has thousands of harmonics.
@@ -728,7 +726,7 @@ struct ColumnFit {
     const Eigen::Map<const Eigen::MatrixXd> weights(model->weights.data(), rows, size),
         basis(model->basis.data(), rows, size);
     Eigen::VectorXd left = beside(basis, y);
-    if (left.norm() <= kRounding * y.norm()) return {};
+    if (left.norm() <= kernels::kRounding * y.norm()) return {};
     return ColumnFit{std::move(model), transposed_product(weights, y), std::move(left)};
   }
 
@@ -869,7 +867,8 @@ void flag_wrong_exposure(const Context& context, const ToneGainView& result) {
   const std::size_t each = result.gain.size() / context.tones.size();
   for (std::size_t i = 0; i < result.gain.size(); ++i) {
     const double full_depth = std::abs(sinc(context.tones[i / each].frequency * *context.camera->exposure));
-    if (result.gain[i] - kNoise * result.gain_std[i] > full_depth + kBeyond) result.flags[i] |= flag::model_misfit;
+    if (result.gain[i] - kernels::kSure * result.gain_std[i] > full_depth + kBeyond)
+      result.flags[i] |= flag::model_misfit;
   }
 }
 

@@ -28,7 +28,6 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 // Of one column, at most 3·5 + 3: on the stack.
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 18, 1>;
 
-constexpr double kSure = 4;  // standard errors above which a bias is significant
 constexpr std::size_t kColumnsPerBlock = 640;
 constexpr std::size_t kColumnsInCache = 32;  // their light and what is left of it fit the second-level cache
 // Share of a column's energy that the model leaves: below it, energies of model and column differ by too few digits.
@@ -230,7 +229,8 @@ void judge(const Plan& plan, const Vector& parameters, double noise, double back
   slope(at) -= amplitude / (steady_mean * steady_mean);
   const double bias = steady_gain - gain, bias_std = error(slope);
   if (gain < std::max(kernels::kWeak * gain_std, kernels::kRounding)) flags |= flag::weak;
-  if (std::abs(bias) > std::max({kSure * bias_std, steady_std, kernels::kRounding})) flags |= flag::model_misfit;
+  if (std::abs(bias) > std::max({kernels::kSure * bias_std, steady_std, kernels::kRounding}))
+    flags |= flag::model_misfit;
   result.gain[index] = gain;
   result.gain_std[index] = gain_std;
   result.bias[index] = bias;

@@ -12,6 +12,8 @@ struct BestExposure {
   double objective;  // Y(exposure), s
 };
 
+inline constexpr double kMostCandidates = 1e7;  // lobes, multiples of a step or points of a search
+
 // Search domain. Without bounds: (0, 1/f] with f the smallest of the frequencies.
 struct ExposureDomain {
   struct Bounds {
