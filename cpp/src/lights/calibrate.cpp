@@ -23,33 +23,14 @@ constexpr double kFewCycles = 2;
 constexpr double kSameFrequency = 0.02;  // relative
 constexpr double kEvenSnr = 6;           // of a tone over the whole frame: outlines, text and lines leave 4 and less
 constexpr double kLitShare = 0.02;       // of the columns: fewer may be a line of text
-constexpr double kOutlineCycles = 3;     // in the frame: the outline of a lamp resembles fewer
-constexpr double kLikely = 0.575;        // probability of a light, or, of a tone that the whole frame shows,
-constexpr double kLampEnergy = 0.05;     // energy of its swing, relative to that of the picture
+constexpr double kLikely = 0.575;        // probability of a light
 constexpr double kLongestFrame = 1;      // s
-
-// Σ of the squares about the mean, over the pixels of the first frame.
-double energy_of(const AnyFramesView& frames) {
-  return std::visit(
-      [](const auto& view) {
-        double sum = 0, squares = 0;
-        for (std::size_t n = 0; n < view.rows; ++n)
-          for (std::size_t c = 0; c < view.columns; ++c) {
-            const auto light = static_cast<double>(view(0, n, c));
-            sum += light;
-            squares += light * light;
-          }
-        return squares - sum * sum / static_cast<double>(view.rows * view.columns);
-      },
-      frames);
-}
 
 double energy_of(const LightSource& light) {
   return 0.5 * light.amplitude * light.amplitude * static_cast<double>(light.box.pixels());
 }
 
-// The light of the first frame, within the bounds of the search, whose swing has the largest energy; an unlikely one
-// only without likely ones.
+// The light of the first frame, within the bounds of the search, whose swing has the largest energy.
 std::optional<LightSource> strongest_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   Camera per_row;
   per_row.row_time = 1;
@@ -57,8 +38,7 @@ std::optional<LightSource> strongest_lamp(const AnyFramesView& frames, const Fre
   std::erase_if(lights, [&](const LightSource& light) {
     return light.frequency < search.lower || light.frequency > search.upper;
   });
-  const auto rank = [](const LightSource& one) { return std::pair{one.probability >= kLikely, energy_of(one)}; };
-  const auto best = std::ranges::max_element(lights, {}, rank);
+  const auto best = std::ranges::max_element(lights, {}, [](const LightSource& one) { return energy_of(one); });
   return best == lights.end() ? std::nullopt : std::optional(*best);
 }
 
@@ -77,9 +57,8 @@ bool is_narrow(const ToneColumns& columns) {
 }
 
 // True if the tone explains the whole frame.
-bool is_everywhere(const FoundFrequency& found, const Shape& shape) {
-  return answered(found) && found.snr >= kEvenSnr &&
-         found.frequency * static_cast<double>(shape.rows) >= kOutlineCycles && !is_narrow(found.columns);
+bool is_everywhere(const FoundFrequency& found) {
+  return answered(found) && found.snr >= kEvenSnr && !is_narrow(found.columns);
 }
 
 // Without a lower bound, frequencies of at least two cycles in the frame are searched first, lower ones only if no tone
@@ -102,7 +81,7 @@ struct Lamp {
 
 Lamp find_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   FoundFrequency whole = find_in_frame(frames, search);
-  if (is_everywhere(whole, shape_of(frames))) return {std::move(whole)};
+  if (is_everywhere(whole)) return {std::move(whole)};
   const auto lamp = strongest_lamp(frames, search);
   if (!lamp) {
     if (answered(whole)) whole.flags |= flag::model_misfit;
@@ -117,11 +96,9 @@ Lamp find_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   ToneColumns all{std::vector<std::uint8_t>(columns), std::vector<double>(columns), own.saturated};
   std::ranges::copy(own.used, all.used.begin() + first);
   std::ranges::copy(own.strength, all.strength.begin() + first);
-  // Data have edges, not a tone of their own: what they tell of a frequency counts beside that of the whole frame.
-  const bool doubtful = contested || (light.share == 0 && !answered(whole)) ||
-                        (light.probability < kLikely &&
-                         ((whole.flags & flag::no_tone) != 0 || energy_of(light) < kLampEnergy * energy_of(frames))) ||
-                        is_narrow(all);
+  // What is no likely tone, such as data, counts beside a tone of the whole frame alone.
+  const bool uncertain = light.share == 0 || light.probability < kLikely;
+  const bool doubtful = contested || (uncertain && !answered(whole)) || is_narrow(all);
   const Flags flags = (own.saturated ? flag::saturated : 0) | (doubtful ? flag::model_misfit : 0);
   return {{light.frequency, light.frequency_std, light.snr, 3, flags, std::move(all)}, light.probability};
 }

@@ -13,7 +13,6 @@
 #include "core/statistics.hpp"
 #include "lights/light_patch.hpp"
 #include "lights/profile_frequency.hpp"
-#include "lights/refinement_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "rows/verdict.hpp"
 
@@ -21,7 +20,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr int rounds = 2;
+constexpr int kRounds = 2;
 constexpr double min_coherence = 0.6;  // local correlation of the halves
 constexpr double min_power = 0.02;     // relative to the swing's near its maximum
 constexpr double min_likeness = 0.5;   // correlation of a column with the middle
@@ -44,72 +43,29 @@ std::optional<IndexRange> run_about(const std::vector<std::uint8_t>& places, std
   return IndexRange{begin, last + 1};
 }
 
-// Adjacent signals in the layout of local_means().
-class Signals {
- public:
-  explicit Signals(std::size_t rows) : rows_(rows), values_(rows * kernels::patch_padding) {}
-
-  double& at(std::size_t row, std::size_t signal) { return values_[row * kernels::patch_padding + signal]; }
-  [[nodiscard]] std::size_t rows() const { return rows_; }
-
-  [[nodiscard]] Signals means(std::size_t length) const {
-    Signals out(rows_);
-    out.values_ = local_means(values_, rows_, kernels::patch_padding, length);
-    return out;
-  }
-  void subtract(const Signals& other) { std::ranges::transform(values_, other.values_, values_.begin(), std::minus{}); }
-
- private:
-  std::size_t rows_;
-  std::vector<double> values_;
-};
-
-// Log light of the left and the right half of the box's columns in rows [top, bottom), local mean removed.
-Signals swing_of_halves(const LitFrame& frame, const Region& box, const IndexRange& rows, std::size_t length) {
-  const std::size_t middle = box.x + box.width / 2;
-  const auto left = mean_light(frame, {box.x, middle}, rows);
-  const auto right = mean_light(frame, {middle, box.right()}, rows);
-  Signals logs(rows.size());
-  for (std::size_t n = 0; n < logs.rows(); ++n) {
-    logs.at(n, 0) = std::log(std::max(left[n], 0.0) + frame.floor);
-    logs.at(n, 1) = std::log(std::max(right[n], 0.0) + frame.floor);
-  }
-  logs.subtract(logs.means(length));
-  return logs;
-}
-
-// Fast test that the halves of the box correlate; it rejects most suspects, which are noise.
-bool halves_alike(const LitFrame& frame, const Region& box, std::size_t length) {
-  if (box.width < 2) return false;
-  Signals logs = swing_of_halves(frame, box, {box.y, box.bottom()}, length);
-  double aa = 0, bb = 0, ab = 0;
-  for (std::size_t n = 0; n < logs.rows(); ++n) {
-    const double a = logs.at(n, 0), b = logs.at(n, 1);
-    aa += a * a, bb += b * b, ab += a * b;
-  }
-  return ab > min_coherence * std::sqrt(aa * bb);
-}
-
-// Rows about the box in which the halves correlate.
+// Rows about the box in which the left and the right half of its columns correlate.
 std::optional<Region> lit_rows(const LitFrame& frame, const Region& box, std::size_t length) {
   if (box.width < 2) return {};
-  const std::size_t reach = std::max(8 * length, 2 * box.height), rows = shape_of(frame.frames).rows;
-  const std::size_t top = box.y - std::min(box.y, reach), bottom = std::min(rows, box.bottom() + reach);
-  Signals logs = swing_of_halves(frame, box, {top, bottom}, length), powers(bottom - top);
-  for (std::size_t n = 0; n < logs.rows(); ++n) {
-    const double a = logs.at(n, 0), b = logs.at(n, 1);
-    powers.at(n, 0) = a * b, powers.at(n, 1) = a * a, powers.at(n, 2) = b * b;
-  }
-  powers = powers.means(length);
-  std::vector<double> inside(box.height);
+  const std::size_t reach = std::max(8 * length, 2 * box.height), middle = box.x + box.width / 2;
+  const std::size_t top = box.y - std::min(box.y, reach);
+  const IndexRange rows{top, std::min(shape_of(frame.frames).rows, box.bottom() + reach)};
+  const auto left = mean_swing(frame, {box.x, middle}, rows, length);
+  const auto right = mean_swing(frame, {middle, box.right()}, rows, length);
+  const auto power = [&](const std::vector<double>& a, const std::vector<double>& b) {
+    std::vector<double> products(rows.size());
+    std::ranges::transform(a, b, products.begin(), std::multiplies{});
+    return local_means(products, length);
+  };
+  const auto both = power(left, right), own = power(left, left), other = power(right, right);
   const std::size_t first = box.y - top;
-  for (std::size_t n = 0; n < box.height; ++n) inside[n] = powers.at(first + n, 0);
+  std::vector<double> inside(both.begin() + static_cast<std::ptrdiff_t>(first),
+                             both.begin() + static_cast<std::ptrdiff_t>(first + box.height));
   const auto high = inside.begin() + static_cast<std::ptrdiff_t>(inside.size() * 9 / 10);
   std::ranges::nth_element(inside, high);
-  std::vector<std::uint8_t> lit(logs.rows());
+  std::vector<std::uint8_t> lit(rows.size());
   for (std::size_t n = 0; n < lit.size(); ++n) {
-    const double coherent = min_coherence * std::sqrt(std::max(powers.at(n, 1) * powers.at(n, 2), 0.0));
-    lit[n] = powers.at(n, 0) > std::max(coherent, min_power * *high);
+    const double coherent = min_coherence * std::sqrt(std::max(own[n] * other[n], 0.0));
+    lit[n] = both[n] > std::max(coherent, min_power * *high);
   }
   const auto run = run_about(lit, first, first + box.height);
   if (!run) return {};
@@ -120,14 +76,11 @@ std::optional<Region> lit_rows(const LitFrame& frame, const Region& box, std::si
 std::optional<Region> lit_columns(const LitFrame& frame, const Region& box, std::size_t length) {
   const Patch patch = patch_of(frame, box, std::max(box.width, box.height), 0);
   const auto slow = local_means(patch.logs, patch.rows, patch.stride, length);
-  const auto own = mean_light(frame, {box.x, box.right()}, {box.y, box.bottom()});
-  Signals middle(patch.rows);
-  for (std::size_t n = 0; n < patch.rows; ++n) middle.at(n, 0) = std::log(std::max(own[n], 0.0) + frame.floor);
-  middle.subtract(middle.means(length));
+  const auto own = mean_swing(frame, {box.x, box.right()}, {box.y, box.bottom()}, length);
   std::vector<double> squares(patch.stride), products(patch.stride);
   double energy = 0;
   for (std::size_t n = 0; n < patch.rows; ++n) {
-    const double s = middle.at(n, 0);
+    const double s = own[n];
     energy += s * s;
     for (std::size_t g = 0; g < patch.stride; ++g) {
       const double x = patch.logs[n * patch.stride + g] - slow[n * patch.stride + g];
@@ -147,8 +100,7 @@ std::optional<Region> lit_columns(const LitFrame& frame, const Region& box, std:
 
 // Rows at which the waveform has crossed its mean.
 std::vector<std::size_t> edges_of(std::span<const double> waveform) {
-  const double power = std::inner_product(waveform.begin(), waveform.end(), waveform.begin(), 0.0);
-  const double lowest = hysteresis * std::sqrt(power / static_cast<double>(waveform.size()));
+  const double lowest = hysteresis * std::sqrt(product_at_lag(waveform, 0) / static_cast<double>(waveform.size()));
   std::vector<std::size_t> edges;
   int side = 0;
   for (std::size_t n = 0; n < waveform.size(); ++n) {
@@ -237,33 +189,28 @@ double chance_of(std::span<const double> waveform) {
 
 // Amplitude: RMS of the mean light over the columns, local mean removed.
 void add_swing(const Patch& patch, std::size_t length, RefinedLight& light) {
-  Signals rows(patch.rows);
-  const auto size = static_cast<double>(patch.rows);
-  double sum = 0, power = 0;
-  for (std::size_t n = 0; n < patch.rows; ++n) {
+  std::vector<double> rows(patch.rows);
+  for (std::size_t n = 0; n < patch.rows; ++n)
     for (std::size_t g = 0; g < patch.groups; ++g)
-      rows.at(n, 0) += patch.light[n * patch.stride + g] / static_cast<double>(patch.groups);
-    sum += rows.at(n, 0);
-  }
-  rows.subtract(rows.means(length));
-  for (std::size_t n = 0; n < patch.rows; ++n) power += rows.at(n, 0) * rows.at(n, 0);
-  light.amplitude = std::sqrt(power / size);
-  light.depth = sum > 0 ? light.amplitude * size / sum : 1;
+      rows[n] += patch.light[n * patch.stride + g] / static_cast<double>(patch.groups);
+  const double mean = mean_of(rows);
+  const auto slow = local_means(rows, length);
+  std::ranges::transform(rows, slow, rows.begin(), std::minus{});
+  light.amplitude = std::sqrt(product_at_lag(rows, 0) / static_cast<double>(patch.rows));
+  light.depth = mean > 0 ? light.amplitude / mean : 1;
 }
 
 }  // namespace
 
-std::optional<DataLight> find_data_light(const LitFrame& frame, const Suspect& suspect) {
+std::optional<RefinedLight> find_data_light(const LitFrame& frame, const Suspect& suspect) {
   const Shape shape = shape_of(frame.frames);
   const std::size_t length = hann_length(0.5 * suspect.frequency);
   Region box = suspect.box;
   box.width = std::min(box.width, shape.columns - box.x);
   box.height = std::min(box.height, shape.rows - box.y);
-  if (!halves_alike(frame, box, length)) return {};
-  for (int round = 0; round < rounds; ++round) {
+  for (int round = 0; round < kRounds; ++round) {
     const auto rows = lit_rows(frame, box, length);
-    if (!rows) return {};
-    const auto columns = lit_columns(frame, *rows, length);
+    const auto columns = rows ? lit_columns(frame, *rows, length) : std::nullopt;
     if (!columns) return {};
     box = *columns;
   }
@@ -287,12 +234,15 @@ std::optional<DataLight> find_data_light(const LitFrame& frame, const Suspect& s
                      .phase = phase_at_start(waveform.values, frequency, box.y),
                      .snr = share / std::max(1 - share, 1e-12),
                      .common = share,
+                     .periodic = periodic_share(waveform, frequency),
                      .chance = chance_of(waveform.values),
-                     .texture = rest / std::max(waveform.common, 1e-300)};
+                     .texture = rest / std::max(waveform.common, 1e-300),
+                     .edges = edges.size(),
+                     .clock = clock_evidence(edges)};
   add_swing(patch, length, light);
   const ComplexValues swing = Demodulator(frequency, patch.rows).swing(patch, patch.logs);
   measure_tilt(patch, swing, {0, patch.rows, 0, patch.groups}, frequency, light);
-  return DataLight{light, edges.size(), clock_evidence(edges), periodic_share(waveform, frequency)};
+  return light;
 }
 
 }  // namespace ocisac

@@ -10,18 +10,11 @@
 
 namespace ocisac {
 
-struct DataLight {
-  RefinedLight light;  // its strongest tone near the suspect's; snr: common swing over the residual; amplitude: its RMS
-  std::size_t edges;   // of its waveform
-  double clock;        // nats: evidence of a clock in the edges
-  double periodic;     // share of its waveform that the strongest tone and two harmonics explain
-};
-
 // Rows and columns are estimated alternately, twice. Rows: where the log light, minus its mean over four cycles of the
 // suspect's frequency, correlates between the left and the right half of the columns (local correlation above 0.6).
 // Columns: those that correlate with the middle (above 0.5) and have at least 0.15 times its swing. The waveform is the
-// common component of the box's columns, each element weighted with its local swing. Absent if fewer
-// than six edges remain.
-std::optional<DataLight> find_data_light(const LitFrame& frame, const Suspect& suspect);
+// common component of the box's columns, each element weighted with its local swing. Frequency: its strongest tone near
+// the suspect's; snr: common swing over the residual; amplitude: its RMS. Absent if fewer than six edges remain.
+std::optional<RefinedLight> find_data_light(const LitFrame& frame, const Suspect& suspect);
 
 }  // namespace ocisac

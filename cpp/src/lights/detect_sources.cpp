@@ -38,7 +38,7 @@ LightSource source_of(const SearchedFrame& in, const Detection& found) {
   source.mean = gain.mean;
   source.snr = light.snr;
   source.amplitude = light.amplitude;
-  source.share = light.periodic;
+  source.share = light.edges > 0 ? 0 : light.periodic;  // none of data
   source.carries_data = !is_tone(found);
   source.reflection_of = found.reflection_of;
   source.reflection_by_phase = found.reflection_by_phase;

@@ -1,18 +1,20 @@
 #include "lights/detection.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <functional>
 #include <numbers>
 #include <numeric>
+#include <span>
+
+#include "core/statistics.hpp"
 
 namespace ocisac {
 
 namespace {
 
 constexpr double kFrequencyApart = 0.04;  // relative: parts that differ by more belong to a light that sends data
-constexpr double kSettledCycles = 5, kSettledPeriodic = 0.95;
+constexpr double kSettledCycles = 5;
 constexpr double kReflection = 0.5;  // min strength relative to another light for a separate light
 
 bool one_frequency(double f, double g) { return std::abs(f - g) <= kFrequencyApart * std::max(f, g); }
@@ -43,34 +45,65 @@ bool is_reflection(const RefinedLight& weak, const RefinedLight& strong) {
   return spread >= 1 || std::abs(apart) <= 3 * spread;
 }
 
+constexpr double kMinBeside = 0.8;  // correlation of swings
+
+IndexRange columns_of(const Region& box) { return {box.x, box.right()}; }
+IndexRange rows_of(const Region& box) { return {box.y, box.bottom()}; }
+IndexRange common(const IndexRange& a, const IndexRange& b) {
+  return {std::max(a.begin, b.begin), std::min(a.end, b.end)};
+}
+
+// Correlation without removal of means.
+double likeness(std::span<const double> a, std::span<const double> b) {
+  const double energy = product_at_lag(a, 0) * product_at_lag(b, 0);
+  return energy > 0 ? std::inner_product(a.begin(), a.end(), b.begin(), 0.0) / std::sqrt(energy) : 0;
+}
+
+bool beside(const LitFrame& frame, const Region& left, const Region& right, std::size_t length) {
+  const IndexRange rows = common(rows_of(left), rows_of(right));
+  const IndexRange between{left.right(), right.x};
+  const std::size_t overlap = between.begin > between.end ? between.begin - between.end : 0;
+  if (2 * rows.size() < std::min(left.height, right.height) || rows.size() == 0 ||
+      between.size() > std::max(left.width, right.width) || 2 * overlap > std::min(left.width, right.width))
+    return false;
+  const auto one = mean_swing(frame, columns_of(left), rows, length);
+  const auto other = mean_swing(frame, columns_of(right), rows, length);
+  if (likeness(one, other) < kMinBeside) return false;
+  return between.size() == 0 || likeness(one, mean_swing(frame, between, rows, length)) >= kMinBeside;
+}
+
 }  // namespace
 
-LightPart part_of(const RefinedLight& light) { return {light.box, light.frequency}; }
+bool one_light_across(const LitFrame& frame, const Region& a, const Region& b, double frequency) {
+  const std::size_t length = hann_length(frequency);
+  return a.x <= b.x ? beside(frame, a, b, length) : beside(frame, b, a, length);
+}
+
+double likeness_of_frames(LitFrame frame, std::size_t other, const RefinedLight& light) {
+  const std::size_t length = hann_length(light.frequency);
+  const auto here = mean_swing(frame, columns_of(light.box), rows_of(light.box), length);
+  frame.index = other;
+  return likeness(here, mean_swing(frame, columns_of(light.box), rows_of(light.box), length));
+}
 
 bool is_tone(const Detection& one) { return !one.data && one.light.periodic >= kPeriodic; }
 
 bool is_settled(const Detection& one) {
   const double cycles = static_cast<double>(one.light.box.height) * one.light.frequency;
-  return one.data || one.expected ||
-         (is_tone(one) && (cycles >= kSettledCycles || (cycles >= 3 && one.light.periodic >= kSettledPeriodic)));
+  return one.data || one.expected || (is_tone(one) && cycles >= kSettledCycles);
 }
 
 bool same_frequency(const RefinedLight& weak, const RefinedLight& strong) {
   const double spread = 3 * std::hypot(weak.frequency_std, strong.frequency_std) + 0.002 * strong.frequency;
-  return std::abs(weak.frequency - strong.frequency) <= std::min(spread, 0.05 * strong.frequency);
+  return std::abs(weak.frequency - strong.frequency) <= spread;
 }
 
 bool near_frequency(double suspected, double frequency) { return std::abs(suspected - frequency) <= 0.25 * frequency; }
 
 bool covers(const Region& box, const Region& part) { return 2 * shared_pixels(part, box) > part.pixels(); }
 
-bool is_explained(const Region& box, double frequency, const RefinedLight& light) {
-  const auto cycle = static_cast<std::size_t>(std::lround(1 / light.frequency));
-  const bool harmonic = std::ranges::any_of(
-      std::array{1, 2, 3}, [&](int order) { return near_frequency(frequency, order * light.frequency); });
-  Region reach = widened(light.box, cycle);
-  if (!harmonic) reach.x = light.box.x, reach.width = light.box.width;
-  return covers(reach, box);
+bool is_explained(const Suspect& suspect, const RefinedLight& light) {
+  return covers(widened(light.box, static_cast<std::size_t>(std::lround(1 / light.frequency))), suspect.box);
 }
 
 bool contains(const Suspect& suspect, const RefinedLight& light) {
@@ -104,15 +137,14 @@ std::vector<Detection> with_joined_parts(const LitFrame& frame, std::vector<Dete
   for (std::size_t i = 0; i < found.size(); ++i)
     for (std::size_t k = i + 1; k < found.size();) {
       Detection &one = found[i], &other = found[k];
-      const LightPart a{one.box, one.light.frequency}, b{other.box, other.light.frequency};
-      const bool beside = one_light_across(frame, a, b);
-      if (!beside && !one_light_down(frame, a, b)) {
+      const double slower = std::min(one.light.frequency, other.light.frequency);
+      if (!one_light_across(frame, one.box, other.box, slower)) {
         ++k;
         continue;
       }
       one.expected = one.expected || other.expected;
       one.probability = std::max(one.probability, other.probability);
-      one.data = one.data || other.data || !beside || !one_frequency(one.light.frequency, other.light.frequency);
+      one.data = one.data || other.data || !one_frequency(one.light.frequency, other.light.frequency);
       one.merged += 1 + other.merged;
       one.joined = true;
       one.box = hull(one.box, other.box);

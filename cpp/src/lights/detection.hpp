@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "lights/light_patch.hpp"
-#include "lights/merging.hpp"
 #include "lights/refinement.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/core/views.hpp"
@@ -40,7 +39,12 @@ struct Detections {
 
 constexpr double kLooksLikeLight = 0.5;  // appearance of a tone that may belong to a texture of many
 
-LightPart part_of(const RefinedLight& light);
+// True if parts beside each other belong to one light: log light, minus its mean over two cycles of the slower one,
+// correlates (0.8) in the rows of both and in the columns between. False for parts farther apart than their width.
+bool one_light_across(const LitFrame& frame, const Region& a, const Region& b, double frequency);
+
+// Correlation of the swing of a light's rows in two frames: 1 for a texture, or light in step with the frames.
+double likeness_of_frames(LitFrame frame, std::size_t other, const RefinedLight& light);
 
 // Min share of the swing common to the columns that a tone or a square wave explains; data has less.
 constexpr double kPeriodic = 0.7;
@@ -55,14 +59,13 @@ bool is_settled(const Detection& one);
 // standard error.
 bool same_frequency(const RefinedLight& weak, const RefinedLight& strong);
 
-// Compares frequencies; that of a suspect or tile is accurate to half a cycle of at least 2.5.
+// Compares frequencies; that of a suspect is accurate to half a cycle of at least 2.5.
 bool near_frequency(double suspected, double frequency);
 
 bool covers(const Region& box, const Region& part);
 
-// True if a suspect or tile lies in a light's box, or at most a cycle above or below it, or beside it at a frequency of
-// that light: it needs no refinement.
-bool is_explained(const Region& box, double frequency, const RefinedLight& light);
+// True if a suspect lies in a light's box, or at most a cycle away from it: it needs no refinement.
+bool is_explained(const Suspect& suspect, const RefinedLight& light);
 
 // True if a coarse suspect contains a light of its frequency.
 bool contains(const Suspect& suspect, const RefinedLight& light);

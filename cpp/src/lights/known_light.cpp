@@ -1,24 +1,34 @@
 #include "ocisac/lights/known_light.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <complex>
+#include <cstdint>
 #include <numeric>
+#include <type_traits>
 #include <variant>
 #include <vector>
 
 #include "core/linear_algebra.hpp"
+#include "core/statistics.hpp"
 #include "lights/box_gain.hpp"
-#include "lights/light_pattern.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/rows/basis.hpp"
+#include "ocisac/rows/tone_search.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr double kMoved = 0.15;              // change of a cell's mean that movement makes, relative to the amplitude
-constexpr double kDeviations = 4;            // standard errors
+constexpr std::size_t kCells = 8, kHalves = 2;
+constexpr std::size_t kSampled = 64;         // columns of a box
+constexpr double kRowsACycle = 16;           // of a tone
+constexpr std::size_t kWaves = 3;            // 1, cosine, sine
+constexpr std::size_t kTrend = 3;            // degree of the slow light beside a waveform
+constexpr double kMoved = 0.2;               // change of a cell's mean that movement makes, relative to the amplitude
 constexpr double kLeast = 0.7, kMost = 1.4;  // ratio of amplitudes, and of means, of a light that stays the same
 constexpr double kTurned = 0.5;              // rad between the halves of a box: another frequency
 constexpr std::size_t kAcross = 32, kDown = 16;  // steps of the gradient in a box: a quarter of a cell, an eighth
@@ -28,9 +38,101 @@ constexpr double kFlat = 0.03;                   // ratio of pivots: means chang
 
 double sum_of(std::span<const double> values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
-double product_of(std::span<const double> a, std::span<const double> b) {
-  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+std::size_t ceil_of(std::size_t value, std::size_t step) { return (value + step - 1) / step; }
+
+std::ptrdiff_t in_frame(std::ptrdiff_t at, std::size_t length) {
+  return std::clamp<std::ptrdiff_t>(at, 0, static_cast<std::ptrdiff_t>(length) - 1);
 }
+
+// How a light's box looks in a frame: cells of 2 × 8, or 1 × 8 of data.
+struct LightPattern {
+  std::vector<double> mean;                 // light of the cells, DN
+  std::vector<std::complex<double>> swing;  // of the cells' tone, the upper half of the box first
+  std::vector<double> waveform;             // (rows,) of all cells, where the light sends data
+};
+
+// Patterns of a box, possibly outside of the frame, whose edge counts there: tones by least squares in each half, or
+// the waveform that all cells have in common beside slow light.
+class PatternFinder {
+ public:
+  // `frequency`: cycles per row of a tone.
+  PatternFinder(const Region& box, double dark, std::optional<double> frequency) : dark_(dark) {
+    const std::size_t step = ceil_of(box.width, kSampled), halves = frequency ? kHalves : 1;
+    for (std::size_t column = 0; column < box.width; column += step) columns_.push_back(column);
+    const std::size_t cells = std::clamp<std::size_t>(columns_.size() / 2, 1, kCells);
+    for (std::size_t cell = 1; cell <= cells; ++cell) ends_.push_back(ceil_of(cell * columns_.size(), cells));
+    const auto every = frequency ? static_cast<std::size_t>(1 / (kRowsACycle * *frequency)) : 0;
+    for (std::size_t half = 0, row = 0; half < halves; ++half) {
+      RowSampling sampling{};
+      for (; row < (half + 1) * box.height / halves; row += std::max<std::size_t>(every, 1)) {
+        rows_.push_back(row);
+        sampling.times.push_back(static_cast<double>(row));
+      }
+      const std::size_t tones = frequency ? 1 : 0;
+      const Eigen::MatrixXd waves = tone_design(sampling, {tones ? &*frequency : nullptr, tones});
+      weights_.push_back(linear_fit(waves, waves.cols()).weights);
+    }
+    if (!frequency) slow_ = linear_fit(tone_design(centred_rows(box.height), {}, kTrend), 0).basis;
+  }
+
+  [[nodiscard]] LightPattern pattern_in(const AnyFramesView& frame, const Place& place) const {
+    const std::size_t cells = ends_.size();
+    const std::vector<double> light = light_in(frame, place);
+    LightPattern result;
+    const double* row = light.data();
+    for (const Eigen::MatrixXd& weights : weights_) {
+      std::vector<double> fitted(kWaves * cells);
+      for (Eigen::Index n = 0; n < weights.rows(); ++n, row += cells)
+        for (Eigen::Index k = 0; k < weights.cols(); ++k)
+          for (std::size_t cell = 0; cell < cells; ++cell)
+            fitted[static_cast<std::size_t>(k) * cells + cell] += weights(n, k) * row[cell];
+      for (std::size_t cell = 0; cell < cells; ++cell) {
+        result.mean.push_back(fitted[cell]);
+        result.swing.emplace_back(fitted[cells + cell], -fitted[2 * cells + cell]);
+      }
+    }
+    if (slow_.size() == 0) return result;
+    Eigen::VectorXd means(slow_.rows());
+    for (std::size_t n = 0; n < rows_.size(); ++n)
+      means[static_cast<Eigen::Index>(n)] = mean_of(std::span(light).subspan(n * cells, cells));
+    const Eigen::VectorXd waveform = beside(slow_, means);
+    result.waveform.assign(waveform.begin(), waveform.end());
+    return result;
+  }
+
+ private:
+  // Mean light of the cells: (rows × cells).
+  [[nodiscard]] std::vector<double> light_in(const AnyFramesView& frame, const Place& place) const {
+    std::vector<double> light(rows_.size() * ends_.size());
+    std::visit(
+        [&]<class T>(const FramesView<const T>& view) {
+          std::vector<std::ptrdiff_t> offsets(columns_.size());
+          for (std::size_t k = 0; k < offsets.size(); ++k)
+            offsets[k] =
+                in_frame(place.x + static_cast<std::ptrdiff_t>(columns_[k]), view.columns) * view.column_stride;
+          auto to = light.begin();
+          for (const std::size_t row : rows_) {
+            const auto at = in_frame(place.y + static_cast<std::ptrdiff_t>(row), view.rows);
+            const T* from = view.at(0, static_cast<std::size_t>(at), 0);
+            std::size_t k = 0;
+            for (const std::size_t end : ends_) {
+              const auto count = static_cast<double>(end - k);
+              std::conditional_t<std::is_integral_v<T>, std::uint32_t, double> sum = 0;
+              for (; k < end; ++k) sum += from[offsets[k]];
+              *to++ = static_cast<double>(sum) / count - dark_;
+            }
+          }
+        },
+        frame);
+    return light;
+  }
+
+  double dark_;
+  std::vector<std::size_t> rows_, columns_;  // taken, of the box
+  std::vector<std::size_t> ends_;            // of the cells, in columns_
+  std::vector<Eigen::MatrixXd> weights_;     // of each half, (rows × waves)
+  Eigen::MatrixXd slow_;                     // (rows × terms), orthonormal; empty of a tone
+};
 
 // Ratio of two amplitudes or means if a light may stay the same between them; else absent.
 std::optional<double> ratio(double now, double then) {
@@ -42,9 +144,9 @@ std::optional<double> ratio(double now, double then) {
 bool means_stay(const LightPattern& now, const LightPattern& then, double amplitude) {
   const auto brighter = ratio(sum_of(now.mean), sum_of(then.mean));
   if (!brighter) return false;
-  const double allowed = std::max(kMoved * amplitude, kDeviations * std::hypot(now.noise, then.noise));
-  return std::ranges::equal(now.mean, then.mean,
-                            [&](double mean, double before) { return std::abs(mean / *brighter - before) <= allowed; });
+  return std::ranges::equal(now.mean, then.mean, [&](double mean, double before) {
+    return std::abs(mean / *brighter - before) <= kMoved * amplitude;
+  });
 }
 
 // Amplitude relative to that of the reference; absent if it is not the same light.
@@ -65,41 +167,11 @@ std::optional<double> swing_of_tone(const LightPattern& now, const LightPattern&
 }
 
 std::optional<double> swing_of_waveform(const LightPattern& now, const LightPattern& then) {
-  const double before = std::sqrt(product_of(then.waveform, then.waveform));
-  const auto swing = ratio(std::sqrt(product_of(now.waveform, now.waveform)), before);
+  const double before = std::sqrt(product_at_lag(then.waveform, 0));
+  const auto swing = ratio(std::sqrt(product_at_lag(now.waveform, 0)), before);
   const double amplitude = std::sqrt(2.0 / static_cast<double>(then.waveform.size())) * before;
   if (!swing || !means_stay(now, then, amplitude)) return std::nullopt;
   return swing;
-}
-
-Region region_of(const FreeBox& box) {
-  return {static_cast<std::size_t>(box.x), static_cast<std::size_t>(box.y), box.width, box.height};
-}
-
-bool is_within(const FreeBox& box, const Shape& shape) {
-  return box.x >= 0 && box.y >= 0 && is_inside(region_of(box), shape.columns, shape.rows);
-}
-
-// Change of the cells' means by a step of the box to the right and by one down; none of data, which changes them too.
-using Gradient = std::array<std::vector<double>, 2>;
-
-Gradient gradient_of(const TonePattern& view, const AnyFramesView& frame, const FreeBox& box) {
-  const Shape shape = shape_of(frame);
-  Gradient slopes;
-  for (const std::size_t axis : {0U, 1U}) {
-    const std::size_t step = std::max<std::size_t>(axis == 0 ? box.width / kAcross : box.height / kDown, 1);
-    const auto moved = [&](std::ptrdiff_t by) {
-      FreeBox end = box;
-      (axis == 0 ? end.x : end.y) += by;
-      return is_within(end, shape) ? end : box;
-    };
-    const FreeBox first = moved(-static_cast<std::ptrdiff_t>(step)), last = moved(static_cast<std::ptrdiff_t>(step));
-    const auto way = static_cast<double>(std::max<std::ptrdiff_t>(last.x - first.x + last.y - first.y, 1));
-    const LightPattern before = view.pattern_in(frame, first);
-    slopes[axis] = view.pattern_in(frame, last).mean;
-    for (std::size_t k = 0; k < before.mean.size(); ++k) slopes[axis][k] = (slopes[axis][k] - before.mean[k]) / way;
-  }
-  return slopes;
 }
 
 }  // namespace
@@ -107,17 +179,39 @@ Gradient gradient_of(const TonePattern& view, const AnyFramesView& frame, const 
 struct KnownLight::State {
   Camera camera;
   Shape shape;
-  FreeBox box;
-  std::variant<TonePattern, WaveformPattern> view;
-  LightPattern pattern;
-  Gradient gradient;
-  MeasuredLight first;
+  Region box;
+  bool carries_data;
+  PatternFinder patterns;
+  LightPattern pattern{};
+  // Change of the cells' means by a step of the box to the right and by one down; none of data, which changes them too.
+  std::array<std::vector<double>, 2> gradient{};
+  MeasuredLight first{};
 
-  [[nodiscard]] LightPattern pattern_at(const AnyFramesView& frame, const FreeBox& place) const {
-    return std::visit([&](const auto& known) { return known.pattern_in(frame, place); }, view);
+  [[nodiscard]] Region box_at(const Place& place) const {
+    return {static_cast<std::size_t>(place.x), static_cast<std::size_t>(place.y), box.width, box.height};
   }
 
-  [[nodiscard]] bool is_tone() const { return std::holds_alternative<TonePattern>(view); }
+  [[nodiscard]] bool is_within(const Place& place) const {
+    return place.x >= 0 && place.y >= 0 && is_inside(box_at(place), shape.columns, shape.rows);
+  }
+
+  void add_gradient(const AnyFramesView& frame, const Place& place) {
+    for (const std::size_t axis : {0U, 1U}) {
+      const std::size_t step = std::max<std::size_t>(axis == 0 ? box.width / kAcross : box.height / kDown, 1);
+      const auto moved = [&](std::ptrdiff_t by) {
+        Place end = place;
+        (axis == 0 ? end.x : end.y) += by;
+        return is_within(end) ? end : place;
+      };
+      const Place first_end = moved(-static_cast<std::ptrdiff_t>(step)),
+                  last = moved(static_cast<std::ptrdiff_t>(step));
+      const auto way = static_cast<double>(std::max<std::ptrdiff_t>(last.x - first_end.x + last.y - first_end.y, 1));
+      const LightPattern before = patterns.pattern_in(frame, first_end);
+      gradient[axis] = patterns.pattern_in(frame, last).mean;
+      for (std::size_t k = 0; k < before.mean.size(); ++k)
+        gradient[axis][k] = (gradient[axis][k] - before.mean[k]) / way;
+    }
+  }
 
   // Columns and rows by which the light lies right of and below the box, by least squares of the cells' means.
   [[nodiscard]] Place shift(const LightPattern& now) const {
@@ -146,16 +240,20 @@ struct KnownLight::State {
     return light;
   }
 
-  [[nodiscard]] std::optional<MeasuredLight> found_near(const AnyFramesView& frame, FreeBox place) const {
+  [[nodiscard]] std::optional<MeasuredLight> found_near(const AnyFramesView& frame, Place place) const {
     for (int k = 0; k < kSteps; ++k) {
-      if (!is_within(place, shape)) return std::nullopt;
-      const LightPattern now = pattern_at(frame, place);
+      if (!is_within(place)) return std::nullopt;
+      const LightPattern now = patterns.pattern_in(frame, place);
       const auto [right, down] = shift(now);
       if (right == 0 && down == 0) {
-        const auto swing = is_tone() ? swing_of_tone(now, pattern) : swing_of_waveform(now, pattern);
+        const auto swing = carries_data ? swing_of_waveform(now, pattern) : swing_of_tone(now, pattern);
         if (!swing) return std::nullopt;
-        const double frequency = now.frequency ? *now.frequency / camera.row_time : first.frequency;
-        return measured(frame, region_of(place), frequency, *swing);
+        const std::size_t rows = now.waveform.size();
+        const double frequency =
+            carries_data
+                ? strongest_tone(now.waveform, rows, 2 / static_cast<double>(rows), 0.5).frequency / camera.row_time
+                : first.frequency;
+        return measured(frame, box_at(place), frequency, *swing);
       }
       place.x += right;
       place.y += down;
@@ -168,19 +266,11 @@ KnownLight::KnownLight(const AnyFramesView& frame, const Camera& camera, const R
                        bool carries_data) {
   const Shape shape = shape_of(frame);
   require_inside("box", box, shape.columns, shape.rows);
-  const FreeBox place{static_cast<std::ptrdiff_t>(box.x), static_cast<std::ptrdiff_t>(box.y), box.width, box.height};
-  const double dark = camera.tone_curve.dark_level;
-  using View = std::variant<TonePattern, WaveformPattern>;
-  State state{
-      camera,
-      shape,
-      place,
-      carries_data ? View(WaveformPattern(place, dark)) : View(TonePattern(place, dark, frequency * camera.row_time)),
-      {},
-      {},
-      {}};
-  state.pattern = state.pattern_at(frame, place);
-  if (const auto* tone = std::get_if<TonePattern>(&state.view)) state.gradient = gradient_of(*tone, frame, place);
+  const Place place{static_cast<std::ptrdiff_t>(box.x), static_cast<std::ptrdiff_t>(box.y)};
+  const auto tone = carries_data ? std::nullopt : std::optional(frequency * camera.row_time);
+  State state{camera, shape, box, carries_data, PatternFinder(box, camera.tone_curve.dark_level, tone)};
+  state.pattern = state.patterns.pattern_in(frame, place);
+  if (tone) state.add_gradient(frame, place);
   state.first = state.measured(frame, box, frequency, 1);
   state_ = std::make_shared<const State>(std::move(state));
 }
@@ -191,8 +281,7 @@ std::optional<MeasuredLight> KnownLight::find(const AnyFramesView& frame, std::s
   const Shape shape = shape_of(frame);
   if (shape.rows != state_->shape.rows || shape.columns != state_->shape.columns) return std::nullopt;
   for (const Place& place : places) {
-    const FreeBox box{place.x, place.y, state_->box.width, state_->box.height};
-    const auto found = state_->found_near(frame, box);
+    const auto found = state_->found_near(frame, place);
     if (found) return found->mean > 0 && state_->first.mean > 0 ? found : std::nullopt;
   }
   return std::nullopt;

@@ -75,6 +75,22 @@ ComplexValues times(const ComplexValues& a, const ComplexValues& b, double sign)
 
 kernels::Carrier carrier_view(const ComplexValues& rows) { return {rows.real.data(), rows.imaginary.data()}; }
 
+// Mean of at most max_columns columns evenly spaced, in each of the rows: light above dark.
+std::vector<double> mean_light(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows) {
+  const std::size_t step = (columns.size() + max_columns - 1) / max_columns;
+  const std::size_t count = (columns.size() + step - 1) / step;
+  std::vector<double> mean(rows.size(), -frame.dark);
+  const double share = 1 / static_cast<double>(count);
+  std::visit(
+      [&](const auto& view) {
+        for (std::size_t n = 0; n < mean.size(); ++n)
+          for (std::size_t c = 0; c < count; ++c)
+            mean[n] += static_cast<double>(view(frame.index, rows.begin + n, columns.begin + c * step)) * share;
+      },
+      frame.frames);
+  return mean;
+}
+
 }  // namespace
 
 PatchRange Patch::range(const Region& box) const {
@@ -132,21 +148,6 @@ Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_bes
   return patch;
 }
 
-std::vector<double> mean_light(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows) {
-  const std::size_t step = (columns.size() + max_columns - 1) / max_columns;
-  const std::size_t count = (columns.size() + step - 1) / step;
-  std::vector<double> mean(rows.size(), -frame.dark);
-  const double share = 1 / static_cast<double>(count);
-  std::visit(
-      [&](const auto& view) {
-        for (std::size_t n = 0; n < mean.size(); ++n)
-          for (std::size_t c = 0; c < count; ++c)
-            mean[n] += static_cast<double>(view(frame.index, rows.begin + n, columns.begin + c * step)) * share;
-      },
-      frame.frames);
-  return mean;
-}
-
 std::vector<double> local_means(const std::vector<double>& values, std::size_t rows, std::size_t stride,
                                 std::size_t length) {
   const auto bin = 1 / static_cast<double>(length);
@@ -159,6 +160,23 @@ std::vector<double> local_means(const std::vector<double>& values, std::size_t r
                            {carrier_view(back), carrier_view(still), forth, turns, length}, means.data(),
                            unused.data());
   return means;
+}
+
+std::vector<double> local_means(std::span<const double> signal, std::size_t length) {
+  std::vector<double> padded(signal.size() * kernels::patch_padding), means(signal.size());
+  for (std::size_t n = 0; n < signal.size(); ++n) padded[n * kernels::patch_padding] = signal[n];
+  padded = local_means(padded, signal.size(), kernels::patch_padding, length);
+  for (std::size_t n = 0; n < signal.size(); ++n) means[n] = padded[n * kernels::patch_padding];
+  return means;
+}
+
+std::vector<double> mean_swing(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows,
+                               std::size_t length) {
+  std::vector<double> logs = mean_light(frame, columns, rows);
+  for (double& value : logs) value = std::log(std::max(value, 0.0) + frame.floor);
+  const auto slow = local_means(logs, length);
+  std::ranges::transform(logs, slow, logs.begin(), std::minus{});
+  return logs;
 }
 
 std::vector<double> fast_logs(const Patch& patch, double frequency) {

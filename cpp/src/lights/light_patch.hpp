@@ -3,6 +3,7 @@
 
 #include <complex>
 #include <cstddef>
+#include <span>
 #include <vector>
 
 #include "ocisac/camera/tone_curve.hpp"
@@ -48,13 +49,16 @@ LitFrame lit_frame(const AnyFramesView& frames, std::size_t index, const ToneCur
 // small lights sharp.
 Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_beside, std::size_t rows_beyond);
 
-// Mean of at most 32 columns evenly spaced, in each of the rows: light above dark.
-std::vector<double> mean_light(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows);
-
 // Means of values (rows × stride) along the rows under a Hann window of `length` rows, an odd number; the first and the
 // last row are repeated beyond the ends. stride: a multiple of 8.
 std::vector<double> local_means(const std::vector<double>& values, std::size_t rows, std::size_t stride,
                                 std::size_t length);
+
+std::vector<double> local_means(std::span<const double> signal, std::size_t length);
+
+// Logarithm of the mean light of columns (at most 32 of them, evenly spaced) in each of the rows, less its local mean.
+std::vector<double> mean_swing(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows,
+                               std::size_t length);
 
 // Complex values, such as z of each element of a patch: (rows × stride).
 struct ComplexValues {

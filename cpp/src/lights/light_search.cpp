@@ -10,7 +10,6 @@
 
 #include "core/check_interrupt.hpp"
 #include "lights/data_light.hpp"
-#include "lights/merging.hpp"
 #include "lights/refinement.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -23,7 +22,6 @@ namespace {
 constexpr std::size_t kMaxSuspects = 256;
 constexpr std::size_t kMinColumns = 8;  // beside a light
 constexpr double kSeenBefore = 10;      // odds of a light that the last frame showed here
-constexpr double kShortestInner = 2;    // cycles of an inner box; its outline may be longer
 
 using Columns = IndexRange;
 
@@ -40,36 +38,19 @@ std::optional<RefinedLight> refine(const SearchedFrame& in, Suspect suspect, con
   LitFrame part = in.frame;
   part.frames = part_of(in.frame.frames, {within.begin, 0, within.size(), shape_of(in.frame.frames).rows});
   suspect.box.x -= within.begin, suspect.best.x -= within.begin;
-  const LightLimits inner{in.limits.rows, kShortestInner, in.limits.amplitude};
-  auto light = refine_source(part, suspect, edge == inner_box ? inner : in.limits, edge);
+  auto light = refine_source(part, suspect, in.limits, edge);
   if (light) light->box.x += within.begin;
   return light;
 }
 
-LightCandidate candidate_of(const SearchedFrame& in, const Detection& one, std::span<const double> terms) {
-  return {
-      one.light.box, one.light.frequency / in.camera.row_time, one.probability, one.odds, {terms.begin(), terms.end()}};
+LightCandidate candidate_of(const SearchedFrame& in, const Detection& one, std::vector<double> terms) {
+  return {one.light.box, one.light.frequency / in.camera.row_time, one.probability, one.odds, std::move(terms)};
 }
 
 Suspect suspect_at(const Region& box, double frequency) { return {box, frequency, 1, 0, box}; }
 
-// The part of a suspect that no light explains.
-std::optional<Suspect> unexplained(const Suspect& suspect, std::span<const Detection> lights) {
-  const auto known = [&](const auto& one) {
-    return std::ranges::any_of(
-        lights, [&](const Detection& other) { return is_explained(one.box, one.frequency, other.light); });
-  };
-  if (known(suspect)) return {};
-  std::vector<Tile> tiles;
-  std::ranges::remove_copy_if(suspect.tiles, std::back_inserter(tiles), known);
-  if (tiles.empty()) return {};
-  auto rest = suspect_of(std::move(tiles));
-  if (known(rest)) return {};
-  return rest;
-}
-
-bool is_explained(const Suspect& suspect, const RefinedLight& light) {
-  return is_explained(suspect.box, suspect.frequency, light) || contains(suspect, light);
+bool belongs_to(const Suspect& suspect, const RefinedLight& light) {
+  return is_explained(suspect, light) || contains(suspect, light);
 }
 
 // The tone of a suspect: that of the inner box about its clearest tile where the whole one does not convince.
@@ -85,11 +66,12 @@ std::optional<Detection> most_probable(const SearchedFrame& in, const Suspect& s
   return better ? inner : whole;
 }
 
-// Judges the part of a suspect that no light explains.
+// Judges a suspect that no light explains.
 Detections with_tone_of(const SearchedFrame& in, Detections found, const Suspect& suspect) {
-  const auto rest = unexplained(suspect, found.lights);
-  const auto one = rest ? most_probable(in, *rest, found) : std::nullopt;
-  if (one) (is_convincing(in, *one) ? found.lights : found.doubtful).push_back(*one);
+  if (std::ranges::any_of(found.lights, [&](const Detection& one) { return is_explained(suspect, one.light); }))
+    return found;
+  if (const auto one = most_probable(in, suspect, found))
+    (is_convincing(in, *one) ? found.lights : found.doubtful).push_back(*one);
   return found;
 }
 
@@ -137,7 +119,7 @@ Detections reconsidered(const SearchedFrame& in, Detections found, std::span<con
   for (;;) {
     found.suspects = 1 + static_cast<std::size_t>(std::ranges::count_if(suspects, [&](const Suspect& suspect) {
                        return std::ranges::none_of(
-                           found.lights, [&](const Detection& one) { return is_explained(suspect, one.light); });
+                           found.lights, [&](const Detection& one) { return belongs_to(suspect, one.light); });
                      }));
     for (std::size_t i = earlier; i < found.lights.size(); ++i) found.lights[i] = judged_again(found.lights[i], found);
     for (Detection& one : found.doubtful) one = judged_again(one, found);
@@ -165,9 +147,7 @@ Detections with_lamps_beside(const SearchedFrame& in, Detections found, const Re
     const auto known = [&](const Detection& one) {
       return covers(one.light.box, suspect.box) || contains(suspect, one.light);
     };
-    if (std::ranges::any_of(found.lights, known) ||
-        one_light_across(in.frame, part_of(light), {suspect.box, suspect.frequency}))
-      continue;
+    if (std::ranges::any_of(found.lights, known)) continue;
     const auto other = refine(in, suspect, within, whole_box);
     const auto one = other && !same_frequency(*other, light) ? judged(in, *other, found) : std::nullopt;
     if (one && is_convincing(in, *one) && !is_double_of_any(*one, found.lights)) found.lights.push_back(*one);
@@ -207,18 +187,16 @@ bool is_made_of_tones(const RefinedLight& light, std::span<const Detection> ligh
 
 Detections with_data(const SearchedFrame& in, Detections found, std::span<const Suspect> suspects) {
   std::vector<RefinedLight> tones;  // that were joined into lights
+  const std::size_t unexplained = std::exchange(found.suspects, suspects.size());
   for (const Suspect& suspect : suspects) {
     check_interrupt();
-    const auto explains = [&](const RefinedLight& light) { return is_explained(suspect, light); };
+    const auto explains = [&](const RefinedLight& light) { return belongs_to(suspect, light); };
     const auto settles = [&](const Detection& one) { return is_settled(one) && explains(one.light); };
-    const auto resembles = [&](const Detection& one) { return is_texture(one) && explains(one.light); };
-    if (std::ranges::any_of(tones, explains) || std::ranges::any_of(found.lights, settles) ||
-        std::ranges::any_of(found.doubtful, resembles))
-      continue;
+    if (std::ranges::any_of(tones, explains) || std::ranges::any_of(found.lights, settles)) continue;
     const auto data = find_data_light(in.frame, suspect);
-    auto one = data ? judged(in, *data, suspects.size(), found) : std::nullopt;
+    auto one = data ? judged(in, *data, found) : std::nullopt;
     if (!one) continue;
-    found.waveforms.push_back(candidate_of(in, *one, terms_of(*data, suspects.size())));
+    found.waveforms.push_back(candidate_of(in, *one, terms_of(*one, found)));
     if (!is_convincing(in, *one)) continue;
     if (is_made_of_tones(one->light, found.lights)) {
       tones.push_back(one->light);
@@ -229,6 +207,7 @@ Detections with_data(const SearchedFrame& in, Detections found, std::span<const 
     });
     found.lights.push_back(*one);
   }
+  found.suspects = unexplained;
   return found;
 }
 
@@ -237,7 +216,9 @@ Detection sharpened(const SearchedFrame& in, Detection one) {
   RefinedLight& light = one.light;
   if (one.data || light.inside || static_cast<double>(light.box.height) * light.frequency > longest_inner) return one;
   const auto own = refine(in, suspect_at(light.box, light.frequency), all_columns(in), inner_box);
-  if (!own || !near_frequency(own->frequency, light.frequency) || !is_measurable(*own, in.limits)) return one;
+  if (!own || !near_frequency(own->frequency, light.frequency) ||
+      !is_measurable({.light = *own, .box = own->box}, in.limits))
+    return one;
   light.frequency = own->frequency, light.frequency_std = own->frequency_std, light.phase = own->phase;
   return one;
 }

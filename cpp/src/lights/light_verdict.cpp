@@ -4,12 +4,14 @@
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <numeric>
+#include <span>
 #include <vector>
 
 #include "lights/light_model.hpp"
-#include "lights/phase_odds.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/tones/tone_gain.hpp"
 
 namespace ocisac {
 
@@ -19,14 +21,128 @@ constexpr double kMinRows = 24;                           // of a box
 constexpr double kMostTexture = 0.24;                     // of data, relative to the common swing: text has more
 constexpr double kUnseenTexture = 0.03;                   // probability of a texture that resembles a light
 constexpr double kLevel = 0.003, kTilted = 0.02;          // rows per column: of a light's bars, of a texture's
-constexpr double kTurnedRows = 0.1;                       // rad: tilt of few cycles
-constexpr double kTurnedPictures = 0.001;                 // share of pictures whose rows are no rows
 constexpr double kCloth = 1e-3, kKnownCloth = 0.1;        // prior times probability of a number of its clocks
 constexpr double kBand = 0.2, kFrequencies = 4.5;         // of ln f: around a clock; of all lamps
 constexpr double kTexture = 0.1;                          // odds
 constexpr double kWholeRows = 3.0, kFaintPattern = 0.02;  // prior times density of depths, mean depth
 constexpr double kUnevenPattern = 0.05;                   // cycles along the box
 constexpr double kLargestSpread = 0.03, kLargestOwnSpread = 0.015;  // max relative standard error of a frequency
+
+constexpr double kRounding = 0.01;  // of shares near 0
+constexpr double kWide = 3;         // ln of cycles: few of the fitted lights are wider
+
+double log_share(double share) { return std::log(std::max(share, 0.0) + kRounding); }
+
+double log_of(std::size_t count) { return std::log(static_cast<double>(std::max<std::size_t>(count, 1))); }
+
+double squared(double x) { return x * x; }
+
+template <std::size_t Count>
+double logistic(double intercept, const std::array<double, Count>& weights, std::span<const double> terms) {
+  return 1 / (1 + std::exp(-std::inner_product(weights.begin(), weights.end(), terms.begin(), intercept)));
+}
+
+// Terms of the models; `suspects`: number of suspects in the picture that no light explains; `others`: expected number
+// of other lights among those found.
+std::vector<double> terms_of_tone(const RefinedLight& light, std::size_t suspects, double others) {
+  const double height = std::log(light.frequency * static_cast<double>(light.box.height));  // in cycles
+  const double width = std::log(light.frequency * static_cast<double>(light.box.width));
+  const double aperiodic = log_share(1 - light.periodic);
+  return {height,
+          squared(std::min(width, kWide)),
+          std::abs(height - width),
+          aperiodic,
+          squared(aperiodic),
+          squared(log_share(1 - light.common)),
+          log_share(std::min(light.depth, 1.0)),
+          light.contour,
+          std::log1p(others),
+          squared(log_of(suspects)),
+          squared(log_share(light.across)),
+          squared(light.uneven * std::min(light.texture, 1.0))};
+}
+
+std::vector<double> terms_of_data(const RefinedLight& light, std::size_t suspects) {
+  return {log_of(suspects),
+          std::log(static_cast<double>(light.edges)),
+          squared(std::log1p(light.clock)),
+          std::log(light.frequency * static_cast<double>(light.box.width)),
+          squared(log_share(1 - light.periodic)),
+          log_share(light.texture)};
+}
+
+constexpr double kInStep = 0.003, kAsStated = 0.9, kTextureMoves = 0.2;  // probabilities
+constexpr double kClockError = 1e-3;                                     // of a frame time as stated, relative
+constexpr double kLeastStd = 0.1;            // rad: noise that texture hides, a pixel of movement
+constexpr double kLargestStd = 1;            // rad, of a usable phase
+constexpr std::size_t kCompared = 3;         // frames
+constexpr double kSame = 0.9, kOther = 0.6;  // correlation of waveforms
+constexpr double kTurn = 2 * std::numbers::pi;
+
+// Up to kCompared other frames, the nearest.
+std::vector<std::size_t> other_frames(std::size_t frame, std::size_t count) {
+  const std::size_t first = std::min(frame - std::min<std::size_t>(frame, 1), count - std::min(count, kCompared + 1));
+  std::vector<std::size_t> others;
+  for (std::size_t other = first; other < std::min(first + kCompared + 1, count); ++other)
+    if (other != frame) others.push_back(other);
+  return others;
+}
+
+// Normal density of an angle relative to 1/2π.
+double over_uniform(double angle, double std) {
+  const double away = std::remainder(angle, kTurn) / std;
+  return std::max(std::sqrt(kTurn) / std * std::exp(-0.5 * away * away), 1e-30);
+}
+
+// Odds of a light over a texture, by which prior odds are multiplied, for the tone of a box (Hz and its standard
+// error), from its changes of phase d to up to three other frames, the nearest:
+//   light:   p·A + (1 − p)·U,   A = Π normal(d; advance, std)   p: that light and frames keep the clocks stated
+//   texture: 0.8·S + 0.2·U,     S = Π normal(d; 0, std),  U = (1/2π)^K   one texture in five moves with the camera
+// The advance is frequency × frame time. Where that is whole within its error, half of the lights are in step: (A +
+// S)/2. Where it is unknown a light has any phase; one in 300 is in step. 1 without other frames, or if the tone is
+// gone from one.
+double phase_odds(const SearchedFrame& in, const RefinedLight& light) {
+  const LitFrame& frame = in.frame;
+  const Camera& camera = in.camera;
+  const double frequency = light.frequency / camera.row_time;
+  const double frequency_std = light.frequency_std / camera.row_time;
+  const auto others = other_frames(frame.index, shape_of(frame.frames).frames);
+  if (others.empty()) return 1;
+  const auto gain_in = [&](std::size_t index) {
+    return pooled_tone_gain(part_of(frame_of(frame.frames, index), light.box), camera, std::span(&frequency, 1), {});
+  };
+  const ToneGain own = gain_in(frame.index);
+  double still = 1, advanced = 1;
+  bool stated = false, whole = true;  // frequency × frame time: known to a sixth of a cycle; whole within its error
+  for (const std::size_t other : others) {
+    const ToneGain there = gain_in(other);
+    const double std = std::hypot(own.gain_std[0] / own.gain[0], there.gain_std[0] / there.gain[0]);
+    if ((there.gain[0] + 2 * there.gain_std[0]) * there.mean[0] < 0.5 * own.gain[0] * own.mean[0]) return 1;
+    if (!(std < kLargestStd)) continue;
+    const double change = there.phase[0] - own.phase[0], noise = std::max(std, kLeastStd);
+    still *= over_uniform(change, noise);
+    if (!camera.frame_time) continue;
+    const double time = *camera.frame_time * (static_cast<double>(other) - static_cast<double>(frame.index));
+    const double unknown = kTurn * std::abs(time) * std::hypot(frequency_std, kClockError * frequency);
+    const double error = std::hypot(noise, unknown);
+    if (!(error < kLargestStd)) continue;
+    const double advance = kTurn * std::remainder(frequency * time, 1.0);
+    advanced *= over_uniform(change - advance, error);
+    stated = true, whole = whole && std::abs(advance) < 2 * error;
+  }
+  const double of_light = !stated ? kInStep * still + 1 - kInStep
+                                  : kAsStated * (whole ? std::midpoint(advanced, still) : advanced) + 1 - kAsStated;
+  return of_light / ((1 - kTextureMoves) * still + kTextureMoves);
+}
+
+// The same for a waveform, by its least correlation with those of the other frames.
+double waveform_odds(const LitFrame& frame, const RefinedLight& light) {
+  double least = 1;
+  const auto others = other_frames(frame.index, shape_of(frame.frames).frames);
+  for (const std::size_t other : others) least = std::min(least, likeness_of_frames(frame, other, light));
+  if (others.empty() || (least >= kOther && least <= kSame)) return 1;
+  return least > kSame ? kInStep / (1 - kTextureMoves) : (1 - kInStep) / kTextureMoves;
+}
 
 // Probability of a light with `factor` times the odds. Some textures resemble a light as none did to which the
 // probability of its looks was fitted: what speaks against a light speaks for them.
@@ -35,25 +151,20 @@ double with_odds_against(double probability, double factor) {
   return 1 / (1 + (1 - probability) / probability * texture + kUnseenTexture * std::max(texture - 1, 0.0));
 }
 
-// Expected number of such tones in a picture whose rows are noise: boxes begin in any row and end in any of as many as
-// it has, with half as many frequencies.
-double expected_noise(const RefinedLight& light, std::size_t picture_rows) {
-  const auto height = static_cast<double>(light.box.height);
-  return 0.5 * height * height * static_cast<double>(picture_rows) * light.chance;
+// Expected number of its kind in a picture whose rows are noise. Boxes of tones begin in any row and end in any of as
+// many as they have, with half as many frequencies; edges of a waveform have a clock as well. As wide as the picture,
+// it may be noise of whole rows of any spectrum: its depth and the clock speak against it.
+double expected_noise(const Detection& one, const Shape& picture) {
+  const RefinedLight& light = one.light;
+  const auto rows = static_cast<double>(picture.rows), height = static_cast<double>(light.box.height);
+  if (!one.data) return 0.5 * height * height * rows * light.chance;
+  const bool wide = 10 * light.box.width > 9 * picture.columns;
+  const double coloured = wide ? rows / height * std::exp(-light.depth / kFaintPattern) : 0;
+  return std::max(rows * light.chance, coloured) * std::exp(-light.clock);
 }
 
-// Expected number of such waveforms, whose edges have a clock as well. As wide as the picture, they may be noise of
-// whole rows of any spectrum: its depth and the clock speak against it.
-double expected_noise(const DataLight& data, const Shape& picture) {
-  const Region& box = data.light.box;
-  const auto rows = static_cast<double>(picture.rows);
-  const double coloured = 10 * box.width > 9 * picture.columns
-                              ? rows / static_cast<double>(box.height) * std::exp(-data.light.depth / kFaintPattern)
-                              : 0;
-  return std::max(rows * data.light.chance, coloured) * std::exp(-data.clock);
-}
-
-// Probability of a light, required of which is probability_for(noise) if pictures of noise have so many of its kind.
+// Probability of a light that is at most the required one where `noise`, the number of its kind in a picture of noise,
+// reaches the false alarms allowed.
 double beside_noise(double probability, double noise) { return 1 / (1 / probability + noise / kRequiredOdds); }
 
 // Expected number of other lights among those found: pictures that show some show more.
@@ -72,10 +183,9 @@ double normal(double x, double std) {
 // may run along the rows as well.
 double tilt_odds(const RefinedLight& light) {
   if (!(light.tilt_std > 0)) return 1;
-  const double turned = kTurnedRows / (2 * std::numbers::pi * light.frequency * static_cast<double>(light.box.width));
-  const double level = normal(light.tilt, std::hypot(light.tilt_std, kLevel, turned));
+  const double level = normal(light.tilt, std::hypot(light.tilt_std, kLevel));
   const double tilted = kTilted / (std::numbers::pi * (light.tilt * light.tilt + kTilted * kTilted));
-  return std::min(((1 - kTurnedPictures) * level + kTurnedPictures * tilted) / (0.5 * level + 0.5 * tilted), 1.0);
+  return std::min(level / (0.5 * level + 0.5 * tilted), 1.0);
 }
 
 // A faint pattern of whole rows is the camera's, that of its colour filter, of a picture at another size, or of the
@@ -95,10 +205,9 @@ double clock_odds(const Detection& one, const Detections& found) {
   std::size_t near = 0;
   double cloth = kCloth;
   const auto add = [&](const Detection& other) {
-    // A light that sends data shows tones of its own.
-    if (other.data || other.appearance < kLooksLikeLight || (one.data && !is_texture(other))) return;
+    if (other.data || other.appearance < kLooksLikeLight) return;
     const bool beside = std::abs(std::log(other.light.frequency / one.light.frequency)) < kBand;
-    if (beside && is_texture(other)) cloth = kKnownCloth;
+    if (beside && other.odds < kTexture) cloth = kKnownCloth;
     if (std::ranges::any_of(clocks, [&](const auto* clock) { return same_frequency(other.light, *clock); })) return;
     clocks.push_back(&other.light);
     near += beside ? 1 : 0;
@@ -120,52 +229,40 @@ SearchedFrame searched_frame(const AnyFramesView& frames, std::size_t index, con
   return {lit_frame(frames, index, camera.tone_curve), camera, options, {kMinRows, options.min_cycles, min_amplitude}};
 }
 
-ToneTerms terms_of(const Detection& one, const Detections& found) {
-  return terms_of(one.light, found.suspects, expected_others(one, found.lights));
+std::vector<double> terms_of(const Detection& one, const Detections& found) {
+  return one.data ? terms_of_data(one.light, found.suspects)
+                  : terms_of_tone(one.light, found.suspects, expected_others(one, found.lights));
 }
 
-bool is_measurable(const RefinedLight& light, const LightLimits& limits) {
+bool is_measurable(const Detection& one, const LightLimits& limits) {
+  const RefinedLight& light = one.light;
   const auto height = static_cast<double>(light.box.height);
-  const double spread = (light.inside ? kLargestOwnSpread : kLargestSpread) * light.frequency;
-  return height >= limits.rows && height * light.frequency >= limits.cycles && light.amplitude >= limits.amplitude &&
-         light.frequency_std <= spread;
+  const double cycles = one.data ? 0.5 * static_cast<double>(light.edges) : height * light.frequency;
+  const double spread = light.inside ? kLargestOwnSpread : kLargestSpread;
+  const bool is_clear = one.data ? light.texture <= kMostTexture : light.frequency_std <= spread * light.frequency;
+  return is_clear && height >= limits.rows && cycles >= limits.cycles && light.amplitude >= limits.amplitude;
 }
 
 std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const Detections& found) {
-  if (!is_measurable(light, in.limits)) return {};
-  Detection one{.light = light, .box = light.box};
-  const double row_time = in.camera.row_time;
-  one.noise = expected_noise(light, shape_of(in.frame.frames).rows);
-  one.odds = tilt_odds(light) * pattern_odds(light) *
-             phase_odds(in.frame, in.camera, light.box, light.frequency / row_time, light.frequency_std / row_time);
+  Detection one{.light = light, .box = light.box, .data = light.edges > 0};
+  if (!is_measurable(one, in.limits)) return {};
+  one.noise = expected_noise(one, shape_of(in.frame.frames));
+  one.odds =
+      tilt_odds(light) * (one.data ? waveform_odds(in.frame, light) : pattern_odds(light) * phase_odds(in, light));
   return judged_again(one, found);
 }
 
 Detection judged_again(Detection one, const Detections& found) {
-  one.appearance = probability_of(terms_of(one.light, found.suspects, 0));
-  const double looks = with_odds_against(probability_of(terms_of(one, found)), one.odds * clock_odds(one, found));
-  one.probability = beside_noise(looks, one.noise);
-  return one;
-}
-
-bool is_texture(const Detection& one) { return one.appearance >= kLooksLikeLight && one.odds < kTexture; }
-
-std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, std::size_t suspects,
-                                const Detections& found) {
-  const RefinedLight& light = data.light;
-  if (static_cast<double>(light.box.height) < in.limits.rows ||
-      0.5 * static_cast<double>(data.edges) < in.limits.cycles || light.amplitude < in.limits.amplitude ||
-      light.texture > kMostTexture)
-    return {};
-  Detection one{.light = light, .box = light.box, .data = true};
-  one.odds = tilt_odds(light) * waveform_odds(in.frame, part_of(light)) * clock_odds(one, found);
-  one.noise = expected_noise(data, shape_of(in.frame.frames));
-  one.probability = beside_noise(with_odds_against(probability_of(terms_of(data, suspects)), one.odds), one.noise);
+  const auto terms = terms_of(one, found);
+  if (!one.data) one.appearance = logistic(kToneIntercept, kToneWeights, terms_of_tone(one.light, found.suspects, 0));
+  const double looks =
+      one.data ? logistic(kDataIntercept, kDataWeights, terms) : logistic(kToneIntercept, kToneWeights, terms);
+  one.probability = beside_noise(with_odds_against(looks, one.odds * clock_odds(one, found)), one.noise);
   return one;
 }
 
 bool is_convincing(const SearchedFrame& in, const Detection& one) {
-  return one.probability >= probability_for(in.options.false_alarms);
+  return one.probability >= kRequiredOdds / (kRequiredOdds + in.options.false_alarms);
 }
 
 }  // namespace ocisac

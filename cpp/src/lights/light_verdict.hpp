@@ -3,11 +3,10 @@
 
 #include <cstddef>
 #include <optional>
+#include <vector>
 
-#include "lights/data_light.hpp"
 #include "lights/detection.hpp"
 #include "lights/light_patch.hpp"
-#include "lights/light_probability.hpp"
 #include "lights/refinement.hpp"
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/lights/detect_sources.hpp"
@@ -24,24 +23,19 @@ struct SearchedFrame {
 SearchedFrame searched_frame(const AnyFramesView& frames, std::size_t index, const Camera& camera,
                              const DetectOptions& options);
 
-ToneTerms terms_of(const Detection& one, const Detections& found);
+// Terms of a logistic model of the probability that a tone or a waveform is a light, from its looks in one picture.
+std::vector<double> terms_of(const Detection& one, const Detections& found);
 
-// True for a tone of enough rows, cycles and amplitude whose frequency is known.
-bool is_measurable(const RefinedLight& light, const LightLimits& limits);
+// True for enough rows, cycles or edges, and amplitude, of a tone whose frequency is known, or data beside no texture.
+bool is_measurable(const Detection& one, const LightLimits& limits);
 
-// A measurable tone with its probability.
+// A measurable tone or waveform with its probability.
 std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const Detections& found);
 
-// The tone with its probabilities among other suspects and lights.
+// The same with its probabilities among other suspects and lights.
 Detection judged_again(Detection one, const Detections& found);
 
-// True for a tone that looks like a light but behaves as a texture.
-bool is_texture(const Detection& one);
-
-// A waveform with its probability. `suspects`: those of the picture.
-std::optional<Detection> judged(const SearchedFrame& in, const DataLight& data, std::size_t suspects,
-                                const Detections& found);
-
+// True if photographs without lights have at most `false_alarms` such lights on average.
 bool is_convincing(const SearchedFrame& in, const Detection& one);
 
 }  // namespace ocisac

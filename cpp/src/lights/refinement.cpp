@@ -69,41 +69,31 @@ Component connected_part(const Patch& patch, std::span<const double> aligned, st
   return part;
 }
 
-// Real part of Σ_n s(n, g)·r*(n) over Σ_n |s(n, g)|·|r(n)| for each group g: 1 where the swing s has the phase of the
-// reference r in all rows, near 0 where its frequency differs by a cycle or more over them.
-std::vector<double> coherence_with(const Patch& patch, const ComplexValues& swing,
-                                   const std::vector<Complex>& reference) {
-  std::vector<double> products(patch.stride), sizes(patch.stride);
-  for (std::size_t n = 0; n < patch.rows; ++n) {
-    const double c = reference[n].real(), s = reference[n].imag(), length = size(reference[n]);
-    for (std::size_t g = 0; g < patch.groups; ++g) {
-      const std::size_t i = n * patch.stride + g;
-      products[g] += swing.real[i] * c + swing.imaginary[i] * s;
-      sizes[g] += length * size(swing[i]);
-    }
-  }
-  for (std::size_t g = 0; g < patch.groups; ++g) products[g] = sizes[g] > 0 ? products[g] / sizes[g] : 0;
-  return products;
-}
-
-// Groups that swing with the strongest one of `core`, another lamp on the same rows excluded. Over the rows of a tile a
-// tone of its frequency keeps its phase to half a turn.
+// Groups that swing with the strongest ones of `core`, another lamp on the same rows excluded: Re Σ_n s(n)·r*(n) over
+// Σ_n |s(n)|·|r(n)| of the swings s and r is 1 where they have one phase in all rows, near 0 where the frequency
+// differs by a cycle or more over them. Over the rows of a tile a tone of its frequency keeps its phase to half a turn.
+// Reference: the strongest group, then the sum of those that swing with it.
 std::vector<std::uint8_t> coherent_groups(const Patch& patch, const ComplexValues& swing, const PatchRange& core) {
   std::vector<Complex> sums(patch.groups);
   for_each(patch, core, [&](std::size_t i, std::size_t n) { sums[i - n * patch.stride] += swing[i]; });
-  const auto strongest = static_cast<std::size_t>(std::ranges::max_element(sums, {}, size) - sums.begin());
-  std::vector<Complex> reference(patch.rows);
-  for (std::size_t n = 0; n < patch.rows; ++n) reference[n] = swing[n * patch.stride + strongest];
-  for (int round = 0;; ++round) {
-    const auto coherence = coherence_with(patch, swing, reference);
-    std::vector<std::uint8_t> groups(patch.groups);
-    for (std::size_t g = 0; g < patch.groups; ++g) groups[g] = coherence[g] > min_coherence;
-    if (round == 1) return groups;
-    std::ranges::fill(reference, Complex(0));
-    for (std::size_t n = 0; n < patch.rows; ++n)
+  std::vector<std::uint8_t> coherent(patch.groups);
+  coherent[static_cast<std::size_t>(std::ranges::max_element(sums, {}, size) - sums.begin())] = 1;
+  for (int round = 0; round < 2; ++round) {
+    std::vector<double> products(patch.groups), sizes(patch.groups);
+    for (std::size_t n = 0; n < patch.rows; ++n) {
+      Complex reference = 0;
       for (std::size_t g = core.first_group; g < core.end_group; ++g)
-        if (groups[g]) reference[n] += swing[n * patch.stride + g];
+        if (coherent[g]) reference += swing[n * patch.stride + g];
+      const double c = reference.real(), s = reference.imag(), length = size(reference);
+      for (std::size_t g = 0; g < patch.groups; ++g) {
+        const std::size_t i = n * patch.stride + g;
+        products[g] += swing.real[i] * c + swing.imaginary[i] * s;
+        sizes[g] += length * size(swing[i]);
+      }
+    }
+    for (std::size_t g = 0; g < patch.groups; ++g) coherent[g] = products[g] > min_coherence * sizes[g];
   }
+  return coherent;
 }
 
 // The light's box and the amplitude of |z| near its maximum. The box is the connected part of largest total swing that
@@ -391,7 +381,6 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
       light.box = box, light.inside = true;
       add_appearance(patch, swing, last, light);
       const Region mine = own_box(own);
-      if (much_narrower(mine, box)) light.box.x = mine.x, light.box.width = mine.width;
       light.box.y = mine.y, light.box.height = mine.height;
     } else {
       const double error =

@@ -22,25 +22,23 @@ struct RefinedLight {
   double snr = 0;                           // periodic part over the residual, in the box
   double amplitude = 0;                     // of the fundamental, DN
   double common = 0;                        // fraction of the box's swing that is common to all columns
-  double periodic = 0;                      // periodic fraction of that common swing
+  double periodic = 0;                      // fraction of that common swing that its tone with harmonics explains
   double chance = 0;                        // probability of that in noise that the columns share, white along the rows
   double texture = 0;                       // residual swing minus noise, over the periodic part
-  double uneven = 0;    // modulation depth of the texture at the frequency; 0 where light multiplies it
-  double depth = 0;     // swing over mean light, where it is bright in the box
-  double contour = 0;   // correlation of local swing and local light, in the box and around it
-  double across = 0;    // energy of the box's swing in quadrature to its sum, over all of it
-  double tilt = 0;      // rows by which its bars fall per column; 0 of a light
-  double tilt_std = 0;  // standard error; 0: unknown
-  bool inside = false;  // box and measures are those of the light's own pixels
+  double uneven = 0;      // modulation depth of the texture at the frequency; 0 where light multiplies it
+  double depth = 0;       // swing over mean light, where it is bright in the box
+  double contour = 0;     // correlation of local swing and local light, in the box and around it
+  double across = 0;      // energy of the box's swing in quadrature to its sum, over all of it
+  double tilt = 0;        // rows by which its bars fall per column; 0 of a light
+  double tilt_std = 0;    // standard error; 0: unknown
+  std::size_t edges = 0;  // of the waveform of data
+  double clock = 0;       // nats: evidence of a clock in them
+  bool inside = false;    // box and measures are those of the light's own pixels
 };
 
 // Amplitude at the box's edges, relative to the largest. Under a window of two cycles a sharp edge has one half.
 constexpr double whole_box = 0.15, inner_box = 0.5;
 constexpr double longest_inner = 12;  // cycles in an inner box
-
-// True for a box of the light's own pixels if the other one's columns hold something else too. The sides of a round
-// lamp, which it fills in part, may be missing in the former.
-inline bool much_narrower(const Region& own, const Region& other) { return 5 * own.width < 3 * other.width; }
 
 // Tilt of the bars in a part of the patch, from the phase of the swing z of each group of columns u: the slope s that
 // maximises |Σ z·e^(−jsu)|. `seen`: frequency of the demodulation.

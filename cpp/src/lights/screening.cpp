@@ -96,16 +96,21 @@ void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, 
   std::vector<std::size_t> open;
   for (std::size_t start = 0; start < map.tiles.size(); ++start) {
     if (seen[start] || map.tiles[start].amount == 0) continue;
-    std::vector<Tile> tiles;
+    Suspect suspect{};
     open.assign(1, start);
     seen[start] = 1;
     while (!open.empty()) {
       const std::size_t at = open.back(), w = at / map.across, g = at % map.across;
       open.pop_back();
       const auto [share, wave] = map.tiles[at];
-      tiles.push_back({{g * column_step, w * hop * row_step, groups * column_step, window * row_step},
-                       cycles[wave] / static_cast<double>(window * row_step),
-                       static_cast<double>(share)});
+      const Region box{g * column_step, w * hop * row_step, groups * column_step, window * row_step};
+      suspect.box = suspect.evidence > 0 ? hull(suspect.box, box) : box;
+      suspect.evidence -= std::log1p(-static_cast<double>(share));
+      if (share > suspect.share) {
+        suspect.share = static_cast<double>(share);
+        suspect.frequency = cycles[wave] / static_cast<double>(window * row_step);
+        suspect.best = box;
+      }
       for (std::size_t v = w - (w > 0); v <= std::min(w + 1, map.windows - 1); ++v)
         for (std::size_t h = g - (g > 0); h <= std::min(g + 1, map.across - 1); ++h) {
           const std::size_t next = v * map.across + h;
@@ -114,7 +119,7 @@ void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, 
           open.push_back(next);
         }
     }
-    suspects.push_back(suspect_of(std::move(tiles)));
+    suspects.push_back(suspect);
   }
 }
 
@@ -327,17 +332,6 @@ void move(Region& box, const Region& by) { box.x += by.x, box.y += by.y; }
 
 }  // namespace
 
-Suspect suspect_of(std::vector<Tile> tiles) {
-  const Tile& best = *std::ranges::max_element(tiles, {}, &Tile::share);
-  Suspect suspect{tiles.front().box, best.frequency, best.share, 0, best.box};
-  for (const Tile& tile : tiles) {
-    suspect.box = hull(suspect.box, tile.box);
-    suspect.evidence -= std::log1p(-tile.share);
-  }
-  suspect.tiles = std::move(tiles);
-  return suspect;
-}
-
 std::vector<Suspect> screen_sources(const LitFrame& frame, const Region& region, double false_alarms,
                                     Coarsening coarsening) {
   const AnyFramesView frames = part_of(frame.frames, region);
@@ -362,7 +356,6 @@ std::vector<Suspect> screen_sources(const LitFrame& frame, const Region& region,
   std::ranges::stable_sort(suspects, std::greater{}, &Suspect::evidence);
   for (Suspect& suspect : suspects) {
     move(suspect.box, region), move(suspect.best, region);
-    for (Tile& tile : suspect.tiles) move(tile.box, region);
   }
   return suspects;
 }

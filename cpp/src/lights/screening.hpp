@@ -11,24 +11,14 @@
 
 namespace ocisac {
 
-// Part of a picture with a common tone.
-struct Tile {
-  Region box;
-  double frequency;  // cycles per row, accurate to half a cycle in the box
-  double share;      // fraction of the variation explained by the common tone
-};
-
+// Part of a picture whose tiles have a common tone.
 struct Suspect {
   Region box;
-  double frequency;  // that of its best tile
-  double share;      // of its best tile
+  double frequency;  // cycles per row of its best tile, accurate to half a cycle in that
+  double share;      // of that tile: fraction of the variation explained by the common tone
   double evidence;   // Σ −log(1 − share) over its tiles
   Region best;       // box of that tile
-  std::vector<Tile> tiles = {};
 };
-
-// At least one tile.
-Suspect suspect_of(std::vector<Tile> tiles);
 
 // Sums that form the coarser scales: of rows and columns, or of rows alone, which resolves lamps narrower than a cycle.
 enum class Coarsening : std::uint8_t { both, rows };

@@ -22,15 +22,12 @@ class KnownLight:
 
     Its box is divided into 2 x 8 cells. A box of this size shows the light if
 
-    * the mean of no cell, relative to that of the box, differs by more than 0.15 of the light's amplitude (and 4
-      standard errors),
-    * the box swings 0.7 to 1.4 times as much, and the phases of its halves differ as before,
-    * beside it, an eighth of its width or a cycle away, the swing has not grown by more than 0.4 of the amplitude.
+    * the mean of no cell, relative to that of the box, differs by more than 0.15 of the light's amplitude,
+    * the box swings 0.7 to 1.4 times as much, and the phases of its halves differ as before.
 
     So the light neither vanished nor changed its frequency or shape. Its place is where the means agree best, to a
     pixel or a 32nd of its size. Errors do not add up, since the first frame stays the reference. A light that sends
-    data shows one waveform in all cells, from the first quarter of the box to the last; it is recognised at the given
-    places only.
+    data has one row of cells; it is recognised at the given places only.
 
     Args:
         pixels: (rows, columns) in time order.
