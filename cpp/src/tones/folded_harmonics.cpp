@@ -154,9 +154,7 @@ std::optional<TiedHarmonics::Light> TiedHarmonics::light(double phase, double ph
   const auto here = [&](double Lights::*sum) { return std::lerp(at(place, sum), at(place + 1, sum), part); };
   const double before = at(place - reach, &Lights::level), after = at(place + 1 + reach, &Lights::level);
   const double level = here(&Lights::level);
-  const double bend =
-      (before + after - at(place, &Lights::level) - at(place + 1, &Lights::level)) / (16 * reach * reach);
-  return Light{level, spread + std::abs(bend), here(&Lights::mean), here(&Lights::turn),
+  return Light{level, spread, here(&Lights::mean), here(&Lights::turn),
                (after - before) / ((2 * reach + 1) * step * level)};
 }
 

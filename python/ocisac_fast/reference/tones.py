@@ -209,8 +209,7 @@ class _TiedHarmonics:
         at = self.sums[:, window] / self.count[window]
         level, mean, turn = at[:, reach] + part * (at[:, reach + 1] - at[:, reach])
         ends = at[0, [0, -1]]
-        bend = (ends.sum() - at[0, reach] - at[0, reach + 1]) / (16 * reach**2)
-        return level, spread + abs(bend), mean, turn, (ends[1] - ends[0]) / ((2 * reach + 1) * self.step * level)
+        return level, spread, mean, turn, (ends[1] - ends[0]) / ((2 * reach + 1) * self.step * level)
 
 
 def _untie(arrays: list[Any], biased: npt.NDArray[np.bool_], lights: _TiedHarmonics) -> None:
