@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <complex>
+#include <limits>
 #include <numbers>
 
 #include "cleaning/merged_blocks.hpp"
@@ -22,9 +23,8 @@ using Values = std::vector<double>;
 constexpr std::size_t window = 8;  // side of a part that is compared, pixels
 constexpr std::size_t min_side = 4;
 constexpr int rounds = 2;
-constexpr double max_step = 2;     // pixels, of what the peak leaves
-constexpr double whitened = 1e-3;  // of the mean spectrum, below which a frequency counts less
-constexpr double unlike = 0.1;     // mean difference of logarithms in a window
+constexpr double max_step = 2;  // pixels, of what the peak leaves
+constexpr double unlike = 0.1;  // mean difference of logarithms in a window
 
 // The window of Hann, not 0 at its ends.
 Values bell(std::size_t length) {
@@ -57,12 +57,10 @@ Values phase_correlation(const Blocks& before, const Blocks& after) {
   const std::size_t rows = after.rows, columns = after.columns, bins = columns / 2 + 1;
   const std::vector<std::complex<double>> one = spectrum_of(before);
   std::vector<std::complex<double>> cross = spectrum_of(after);
-  double mean = 0;
   for (std::size_t i = 0; i < cross.size(); ++i) {
     cross[i] *= std::conj(one[i]);
-    mean += std::abs(cross[i]) / static_cast<double>(cross.size());
+    cross[i] /= std::abs(cross[i]) + std::numeric_limits<double>::min();
   }
-  for (std::complex<double>& value : cross) value /= std::abs(value) + whitened * mean + 1e-300;
   std::vector<std::complex<double>> turned(cross.size()), of_rows(cross.size());
   transform_rows(Transform::inverse, cross.data(), turned.data(), bins, rows, rows);
   for (std::size_t n = 0; n < rows; ++n)
