@@ -13,13 +13,14 @@
 #include <string>
 
 #include "ocisac/camera/tone_curve.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/core/scan_axis.hpp"
 #include "ocisac/ocisac.h"
 
 namespace ocisac::c {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+using ocisac::kNaN;
 
 // Keeps the message for ocisac_last_error().
 void remember(const char* message);

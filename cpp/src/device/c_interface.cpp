@@ -2,7 +2,6 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <new>
 #include <optional>
 #include <stdexcept>

@@ -8,9 +8,10 @@
 
 #include "chips/chip_period.hpp"
 #include "chips/lit_rows.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/receiver/receive.hpp"
 #include "ocisac/rows/chip_clock.hpp"
-#include "receiver/reading_verdict.hpp"
+#include "receiver/reading_trust.hpp"
 
 namespace ocisac {
 
@@ -31,7 +32,6 @@ constexpr double kBrightLight = 10;     // power of the columns' common light ov
 constexpr double kUnknownJump = 2;      // chips; standard error of the count where the clock jumped
 constexpr double kAnyJump = 1e6;        // the same where frames may be missing
 constexpr int kAlternating = 2;         // frames in a row
-constexpr double kSamePhase = 0.1;      // chips
 constexpr double kLostCount = 1;        // nats, of a chip whose number is not known
 constexpr double kNoiseKept = 0.9;      // decay per frame: noise varies where the light fills only some of the rows
 constexpr double kOthersEffort = 0.5;   // of a frame's: the effort for each of the other models
@@ -61,7 +61,7 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   result.snr = std::min(std::pow(0.5 / std::max(reading.relative_noise, 1e-300), 2), kMaxSnr);
   result.error_rate = expected_errors(result.llr) / static_cast<double>(result.llr.size());
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
-  if (reading.verdict != Verdict::fits || in_doubt) result.flags |= flag::model_misfit;
+  if (reading.trust != Trust::fits || in_doubt) result.flags |= flag::model_misfit;
   if (chip_period(whole_bits(reading, rows.signal.size()))) result.flags |= flag::periodic;
 }
 
@@ -72,7 +72,7 @@ ReceivedFrame nothing_received(std::int64_t frame) {
   result.frame = frame;
   for (double* value : {&result.phase, &result.rows_per_chip, &result.rows_per_chip_std, &result.exposure,
                         &result.exposure_std, &result.snr, &result.error_rate})
-    *value = std::numeric_limits<double>::quiet_NaN();
+    *value = kNaN;
   return result;
 }
 
@@ -209,47 +209,56 @@ void ChipReceiver::read_again(ChipFrame& frame, const LearnedProfile& profile, L
     state_ = std::move(state);
 }
 
-void ChipReceiver::read(ChipFrame& frame) {
-  if (frame.may_be_mean) {  // of which no chips are to be had
-    FrameRows followed = frame.rows;
-    followed.may_search = false;
-    const auto reading = reader_.read_with(state_.model, followed, state_);
-    if (!reading || reading->verdict != Verdict::fits) return;
+// True for a frame that may be a mean of its neighbours, which has no chips, and is not on the clock.
+bool ChipReceiver::is_mean(const ChipFrame& frame) const {
+  if (!frame.may_be_mean) return false;
+  FrameRows followed = frame.rows;
+  followed.may_search = false;
+  const auto reading = reader_.read_with(state_.model, followed, state_);
+  return !reading || reading->trust != Trust::fits;
+}
+
+// Learns the lamp's profile from the kept frames, and reads them by it.
+bool ChipReceiver::learn(ChipFrame& frame) {
+  if (!history_.comes_due()) return false;
+  const bool in_doubt = history_.doubtful() == history_.frames.size();
+  frame.rows.time -= drop_given_again();
+  if (!history_.is_long_enough()) return false;
+  auto learned = learn_profile(reader_, history_, state_);
+  if (!learned) {
+    history_.attempts.fail();
+    return false;
   }
-  RowsRead read = reader_.read(frame.rows, std::move(state_));
-  state_ = std::move(read.state);
-  frame.reading = std::move(read.reading);
+  restart_packet(in_doubt);
+  history_.attempts.restart();
+  history_.frames = std::move(learned->frames);
+  history_.profile = std::move(learned->profile);
+  read_again(frame, *history_.profile, with_new_phase(std::move(learned->state)));
+  return true;
+}
+
+// `all`: all its chips are in doubt.
+void ChipReceiver::restart_packet(bool all) {
+  if (all)
+    assembler_.restart();
+  else
+    assembler_.lose_clock();
+}
+
+void ChipReceiver::read(ChipFrame& frame) {
+  if (is_mean(frame)) return;
+  frame.reading = reader_.read(frame.rows, state_);
   if (!frame.reading && reader_.shows_no_light(frame.rows, state_)) {
     history_.frames.pop_back();  // darkness and noise teach no profile
     return;
   }
   if (!follow_profile(reader_, frame.reading, history_, state_)) assembler_.lose_clock();
-  const bool in_doubt = history_.doubtful() == history_.frames.size();
-  bool due = history_.comes_due();
-  if (due) {
-    frame.rows.time -= drop_given_again();
-    due = history_.is_long_enough();
-  }
-  if (auto learned = due ? learn_profile(reader_, history_, state_) : std::nullopt) {
-    if (in_doubt)
-      assembler_.restart();  // all its chips are in doubt
-    else
-      assembler_.lose_clock();
-    history_.attempts.restart();
-    history_.frames = std::move(learned->frames);
-    history_.profile = std::move(learned->profile);
-    return read_again(frame, *history_.profile, with_new_phase(std::move(learned->state)));
-  }
-  if (due) history_.attempts.fail();
-  if (read.is_new_model && frame.reading && frame.reading->pause)  // another count of lost chips, too
+  if (learn(frame) || !frame.rows.is_new_model || !frame.reading) return;
+  if (frame.reading->pause)  // another count of lost chips, too
     for (KeptFrame& kept : history_.frames)
-      if (&kept != &history_.frames.back()) kept.verdict.reset();
-  const bool fits = frame.reading && frame.reading->verdict == Verdict::fits;
-  if (!fits || !read.is_new_model || history_.profile || history_.doubtful() == 0) return;
-  if (history_.doubtful() + 1 == history_.frames.size())
-    assembler_.restart();
-  else
-    assembler_.lose_clock();
+      if (&kept != &history_.frames.back()) kept.trust.reset();
+  if (frame.reading->trust != Trust::fits || history_.profile || history_.doubtful() == 0) return;
+  restart_packet(history_.doubtful() + 1 == history_.frames.size());
   LightState state = state_;
   if (state.tracker) state.tracker->reset();
   state.fits = true;
@@ -315,7 +324,7 @@ void ChipReceiver::place(ChipFrame& frame) {
   frame.repeats = repeats_last(frame.result);
   if (!frame.repeats) count_chips(frame);
   state_.accept(reading, frame.rows.signal);
-  state_.fits = reading.verdict == Verdict::fits;
+  state_.fits = reading.trust == Trust::fits;
   if (state_.model.pause) state_.model.pause = reading.pause;
   if (!state_.model.nuisance.empty()) state_.model.nuisance = reading.nuisance;
   if (state_.model.exposure_rows) state_.model.exposure_rows = reading.channel.clock.exposure_rows;

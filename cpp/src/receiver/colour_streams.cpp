@@ -20,9 +20,7 @@ constexpr double kAgreement = 0.95;    // of decisions, or of opposite ones: one
 constexpr double kMinOpposite = 0.25;  // of the largest swing: less may be the camera's colour correction
 constexpr double kMinSwing = 0.02;     // of the largest swing: a colour without the light
 constexpr int kRounds = 20;
-constexpr double kMuchLeft = 0.05, kClearlyLess = 1.0 / 3;  // of a colour's variance, with the colours' own decisions
-constexpr double kMinComponent = 1e-4;                      // of the largest variance: below, noise would be scaled up
-constexpr double kMinSpread = 1e-9;                         // of a colour's noise, relative to its swing
+constexpr double kMinSpread = 1e-9;  // of a colour's noise, relative to its swing
 
 // Decisions of −1 and 1 of each stream, (chips × streams).
 using Streams = MatrixXd;
@@ -136,33 +134,6 @@ Streams separated(const MatrixXd& values, const MatrixXd& signals) {
   return streams;
 }
 
-// Independent components of the colours: bits of −1 and 1 have the least kurtosis (fixed-point iteration with cubes,
-// Hyvärinen and Oja 1997, all components at once).
-MatrixXd independent_components(const MatrixXd& values) {
-  const EigenFactors factors = symmetric_factors(gram(values.transpose()) / static_cast<double>(values.rows()));
-  const VectorXd scale = factors.values.cwiseMax(kMinComponent * factors.values.maxCoeff()).cwiseSqrt().cwiseInverse();
-  const MatrixXd white = product(values, product(factors.vectors, MatrixXd(scale.asDiagonal())));
-  MatrixXd directions = MatrixXd::Identity(white.cols(), white.cols());
-  for (int step = 0; step < kRounds; ++step) {
-    const MatrixXd along = product(white, directions);
-    directions =
-        transposed_product(white, along.array().cube().matrix()) / static_cast<double>(white.rows()) - 3 * directions;
-    const EigenFactors lengths = symmetric_factors(gram(directions.transpose()));
-    const VectorXd shrink = lengths.values.cwiseMax(1e-12).cwiseSqrt().cwiseInverse();
-    const MatrixXd turned = product(lengths.vectors, MatrixXd(shrink.asDiagonal()));
-    directions = product(directions, product(turned, lengths.vectors.transpose()));
-  }
-  return product(white, directions);
-}
-
-// The largest share of a colour's variance that streams leave.
-double unexplained(const MatrixXd& values, const Streams& streams) {
-  if (streams.cols() == 0) return 1;
-  const Mixing mixing = fit_mixing(values, streams);
-  const VectorXd whole = values.colwise().squaredNorm().transpose() / static_cast<double>(values.rows());
-  return (mixing.variance.array() / (whole.array() + 1e-300)).maxCoeff();
-}
-
 // Weights of the colours that follow a stream and null all others: A·R⁻¹ weighted least squares.
 VectorXd unmixing(const Mixing& mixing, Index stream, const std::vector<Index>& colours) {
   const Index count = mixing.gains.rows() - 2;
@@ -209,12 +180,7 @@ std::vector<ColourStream> colour_streams(const std::vector<std::vector<double>>&
   by_swing.resize(std::min<std::size_t>(by_swing.size(), 3));
   MatrixXd shown(levels.rows(), static_cast<Index>(by_swing.size()));
   for (std::size_t k = 0; k < by_swing.size(); ++k) shown.col(static_cast<Index>(k)) = levels.col(by_swing[k]);
-  Streams streams = separated(levels, shown);
-  const double left = unexplained(levels, streams);
-  if (left > kMuchLeft) {
-    const Streams other = separated(levels, independent_components(shown));
-    if (unexplained(levels, other) < kClearlyLess * left) streams = other;
-  }
+  const Streams streams = separated(levels, shown);
   if (streams.cols() == 0) return {};
   const Mixing mixing = fit_mixing(levels, streams);
   std::vector<ColourStream> found;

@@ -11,7 +11,7 @@
 #include "ocisac/chips/detect_chips.hpp"
 #include "ocisac/chips/preamble.hpp"
 #include "ocisac/chips/refine_channel.hpp"
-#include "receiver/reading_verdict.hpp"
+#include "receiver/reading_trust.hpp"
 
 namespace ocisac {
 
@@ -24,8 +24,6 @@ constexpr double kExposureStays = 0.01;  // relative
 constexpr double kVainStep = 0.02;       // standard errors
 constexpr double kLevelsStay = 0.03;     // relative to the swing
 constexpr double kRestStays = 0.3;       // relative to the noise, of the rows less slow light and tones
-constexpr double kEquallyGood = 1.2;     // ratio of residuals
-constexpr double kRateTolerance = 0.08;  // of a search, at least
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
 
@@ -176,7 +174,7 @@ std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t ro
 FrameReading with_shortest_exposure(FrameReading reading, SearchEffort* effort) {
   const auto start = with_shortest_exposure(reading.channel, whole_bits(reading, reading.rest.size()));
   auto shorter = start ? read_frame(reading.rest, *start, false, effort) : std::nullopt;
-  if (!shorter || !(shorter->channel.noise < kEquallyGood * reading.channel.noise)) return reading;
+  if (!shorter || !(shorter->channel.noise < kAsNoisy * reading.channel.noise)) return reading;
   shorter->warp = std::move(reading.warp);
   shorter->nuisance = std::move(reading.nuisance);
   return std::move(*shorter);
@@ -209,10 +207,9 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
   const bool exposure_known = search.exposure_rows.has_value();
   const auto acceptable = [&](std::optional<FrameReading> reading) {
     if (reading && search.warped) reading = refine_warp(signal, std::move(*reading), exposure_known, search.effort);
-    const Verdict least = search.warped ? Verdict::fits : Verdict::misfit;
-    const bool has_rate = reading && std::abs(reading->channel.clock.rows_per_chip / search.rows_per_chip - 1) <
-                                         std::max(search.tolerance, kRateTolerance);
-    return has_rate && reading->verdict >= least ? std::move(reading) : std::nullopt;
+    const Trust least = search.warped ? Trust::fits : Trust::misfit;
+    return reading && reading->has_rate(search.rows_per_chip) && reading->trust >= least ? std::move(reading)
+                                                                                         : std::nullopt;
   };
   const double chips = static_cast<double>(search.preamble.size());
   const double seen = chips - search.exposure_rows.value_or(0.0) / search.rows_per_chip;

@@ -8,6 +8,7 @@
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "ocisac/receiver/frame_reading.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -23,7 +24,7 @@ FskReceiver::FskReceiver(const Camera& camera, std::vector<double> tones, std::s
   check_tones(camera_, tones_);
   if (!camera_.exposure) return;
   for (const double tone : tones_)
-    require(std::abs(sinc(tone * *camera_.exposure)) >= kMinFskResponse, "tones", tone,
+    require(std::abs(sinc(tone * *camera_.exposure)) >= kNearNull, "tones", tone,
             "tones of which the exposure of " + shortest_text(*camera_.exposure) +
                 " s leaves 5 % or more: none near a multiple of " + shortest_text(1 / *camera_.exposure) + " Hz");
 }
@@ -43,11 +44,11 @@ FskFrame FskReceiver::push(std::span<const AnyFramesView> colours, std::optional
   FskFrame result;
   result.frame = frame.value_or(order_.next());
   const auto lengths = lengths_of(colours);
-  const auto verdict = order_.admit(result.frame, lengths);
-  result.outcome = verdict.outcome;
-  result.missing = verdict.missing;
-  if (verdict.outcome != FrameOutcome::received) return result;
-  if (verdict.restarts) {
+  const auto admitted = order_.admit(result.frame, lengths);
+  result.outcome = admitted.outcome;
+  result.missing = admitted.missing;
+  if (admitted.outcome != FrameOutcome::received) return result;
+  if (admitted.restarts) {
     assembler_.lose_clock();
     last_.reset();
   }

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
+#include <utility>
 #include <variant>
 
 #include "chips/edges.hpp"
@@ -23,12 +23,9 @@ constexpr std::size_t kMinWidths = 6;
 constexpr double kMaxError = 0.03;  // of the largest width
 constexpr double kFurthest = 0.25;  // of the measured rows, beyond them
 
-struct Span {
-  double darkest, brightest;
-};
-
+// The smallest and the largest value.
 template <class Values>
-Span span_of(const Values& values) {
+std::pair<double, double> span_of(const Values& values) {
   const auto [low, high] = std::minmax_element(values.begin(), values.end());
   return {*low, *high};
 }
@@ -101,12 +98,13 @@ std::optional<Outline> outline_of(const AnyFramesView& frames, std::size_t frame
         return rows;
       },
       frames);
-  Span span{kInfinity, 0};
+  double darkest = kInfinity, brightest = 0;
   for (const auto& row : columns) {
-    const auto [darkest, brightest] = span_of(std::span(row).subspan(begin, end - begin));
-    span = {std::min(span.darkest, darkest), std::max(span.brightest, brightest)};
+    const auto [low, high] = span_of(std::span(row).subspan(begin, end - begin));
+    darkest = std::min(darkest, low);
+    brightest = std::max(brightest, high);
   }
-  const double lit = span.darkest + kLitShare * (span.brightest - span.darkest);
+  const double lit = darkest + kLitShare * (brightest - darkest);
   // width² = a + b·row + c·row², rows from the middle of the measured ones, in their half lengths
   const auto first = static_cast<double>(bright_rows.front()), last = static_cast<double>(bright_rows.back());
   const double middle = 0.5 * (first + last), half = 0.5 * (last - first);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <string_view>
 #include <utility>
@@ -10,6 +9,7 @@
 #include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/chips/slicer.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 #include "receiver/colour_streams.hpp"
@@ -22,7 +22,7 @@ constexpr double kMinWeight = 0.1;  // of the largest weight: columns below are 
 
 constexpr double kSameWeights = 0.9;  // cosine between the weights of two frames
 
-double first_of(const std::vector<double>& values) { return values.empty() ? LightGain::kUnknown : values.front(); }
+double first_of(const std::vector<double>& values) { return values.empty() ? kNaN : values.front(); }
 
 // Offset in columns from the centre of the region to the centroid of the weights.
 double offset_of(std::span<const double> weights) {
@@ -74,7 +74,7 @@ LightReceiver::LightReceiver(const Camera& camera, const LightOptions& options, 
   if (options_.gain->frequency) require_positive("frequency", *options_.gain->frequency);
   require_finite("background", options_.gain->background);
   require(options_.gain->duty > 0 && options_.gain->duty < 1, "duty", options_.gain->duty, "inside (0, 1)");
-  tone_.frequency = options_.gain->frequency.value_or(LightGain::kUnknown);
+  tone_.frequency = options_.gain->frequency.value_or(kNaN);
 }
 
 void LightReceiver::place(const Region& region, bool can_move) {

@@ -8,7 +8,7 @@
 
 #include "columns/moving_mean.hpp"
 #include "core/statistics.hpp"
-#include "receiver/reading_verdict.hpp"
+#include "receiver/reading_trust.hpp"
 #include "receiver/repeated_frames.hpp"
 #include "rows/verdict.hpp"
 
@@ -22,16 +22,15 @@ constexpr std::size_t kMaxProfileMisfits = 6;
 constexpr std::size_t kProfileRounds = 12;
 constexpr std::array kShapeWeights{1.0, 1.0, 0.1, 0.01, 0.001};  // by round: prior of the first shape
 constexpr double kProfileSearches = 6;                           // frames' efforts for the kept frames, in a round
-constexpr double kProfileGain = 0.95;       // max ratio of the noise of a round to that of the round before
-constexpr double kBetterProfile = 0.8;      // the same of a profile that replaces one in use
-constexpr double kMaxProfileGrowth = 1.5;   // ratio of a frame's noise to that of those that the profile is of
-constexpr double kMinProfileSwing = 0.1;    // of the largest: darker rows are not read
-constexpr double kMinFittedSwing = 0.15;    // the same of a fitted profile, of the median
-constexpr std::size_t kOwnSmoothing = 3;    // rows either side, of the swing at a lamp's ends
-constexpr double kMinOwnSwing = 0.5;        // of the smoothed swing, of a row at a lamp's end
-constexpr double kProfileFrameShare = 0.5;  // of the kept frames that a profile must explain
-constexpr double kModeratelySlow = 0.3;     // chips, of rise and fall
-constexpr double kProfileChips = 8;         // chips either side over which a profile's swing is smoothed, at least
+constexpr double kProfileGain = 0.95;      // max ratio of the noise of a round to that of the round before
+constexpr double kBetterProfile = 0.8;     // the same of a profile that replaces one in use
+constexpr double kMaxProfileGrowth = 1.5;  // ratio of a frame's noise to that of those that the profile is of
+constexpr double kMinProfileSwing = 0.1;   // of the largest: darker rows are not read
+constexpr double kMinFittedSwing = 0.15;   // the same of a fitted profile, of the median
+constexpr std::size_t kOwnSmoothing = 3;   // rows either side, of the swing at a lamp's ends
+constexpr double kMinOwnSwing = 0.5;       // of the smoothed swing, of a row at a lamp's end
+constexpr double kModeratelySlow = 0.3;    // chips, of rise and fall
+constexpr double kProfileChips = 8;        // chips either side over which a profile's swing is smoothed, at least
 
 bool is_bright(const RowProfile& profile, RowRange rows) {
   return std::ranges::all_of(std::span(profile.swing).subspan(rows.begin, rows.size()),
@@ -74,14 +73,14 @@ std::vector<double> scale_of_beside(const LearnedProfile& learned) {
   return scale;
 }
 
-std::size_t frames_at_least(Verdict verdict, const std::deque<KeptFrame>& frames) {
+std::size_t frames_at_least(Trust trust, const std::deque<KeptFrame>& frames) {
   return static_cast<std::size_t>(
-      std::ranges::count_if(frames, [verdict](const KeptFrame& kept) { return kept.verdict >= verdict; }));
+      std::ranges::count_if(frames, [trust](const KeptFrame& kept) { return kept.trust >= trust; }));
 }
 
-// All frames read again, less the profile; the searches are bounded. Readings of the verdict `followed` lead to the
+// All frames read again, less the profile; the searches are bounded. Readings of at least this trust lead to the
 // next frame's. Returns what is left of them, relative to the swing.
-double read_frames(const RowReader& reader, std::size_t first_row, Learned& now, Verdict followed = Verdict::unsound) {
+double read_frames(const RowReader& reader, std::size_t first_row, Learned& now, Trust followed = Trust::unsound) {
   now.state.scale_nuisance(scale_of_beside(now.profile));
   double noise = 0;
   const SearchEffort effort = reader.effort(now.state, now.profile.rows.size());
@@ -92,13 +91,13 @@ double read_frames(const RowReader& reader, std::size_t first_row, Learned& now,
     const auto reading = read_kept(reader, now.profile, now.state, first_row, kept, rows);
     if (std::isfinite(effort.rows)) searches -= 1 - rows.effort.rows / effort.rows;
     noise += (reading ? reading->relative_noise : kMaxRelativeNoise) / static_cast<double>(now.frames.size());
-    if (!reading || reading->verdict < followed) continue;
+    if (!reading || reading->trust < followed) continue;
     for (std::size_t k = 0; k < tones.size(); ++k) tones[k] += reading->nuisance.tones[k];
     now.state.track(reading->channel, rows.first_row, kept.time);
     now.state.accept(*reading, rows.signal);
     now.state.relative_noise = reading->relative_noise;
   }
-  const std::size_t read = frames_at_least(Verdict::unsound, now.frames);
+  const std::size_t read = frames_at_least(Trust::unsound, now.frames);
   for (std::size_t k = 0; k < tones.size() && read > 0; ++k)
     now.state.model.nuisance.tones[k] = tones[k] / static_cast<double>(read);
   return noise;
@@ -212,9 +211,7 @@ std::optional<RowProfile> fitted_profile(const std::deque<KeptFrame>& frames, st
   return fit_profile(known, shape, smoothing(state), weight);
 }
 
-std::size_t enough_of(const std::deque<KeptFrame>& frames) {
-  return static_cast<std::size_t>(kProfileFrameShare * static_cast<double>(frames.size()));
-}
+std::size_t enough_of(const std::deque<KeptFrame>& frames) { return frames.size() / 2; }
 
 // The rows of the longest lamp as they are, where most frames fit so: one that ends sharply, near another lamp or in a
 // veil of its own light, needs no profile, which the chips' mean over few frames disturbs.
@@ -234,8 +231,8 @@ std::optional<Learned> learn_rows(const RowReader& reader, const FrameHistory& h
   Learned learned{.profile = {.profile = std::move(*own), .rows = rows, .plain = true},
                   .frames = history.frames,
                   .state = reader.restarted(state)};
-  learned.profile.noise = read_frames(reader, history.first_row, learned, Verdict::fits);
-  learned.profile.fits = frames_at_least(Verdict::fits, learned.frames) >= enough_of(learned.frames);
+  learned.profile.noise = read_frames(reader, history.first_row, learned, Trust::fits);
+  learned.profile.fits = frames_at_least(Trust::fits, learned.frames) >= enough_of(learned.frames);
   learned.state = with_new_phase(std::move(learned.state));
   return learned.profile.fits ? std::optional(std::move(learned)) : std::nullopt;
 }
@@ -250,11 +247,11 @@ std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row
   double before = std::numeric_limits<double>::infinity();
   for (std::size_t round = 0; round < kProfileRounds; ++round) {
     const double noise = read_frames(reader, first_row, now);
-    const bool readable = frames_at_least(Verdict::unsound, now.frames) >= enough;
+    const bool readable = frames_at_least(Trust::unsound, now.frames) >= enough;
     now.state = with_new_phase(std::move(now.state));
     if (!readable) now.state.channel.reset();
     now.profile.noise = noise;
-    now.profile.fits = frames_at_least(Verdict::fits, now.frames) >= enough && round > 0;
+    now.profile.fits = frames_at_least(Trust::fits, now.frames) >= enough && round > 0;
     const bool slower = best && now.state.model.slow_light && !best->state.model.slow_light;
     const double highest = best ? (slower ? kBetterProfile : 1.0) * best->profile.noise : kMaxRelativeNoise;
     if (round > 0 && readable && (noise < highest || (now.profile.fits && !slower))) best = now;
@@ -304,15 +301,15 @@ void FrameHistory::keep(KeptFrame now, std::size_t first_row_of_now) {
 bool FrameHistory::compares_rows(bool can_move) const {
   if (profile) return true;
   const bool seen = std::ranges::any_of(
-      frames, [&](const KeptFrame& kept) { return kept.verdict || (kept.bright && frames.size() < kKeptFrames); });
+      frames, [&](const KeptFrame& kept) { return kept.trust || (kept.bright && frames.size() < kKeptFrames); });
   return seen && !attempts.is_exhausted() && std::ranges::none_of(frames, [can_move](const KeptFrame& kept) {
-           return kept.verdict >= (can_move ? Verdict::sure : Verdict::fits);
+           return kept.trust >= (can_move ? Trust::sure : Trust::fits);
          });
 }
 
 std::size_t FrameHistory::doubtful() const {
   return static_cast<std::size_t>(
-      std::ranges::count_if(frames, [](const KeptFrame& kept) { return kept.verdict < Verdict::sure; }));
+      std::ranges::count_if(frames, [](const KeptFrame& kept) { return kept.trust < Trust::sure; }));
 }
 
 std::vector<double> rows_before(const KeptFrame& kept, const std::optional<LearnedProfile>& learned, RowRange rows) {
@@ -339,10 +336,9 @@ void FrameHistory::drop_repeated() {
 
 bool FrameHistory::comes_due() {
   attempts.pass_frame();
-  const double most = kProfileFrameShare * static_cast<double>(frames.size());
-  const auto poor = std::ranges::count_if(frames, [](const KeptFrame& kept) { return kept.verdict < Verdict::fits; });
-  const bool in_doubt = static_cast<double>(doubtful()) > most;
-  return attempts.is_due() && is_long_enough() && static_cast<double>(poor) > most &&
+  const auto poor = std::ranges::count_if(frames, [](const KeptFrame& kept) { return kept.trust < Trust::fits; });
+  const bool in_doubt = 2 * doubtful() > frames.size();
+  return attempts.is_due() && is_long_enough() && 2 * static_cast<std::size_t>(poor) > frames.size() &&
          (profile ? in_doubt && !profile->fits : in_doubt || attempts.failures < attempts.quick);
 }
 
@@ -367,7 +363,7 @@ std::optional<std::int64_t> FrameHistory::drop_mean() {
     return std::nullopt;
   const KeptFrame mean = *between;
   frames.erase(between);
-  return mean.verdict ? std::nullopt : std::optional(mean.number);
+  return mean.trust ? std::nullopt : std::optional(mean.number);
 }
 
 std::optional<FrameReading> read_kept(const RowReader& reader, const LearnedProfile& learned, const LightState& state,
@@ -379,9 +375,9 @@ std::optional<FrameReading> read_kept(const RowReader& reader, const LearnedProf
   if (!model.nuisance.before.empty()) model.nuisance.before = rows_before(kept, learned, learned.rows);
   auto reading = reader.read_with(model, rows, state);
   kept.exposed.clear();
-  kept.verdict.reset();
+  kept.trust.reset();
   if (!reading) return reading;
-  kept.verdict = reading->verdict;
+  kept.trust = reading->trust;
   kept.expose(*reading, learned);
   return reading;
 }
@@ -411,12 +407,12 @@ bool follow_profile(const RowReader& reader, const std::optional<FrameReading>& 
                     LightState& state) {
   KeptFrame& now = history.frames.back();
   now.noise = reading ? reading->relative_noise : kMaxRelativeNoise;
-  if (reading) now.verdict = reading->verdict;
+  if (reading) now.trust = reading->trust;
   auto& learned = history.profile;
   if (!learned) return true;
   const bool explained =
-      reading && (reading->verdict == Verdict::fits || (reading->verdict != Verdict::unsound &&
-                                                        reading->relative_noise < kMaxProfileGrowth * learned->noise));
+      reading && (reading->trust == Trust::fits ||
+                  (reading->trust != Trust::unsound && reading->relative_noise < kMaxProfileGrowth * learned->noise));
   if (explained) now.expose(*reading, *learned);
   if (explained && !learned->plain && now.number % kProfileInterval == 0) {
     auto again = fitted_profile(history.frames, learned->profile.swing, state, kShapeWeights.back());

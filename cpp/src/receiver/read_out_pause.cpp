@@ -4,13 +4,12 @@
 #include <utility>
 
 #include "ocisac/receiver/row_reader.hpp"
-#include "receiver/reading_verdict.hpp"
+#include "receiver/reading_trust.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr double kLeastPause = 0.1;              // chips; of a smaller one no chip is wrong
 constexpr double kLeastChips = 24;               // in a half
 constexpr double kSureCount = 8;                 // nats
 constexpr double kSureChip = 6, kFrameSays = 4;  // nats, at most: of a chip; of a frame, which may be read wrong
@@ -42,7 +41,7 @@ ChannelEstimate continued(ChannelEstimate channel, std::size_t rows, double begi
 LightState known(const FrameReading& part, std::span<const double> signal, LightState state) {
   state.tracker.reset();
   state.accept(part, signal);
-  state.fits = part.verdict == Verdict::fits;
+  state.fits = part.trust == Trust::fits;
   state.relative_noise = part.relative_noise;
   return state;
 }
@@ -64,7 +63,7 @@ double join(FrameReading& first, const FrameReading& second, std::ptrdiff_t chip
     first.excess[at] = std::max(first.excess[at], second.excess[from]);
   }
   first.rest.insert(first.rest.end(), second.rest.begin(), second.rest.end());
-  first.verdict = std::min(first.verdict, second.verdict);
+  first.trust = std::min(first.trust, second.trust);
   first.error_rate = std::max(first.error_rate, second.error_rate);
   first.relative_noise = std::max(first.relative_noise, second.relative_noise);
   first.correlation = std::max(first.correlation, second.correlation);
@@ -97,9 +96,9 @@ std::optional<FrameReading> RowReader::read_about(const RowPause& pause, const S
   after.effort = frame.effort;
   const auto second = read_with(even, after, late);
   frame.effort = after.effort;
-  if (!second || second->verdict < Verdict::sure) {
+  if (!second || second->trust < Trust::sure) {
     first->rest.insert(first->rest.end(), after.signal.begin(), after.signal.end());
-    first->verdict = std::min(first->verdict, Verdict::misfit);
+    first->trust = std::min(first->trust, Trust::misfit);
     first->pause = pause;
     first->after_pause = first->first + std::ssize(first->llr);
     return first;
@@ -130,7 +129,7 @@ std::optional<RowPause> RowReader::find_pause(const FrameRows& frame, const Ligh
   if (frame.first_row > 0 || !state.rows_per_chip || static_cast<double>(middle) < least) return std::nullopt;
   LightState fresh = restarted(state);
   std::array<std::optional<FrameReading>, 2> halves;
-  const auto fits = [](const std::optional<FrameReading>& half) { return half && half->verdict == Verdict::fits; };
+  const auto fits = [](const std::optional<FrameReading>& half) { return half && half->trust == Trust::fits; };
   for (const std::size_t half :
        std::array<std::size_t, 3>{0, 1, 0}) {  // where one fits, the other one is read from its channel
     if (fits(halves[half])) continue;
@@ -144,7 +143,7 @@ std::optional<RowPause> RowReader::find_pause(const FrameRows& frame, const Ligh
   const double chip = early.rows_per_chip;
   const double chips = (early.phase - late.phase - static_cast<double>(middle)) / chip;
   const double part = chips - std::floor(chips);
-  if (std::min(part, 1 - part) < kLeastPause) return std::nullopt;
+  if (std::min(part, 1 - part) < kSamePhase) return std::nullopt;
   return RowPause{.row = frame.first_row + middle, .rows = part * chip};
 }
 

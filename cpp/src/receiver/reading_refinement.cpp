@@ -139,10 +139,10 @@ static void add_warp_errors(const RowWarp& warp, ChannelEstimate& channel) {
 
 FrameReading refine_warp(std::span<const double> signal, FrameReading reading, bool exposure_known,
                          SearchEffort* effort) {
-  if (reading.verdict == Verdict::fits) return reading;
+  if (reading.trust == Trust::fits) return reading;
   FrameReading best = reading;
   std::optional<FrameReading> now = reading;
-  for (int round = 0, vain = 0; round < kWarpRounds && vain < (best.verdict != Verdict::fits ? kWarpPatience : 1);
+  for (int round = 0, vain = 0; round < kWarpRounds && vain < (best.trust != Trust::fits ? kWarpPatience : 1);
        ++round) {
     const auto chips = hard_chips(*now);
     auto warp = fit_warp(unwarped(signal, now->warp), now->warp, {chips, now->first}, now->channel, vain == 0);

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <iterator>
-#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -445,11 +444,7 @@ double deviation(std::span<const double> values) {
 }
 
 // Least-squares share of the light beside a lamp in rows of its columns, and the standard deviation of the rest.
-struct Share {
-  double share = 0, rest = 0;
-};
-
-Share share_of(std::span<const double> beside, std::span<const double> signal) {
+std::pair<double, double> share_of(std::span<const double> beside, std::span<const double> signal) {
   const auto count = static_cast<double>(signal.size());
   const double mean = mean_of(signal), mean_beside = mean_of(beside);
   double square = 0, product = 0, power = 0;
@@ -469,9 +464,9 @@ std::optional<CombinedColumn> without_light_beside(const CombinedColumn& column)
   const std::size_t rows = column.signal.size(), window = rows / kEnds;
   if (column.beside.size() != rows || window < 2) return std::nullopt;
   const std::span beside(column.beside), signal(column.signal);
-  const Share first = share_of(beside.first(window), signal.first(window));
-  const Share last = share_of(beside.last(window), signal.last(window));
-  const auto [share, rest] = first.rest < last.rest ? first : last;
+  const auto first = share_of(beside.first(window), signal.first(window));
+  const auto last = share_of(beside.last(window), signal.last(window));
+  const auto [share, rest] = first.second < last.second ? first : last;
   if (share < kMinShare || share > kMaxShare || share * deviation(beside) < kVaries * rest) return std::nullopt;
   CombinedColumn own = column;
   for (std::size_t n = 0; n < rows; ++n) own.signal[n] -= share * beside[n];
@@ -793,50 +788,6 @@ std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std:
   return sources;
 }
 
-constexpr std::size_t kComparedColumns = 128;  // of a source, evenly spaced, at most
-
-// Changes over a chip of the rows of a source in a frame, by its columns' weights, as stored: slow light cancels.
-std::vector<double> changes_of(const AnyFramesView& colour, std::size_t frame, const Received& source) {
-  return std::visit(
-      [&](const auto& view) {
-        std::vector<std::size_t> lit;
-        for (std::size_t k = 0; k < source.weights.size(); ++k)
-          if (source.weights[k] != 0) lit.push_back(k);
-        const std::size_t every = 1 + lit.size() / kComparedColumns;
-        const auto lag = static_cast<std::size_t>(std::max(std::round(source.rows_per_chip), 1.0));
-        const double length = static_cast<double>(source.bits.size()) * source.rows_per_chip;
-        const auto begin = static_cast<std::size_t>(std::max(source.phase, 0.0));
-        const auto end = std::min(view.rows, static_cast<std::size_t>(std::max(source.phase + length, 0.0)));
-        std::vector<double> rows, changes;
-        for (std::size_t n = begin; n < end; ++n) {
-          double sum = 0;
-          for (std::size_t k = 0; k < lit.size(); k += every)
-            sum += source.weights[lit[k]] * static_cast<double>(view(frame, n, lit[k]));
-          rows.push_back(sum);
-        }
-        for (std::size_t n = lag; n < rows.size(); ++n) changes.push_back(rows[n] - rows[n - lag]);
-        return changes;
-      },
-      colour);
-}
-
-// True where another frame has the same bits at the same rows, or explains the rows better than the chips do: a picture
-// that stands still, or a light in step with the frames. The chips leave 1/snr of the square of the rows, the other
-// frame 1 − r², r: their correlation.
-bool stands_still(const AnyFramesView& colour, const Received& source, std::size_t other,
-                  std::span<const Received> received) {
-  if (std::ranges::any_of(received, [&](const Received& one) {
-        return one.frame == other && one.bits == source.bits && std::abs(one.phase - source.phase) < 1;
-      }))
-    return true;
-  const auto own = changes_of(colour, source.frame, source), same = changes_of(colour, other, source);
-  const auto product = [](const auto& a, const auto& b) {
-    return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
-  };
-  const double energy = product(own, own) * product(same, same), common = product(own, same);
-  return common > 0 && energy - common * common < energy / source.snr;
-}
-
 }  // namespace
 
 std::vector<Received> receive(std::span<const AnyFramesView> colours, const Camera& camera,
@@ -857,9 +808,10 @@ std::vector<Received> receive(std::span<const AnyFramesView> colours, const Came
   for (std::size_t frame = 0; frame < shape.frames; ++frame)
     std::ranges::move(receive_frame(colours, frame, camera, what), std::back_inserter(received));
   for (Received& one : received) {
-    const std::size_t other = one.frame + 1 < shape.frames ? one.frame + 1 : one.frame - 1;
-    if (shape.frames > 1 && !one.bits.empty() && stands_still(colours[one.colour], one, other, received))
-      one.flags |= flag::ambiguous_kind;
+    const std::size_t next = one.frame + 1 < shape.frames ? one.frame + 1 : one.frame - 1;
+    const auto is_same = [&](const Received& other) { return other.frame == next && is_one_lamp(one, other); };
+    // A picture that stands still, or a light in step with the frames.
+    if (!one.bits.empty() && std::ranges::any_of(received, is_same)) one.flags |= flag::ambiguous_kind;
     if (!one.colour_weights.empty()) continue;
     one.colour_weights.assign(colours.size(), 0.0);
     one.colour_weights[one.colour] = 1;

@@ -155,7 +155,7 @@ bool Receiver::find(std::span<const AnyFramesView> colours, const Region& whole)
 
 void Receiver::search(std::span<const AnyFramesView> colours) {
   const std::size_t known = lights_.size();
-  const std::size_t colour = colours.size() > 1 ? best_column(colours, camera_.tone_curve).colour : 0;
+  const std::size_t colour = colours.size() > 1 ? best_column(colours, camera_.tone_curve).second : 0;
   if (std::ranges::all_of(lights_, &LightReceiver::is_lost) && proposal_.agreed == 0) {
     if (!lights_.empty()) when_lost_.fail();
     search_one(colours[colour]);
@@ -240,15 +240,15 @@ FrameOrder::Admission Receiver::admit(std::span<const AnyFramesView> colours, st
   const bool fits = outside == options_.regions.end();
   if (!fits && !began_) require_inside("regions", *outside, whole.width, whole.height);
   began_ = true;
-  auto verdict = order_.admit(number, {colours.size(), whole.height, whole.width});
-  if (verdict.outcome != FrameOutcome::received) return verdict;
+  auto admitted = order_.admit(number, {colours.size(), whole.height, whole.width});
+  if (admitted.outcome != FrameOutcome::received) return admitted;
   if (!fits)
-    verdict.outcome = FrameOutcome::other_shape;
+    admitted.outcome = FrameOutcome::other_shape;
   else if (!are_numbers(colours))
-    verdict.outcome = FrameOutcome::not_finite;
-  else if (verdict.restarts)
+    admitted.outcome = FrameOutcome::not_finite;
+  else if (admitted.restarts)
     restart(whole);
-  return verdict;
+  return admitted;
 }
 
 std::vector<LightFrame> Receiver::push(std::span<const AnyFramesView> colours, const FrameStamp& stamp) {

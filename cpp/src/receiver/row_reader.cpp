@@ -8,23 +8,22 @@
 #include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/rows/chip_clock.hpp"
-#include "receiver/reading_verdict.hpp"
+#include "receiver/reading_trust.hpp"
 #include "receiver/rows_of_noise.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr double kFrameTimeError = 1e-4;    // relative standard error of a nominal frame time
-constexpr double kSurePrediction = 0.15;    // chips; max standard error at which a predicted phase is used alone
-constexpr double kSameExposure = 0.1;       // chips; a change by which a predicted phase is not sure
-constexpr double kBrighter = 0.08;          // relative, of the mean from frame to frame: exposure or gain changed
-constexpr double kMinVariance = 0.25;       // of a frame's rows over that of the last one with the same light
-constexpr double kNarrowTolerance = 2e-3;   // relative, of a rate estimated from frames
-constexpr double kWideTolerance = 0.02;     // relative, of a nominal rate
-constexpr double kRowTimeTolerance = 0.08;  // the same of a preamble: the row time may be wrong
-constexpr double kAsNoisy = 1.2, kMaxNoiseRatio = 2;  // ratio to the last frame
-constexpr double kLittleNoise = 0.06;                 // relative to the swing: excludes a lost clock in any part
+constexpr double kFrameTimeError = 1e-4;   // relative standard error of a nominal frame time
+constexpr double kSurePrediction = 0.15;   // chips; max standard error at which a predicted phase is used alone
+constexpr double kSameExposure = 0.1;      // chips; a change by which a predicted phase is not sure
+constexpr double kBrighter = 0.08;         // relative, of the mean from frame to frame: exposure or gain changed
+constexpr double kMinVariance = 0.25;      // of a frame's rows over that of the last one with the same light
+constexpr double kNarrowTolerance = 2e-3;  // relative, of a rate estimated from frames
+constexpr double kWideTolerance = 0.02;    // relative, of a nominal rate
+constexpr double kMaxNoiseRatio = 2;       // ratio to the last frame
+constexpr double kLittleNoise = 0.06;      // relative to the swing: excludes a lost clock in any part
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 7000;
 constexpr double kMaxSearchRows = 2048;      // rows that count for the bound of the search
 constexpr double kPreambleShare = 0.3;       // of the effort, for an exposure that a preamble shows
@@ -34,7 +33,6 @@ constexpr double kFollowedEffort = 0.1;      // of the others' effort, where a c
 constexpr double kWarpEffort = 3;            // of the other models'
 constexpr double kBetter = 0.8;              // ratio of the residual noise required of another model
 constexpr std::array kSlownesses{1.0, 0.6};  // chips; initial rise and fall, right within half a chip
-constexpr double kMaxWrongExposure = 2;      // ratio; a stated one is believed so far
 constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
 
 constexpr double kHeavyTails = 10;   // kurtosis
@@ -179,7 +177,7 @@ SearchEffort RowReader::effort(const LightState& state, std::size_t rows) const 
 
 void LightState::accept(const FrameReading& reading, std::span<const double> signal) {
   channel = reading.channel;
-  if (reading.verdict == Verdict::fits && !reading.warp.empty()) warp = reading.warp;
+  if (reading.trust == Trust::fits && !reading.warp.empty()) warp = reading.warp;
   mean = mean_of(signal);
   variance = variance_of(signal);
 }
@@ -244,8 +242,7 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
     for (auto* levels : {&start.dark, &start.swing})
       for (double& level : *levels) level *= brighter;
   const auto has_rate = [&](const std::optional<FrameReading>& reading) {
-    const double nominal = state.rows_per_chip.value_or(chip);
-    return reading && std::abs(reading->channel.clock.rows_per_chip / nominal - 1) < kRowTimeTolerance;
+    return reading && reading->has_rate(state.rows_per_chip.value_or(chip));
   };
   std::optional<FrameReading> best;
   for (std::size_t phase = 0; phase < (sure && !model.warped ? 1 : kPhases); ++phase) {
@@ -265,7 +262,7 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
   auto extended = extend_reading(signal, best->channel, model.exposure_known, &frame.effort, {}, model.warped);
   if (extended && model.warped) extended = refine_warp(signal, *extended, model.exposure_known, &frame.effort);
   if (has_rate(extended) && extended->relative_noise < kMaxNoiseRatio * state.relative_noise &&
-      extended->verdict != Verdict::unsound)
+      extended->trust != Trust::unsound)
     return extended;
   return std::nullopt;
 }
@@ -277,7 +274,7 @@ std::optional<FrameReading> RowReader::follow_beside(const SignalModel& model, F
   const auto fit = remove_beside_mean(frame.signal, model.nuisance, *state.channel);
   const RowsBeside beside{frame.signal, model.nuisance};
   auto reading = fit ? follow(fit->rest, model, frame, state, &beside) : std::nullopt;
-  if (!reading || reading->verdict != Verdict::fits) return std::nullopt;
+  if (!reading || reading->trust != Trust::fits) return std::nullopt;
   drop_idle_degree(reading->channel);
   return reading;
 }
@@ -295,14 +292,14 @@ std::optional<FrameReading> RowReader::search(std::span<const double> signal, co
                          .warped = model.warped};
   const bool as_told = options_.chip_rate && *state.rows_per_chip == 1 / (*options_.chip_rate * camera_.row_time);
   const auto with_row_time = [&](std::optional<FrameReading> found) {
-    if (!as_told || (found && found->verdict == Verdict::fits)) return found;
+    if (!as_told || (found && found->trust == Trust::fits)) return found;
     SearchEffort own = frame.effort_of_others;
     FrameSearch wide = what;
     wide.tolerance = kRowTimeTolerance;
     wide.effort = &own;
     wide.blind = false;
     auto other = search_frame(signal, wide);
-    return other && other->verdict == Verdict::fits ? std::move(other) : std::move(found);
+    return other && other->trust == Trust::fits ? std::move(other) : std::move(found);
   };
   if (!model.exposure_rows && !is_tracked) return with_row_time(search_exposures(signal, what));
   auto reading = with_row_time(search_frame(signal, what));
@@ -322,13 +319,13 @@ std::optional<FrameReading> RowReader::search_slow(std::span<const double> signa
     auto reading = refine_shape(signal, std::move(*start), model.exposure_known, &frame.effort);
     if (!reading || (best && best->relative_noise <= reading->relative_noise)) continue;
     best = std::move(reading);
-    if (best->verdict == Verdict::fits) break;
+    if (best->trust == Trust::fits) break;
   }
   return best;
 }
 
 // Searches from several exposures: the chips of a line code, exposed for some, may be others exposed for fewer. The
-// least residual decides, unless the first chips found are of the line code.
+// least residual decides.
 std::optional<FrameReading> RowReader::search_exposures(std::span<const double> signal,
                                                         const FrameSearch& wanted) const {
   SearchEffort& effort = *wanted.effort;
@@ -344,11 +341,7 @@ std::optional<FrameReading> RowReader::search_exposures(std::span<const double> 
     auto reading = search_frame(signal, what);
     if (reading && what.exposure_rows) reading = read_frame(signal, reading->channel, false, &own);
     if (std::isfinite(share)) effort.rows -= share - own.rows;
-    if (!reading || (best && reading->relative_noise >= best->relative_noise)) continue;
-    best = std::move(reading);
-    if (options_.format.line_code.bits_per_word() < options_.format.line_code.chips_per_word() &&
-        best->verdict == Verdict::fits && options_.format.line_code.evidence_anywhere(best->llr) > 0)
-      break;
+    if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
   }
   return best;
 }
@@ -363,10 +356,10 @@ std::optional<FrameReading> RowReader::read_as_displaced_before(const SignalMode
   even.signal = unwarped(frame.signal, state.warp);
   even.may_search = false;
   auto reading = read_with(even_model, even, state);
-  if (!reading || reading->verdict < Verdict::sure) return std::nullopt;
+  if (!reading || reading->trust < Trust::sure) return std::nullopt;
   reading->warp = state.warp;
   if (reading->nuisance.empty()) reading = refine_warp(frame.signal, *reading, model.exposure_known, &frame.effort);
-  return reading->verdict == Verdict::fits ? reading : std::nullopt;
+  return reading->trust == Trust::fits ? reading : std::nullopt;
 }
 
 // Alternates estimates of chips and nuisance until the chips converge.
@@ -387,7 +380,7 @@ std::optional<FrameReading> RowReader::read_with(const SignalModel& model, Frame
           model.slow_light && !has_shape ? search_slow(rest, model, frame, state) : search(rest, model, frame, state);
     if (!model.nuisance.empty() && reading)
       reading = refine_nuisance(frame.signal, std::move(*reading), model.nuisance, model.exposure_known, &frame.effort);
-    if (model.slow_light && reading && reading->verdict < Verdict::sure) {
+    if (model.slow_light && reading && reading->trust < Trust::sure) {
       auto shaped = refine_shape(rest, *reading, model.exposure_known, &frame.effort);
       if (shaped && shaped->relative_noise < reading->relative_noise) reading = std::move(shaped);
     }
@@ -397,8 +390,8 @@ std::optional<FrameReading> RowReader::read_with(const SignalModel& model, Frame
 }
 
 // Models other than the last frame's, from the tracked clock or by a search, until one fits.
-void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) const {
-  const LightState& state = best.state;
+void RowReader::try_models(FrameRows& frame, bool searches, LightState& state,
+                           std::optional<FrameReading>& best) const {
   for (SignalModel& model : other_models(frame, state, searches)) {
     FrameRows tried = frame;
     tried.may_search = searches;
@@ -408,64 +401,57 @@ void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) cons
     if (!searches) tried.effort.rows *= kFollowedEffort;
     if (model.warped) tried.effort.rows *= kWarpEffort;
     auto other = read_with(model, tried, state);
-    if (!other || (best.reading && other->relative_noise > kBetter * best.reading->relative_noise)) continue;
-    const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
-    if (state.exposure && std::max(exposure / *state.exposure, *state.exposure / exposure) > kMaxWrongExposure)
-      continue;
+    if (!other || (best && other->relative_noise > kBetter * best->relative_noise)) continue;
     if (!model.nuisance.empty()) model.nuisance = other->nuisance;
-    best.reading = std::move(other);
-    best.state.model = std::move(model);
-    best.is_new_model = true;
-    if (best.reading->verdict == Verdict::fits) return;
+    best = std::move(other);
+    state.model = std::move(model);
+    frame.is_new_model = true;
+    if (best->trust == Trust::fits) return;
   }
 }
 
-RowsRead RowReader::read(FrameRows& frame, LightState before) const {
-  if (!before.model.nuisance.before.empty()) before.model.nuisance.before = frame.before;
-  const double exposure_rows = before.model.exposure_rows.value_or(0.0);
+void RowReader::try_pause(FrameRows& frame, LightState& state, std::optional<FrameReading>& reading) const {
+  SignalModel model = given_model(state.exposure);
+  model.pause = find_pause(frame, state);
+  if (!model.pause) return;
+  FrameRows tried = frame;
+  tried.effort = frame.effort_of_others;
+  auto about = read_about(*model.pause, model, tried, restarted(state));
+  if (!about || about->trust != Trust::fits) return;
+  reading = std::move(about);
+  state.model = std::move(model);
+  frame.is_new_model = true;
+}
+
+std::optional<FrameReading> RowReader::read(FrameRows& frame, LightState& state) const {
+  SignalModel& model = state.model;
+  if (!model.nuisance.before.empty()) model.nuisance.before = frame.before;
+  const double exposure_rows = model.exposure_rows.value_or(0.0);
   if (exposure_rows > kLongExposure && has_spikes(frame.signal))
     frame.signal = without_spikes(frame.signal, exposure_rows);
-  RowsRead best{.reading = read_with(before.model, frame, before)};
-  best.state = std::move(before);
-  auto& reading = best.reading;
-  LightState& state = best.state;
-  if (reading && !state.model.nuisance.empty()) state.model.nuisance = reading->nuisance;
-  const auto fits = [&] { return reading && reading->verdict == Verdict::fits; };
-  if (reading && reading->pause && state.model.pause)
-    best.is_new_model = reading->pause->chips() != state.model.pause->chips();
+  auto reading = read_with(model, frame, state);
+  if (reading && !model.nuisance.empty()) model.nuisance = reading->nuisance;
+  const auto fits = [&] { return reading && reading->trust == Trust::fits; };
+  frame.is_new_model = reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
   state.other_models.pass_frame();
-  if (fits() || (!reading && !frame.may_search)) return best;
-  if (reading && !state.other_models.is_due()) return best;
-  const bool sure = reading && reading->verdict == Verdict::sure;
-  if (reading && !sure && state.model.nuisance.empty()) {
-    auto even = refine_warp(frame.signal, *reading, state.model.exposure_known, &frame.effort_of_others);
-    if (even.verdict == Verdict::fits) {
+  if (fits() || (reading ? !state.other_models.is_due() : !frame.may_search)) return reading;
+  const bool sure = reading && reading->trust == Trust::sure;
+  if (reading && !sure && model.nuisance.empty()) {
+    auto even = refine_warp(frame.signal, *reading, model.exposure_known, &frame.effort_of_others);
+    if (even.trust == Trust::fits) {
       reading = std::move(even);
-      state.model.warped = best.is_new_model = true;
+      model.warped = frame.is_new_model = true;
     }
   }
-  if (!fits() && !sure && frame.may_search && !state.model.pause) {
-    SignalModel model = given_model(state.exposure);
-    model.pause = find_pause(frame, state);
-    FrameRows tried = frame;
-    tried.effort = frame.effort_of_others;
-    auto about = model.pause ? read_about(*model.pause, model, tried, restarted(state)) : std::nullopt;
-    if (about && about->verdict == Verdict::fits) {
-      reading = std::move(about);
-      state.model = std::move(model);
-      best.is_new_model = true;
-    }
-  }
+  if (!fits() && !sure && frame.may_search && !model.pause) try_pause(frame, state, reading);
   // All from the tracked clock, then all by a search for another clock, where chips are in doubt.
-  for (const bool searches : {false, true}) {
-    if (fits() || (searches ? !frame.may_search || sure : !(state.channel && state.fits))) continue;
-    try_models(frame, searches, best);
-  }
+  if (!fits() && state.channel && state.fits) try_models(frame, false, state, reading);
+  if (!fits() && !sure && frame.may_search) try_models(frame, true, state, reading);
   if (fits())
     state.other_models.restart();
   else
     state.other_models.fail();
-  return best;
+  return reading;
 }
 
 }  // namespace ocisac

@@ -67,10 +67,10 @@ TEST_CASE("a slow light taken for an abrupt one is a misfit; its rise and fall a
   abrupt.clock.phase += 0.4 * 5.63;
   const auto reading = ocisac::read_frame(light.signal, abrupt, true);
   REQUIRE(reading);
-  CHECK(reading->verdict < ocisac::Verdict::fits);
+  CHECK(reading->trust < ocisac::Trust::fits);
   const auto shaped = ocisac::refine_shape(light.signal, *reading, true);
   REQUIRE(shaped);
-  CHECK(shaped->verdict == ocisac::Verdict::fits);
+  CHECK(shaped->trust == ocisac::Trust::fits);
   CHECK(shaped->channel.clock.rise == doctest::Approx(0.5).epsilon(0.15));
   CHECK(shaped->channel.clock.fall == doctest::Approx(0.5).epsilon(0.15));
   CHECK(wrong_chips(*shaped, light) == 0);
@@ -85,7 +85,7 @@ TEST_CASE("a slow light is found blind in sharpened rows, and its shape from the
     found->channel.clock.rise = found->channel.clock.fall = 1;
     const auto shaped = ocisac::refine_shape(light.signal, *found, true);
     REQUIRE(shaped);
-    CHECK(shaped->verdict == ocisac::Verdict::fits);
+    CHECK(shaped->trust == ocisac::Trust::fits);
     CHECK(shaped->channel.clock.rise == doctest::Approx(rise).epsilon(0.03));
     CHECK(std::abs(shaped->channel.clock.fall - fall) < 0.02);
     CHECK(wrong_chips(*shaped, light) == 0);

@@ -80,6 +80,9 @@ class ChipReceiver {
   void make_as_bright(CombinedColumn& column, const FrameStamp& stamp);
   double time_of(std::int64_t frame, const FrameStamp& stamp);
   double drop_given_again();
+  [[nodiscard]] bool is_mean(const ChipFrame& frame) const;
+  bool learn(ChipFrame& frame);
+  void restart_packet(bool all);
   void read_again(ChipFrame& frame, const LearnedProfile& profile, LightState state);
   void count_chips(ChipFrame& frame);
   void set_frame_rows(double rows);

@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 #include <string_view>
+#include <utility>
 
 #include "ocisac/camera/tone_curve.hpp"
 #include "ocisac/columns/column_combination.hpp"
@@ -51,12 +52,13 @@ class FrameOrder {
   Admission admit(std::int64_t frame, const std::array<std::size_t, 3>& lengths);
 
   // One after the largest number; the largest of all is repeated.
-  [[nodiscard]] std::int64_t next() const { return seen_ ? *seen_ + (*seen_ < kLargest) : 0; }
+  [[nodiscard]] std::int64_t next() const {
+    return seen_ ? *seen_ + (*seen_ < std::numeric_limits<std::int64_t>::max()) : 0;
+  }
 
   static constexpr std::size_t kBelieved = 8;
 
  private:
-  static constexpr std::int64_t kLargest = std::numeric_limits<std::int64_t>::max();
   std::optional<std::int64_t> last_, seen_;  // last admitted frame; largest number
   std::optional<std::int64_t> behind_;       // last frame that did not follow it
   std::array<std::size_t, 3> lengths_{}, others_{};
@@ -70,13 +72,7 @@ std::array<std::size_t, 3> lengths_of(std::span<const AnyFramesView> colours);
 // True if all pixels are finite.
 bool are_numbers(std::span<const AnyFramesView> colours);
 
-// A colour with its columns combined.
-struct ColourColumn {
-  CombinedColumn column;
-  std::size_t colour = 0;
-};
-
-// The colour of best quality.
-ColourColumn best_column(std::span<const AnyFramesView> colours, const ToneCurve& curve);
+// The columns and the number of the colour of best quality.
+std::pair<CombinedColumn, std::size_t> best_column(std::span<const AnyFramesView> colours, const ToneCurve& curve);
 
 }  // namespace ocisac

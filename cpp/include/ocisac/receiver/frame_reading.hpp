@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -18,10 +19,11 @@ namespace ocisac {
 // Signal-to-noise ratio below which a light is flagged as weak: that of a swing of ±3 standard deviations.
 inline constexpr double kWeakSnr = 9;
 inline constexpr double kMaxSnr = 1e12;
-inline constexpr double kToneReach = 0.25;  // by which a tone moves in a round, spectral lines of a frame
+inline constexpr double kToneReach = 0.25;         // by which a tone moves in a round, spectral lines of a frame
+inline constexpr double kRowTimeTolerance = 0.08;  // relative, of a rate: the row time may be wrong
 
 // Trust in a frame's reading, ascending.
-enum class Verdict {
+enum class Trust {
   unsound,  // its chips may be those of noise or of another clock
   misfit,   // more than noise is left: chips are wrong, or something in the rows is in no model
   sure,     // more than noise is left, too little to put a chip in doubt
@@ -39,9 +41,9 @@ struct RowPause {
   [[nodiscard]] bool is_sure() const;
 };
 
-// With the evidence for its verdict (receiver/reading_verdict.cpp).
+// With the evidence for its trust (receiver/reading_trust.cpp).
 struct FrameReading {
-  Verdict verdict = Verdict::unsound;
+  Trust trust = Trust::unsound;
   ChannelEstimate channel;   // fitted to the chips
   std::vector<double> llr;   // (chips) ln P(bright)/P(dark), nats, for all chips that affect the rows
   std::ptrdiff_t first = 0;  // index of the first one on the channel's clock
@@ -54,6 +56,11 @@ struct FrameReading {
   RowWarp warp{};                  // of the picture's rows; the channel and the chips are those of the even rows
   std::vector<double> rest{};      // (rows) the rows that were read, less slow light and tones
   RowNuisance nuisance{};          // these, the tones where they leave least
+
+  // The rate is that expected, as far as the row time may be wrong.
+  [[nodiscard]] bool has_rate(double rows_per_chip) const {
+    return std::abs(channel.clock.rows_per_chip / rows_per_chip - 1) < kRowTimeTolerance;
+  }
 };
 
 // Rows with slow light and tones, which are fitted beside the chips; nearby tones are found.

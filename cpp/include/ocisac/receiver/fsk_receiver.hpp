@@ -32,7 +32,7 @@ struct FskFrame {
 class FskReceiver {
  public:
   // `tones`: as of FskDemodulator, the first is symbol 0. The exposure, where known, must leave a response of at least
-  // kMinFskResponse for each. Throws std::invalid_argument.
+  // kNearNull for each. Throws std::invalid_argument.
   FskReceiver(const Camera& camera, std::vector<double> tones, std::size_t block_bytes = 4,
               Preamble preamble = Preamble::standard);
 
@@ -50,7 +50,5 @@ class FskReceiver {
   std::size_t rows_ = 0;
   std::optional<std::int64_t> last_;  // last frame with bits in the packet
 };
-
-inline constexpr double kMinFskResponse = 0.05;
 
 }  // namespace ocisac

@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
@@ -11,6 +10,7 @@
 
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/columns/column_combination.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/flags.hpp"
 #include "ocisac/core/views.hpp"
 #include "ocisac/exposure/best_exposure.hpp"
@@ -35,9 +35,8 @@ struct LightOptions {
 
 // Unknown numbers are NaN.
 struct LightGain {
-  static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-  double frequency = kUnknown, frequency_std = kUnknown;  // Hz; no standard error for a given frequency
-  double gain = kUnknown, gain_std = kUnknown, phase = kUnknown, mean = kUnknown, snr = kUnknown;  // as of tone_gain
+  double frequency = kNaN, frequency_std = kNaN;  // Hz; no standard error for a given frequency
+  double gain = kNaN, gain_std = kNaN, phase = kNaN, mean = kNaN, snr = kNaN;  // as of tone_gain
   Flags flags = 0;
 };
 

@@ -29,13 +29,13 @@ struct KeptFrame {
   std::int64_t number;
   double time;  // on the tracker's clock, in frames
   std::vector<double> signal, exposed{};
-  std::vector<double> before{};      // the signal of the frame before; empty: none
-  std::vector<double> lamp{};        // the signal less slow light and tones beside the chips
-  bool bright = false;               // its columns show a common light
-  bool counted = false;              // its place in the stream is stated
-  bool repeats = false;              // the frame before it, given twice
-  std::optional<Verdict> verdict{};  // on its reading; absent: no chips
-  double noise = 1;                  // that is left, relative to the swing
+  std::vector<double> before{};  // the signal of the frame before; empty: none
+  std::vector<double> lamp{};    // the signal less slow light and tones beside the chips
+  bool bright = false;           // its columns show a common light
+  bool counted = false;          // its place in the stream is stated
+  bool repeats = false;          // the frame before it, given twice
+  std::optional<Trust> trust{};  // in its reading; absent: no chips
+  double noise = 1;              // that is left, relative to the swing
 
   // `reading`: of the rows less the profile.
   void expose(const FrameReading& reading, const LearnedProfile& learned);

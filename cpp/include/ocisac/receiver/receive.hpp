@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -11,6 +10,7 @@
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/chips/slicer.hpp"
 #include "ocisac/columns/column_combination.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/flags.hpp"
 #include "ocisac/core/views.hpp"
 
@@ -22,17 +22,16 @@ struct ReceiveOptions {
 
 // One source in one frame. If decoding fails, `bits` is empty, times are NaN and `flags` give the reason.
 struct Received {
-  static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
   std::size_t frame = 0;
   std::size_t source = 0;
   std::size_t colour = 0;           // index of the received colour
   std::string bits{};               // '0' and '1' in time order, 1 = bright; without the chips cut by the frame's edges
-  double rows_per_chip = kUnknown;  // rows
-  double rows_per_chip_std = kUnknown;  // rows, standard error
-  double phase = kUnknown;              // row at which the first whole chip begins: the middle of its edge's ramp
-  double snr = kUnknown;                // (swing/2)² / variance of the chips about their levels; at most 1e12
-  SlicedChips detection{};              // levels and relative levels
-  std::vector<double> weights{};        // (columns), sum 1; 0: not used
+  double rows_per_chip = kNaN;      // rows
+  double rows_per_chip_std = kNaN;  // rows, standard error
+  double phase = kNaN;              // row at which the first whole chip begins: the middle of its edge's ramp
+  double snr = kNaN;                // (swing/2)² / variance of the chips about their levels; at most 1e12
+  SlicedChips detection{};          // levels and relative levels
+  std::vector<double> weights{};    // (columns), sum 1; 0: not used
   Flags flags = 0;
   std::vector<double> colour_weights{};  // (colours) of the signal in the colours' light
 };

@@ -1,4 +1,4 @@
-#include "receiver/reading_verdict.hpp"
+#include "receiver/reading_trust.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -108,17 +108,16 @@ void judge(FrameReading& reading) {
   const bool white = !is_correlated(reading);
   const bool even = is_even(residual_windows(left, channel), channel.clock);
   if (!(reading.relative_noise < kMaxRelativeNoise && reading.error_rate < (even ? kMaxErrorsIfEven : kMaxErrors)))
-    reading.verdict = Verdict::unsound;
+    reading.trust = Trust::unsound;
   else if (white)
-    reading.verdict = Verdict::fits;
+    reading.trust = Trust::fits;
   else
-    reading.verdict = expected_errors(inner_chips(reliable_llr(reading), channel.clock), 1) < kSureErrors
-                          ? Verdict::sure
-                          : Verdict::misfit;
+    reading.trust = expected_errors(inner_chips(reliable_llr(reading), channel.clock), 1) < kSureErrors ? Trust::sure
+                                                                                                        : Trust::misfit;
 }
 
 bool keeps_clock(const FrameReading& reading) {
-  return reading.verdict == Verdict::fits || (reading.verdict != Verdict::unsound && reading.error_rate < kMaxErrors);
+  return reading.trust == Trust::fits || (reading.trust != Trust::unsound && reading.error_rate < kMaxErrors);
 }
 
 std::vector<double> reliable_llr(const FrameReading& reading) {

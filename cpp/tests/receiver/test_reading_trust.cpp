@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "receiver/reading_verdict.hpp"
+#include "receiver/reading_trust.hpp"
 
 namespace {
 
@@ -59,8 +59,8 @@ ocisac::FrameReading reading_with(double ripple, unsigned seed) {
 
 TEST_CASE("chips are sure where what is left could not change one") {
   for (unsigned seed = 0; seed < 10; ++seed) {
-    CHECK(reading_with(0, seed).verdict == ocisac::Verdict::fits);
-    CHECK(reading_with(30, seed).verdict <= ocisac::Verdict::misfit);
+    CHECK(reading_with(0, seed).trust == ocisac::Trust::fits);
+    CHECK(reading_with(30, seed).trust <= ocisac::Trust::misfit);
   }
 }
 

@@ -1,4 +1,4 @@
-// The verdict on a reading, and log-likelihood ratios that agree with what the channel leaves of the rows, and with the
+// The trust in a reading, and log-likelihood ratios that agree with what the channel leaves of the rows, and with the
 // line code.
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace ocisac {
 
-// Evidence and verdict, from the reading's channel, chips and rows. Sound: few chips are expected to be wrong, fewer
+// Evidence and trust from the reading's channel, chips and rows. Sound: few chips are expected to be wrong, fewer
 // still unless the channel explains all parts of the frame equally well. Sure: less than one
 // chip in twenty frames, beside those near the frame's ends that only a part of the exposure covers.
 void judge(FrameReading& reading);
@@ -23,6 +23,8 @@ double expected_errors(std::span<const double> llr, double scale = 1);
 
 inline constexpr double kMaxRelativeNoise = 1.0 / 3;  // of a frame that can be read, over the swing
 inline constexpr double kNoResidual = 0.005;          // the same: rounding to whole values may be correlated
+inline constexpr double kSamePhase = 0.1;             // chips, by which clocks differ without a wrong chip
+inline constexpr double kAsNoisy = 1.2;               // ratio of what two readings leave that are as good
 
 // Those of a reading's chips. Where more is left than white noise, the noise is of unknown size, as Student's t has it:
 //
