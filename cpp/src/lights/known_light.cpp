@@ -28,7 +28,7 @@ constexpr std::size_t kSampled = 64;         // columns of a box
 constexpr double kRowsACycle = 16;           // of a tone
 constexpr std::size_t kWaves = 3;            // 1, cosine, sine
 constexpr std::size_t kTrend = 3;            // degree of the slow light beside a waveform
-constexpr double kMoved = 0.2;               // change of a cell's mean that movement makes, relative to the amplitude
+constexpr double kMoved = 0.3;               // change of a cell's mean that movement makes, relative to the amplitude
 constexpr double kLeast = 0.7, kMost = 1.4;  // ratio of amplitudes, and of means, of a light that stays the same
 constexpr double kTurned = 0.5;              // rad between the halves of a box: another frequency
 constexpr std::size_t kAcross = 32, kDown = 16;  // steps of the gradient in a box: a quarter of a cell, an eighth
