@@ -28,7 +28,8 @@ constexpr std::size_t kSampled = 64;         // columns of a box
 constexpr double kRowsACycle = 16;           // of a tone
 constexpr std::size_t kWaves = 3;            // 1, cosine, sine
 constexpr std::size_t kTrend = 3;            // degree of the slow light beside a waveform
-constexpr double kMoved = 0.3;               // change of a cell's mean that movement makes, relative to the amplitude
+constexpr double kMoved = 0.15;              // change of a cell's mean that movement makes, relative to the amplitude
+constexpr double kDeviations = 4;            // standard errors
 constexpr double kLeast = 0.7, kMost = 1.4;  // ratio of amplitudes, and of means, of a light that stays the same
 constexpr double kTurned = 0.5;              // rad between the halves of a box: another frequency
 constexpr std::size_t kAcross = 32, kDown = 16;  // steps of the gradient in a box: a quarter of a cell, an eighth
@@ -47,6 +48,7 @@ std::ptrdiff_t in_frame(std::ptrdiff_t at, std::size_t length) {
 // How a light's box looks in a frame: cells of 2 × 8, or 1 × 8 of data.
 struct LightPattern {
   std::vector<double> mean;                 // light of the cells, DN
+  double noise = 0;                         // standard error of a cell's mean, DN: harmonics and data count as noise
   std::vector<std::complex<double>> swing;  // of the cells' tone, the upper half of the box first
   std::vector<double> waveform;             // (rows,) of all cells, where the light sends data
 };
@@ -70,6 +72,7 @@ class PatternFinder {
       }
       const std::size_t tones = frequency ? 1 : 0;
       const Eigen::MatrixXd waves = tone_design(sampling, {tones ? &*frequency : nullptr, tones});
+      waves_.push_back(waves);
       weights_.push_back(linear_fit(waves, waves.cols()).weights);
     }
     if (!frequency) slow_ = linear_fit(tone_design(centred_rows(box.height), {}, kTrend), 0).basis;
@@ -80,17 +83,29 @@ class PatternFinder {
     const std::vector<double> light = light_in(frame, place);
     LightPattern result;
     const double* row = light.data();
-    for (const Eigen::MatrixXd& weights : weights_) {
+    double energy = 0, spread = 0;  // of changes from row to row beside the tone; of a mean, relative to a row
+    for (std::size_t half = 0; half < weights_.size(); ++half) {
+      const Eigen::MatrixXd &weights = weights_[half], &waves = waves_[half];
       std::vector<double> fitted(kWaves * cells);
       for (Eigen::Index n = 0; n < weights.rows(); ++n, row += cells)
         for (Eigen::Index k = 0; k < weights.cols(); ++k)
           for (std::size_t cell = 0; cell < cells; ++cell)
             fitted[static_cast<std::size_t>(k) * cells + cell] += weights(n, k) * row[cell];
+      spread = std::max(spread, weights.col(0).norm());
+      for (Eigen::Index n = 1; n < weights.rows(); ++n)
+        for (std::size_t cell = 0; cell < cells; ++cell) {
+          const double* at = row - static_cast<std::size_t>(weights.rows() - n) * cells + cell;
+          double change = *at - *(at - cells);
+          for (Eigen::Index k = 1; k < waves.cols(); ++k)
+            change -= (waves(n, k) - waves(n - 1, k)) * fitted[static_cast<std::size_t>(k) * cells + cell];
+          energy += change * change;
+        }
       for (std::size_t cell = 0; cell < cells; ++cell) {
         result.mean.push_back(fitted[cell]);
         result.swing.emplace_back(fitted[cells + cell], -fitted[2 * cells + cell]);
       }
     }
+    result.noise = spread * std::sqrt(0.5 * energy / static_cast<double>(light.size()));
     if (slow_.size() == 0) return result;
     Eigen::VectorXd means(slow_.rows());
     for (std::size_t n = 0; n < rows_.size(); ++n)
@@ -128,10 +143,10 @@ class PatternFinder {
   }
 
   double dark_;
-  std::vector<std::size_t> rows_, columns_;  // taken, of the box
-  std::vector<std::size_t> ends_;            // of the cells, in columns_
-  std::vector<Eigen::MatrixXd> weights_;     // of each half, (rows × waves)
-  Eigen::MatrixXd slow_;                     // (rows × terms), orthonormal; empty of a tone
+  std::vector<std::size_t> rows_, columns_;       // taken, of the box
+  std::vector<std::size_t> ends_;                 // of the cells, in columns_
+  std::vector<Eigen::MatrixXd> waves_, weights_;  // of each half, (rows × waves)
+  Eigen::MatrixXd slow_;                          // (rows × terms), orthonormal; empty of a tone
 };
 
 // Ratio of two amplitudes or means if a light may stay the same between them; else absent.
@@ -144,9 +159,9 @@ std::optional<double> ratio(double now, double then) {
 bool means_stay(const LightPattern& now, const LightPattern& then, double amplitude) {
   const auto brighter = ratio(sum_of(now.mean), sum_of(then.mean));
   if (!brighter) return false;
-  return std::ranges::equal(now.mean, then.mean, [&](double mean, double before) {
-    return std::abs(mean / *brighter - before) <= kMoved * amplitude;
-  });
+  const double allowed = std::max(kMoved * amplitude, kDeviations * std::hypot(now.noise, then.noise));
+  return std::ranges::equal(now.mean, then.mean,
+                            [&](double mean, double before) { return std::abs(mean / *brighter - before) <= allowed; });
 }
 
 // Amplitude relative to that of the reference; absent if it is not the same light.
