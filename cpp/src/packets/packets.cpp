@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "core/softplus.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "packets/reed_solomon.hpp"
 #include "rows/verdict.hpp"
@@ -33,8 +34,7 @@ constexpr double kSureChip = 6;                      // nats; bounds what one ch
 constexpr double kMinPlaceVariance = 0.01;           // chips²
 constexpr double kPlaceErrors = 4, kMaxPlaces = 24;  // standard errors, chips: places compared, on either side
 constexpr std::size_t kHeadersKept = 16;
-constexpr double kVarianceOfMedian = 0.455;  // median of the square of a normal variate
-constexpr double kLooseWalk = 2;             // chips² from header to header, over the square of their number
+constexpr double kLooseWalk = 2;  // chips² from header to header, over the square of their number
 constexpr std::size_t kHeadersOfRate = 4;
 constexpr double kEvenWalk = 1;                          // chips² from header to header
 constexpr double kCountError = 0.3;                      // chips, of places that a wrong clock rounded
@@ -45,7 +45,6 @@ constexpr double kHeadersMissed = 5;                     // expected since the l
 constexpr std::size_t kUnplaced = 12;                    // stretches
 constexpr double kSlipChance = 1e-4, kElsewhere = 1e-3;  // probabilities of each slip of a chip or two; of any place
 constexpr double kSurePlace = 0.99;                      // probability
-constexpr double kExpected = 0.5;                        // probability of the expected header: a sure one outweighs it
 constexpr double kScatterKept = 0.8;                     // of the variance about the origin, from header to header
 
 constexpr std::array<std::uint8_t, 14> kStandard = {0, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 1};
@@ -199,46 +198,31 @@ std::array<double, 256> byte_probabilities(std::span<const double> llr) {
   return of_value;
 }
 
-constexpr unsigned kDigits = 8;
-
-// Probabilities of a block that begins at a chip: of any one, and more of the one with this number and parity, which
-// earlier headers expect there.
-struct BlockChance {
-  double any, expected = 0;
-  unsigned block = 0, parity = 0;
-};
-
-struct HeaderDecision {
-  unsigned header;     // the most probable one
-  double probability;  // of it among those whose checksum is right
-  double evidence;     // ln of the bits' likelihood, with the chance of a block, over that of bits at random
-};
-
-// `llr`: (16) of the bits.
-HeaderDecision decide_header(std::span<const double> llr, const BlockChance& chance) {
+// The most probable header with a right checksum, if it and `evidence` (nats) of the chips before it are sure. `llr`:
+// (16) of its bits; `chance`: of any block there.
+std::optional<unsigned> decide_header(std::span<const double> llr, double chance, double evidence) {
   const auto first = byte_probabilities(llr.first(8)), second = byte_probabilities(llr.last(8));
-  const double of_any = chance.any / kHeaders, of_expected = chance.expected / kDigits;
   unsigned best = 0;
   double highest = 0, all = 0;
   for (const unsigned sent : kRightHeaders) {
-    const unsigned header = sent ^ kHeaderMask;
-    const bool is_expected = header >> 8U == chance.block && (header >> 7U & 1U) == chance.parity;
-    const double probability = first[sent >> 8U] * second[sent & 0xFFU] * (is_expected ? of_any + of_expected : of_any);
+    const double probability = first[sent >> 8U] * second[sent & 0xFFU];
     all += probability;
     if (probability <= highest) continue;
     highest = probability;
-    best = header;
+    best = sent ^ kHeaderMask;
   }
-  return {best, highest / all, std::log(all * 0x10000U)};
+  evidence += std::log(all * chance * 0x10000U / kHeaders);  // over bits at random
+  return highest < all * kSurePlace * (1 + std::exp(-evidence)) ? std::nullopt : std::optional(best);
 }
 
-// The block whose preamble begins at a chip. Absent where another header, bytes, or chips at random may be there.
-std::optional<BlockSighting> read_block(std::size_t chip, const BlockChance& chance, const ChipEvidence& chips,
+// The block whose preamble begins at a chip, `chance` that one does. Absent where another header, bytes, or chips at
+// random may be there.
+std::optional<BlockSighting> read_block(std::size_t chip, double chance, const ChipEvidence& chips,
                                         const PacketFormat& format) {
   const auto preamble = preamble_chips(format.preamble);
   const std::size_t start = preamble.size() + header_chips(format);
   // Upper bounds of the evidence that bits, and all words, can add.
-  const double of_bits = std::log(0x10000U * (chance.any / kHeaders + chance.expected / kDigits));
+  const double of_bits = std::log(0x10000U * chance / kHeaders);
   const double most = of_bits + static_cast<double>(header_chips(format) - 16) * std::numbers::ln2;
   const double sure = std::log(kSurePlace / (1 - kSurePlace));
   double evidence = 0;
@@ -249,10 +233,10 @@ std::optional<BlockSighting> read_block(std::size_t chip, const BlockChance& cha
   const auto seen = chips.llr().subspan(chip, start), words = seen.subspan(preamble.size());
   evidence += format.line_code.evidence(words);
   if (evidence + of_bits < sure) return std::nullopt;
-  const HeaderDecision decision = decide_header(format.line_code.decode(words).llr, chance);
-  evidence += decision.evidence - std::max(format.line_code.evidence_anywhere(seen), 0.0);
-  if (decision.probability < kSurePlace * (1 + std::exp(-evidence))) return std::nullopt;
-  return BlockSighting{chip, decision.header >> 8U, decision.header >> 7U & 1U, decision.header >> 4U & 7U};
+  evidence -= std::max(format.line_code.evidence_anywhere(seen), 0.0);
+  const auto header = decide_header(format.line_code.decode(words).llr, chance, evidence);
+  if (!header) return std::nullopt;
+  return BlockSighting{chip, *header >> 8U, *header >> 7U & 1U, *header >> 4U & 7U};
 }
 
 // Evidence that chips before a block are a pause, with words before it, rather than words.
@@ -268,14 +252,13 @@ double pause_evidence(std::span<const double> llr, std::size_t block, std::size_
   return chips.of_pause(begin, end) + of_words_before(begin) - of_words_before(end);
 }
 
-// `chance_at`: of a block that begins at a chip.
-template <class ChanceAt>
-std::vector<BlockSighting> read_blocks(std::span<const double> llr, const PacketFormat& format, ChanceAt&& chance_at) {
+// `chance`: that a block begins at a chip.
+std::vector<BlockSighting> read_blocks(std::span<const double> llr, const PacketFormat& format, double chance) {
   const std::size_t start = preamble_chips(format.preamble).size() + header_chips(format);
   const ChipEvidence chips(llr, format.line_code);
   std::vector<BlockSighting> found;
   for (std::size_t chip = 0; chip + start <= llr.size(); ++chip)
-    if (const auto block = read_block(chip, chance_at(chip), chips, format)) found.push_back(*block);
+    if (const auto block = read_block(chip, chance, chips, format)) found.push_back(*block);
   return found;
 }
 
@@ -291,13 +274,6 @@ std::vector<BlockSighting> on_one_clock(const std::vector<BlockSighting>& seen, 
 }
 
 std::ptrdiff_t modulo(std::ptrdiff_t value, std::ptrdiff_t period) { return (value % period + period) % period; }
-
-// The blocks of a light of the other polarity.
-std::vector<BlockSighting> turned_blocks(std::span<const double> llr, const PacketFormat& format) {
-  std::vector<double> turned(llr.size());
-  std::ranges::transform(llr, turned.begin(), std::negate{});
-  return find_blocks(turned, format);
-}
 
 // Difference around a cycle, at most half of it.
 double difference(double a, double b, std::ptrdiff_t period) {
@@ -375,8 +351,7 @@ std::vector<std::uint8_t> packet_chips(std::span<const std::uint8_t> payload, co
 }
 
 std::vector<BlockSighting> find_blocks(std::span<const double> llr, const PacketFormat& format) {
-  const double chance = 1 / static_cast<double>(block_chips(format));
-  return read_blocks(llr, format, [chance](std::size_t) { return BlockChance{chance}; });
+  return read_blocks(llr, format, 1 / static_cast<double>(block_chips(format)));
 }
 
 bool PacketAssembler::Vote::change(unsigned seen) {
@@ -547,7 +522,8 @@ void PacketAssembler::learn_drift() {
       median_of([&](const Step& step) { return std::pow(step.moved - rate * step.time, 2) / step.time; });
   const double chips = median_of([](const Step& step) { return step.chips / step.time; });
   const auto count = static_cast<double>(steps.size());
-  drift_ = {rate, walk / kVarianceOfMedian + kLooseWalk / (count * count * time), chips, steps.size(), time};
+  drift_ = {rate, walk / (kMedianMagnitude * kMedianMagnitude) + kLooseWalk / (count * count * time), chips,
+            steps.size(), time};
 }
 
 std::optional<double> PacketAssembler::even_rate() const {
@@ -586,31 +562,6 @@ void PacketAssembler::set_rate(double chips) {
   scatter_ = 0;
 }
 
-// The blocks in the last chips, the first of them at this place of the clock: those that the last header expects there
-// are more probable.
-std::vector<BlockSighting> PacketAssembler::seen_blocks(double place, const PlaceErrors& errors) const {
-  const double any = 1 / static_cast<double>(period());
-  if (headers_.empty()) return read_blocks(tail_, format_, [any](std::size_t) { return BlockChance{any}; });
-  const Header& last = headers_.back();
-  const double elapsed = place - last.chip - (drift_ ? drift_->rate * (errors.time.value_or(place) - last.time) : 0.0);
-  const double scatter = std::max(errors.scatter * errors.scatter, scatter_);
-  const double walk = drift_ ? drift_->walk * std::abs(errors.time.value_or(place) - last.time) : slips_ - last.slips;
-  const double deviation = std::sqrt(std::max(walk + scatter, kMinPlaceVariance));
-  const std::size_t certain =
-      std::max((ReedSolomon::kLength + format_.block_bytes - 1) / format_.block_bytes, kMinBlocks);
-  return read_blocks(tail_, format_, [&](std::size_t chip) {
-    const double since = (elapsed + static_cast<double>(chip)) * any, blocks = std::nearbyint(since);
-    const double off = (since - blocks) / (any * deviation);
-    const double density = std::exp(-0.5 * off * off) / (deviation * std::sqrt(2 * std::numbers::pi));
-    const double number = static_cast<double>(last.block) + blocks;
-    if (number < 0 || (!layout_ && number >= static_cast<double>(certain))) return BlockChance{any};
-    auto block = static_cast<std::size_t>(number);
-    if (layout_) block %= layout_->blocks;  // else the cycle may have ended
-    const double expected = kExpected * std::min(density, 1.0);
-    return BlockChance{any + expected, expected, static_cast<unsigned>(block), last.parity};
-  });
-}
-
 // The blocks whose headers end in a stretch, of either polarity.
 PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span<const double> llr,
                                                  const PlaceErrors& errors) {
@@ -620,11 +571,16 @@ PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span
   for (const double chip : llr) tail_.push_back(inverted_ ? -chip : chip);
   slips_ += errors.slip * errors.slip;
   const double place = static_cast<double>(blocks_first) + errors.offset;
-  auto blocks = on_one_clock(seen_blocks(place, errors), period());
+  const auto blocks_of = [this](std::span<const double> chips) {
+    return on_one_clock(read_blocks(chips, format_, 1 / static_cast<double>(period())), period());
+  };
+  auto blocks = blocks_of(tail_);
   if (!blocks.empty()) {
     polarity_.change(inverted_);
   } else if (polarity_.count < 2 || headers_missed_ >= kHeadersMissed) {
-    auto turned = on_one_clock(turned_blocks(tail_, format_), period());
+    std::vector<double> other(tail_.size());
+    std::ranges::transform(tail_, other.begin(), std::negate{});
+    auto turned = blocks_of(other);
     if (!turned.empty()) polarity_.change(!inverted_);
     if (!turned.empty() && (polarity_.value != 0) != inverted_) {
       turn();
@@ -632,8 +588,8 @@ PacketAssembler::Stretch PacketAssembler::search(std::ptrdiff_t first, std::span
     }
   }
   for (const BlockSighting& block : blocks) {
-    const Header header{
-        errors.time.value_or(place), place, place + static_cast<double>(block.chip), block.block, block.parity, slips_};
+    const Header header{errors.time.value_or(place), place, place + static_cast<double>(block.chip), block.block,
+                        slips_};
     learn_pause(header, errors.told_drift);
     if (!headers_.empty() && headers_.back().place == place) headers_.pop_back();
     headers_.push_back(header);

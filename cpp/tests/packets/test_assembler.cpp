@@ -292,24 +292,6 @@ TEST_CASE("blocks are found where their probability is 99 %, by all headers agai
   CHECK(unsure > 30);
 }
 
-TEST_CASE("a header that earlier ones expect counts where some of its bits are wrong, unless the clock jumped") {
-  const Sender sender(80);
-  for (std::size_t bit = 0; bit < 9; ++bit) {  // of block and parity
-    CAPTURE(bit);
-    auto damaged = sender.blocks(1, 1);
-    flip(damaged, kPreamble + 2 * bit, 2);
-    const auto seen_after = [&](std::ptrdiff_t place, double slip) {
-      PacketAssembler assembler(sender.format);
-      assembler.push(0, sender.blocks(0, 1));
-      return assembler.push(place, damaged, {.slip = slip}).blocks;
-    };
-    CHECK(ocisac::find_blocks(damaged, sender.format).empty());
-    CHECK(seen_after(place_of_block(1), 0) == 1);
-    CHECK(seen_after(place_of_block(1) + 3, 0) == 0);
-    CHECK(seen_after(place_of_block(1), 1e6) == 0);
-  }
-}
-
 TEST_CASE("stretches that come again count alone, with the packet that headers told before") {
   const Sender sender(80);
   PacketAssembler assembler = after_four_blocks(sender);

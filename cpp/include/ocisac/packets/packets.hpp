@@ -164,7 +164,7 @@ class PacketAssembler {
   // The last header of a stretch: its block's place on the clock, and the variance of the clock's jumps up to there.
   struct Header {
     double time, place, chip;  // of the stretch; of the block
-    unsigned block, parity;
+    unsigned block;
     double slips;
   };
   // Of a clock that headers contradict: shift of the origin in chips, and its variance in chips², per unit of time.
@@ -186,7 +186,6 @@ class PacketAssembler {
   };
 
   Stretch search(std::ptrdiff_t first, std::span<const double> llr, const PlaceErrors& errors);
-  [[nodiscard]] std::vector<BlockSighting> seen_blocks(double place, const PlaceErrors& errors) const;
   void turn();
   void keep(Stretch stretch);
   void read_header(const BlockSighting& sighting);
