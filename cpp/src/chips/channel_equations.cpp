@@ -109,6 +109,13 @@ void ChannelEquations::expose(const ChipClock& clock, RowRange range) {
     std::transform(exposed(0), exposed(1), basis(k), exposed(k), std::multiplies{});
 }
 
+RowRange ChannelEquations::expose_known_rows(const ChipClock& clock) {
+  const ChipClock used = with_min_exposure(clock);
+  const RowRange range = rows_of(chips_, used, frame_rows_);
+  if (range.size() > 0) expose(moved_to(used, origin_), range);
+  return range;
+}
+
 void ChannelEquations::subtract(const Levels& levels, std::size_t dark_size) {
   const std::span<const double> all(levels.data(), static_cast<std::size_t>(levels.size()));
   kernels::subtract_levels({basis(0), exposed(0), values(), padded_, all.first(dark_size), all.subspan(dark_size)},
@@ -196,10 +203,10 @@ std::optional<Linearised> linearise(ChannelEquations& equations, const ChipClock
   auto squares = nearby ? move_levels(of_levels, *levels) : of_levels.squares();
   if (!squares || (*squares += known.weight * off * off) > max_squares) return std::nullopt;
   NormalProducts& products = equations.with_clock();
-  const std::size_t size = equations.unknowns(), level_size = equations.level_size(), period = level_size + 1;
+  const std::size_t level_size = equations.level_size(), period = level_size + 1;
   products.normal(period, period) += known.weight;
   products.right(period) += known.weight * off;
-  const NormalFactors factors(products, size);
+  const NormalFactors factors(products, equations.unknowns());
   const auto inverse = clock_inverse(factors, level_size, equations.clock_size());
   if (!inverse) return std::nullopt;
   std::array<double, NormalProducts::kMost> values{};

@@ -42,6 +42,8 @@ class ChannelEquations {
 
   // Computes s of each row of `range` and its derivatives for `clock`.
   void expose(const ChipClock& clock, RowRange range);
+  // The same of the rows that depend on known chips only, with chip 0's phase; returns them.
+  RowRange expose_known_rows(const ChipClock& clock);
 
   // Fits levels of the given numbers of degrees to the exposed rows, by least squares; sums the squares of the rows
   // that levels leave.

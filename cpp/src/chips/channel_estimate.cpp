@@ -178,34 +178,17 @@ std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const
                          found->converged};
 }
 
-std::optional<double> mean_level_square(std::span<const double> signal, const KnownChips& chips, const ChipClock& clock,
-                                        const ChannelModel& model) {
-  check_chips(chips);
-  check_clock(clock);
-  check_model(model);
-  const ChipClock used = with_min_exposure(clock);
-  const RowRange range = rows_of(chips, used, signal.size());
-  ChannelEquations equations(signal, chips, model, signal.size());
-  if (range.size() <= equations.level_size()) return std::nullopt;
-  equations.expose(moved_to(used, equations.origin()), range);
-  const auto levels = equations.fit_levels();
-  if (!levels) return std::nullopt;
-  return equations.squares_left(*levels, model.dark_degree + 1) / static_cast<double>(range.size());
-}
-
 std::optional<ClockErrors> clock_bounds(const KnownChips& chips, const ChipClock& clock, std::span<const double> swing,
                                         double noise, const ChannelModel& model) {
   check_chips(chips);
   check_clock(clock);
   check_model(model);
   require_not_negative("noise", noise);
-  const ChipClock used = with_min_exposure(clock);
-  const RowRange range = rows_of(chips, used, swing.size());
   ChannelEquations equations({}, chips, model, swing.size());
-  const std::size_t size = equations.unknowns(), period = equations.level_size() + 1;
-  if (range.size() < size) return std::nullopt;
-  equations.expose(moved_to(used, equations.origin()), range);
+  const std::size_t size = equations.unknowns();
+  if (equations.expose_known_rows(clock).size() < size) return std::nullopt;
   NormalProducts& products = equations.products_of(swing);
+  const std::size_t period = equations.level_size() + 1;
   if (model.rate_std > 0) products.normal(period, period) += noise * noise / (model.rate_std * model.rate_std);
   const auto inverse = clock_inverse(NormalFactors(products, size), equations.level_size(), equations.clock_size());
   if (!inverse) return std::nullopt;
@@ -216,20 +199,17 @@ Pooled pool_estimates(std::span<const double> values, std::span<const double> er
   require(values.size() == errors.size(), "errors", errors.size(), "as many as values");
   double weight = 0, sum = 0, squares = 0;
   std::size_t count = 0;
-  const auto weight_of = [&](std::size_t k) {
-    const bool counts = std::isfinite(values[k]) && std::isfinite(errors[k]) && errors[k] > 0;
-    return counts ? 1 / (errors[k] * errors[k]) : 0.0;
-  };
+  std::vector<double> weights(values.size());
   for (std::size_t k = 0; k < values.size(); ++k) {
-    const double w = weight_of(k);
-    weight += w;
-    if (w > 0) sum += w * values[k];
-    count += w > 0;
+    if (!(std::isfinite(values[k]) && std::isfinite(errors[k]) && errors[k] > 0)) continue;
+    weight += weights[k] = 1 / (errors[k] * errors[k]);
+    sum += weights[k] * values[k];
+    ++count;
   }
   if (count == 0) return {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN(), 0};
   const double mean = sum / weight;
   for (std::size_t k = 0; k < values.size(); ++k)
-    if (const double w = weight_of(k); w > 0) squares += w * (values[k] - mean) * (values[k] - mean);
+    if (weights[k] > 0) squares += weights[k] * (values[k] - mean) * (values[k] - mean);
   const double scatter = count > 1 ? squares / static_cast<double>(count - 1) : 1.0;
   return {mean, std::sqrt(std::max(scatter, 1.0) / weight), count};
 }

@@ -16,6 +16,7 @@
 #include "ocisac/chips/preamble.hpp"
 #include "ocisac/core/constants.hpp"
 #include "rows/fit.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -30,13 +31,6 @@ constexpr std::size_t kCandidates = 16;
 constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kMaxDuty = 0.2;       // chips, in the search; the bound after the fit is slightly larger
 constexpr double kMaxResidual = 0.17;  // chips; edges at random places have 1/√12 = 0.29
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  if (values.size() % 2 == 1) return *middle;
-  return 0.5 * (*middle + *std::max_element(values.begin(), middle));
-}
 
 // Noise of a single column: the lower quartile of the second differences comes from steady light.
 double noise_on_steady_light(std::span<const double> signal) {
@@ -133,10 +127,10 @@ double place_on(const ChipLattice& lattice, double chip, bool falling) {
   return lattice.clock.phase + lattice.clock.rows_per_chip * chip + (falling ? lattice.duty_offset : 0.0);
 }
 
-// Least squares over the edges with used[edge]; here `phase` is that of the rising edges. `middle` improves the
-// conditioning.
-std::optional<ChipLattice> solve(const Edges& edges, std::span<const double> chips, std::span<const std::uint8_t> used,
-                                 double middle) {
+// Least squares over the edges with used[edge]; here `phase` is that of the rising edges.
+std::optional<ChipLattice> solve(const Edges& edges, std::span<const double> chips,
+                                 std::span<const std::uint8_t> used) {
+  const double middle = chips[chips.size() / 2];  // for the conditioning
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   int count = 0, falls = 0;
@@ -155,6 +149,7 @@ std::optional<ChipLattice> solve(const Edges& edges, std::span<const double> chi
   if (!solved) return std::nullopt;
   const Eigen::VectorXd& values = solved->values;
   ChipLattice lattice{{values[1], values[0] - values[1] * middle}, 0, both ? values[2] : 0.0};
+  if (lattice.clock.rows_per_chip <= 0) return std::nullopt;
   double squares = 0;
   for (std::size_t k = 0; k < chips.size(); ++k)
     if (used[k]) squares += std::pow(edges.rows[k] - place_on(lattice, chips[k], !edges.rising[k]), 2);
@@ -163,23 +158,12 @@ std::optional<ChipLattice> solve(const Edges& edges, std::span<const double> chi
   return lattice;
 }
 
-std::vector<double> residuals(const Edges& edges, std::span<const double> chips, const ChipLattice& lattice) {
-  std::vector<double> result(chips.size());
-  for (std::size_t k = 0; k < chips.size(); ++k)
-    result[k] = std::abs(edges.rows[k] - place_on(lattice, chips[k], !edges.rising[k]));
-  return result;
-}
-
 // Edges within three robust standard deviations (median); excludes edges displaced by specks or wrong levels.
 std::vector<std::uint8_t> inliers(const std::vector<double>& distance, double allowance) {
   const double limit = 3 * (median(distance) / kMedianMagnitude + allowance);
   std::vector<std::uint8_t> used(distance.size());
   std::ranges::transform(distance, used.begin(), [&](double d) { return static_cast<std::uint8_t>(d <= limit); });
   return used;
-}
-
-double mean_chip(std::span<const double> chips) {
-  return std::floor(std::accumulate(chips.begin(), chips.end(), 0.0) / static_cast<double>(chips.size()));
 }
 
 // Moves the phase to the mean of the rising and the falling edges' lattices.
@@ -202,23 +186,23 @@ double description_length(const ChipLattice& lattice, double residual, std::size
 
 // Alternates rounding of edges to chips and fitting.
 std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
-  std::vector<double> chips(edges.rows.size()), distance;
+  std::vector<double> chips(edges.rows.size()), distance(chips.size());
   std::vector<std::uint8_t> used(edges.rows.size(), 1);
   for (int round = 0; round < 4; ++round) {
     for (std::size_t k = 0; k < chips.size(); ++k)
       chips[k] = std::nearbyint((edges.rows[k] - place_on(lattice, 0, !edges.rising[k])) / lattice.clock.rows_per_chip);
-    const auto solved = solve(edges, chips, used, chips[chips.size() / 2]);
-    if (!solved || solved->clock.rows_per_chip <= 0) return std::nullopt;
+    const auto solved = solve(edges, chips, used);
+    if (!solved) return std::nullopt;
     lattice = *solved;
-    distance = residuals(edges, chips, lattice);
+    for (std::size_t k = 0; k < chips.size(); ++k)
+      distance[k] = std::abs(edges.rows[k] - place_on(lattice, chips[k], !edges.rising[k]));
     used = inliers(distance, 0.02);
   }
   std::size_t collisions = 0;
   for (std::size_t k = 1; k < chips.size(); ++k) collisions += chips[k] <= chips[k - 1];
   if (10 * collisions > chips.size() || std::abs(lattice.duty_offset) > 1.5 * kMaxDuty * lattice.clock.rows_per_chip)
     return std::nullopt;
-  double squares = 0;
-  for (double d : distance) squares += d * d;
+  const double squares = std::inner_product(distance.begin(), distance.end(), distance.begin(), 0.0);
   const double residual = std::sqrt(squares / static_cast<double>(distance.size()));
   const double span = edges.rows.back() - edges.rows.front();
   return ChipTiming{
@@ -240,10 +224,8 @@ bool divides(const ChipTiming& timing, const ChipTiming& slower) {
 
 std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const double> chips) {
   if (chips.size() < kMinEdges) return std::nullopt;
-  const double middle = mean_chip(chips);
-  const auto lattice = solve(edges, chips, std::vector<std::uint8_t>(chips.size(), 1), middle);
-  if (!lattice || lattice->clock.rows_per_chip <= 0) return std::nullopt;
-  return centred(*lattice);
+  const auto lattice = solve(edges, chips, std::vector<std::uint8_t>(chips.size(), 1));
+  return lattice ? std::optional(centred(*lattice)) : std::nullopt;
 }
 
 namespace {
@@ -301,7 +283,7 @@ std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, Fre
       continue;
     if (!best || timing->cost < best->cost) best = timing;
   }
-  if (!best) return std::nullopt;
+  if (!best) return best;
   const double by_chance = best->lattice.clock.rows_per_chip / (std::sqrt(12.0) * std::max(best->residual, 0.02));
   best->certainty =
       (static_cast<double>(edges.rows.size()) - 3) * std::log(by_chance) - std::log(static_cast<double>(steps + 1));
@@ -324,7 +306,7 @@ TimingSearch find_chip_timing(std::span<const double> signal, double noise, Freq
     for (std::size_t k = 0; k <= kThresholds.size(); ++k) {
       const Edges edges = k < kThresholds.size() ? edges_between(smooth, points, kThresholds[k])
                                                  : edges_between(smooth, points, kThresholds[0], kAround);
-      auto timing = find_lattice(reliable_edges(edges, smooth, points), signal.size(), {range.lowest, highest});
+      auto timing = find_lattice(edges, signal.size(), {range.lowest, highest});
       if (!timing || (best && (best->cost <= timing->cost || divides(*timing, *best)))) continue;
       best = std::move(timing);
       best->edges = edges;

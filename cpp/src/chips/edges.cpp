@@ -46,9 +46,7 @@ bool is_small(std::span<const double> swings, std::size_t k) {
 }
 
 double passing(std::span<const double> signal, std::size_t n, double level) {
-  const double before = signal[n - 1], after = signal[n];
-  const auto row = static_cast<double>(n);
-  return after == before ? row - 0.5 : row - 1 + (level - before) / (after - before);
+  return static_cast<double>(n) - 1 + (level - signal[n - 1]) / (signal[n] - signal[n - 1]);
 }
 
 }  // namespace
@@ -121,17 +119,6 @@ Edges edges_between(std::span<const double> signal, std::span<const std::size_t>
     edges.rising.push_back(up);
   }
   return edges;
-}
-
-Edges reliable_edges(const Edges& edges, std::span<const double> signal, std::span<const std::size_t> points) {
-  const auto heights = swings_between(signal, points);
-  const std::size_t count = heights.size();
-  std::size_t first = 0, last = count;
-  if (count > 2 && heights[0] < 0.8 * heights[1]) first = 1;
-  if (count > 2 && heights[count - 1] < 0.8 * heights[count - 2]) last = count - 1;
-  const auto at = [](auto begin, std::size_t n) { return begin + static_cast<std::ptrdiff_t>(n); };
-  return {{at(edges.rows.begin(), first), at(edges.rows.begin(), last)},
-          {at(edges.rising.begin(), first), at(edges.rising.begin(), last)}};
 }
 
 }  // namespace ocisac

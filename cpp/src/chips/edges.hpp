@@ -25,7 +25,4 @@ struct Edges {
 Edges edges_between(std::span<const double> signal, std::span<const std::size_t> points, double share,
                     std::size_t around = 0);
 
-// All edges except a low one at either end: a run cut by the frame's edge may not reach its level.
-Edges reliable_edges(const Edges& edges, std::span<const double> signal, std::span<const std::size_t> points);
-
 }  // namespace ocisac

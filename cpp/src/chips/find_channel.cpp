@@ -4,9 +4,10 @@
 #include <utility>
 #include <vector>
 
+#include "chips/channel_equations.hpp"
 #include "chips/channel_growth.hpp"
-#include "chips/clock_search.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/chips/reduced_search.hpp"
 #include "ocisac/chips/refine_channel.hpp"
 #include "ocisac/core/require.hpp"
@@ -22,28 +23,15 @@ constexpr std::size_t kSearchParts = 3;                           // parts of th
 constexpr std::size_t kGuessesTried = 18, kGuessesOfUnknown = 6;  // for a known exposure; per exposure if unknown
 constexpr std::size_t kStartsRefined = 3;                         // best starts over all parts and exposures
 constexpr std::size_t kStartsCompared = 8;                        // per part
-constexpr double kSureGrowth = 1.35;                      // of the residual, from the best part to the whole frame
-constexpr double kHopeless = 1.5;                         // half the distance of the closest pair over the noise
-constexpr double kFirstNoise = 0.05;                      // relative to the swing
-constexpr double kEvenGrowth = 1.8, kUnevenGrowth = 1.3;  // of the residual, from a part to the whole frame
+constexpr double kHopeless = 1.5;     // half the distance of the closest pair over the noise
+constexpr double kFirstNoise = 0.05;  // relative to the swing
+constexpr double kSureGrowth = 1.3;   // of the residual, from a part to the whole frame
 
 struct Start {
   RowRange part;
   ChannelEstimate channel;
   double score = std::numeric_limits<double>::infinity();  // residual over swing
 };
-
-// Initial levels from the darkest and the brightest rows of a part. An exposure of several chips seldom covers bright
-// ones only, so the swing from the rows' variance is used if larger.
-std::pair<double, double> first_levels(std::span<const double> part, double exposure_chips) {
-  double mean = 0, square = 0;
-  for (double value : part) mean += value / static_cast<double>(part.size());
-  for (double value : part) square += (value - mean) * (value - mean) / static_cast<double>(part.size());
-  // Variance of the mean of L random chips: 1/(4L) for whole ones, reduced by the ramps of one chip.
-  const double shrink = exposure_chips < 1 ? 1 - exposure_chips / 3 : (1 - 1 / (3 * exposure_chips)) / exposure_chips;
-  const double swing = 2 * std::sqrt(square / std::max(shrink, 1e-3));
-  return {mean - 0.5 * swing, swing};
-}
 
 // Where rows are displaced, those in the middle of the picture are so least.
 std::vector<RowRange> search_parts(std::span<const double> signal, double length, bool warped) {
@@ -63,24 +51,27 @@ std::vector<RowRange> search_parts(std::span<const double> signal, double length
   return best;
 }
 
-// Initial channel; absent where the part is steady.
+// Initial channel; absent where the part is steady. An exposure of several chips seldom covers bright ones only: the
+// swing is that of the rows' variance.
 std::optional<ChannelEstimate> first_channel(std::span<const double> signal, RowRange part, const ChipClock& clock) {
-  const auto [dark, swing] =
-      first_levels(signal.subspan(part.begin, part.size()), clock.exposure_rows / clock.rows_per_chip);
+  const auto rows = signal.subspan(part.begin, part.size());
+  // Variance of the mean of L random chips: 1/(4L) for whole ones, reduced by the ramps of one chip.
+  const double chips = clock.exposure_rows / clock.rows_per_chip;
+  const double shrink = chips < 1 ? 1 - chips / 3 : (1 - 1 / (3 * chips)) / chips;
+  const double variance = squares_about_mean(rows) / static_cast<double>(rows.size());
+  const double swing = 2 * std::sqrt(variance / std::max(shrink, 1e-3));
   if (!(swing > 0)) return std::nullopt;
-  return ChannelEstimate{clock, {}, {dark}, {swing}, kFirstNoise * swing, part, false};
+  return ChannelEstimate{clock, {}, {mean_of(rows) - 0.5 * swing}, {swing}, kFirstNoise * swing, part, false};
 }
 
 std::optional<Start> try_start(const IterationContext& context, const Start& guessed) {
-  ChannelEstimate channel = guessed.channel;
-  Start best{guessed.part, {}};
+  Start best{guessed.part, guessed.channel};
   for (int round = 0; round < kSearchRounds; ++round) {
-    auto iteration = iterate(context, channel, best.part);
+    auto iteration = iterate(context, best.channel, best.part);
     if (!iteration) break;
-    channel = std::move(iteration->channel);
-    const double score = channel.noise / channel.swing[0];
+    const double score = iteration->channel.noise / iteration->channel.swing[0];
     if (!(score < 0.999 * best.score)) break;
-    best = {best.part, channel, score};
+    best = {best.part, std::move(iteration->channel), score};
   }
   if (!std::isfinite(best.score)) return std::nullopt;
   return best;
@@ -93,9 +84,11 @@ std::optional<Start> guess(const IterationContext& context, RowRange part, const
   const auto channel = first_channel(context.signal, part, clock);
   const auto chips = channel ? detect_rows(context, *channel, part) : std::nullopt;
   if (!chips) return std::nullopt;
-  const auto left = mean_level_square(context.signal, without_edges(*chips).known(), clock, {1, 0, true});
-  if (!left) return std::nullopt;
-  return Start{part, *channel, std::sqrt(*left) / channel->swing[0]};
+  ChannelEquations equations(context.signal, chips->inner(), {1, 0, true}, context.signal.size());
+  const auto rows = static_cast<double>(equations.expose_known_rows(clock).size());
+  const auto levels = rows > static_cast<double>(equations.level_size()) ? equations.fit_levels() : std::nullopt;
+  if (!levels) return std::nullopt;
+  return Start{part, *channel, std::sqrt(equations.squares_left(*levels, 2) / rows) / channel->swing[0]};
 }
 
 // Guesses over parts of the frame, rates and phases, in order of score.
@@ -149,7 +142,7 @@ std::optional<RefinedChannel> try_starts(const IterationContext& context, std::s
   for (const Start& start : starts) {
     auto grown = grow_to_frame(context, start.channel);
     if (!grown || grown->channel.has_other_rate(search.rows_per_chip, search.tolerance)) continue;
-    const bool sure = grown->settled && score_of(*grown) < (grown->even ? kEvenGrowth : kUnevenGrowth) * start.score;
+    const bool sure = grown->settled && score_of(*grown) < kSureGrowth * start.score;
     if (!best || score_of(*grown) < score_of(*best)) best = std::move(grown);
     if (sure) break;
   }

@@ -62,8 +62,7 @@ std::size_t dark_rows(std::span<const double> signal, std::size_t steady, double
   const auto off = [&](std::size_t from_end) { return signal[signal.size() - 1 - from_end] - level; };
   const auto is_lit = [&](std::size_t from_end) {
     if (!(std::abs(off(from_end)) > departure)) return false;
-    if (from_end + 1 == signal.size()) return true;
-    return std::copysign(1.0, off(from_end)) * off(from_end + 1) > 0.5 * departure;
+    return from_end + 1 < signal.size() && std::copysign(1.0, off(from_end)) * off(from_end + 1) > 0.5 * departure;
   };
   std::size_t count = 0;
   while (count < signal.size() && !is_lit(count)) ++count;

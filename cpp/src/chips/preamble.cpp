@@ -62,21 +62,6 @@ std::vector<double> as_direction(std::vector<double> shape) {
   return shape;
 }
 
-// The preamble as it appears in the rows that depend on it alone; the first of these is `past` rows after their
-// beginning.
-struct Template {
-  ChipClock clock;  // relative to the first of those rows
-  std::vector<double> shape;
-};
-
-Template make_template(std::span<const double> preamble, double rows_per_chip, double exposure_rows, double past) {
-  const ChipClock clock{rows_per_chip, -past - 0.5 * exposure_rows, exposure_rows};
-  const double length = static_cast<double>(preamble.size()) * rows_per_chip - exposure_rows - past;
-  std::vector<double> shape(static_cast<std::size_t>(std::floor(length)) + 1);
-  expose_chips({preamble, 0}, clock, shape);
-  return {clock, as_direction(std::move(shape))};
-}
-
 struct Candidate {
   ChipClock clock;
   double gain = 0;  // gain in log-likelihood
@@ -86,14 +71,19 @@ double gain_of(double explained, double count) {
   return -0.5 * count * std::log(1 - std::clamp(explained, 0.0, kMaxExplained));
 }
 
-// Best correlation for each position, in bins of a chip.
-void correlate(std::span<const double> signal, const WindowSums& sums, const Template& known,
-               std::vector<Candidate>& places) {
-  const std::size_t length = known.shape.size();
+// Best correlation for each position, in bins of a chip, with the preamble as it appears in the rows that depend on it
+// alone; the first of these is `past` rows after their beginning. `relative`: its clock, to that row.
+void correlate(std::span<const double> signal, const WindowSums& sums, std::span<const double> preamble,
+               const ChipClock& relative, double past, std::vector<Candidate>& places) {
+  const double whole = static_cast<double>(preamble.size()) * relative.rows_per_chip - relative.exposure_rows;
+  std::vector<double> shape(static_cast<std::size_t>(std::floor(whole - past)) + 1);
+  expose_chips({preamble, 0}, relative, shape);
+  shape = as_direction(std::move(shape));
+  const std::size_t length = shape.size();
   if (length < 3 || length > signal.size()) return;
   std::vector<double> products(signal.size() - length + 1, 0.0);
   for (std::size_t j = 0; j < length; ++j) {  // along the positions, so that the additions are independent
-    const double weight = known.shape[j];
+    const double weight = shape[j];
     const double* values = signal.data() + j;
     for (std::size_t n = 0; n < products.size(); ++n) products[n] += weight * values[n];
   }
@@ -101,7 +91,7 @@ void correlate(std::span<const double> signal, const WindowSums& sums, const Tem
     const double squares = sums.squares_left(n, length);
     if (products[n] <= 0 || !(squares > 0)) continue;
     const double gain = gain_of(products[n] * products[n] / squares, static_cast<double>(length));
-    ChipClock clock = known.clock;
+    ChipClock clock = relative;
     clock.phase += static_cast<double>(n);
     const double chip = std::floor(std::max(clock.phase + 0.5 * clock.exposure_rows, 0.0) / clock.rows_per_chip);
     Candidate& place = places[std::min(static_cast<std::size_t>(chip), places.size() - 1)];
@@ -128,10 +118,9 @@ std::vector<double> rates(const PreambleSearch& search, double chips_seen) {
   return result;
 }
 
-std::vector<Candidate> best_places(std::span<const double> signal, std::span<const double> preamble,
-                                   const PreambleSearch& search) {
-  const auto centred = without_mean(signal);
-  const WindowSums sums(centred);
+// `signal`: less its mean.
+std::vector<Candidate> best_places(std::span<const double> signal, const WindowSums& sums,
+                                   std::span<const double> preamble, const PreambleSearch& search) {
   const auto chips = static_cast<double>(preamble.size());
   std::vector<Candidate> places(
       static_cast<std::size_t>(static_cast<double>(signal.size()) / ((1 - search.tolerance) * search.rows_per_chip)) +
@@ -141,7 +130,8 @@ std::vector<Candidate> best_places(std::span<const double> signal, std::span<con
     if (seen < std::min(kMinChipsSeen, 0.9 * chips)) continue;
     for (double rows_per_chip : rates(search, seen))
       for (double k = 0, steps = std::ceil(1 / (kPlaceStep * rows_per_chip)); k < steps; ++k)
-        correlate(centred, sums, make_template(preamble, rows_per_chip, exposure_rows, k / steps), places);
+        correlate(signal, sums, preamble, {rows_per_chip, -k / steps - 0.5 * exposure_rows, exposure_rows}, k / steps,
+                  places);
   }
   std::erase_if(places, [](const Candidate& place) { return !(place.gain > 0); });
   std::ranges::stable_sort(places, std::ranges::greater{}, &Candidate::gain);
@@ -192,7 +182,7 @@ std::vector<PreambleMatch> find_preamble(std::span<const double> signal, std::sp
   const auto centred = without_mean(signal);
   const WindowSums sums(centred);
   std::vector<PreambleMatch> matches;
-  for (const auto& place : best_places(signal, preamble, search)) {
+  for (const auto& place : best_places(centred, sums, preamble, search)) {
     auto match = match_at(signal, sums, preamble, search, place.clock);
     if (match && match->certainty > kMinCertainty) matches.push_back(std::move(*match));
   }

@@ -201,18 +201,13 @@ class Search {
           if (kept[k].from[slot] < before.size())
             before[kept[k].from[slot]] = std::min(before[kept[k].from[slot]], kept[k].step[slot] + after[k]);
       }
-      ratios[chip] = ratio(best);
+      ratios[chip] = static_cast<double>(best[0]) - static_cast<double>(best[1]);  // infinite if one value was kept
       const float lowest = before.empty() ? 0.0F : *std::ranges::min_element(before);
       for (float& cost : before) cost -= lowest;
       after.swap(before);
     }
     estimate_unkept(ratios);
     return ratios;
-  }
-
-  // Infinite if only one value of the chip was kept.
-  [[nodiscard]] static double ratio(std::array<float, 2> best) {
-    return static_cast<double>(best[0]) - static_cast<double>(best[1]);
   }
 
   void estimate_unkept(std::vector<double>& ratios) const {

@@ -47,7 +47,7 @@ std::optional<RowProfile> first_profile(std::span<const ProfileFrame> frames, st
   for (std::size_t n = 0; n < rows; ++n) profile.swing[n] /= profile.dark[n] * profile.dark[n];
   profile.swing = moving_mean(profile.swing, smooth);
   for (std::size_t n = 0; n < rows; ++n) profile.swing[n] = profile.dark[n] * std::sqrt(profile.swing[n]);
-  if (rows == 0 || !(*std::ranges::max_element(profile.swing) > 0)) return std::nullopt;
+  if (!(*std::ranges::max_element(profile.swing) > 0)) return std::nullopt;
   return profile;
 }
 

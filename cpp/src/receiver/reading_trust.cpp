@@ -7,7 +7,7 @@
 #include <limits>
 #include <span>
 
-#include "chips/frame_evenness.hpp"
+#include "chips/channel_growth.hpp"
 
 namespace ocisac {
 

@@ -75,11 +75,6 @@ std::optional<ChannelEstimate> fit_channel(std::span<const double> signal, const
                                            const ChipClock& start, const ChannelModel& model = {},
                                            SearchEffort* effort = nullptr);
 
-// Mean square of the residual of the best levels at a given clock; exposure_known of the model is ignored. Absent if
-// the levels are not determined.
-std::optional<double> mean_level_square(std::span<const double> signal, const KnownChips& chips, const ChipClock& clock,
-                                        const ChannelModel& model);
-
 // Cramér–Rao bounds on the clock's standard errors for noise of standard deviation `noise` on each row that depends on
 // known chips only, with unknown levels as in fit_channel. Swing and noise in the same unit. Absent if the channel is
 // not determined.
