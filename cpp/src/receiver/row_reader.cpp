@@ -78,42 +78,6 @@ std::vector<double> without_spikes(std::span<const double> signal, double exposu
   return smooth;
 }
 
-// Slow light and tones beside chips that are not known yet: their mean is that of a similar frame. Its trend along the
-// rows would be taken for a part of the tones.
-std::optional<NuisanceFit> remove_beside_mean(std::span<const double> signal, const RowNuisance& nuisance,
-                                              const ChannelEstimate& similar) {
-  std::vector<double> mean(signal.size()), others(signal.begin(), signal.end());
-  for (std::size_t n = 0; n < mean.size(); ++n) {
-    const auto row = static_cast<double>(n);
-    mean[n] = similar.dark_at(row, mean.size()) + 0.5 * similar.swing_at(row, mean.size());
-    others[n] -= mean[n];
-  }
-  auto fit = remove_nuisance(others, nuisance);
-  for (std::size_t n = 0; fit && n < mean.size(); ++n) fit->rest[n] += mean[n];
-  return fit;
-}
-
-// Without the highest degree of its levels, where Schwarz's criterion drops it: tones that were not fitted yet when the
-// degrees were chosen may have asked for it. A swing of degree 1 is dropped first, of higher degrees dark and swing
-// alike.
-void drop_idle_degree(ChannelEstimate& channel) {
-  const std::size_t degree = channel.swing.size() - 1;
-  if (degree == 0) return;
-  const double swing = channel.swing.back(), dark = channel.dark.back();
-  const double chips = channel.clock.exposure_rows / channel.clock.rows_per_chip;
-  const double variance = 0.25 / std::max(chips, 1.0);  // of the rows, for random chips
-  const bool both = degree > 1;
-  const double squares = variance * swing * swing + (both ? std::pow(dark + 0.5 * swing, 2) : 0.0);
-  const auto rows = static_cast<double>(channel.rows.size());
-  const double gain = rows * squares / (2 * static_cast<double>(degree) + 1) / (channel.noise * channel.noise);
-  if (!(gain < (both ? 2 : 1) * std::log(rows))) return;
-  channel.swing.pop_back();
-  if (both)
-    channel.dark.pop_back();
-  else
-    channel.dark.back() += 0.5 * swing;
-}
-
 }  // namespace
 
 RowReader::RowReader(const Camera& camera, ChipOptions options) : camera_(camera), options_(std::move(options)) {
@@ -271,12 +235,10 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
 std::optional<FrameReading> RowReader::follow_beside(const SignalModel& model, FrameRows& frame,
                                                      const LightState& state) const {
   if (model.nuisance.empty() || !state.channel || !state.fits) return std::nullopt;
-  const auto fit = remove_beside_mean(frame.signal, model.nuisance, *state.channel);
+  const auto fit = remove_nuisance(frame.signal, model.nuisance);
   const RowsBeside beside{frame.signal, model.nuisance};
   auto reading = fit ? follow(fit->rest, model, frame, state, &beside) : std::nullopt;
-  if (!reading || reading->trust != Trust::fits) return std::nullopt;
-  drop_idle_degree(reading->channel);
-  return reading;
+  return reading && reading->trust == Trust::fits ? std::move(reading) : std::nullopt;
 }
 
 std::optional<FrameReading> RowReader::search(std::span<const double> signal, const SignalModel& model,
