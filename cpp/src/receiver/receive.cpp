@@ -776,6 +776,48 @@ std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std:
   return sources;
 }
 
+constexpr std::size_t kComparedColumns = 128;  // of a source, evenly spaced, at most
+
+// Changes over a chip of the rows of a source in a frame, by its columns' weights, as stored: slow light cancels.
+std::vector<double> changes_of(const AnyFramesView& colour, std::size_t frame, const Received& source) {
+  return std::visit(
+      [&](const auto& view) {
+        std::vector<std::size_t> lit;
+        for (std::size_t k = 0; k < source.weights.size(); ++k)
+          if (source.weights[k] != 0) lit.push_back(k);
+        const std::size_t every = 1 + lit.size() / kComparedColumns;
+        const auto lag = static_cast<std::size_t>(std::max(std::round(source.rows_per_chip), 1.0));
+        const double length = static_cast<double>(source.bits.size()) * source.rows_per_chip;
+        const auto begin = static_cast<std::size_t>(std::max(source.phase, 0.0));
+        const auto end = std::min(view.rows, static_cast<std::size_t>(std::max(source.phase + length, 0.0)));
+        std::vector<double> rows, changes;
+        for (std::size_t n = begin; n < end; ++n) {
+          double sum = 0;
+          for (std::size_t k = 0; k < lit.size(); k += every)
+            sum += source.weights[lit[k]] * static_cast<double>(view(frame, n, lit[k]));
+          rows.push_back(sum);
+        }
+        for (std::size_t n = lag; n < rows.size(); ++n) changes.push_back(rows[n] - rows[n - lag]);
+        return changes;
+      },
+      colour);
+}
+
+// True where another frame has the same chips, or explains the rows better than the chips do: a picture
+// that stands still, or a light in step with the frames. The chips leave 1/snr of the square of the rows, the other
+// frame 1 − r², r: their correlation.
+bool stands_still(const AnyFramesView& colour, const Received& source, std::size_t other,
+                  std::span<const Received> received) {
+  const auto is_same = [&](const Received& one) { return one.frame == other && is_one_lamp(source, one); };
+  if (std::ranges::any_of(received, is_same)) return true;
+  const auto own = changes_of(colour, source.frame, source), same = changes_of(colour, other, source);
+  const auto product = [](const auto& a, const auto& b) {
+    return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+  };
+  const double energy = product(own, own) * product(same, same), common = product(own, same);
+  return common > 0 && energy - common * common < energy / source.snr;
+}
+
 }  // namespace
 
 std::vector<Received> receive(std::span<const AnyFramesView> colours, const Camera& camera,
@@ -796,10 +838,9 @@ std::vector<Received> receive(std::span<const AnyFramesView> colours, const Came
   for (std::size_t frame = 0; frame < shape.frames; ++frame)
     std::ranges::move(receive_frame(colours, frame, camera, what), std::back_inserter(received));
   for (Received& one : received) {
-    const std::size_t next = one.frame + 1 < shape.frames ? one.frame + 1 : one.frame - 1;
-    const auto is_same = [&](const Received& other) { return other.frame == next && is_one_lamp(one, other); };
-    // A picture that stands still, or a light in step with the frames.
-    if (!one.bits.empty() && std::ranges::any_of(received, is_same)) one.flags |= flag::ambiguous_kind;
+    const std::size_t other = one.frame + 1 < shape.frames ? one.frame + 1 : one.frame - 1;
+    if (shape.frames > 1 && !one.bits.empty() && stands_still(colours[one.colour], one, other, received))
+      one.flags |= flag::ambiguous_kind;
     if (!one.colour_weights.empty()) continue;
     one.colour_weights.assign(colours.size(), 0.0);
     one.colour_weights[one.colour] = 1;
