@@ -25,7 +25,9 @@ constexpr std::size_t kStartsRefined = 3;                         // best starts
 constexpr std::size_t kStartsCompared = 8;                        // per part
 constexpr double kHopeless = 1.5;     // half the distance of the closest pair over the noise
 constexpr double kFirstNoise = 0.05;  // relative to the swing
-constexpr double kSureGrowth = 1.3;   // of the residual, from a part to the whole frame
+constexpr double kSureGrowth = 1.35;  // of the residual, from the best part to the whole frame
+// Growth of the residual from a part to the whole frame: of an even one, and of others.
+constexpr double kEvenGrowth = 1.8, kUnevenGrowth = 1.3;
 
 struct Start {
   RowRange part;
@@ -142,7 +144,7 @@ std::optional<RefinedChannel> try_starts(const IterationContext& context, std::s
   for (const Start& start : starts) {
     auto grown = grow_to_frame(context, start.channel);
     if (!grown || grown->channel.has_other_rate(search.rows_per_chip, search.tolerance)) continue;
-    const bool sure = grown->settled && score_of(*grown) < kSureGrowth * start.score;
+    const bool sure = grown->settled && score_of(*grown) < (grown->even ? kEvenGrowth : kUnevenGrowth) * start.score;
     if (!best || score_of(*grown) < score_of(*best)) best = std::move(grown);
     if (sure) break;
   }
