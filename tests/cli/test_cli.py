@@ -26,6 +26,7 @@ from ocisac_fast.files import read_frames, write_frames
 
 TESTBED = ("--row-time", "22.2us", "--exposure", "622us")
 DARK = ("--dark-level", "16")  # so that noise is not clipped at 0
+SQUARE = ("--waveform", "square")
 
 
 # Units
@@ -392,8 +393,8 @@ def test_info_names_what_a_report_needs(facts):
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_plots_are_drawn_without_a_display(run, square, chips, tmp_path, suffix):
     commands = {
-        "gain": ("gain", square("s.png"), *TESTBED, *DARK, "--frequency", "500"),
-        "rows": ("gain", square("r.png"), "--frequency", "0.0111"),
+        "gain": ("gain", square("s.png"), *TESTBED, *DARK, "--frequency", "500", *SQUARE),
+        "rows": ("gain", square("r.png"), "--frequency", "0.0111", *SQUARE),
         "receive": ("receive", chips, "--row-time", "22.2us", "--exposure", "60us"),
         "exposure": ("exposure", "--comm", "500", "--sense", "350"),
     }
@@ -621,10 +622,10 @@ def test_a_file_name_that_is_no_utf8_leaves_json_valid(tmp_path):
 
 def test_standard_output_may_be_ascii(square, facts):
     path = square("s.png")
-    wanted = facts("gain", path, "--frequency", "500Hz", *TESTBED)
+    wanted = facts("gain", path, "--frequency", "500Hz", *TESTBED, *SQUARE)
     for options, lines in ((), 3), (("--json",), 1):
         command, environment = command_line(
-            "gain", path, "--frequency", "500Hz", *TESTBED, *options, PYTHONIOENCODING="ascii"
+            "gain", path, "--frequency", "500Hz", *TESTBED, *SQUARE, *options, PYTHONIOENCODING="ascii"
         )
         done = subprocess.run(command, env=environment, capture_output=True)
         assert (done.returncode, done.stderr) == (0, b"")

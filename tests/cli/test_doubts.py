@@ -16,6 +16,8 @@ TESTBED = ("--row-time", "22.2us", "--exposure", "2404us")
 TEXTURE = "ocisac: warning: columns show the tone at different phases: probably a texture, not a light"
 STILL = "ocisac: warning: the tone is at the same rows in all frames: a texture, or a light in step with the frames"
 
+SQUARE_WAVE = "ocisac: warning: the harmonics are those of a square wave, whose gain is another: give --waveform square"
+
 
 def checkerboard(rng, side):
     row, column = np.mgrid[:480, :640]
@@ -45,8 +47,14 @@ def test_stripes_that_stand_still_are_no_light(run, tmp_path):
 @pytest.mark.parametrize("noise", [1, 12])
 def test_a_light_is_a_light(run, square, noise):
     path = square("s.mkv", "--frames", 5, "--noise", noise, "--swing", 100, "--dark-level", 60)
-    for command in ("calibrate", "gain"):
-        assert run(command, path, "--frequency", "0.0111" if command == "gain" else "500Hz")[2] == []
+    assert run("calibrate", path, "--frequency", "500Hz")[2] == []
+    assert run("gain", path, "--frequency", "0.0111", "--waveform", "square")[2] == []
+    square_wave = (
+        "ocisac: warning: the harmonics are those of a square wave, whose gain is another: give --waveform square"
+    )
+    assert run("gain", path, "--frequency", "0.0111")[2] == (
+        [square_wave] if noise == 1 else []
+    )  # else: below the noise
 
 
 def test_a_tone_in_a_texture_is_not_measured_in_silence(run, tmp_path):

@@ -21,6 +21,7 @@ _FEWEST_FRAMES = 4
 _STEP = 0.1  # cycles over all frames, by which a light in step turns
 _LARGE_SHARE = 0.05  # of the light
 _SURE = 10.0  # standard errors
+_BETTER = 4.0  # ratio of powers: half the residual
 
 
 def warn_of_texture(frames: Frame, camera: Camera, frequency: float, advance: float | None = None) -> bool:
@@ -84,6 +85,20 @@ def warn_of_other_light(columns: Frame, camera: Camera, frequency: float, option
         f"the gain rises with the light of the columns: about {found[0]:.3g} DN are other light or a dark level "
         f"(--background, --dark-level); without them the gain is {found[1]:.3g}"
     )
+    return True
+
+
+def warn_of_waveform(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> bool:
+    """Warn if a square wave fits (rows, columns) better than the tone of ``options``, and return True then."""
+    from ocisac_fast.camera.linear_light import linear_light
+    from ocisac_fast.tones import tone_gain
+
+    column, seen = linear_light(columns, camera).mean(axis=-1), Camera(camera.row_time, camera.exposure)
+    as_waves = [{**options, "waveform": waveform} for waveform in ("tone", "square")]
+    tone, square = (float(np.squeeze(tone_gain(column, seen, frequency, **each).snr)) for each in as_waves)
+    if not square > _BETTER * tone:
+        return False
+    _warn("the harmonics are those of a square wave, whose gain is another: give --waveform square")
     return True
 
 

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_colour, some_columns
 from ocisac_fast.cli.csv_files import write_csv
-from ocisac_fast.cli.doubts import warn_of_gain, warn_of_other_light, warn_of_texture
+from ocisac_fast.cli.doubts import warn_of_gain, warn_of_other_light, warn_of_texture, warn_of_waveform
 from ocisac_fast.cli.output import (
     decibels,
     emit_facts,
@@ -97,7 +97,9 @@ def gain(
     doubtful = warn_of_gain(facts, picture.region is None) or math.isnan(light.frequency)
     options |= {"waveform": picture.waveform, "duty": picture.duty}
     if not doubtful and not warn_of_other_light(measured.columns, measured.camera, light.frequency, options):
-        warn_of_texture(measured.columns[np.newaxis], measured.camera, light.frequency)
+        is_texture = warn_of_texture(measured.columns[np.newaxis], measured.camera, light.frequency)
+        if not is_texture and picture.waveform == "tone" and method == "fit":
+            warn_of_waveform(measured.columns, measured.camera, light.frequency, options)
     facts = picture.in_units(facts)
     if as_json:
         emit_json(facts)
