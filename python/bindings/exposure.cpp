@@ -46,14 +46,14 @@ py::array_t<double> run_exposure_objective(const Doubles& exposures, const Doubl
 }
 
 struct ToneTable {
-  std::array<MeasuredTone, max_weighted_tones> tones;
+  std::array<MeasuredTone, kMaxWeightedTones> tones;
   std::size_t count = 0;
 };
 
 // (tones, 6): frequency, 1 for sensing, share, snr, gain, gain_std
 ToneTable measured_tones(const Doubles& table) {
   ToneTable read;
-  require(table.shape(0) <= static_cast<py::ssize_t>(max_weighted_tones), "tones", table.shape(0), "at most 32");
+  require(table.shape(0) <= static_cast<py::ssize_t>(kMaxWeightedTones), "tones", table.shape(0), "at most 32");
   for (py::ssize_t i = 0; i < table.shape(0); ++i)
     read.tones[read.count++] = {table.at(i, 0), table.at(i, 1) != 0 ? ToneKind::sensing : ToneKind::communication,
                                 table.at(i, 2), table.at(i, 3),
@@ -72,12 +72,12 @@ py::tuple update(Shared<ExposureController>& controller, const Doubles& table, d
                         s.noise_exposure, s.level, s.reasons);
 }
 
-std::array<WeightedTone, max_weighted_tones> weighted_tones(const Doubles& frequencies, const Doubles& weights) {
-  require(frequencies.ndim() == 1 && frequencies.size() <= static_cast<py::ssize_t>(max_weighted_tones), "frequencies",
+std::array<WeightedTone, kMaxWeightedTones> weighted_tones(const Doubles& frequencies, const Doubles& weights) {
+  require(frequencies.ndim() == 1 && frequencies.size() <= static_cast<py::ssize_t>(kMaxWeightedTones), "frequencies",
           std::to_string(frequencies.size()) + " values", "1 to 32 in one dimension");
   require(weights.ndim() == 1 && weights.size() == frequencies.size(), "weights",
           std::to_string(weights.size()) + " values", "one a frequency, here " + std::to_string(frequencies.size()));
-  std::array<WeightedTone, max_weighted_tones> tones{};
+  std::array<WeightedTone, kMaxWeightedTones> tones{};
   for (py::ssize_t i = 0; i < frequencies.size(); ++i)
     tones[static_cast<std::size_t>(i)] = {frequencies.at(i), weights.at(i)};
   return tones;

@@ -16,28 +16,30 @@ double srgb_slope(double v) { return v <= 0.04045 ? 1 / 12.92 : 2.4 / 1.055 * st
 
 // Hybrid log-gamma of a camera: ARIB STD-B67, ITU-R BT.2100.
 namespace hlg {
-constexpr double a = 0.17883277, b = 1 - 4 * a;
-const double c = 0.5 - a * std::log(4 * a);
-double to_linear(double v) { return v <= 0.5 ? v * v / 3 : (std::exp((v - c) / a) + b) / 12; }
-double from_linear(double light) { return light <= 1.0 / 12 ? std::sqrt(3 * light) : a * std::log(12 * light - b) + c; }
-double slope(double v) { return v <= 0.5 ? 2 * v / 3 : std::exp((v - c) / a) / (12 * a); }
+constexpr double kA = 0.17883277, kB = 1 - 4 * kA;
+const double c = 0.5 - kA * std::log(4 * kA);
+double to_linear(double v) { return v <= 0.5 ? v * v / 3 : (std::exp((v - c) / kA) + kB) / 12; }
+double from_linear(double light) {
+  return light <= 1.0 / 12 ? std::sqrt(3 * light) : kA * std::log(12 * light - kB) + c;
+}
+double slope(double v) { return v <= 0.5 ? 2 * v / 3 : std::exp((v - c) / kA) / (12 * kA); }
 }  // namespace hlg
 
 // Perceptual quantizer: SMPTE ST 2084. Light 1 is 10,000 cd/m².
 namespace pq {
-constexpr double m1 = 2610.0 / 16384, m2 = 2523.0 / 32, c1 = 3424.0 / 4096, c2 = 2413.0 / 128, c3 = 2392.0 / 128;
+constexpr double kM1 = 2610.0 / 16384, kM2 = 2523.0 / 32, kC1 = 3424.0 / 4096, kC2 = 2413.0 / 128, kC3 = 2392.0 / 128;
 double to_linear(double v) {
-  const double p = std::pow(v, 1 / m2);
-  return std::pow(std::max(p - c1, 0.0) / (c2 - c3 * p), 1 / m1);
+  const double p = std::pow(v, 1 / kM2);
+  return std::pow(std::max(p - kC1, 0.0) / (kC2 - kC3 * p), 1 / kM1);
 }
 double from_linear(double light) {
   if (light == 0) return 0;  // of all values below c1^m2 = 7e-7
-  const double y = std::pow(light, m1);
-  return std::pow((c1 + c2 * y) / (1 + c3 * y), m2);
+  const double y = std::pow(light, kM1);
+  return std::pow((kC1 + kC2 * y) / (1 + kC3 * y), kM2);
 }
 double slope(double v) {
-  const double p = std::pow(v, 1 / m2);
-  return p <= c1 ? 0 : to_linear(v) / m1 * (1 / (p - c1) + c3 / (c2 - c3 * p)) * p / (m2 * v);
+  const double p = std::pow(v, 1 / kM2);
+  return p <= kC1 ? 0 : to_linear(v) / kM1 * (1 / (p - kC1) + kC3 / (kC2 - kC3 * p)) * p / (kM2 * v);
 }
 }  // namespace pq
 
@@ -116,14 +118,14 @@ double stored_value(const ToneCurve& curve, double light, double type_maximum) {
 }
 
 double light_per_step(const ToneCurve& curve, double value, double type_maximum) {
-  constexpr double min_slope = 0.02;
+  constexpr double kMinSlope = 0.02;
   const double v = std::abs(value - curve.dark_level) / (white_level(curve, type_maximum) - curve.dark_level);
-  return std::max(slope_at(curve, ends(curve) ? std::min(v, kEnd) : v), min_slope);
+  return std::max(slope_at(curve, ends(curve) ? std::min(v, kEnd) : v), kMinSlope);
 }
 
 double saturation_level(const ToneCurve& curve, double type_maximum) {
-  constexpr double share_of_white = 0.98;
-  return curve.dark_level + share_of_white * (white_level(curve, type_maximum) - curve.dark_level);
+  constexpr double kShareOfWhite = 0.98;
+  return curve.dark_level + kShareOfWhite * (white_level(curve, type_maximum) - curve.dark_level);
 }
 
 }  // namespace ocisac

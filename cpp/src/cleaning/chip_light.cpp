@@ -18,14 +18,14 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr double enough = 0.92;                           // of the rows' swing, after `levelled`, that chips explain
-constexpr std::size_t top_reach = 3, longest_reach = 48;  // rows: half widths of a top, and of what it is compared in
-constexpr double min_top = 0.3;                           // of the largest row within the longest run
-constexpr double knot_rows = 0.8;      // max. spacing of the knots of the response; at most a quarter of a chip
-constexpr double own_swing = 0.015;    // deviation of a row from the chips' model: sharpening follows no response
-constexpr std::size_t least_bits = 8;  // of a detection
-constexpr Eigen::Index rows_per_term = 4;
-constexpr double response_chips = 3;  // from one before a chip's ramp begins
+constexpr double kEnough = 0.92;                          // of the rows' swing, after `levelled`, that chips explain
+constexpr std::size_t kTopReach = 3, kLongestReach = 48;  // rows: half widths of a top, and of what it is compared in
+constexpr double kMinTop = 0.3;                           // of the largest row within the longest run
+constexpr double kKnotRows = 0.8;      // max. spacing of the knots of the response; at most a quarter of a chip
+constexpr double kOwnSwing = 0.015;    // deviation of a row from the chips' model: sharpening follows no response
+constexpr std::size_t kLeastBits = 8;  // of a detection
+constexpr Eigen::Index kRowsPerTerm = 4;
+constexpr double kResponseChips = 3;  // from one before a chip's ramp begins
 
 // The largest of the values within `reach` of each.
 Values largest_around(const Values& values, std::size_t reach) {
@@ -43,10 +43,10 @@ Values levelled(const Values& rows) {
   Values low = rows;
   const double most = most_of_rows(rows);
   for (double& value : low) value = std::min(value, most);
-  const Values near = largest_around(low, top_reach), far = largest_around(low, longest_reach);
+  const Values near = largest_around(low, kTopReach), far = largest_around(low, kLongestReach);
   std::vector<std::size_t> tops;
   for (std::size_t n = 0; n < low.size(); ++n)
-    if (low[n] >= near[n] && low[n] > min_top * far[n]) tops.push_back(n);
+    if (low[n] >= near[n] && low[n] > kMinTop * far[n]) tops.push_back(n);
   if (tops.empty()) return rows;
   Values result(low.size());
   std::size_t next = 0;
@@ -67,8 +67,8 @@ class Responses {
  public:
   Responses(std::size_t rows, std::size_t chips, double rows_per_chip, double start)
       : rows_(rows), chips_(chips), rows_per_chip_(rows_per_chip), start_(start) {
-    step_ = 1 / std::ceil(std::max(4.0, rows_per_chip / knot_rows));
-    knots_ = static_cast<Eigen::Index>(std::nearbyint(response_chips / step_)) + 1;
+    step_ = 1 / std::ceil(std::max(4.0, rows_per_chip / kKnotRows));
+    knots_ = static_cast<Eigen::Index>(std::nearbyint(kResponseChips / step_)) + 1;
   }
 
   [[nodiscard]] Eigen::Index knots() const { return knots_; }
@@ -137,7 +137,7 @@ std::optional<DetectedChips> detected(const Values& rows, Flags refused) {
   Camera camera;
   camera.row_time = 1;  // times are in rows
   const Received got = receive({&view, 1}, camera).front();
-  if (got.bits.size() < least_bits || (got.flags & refused) != 0) return {};
+  if (got.bits.size() < kLeastBits || (got.flags & refused) != 0) return {};
   const double length = got.rows_per_chip, left = (static_cast<double>(rows.size()) - got.phase) / length;
   const auto before = static_cast<std::size_t>(std::max(std::ceil(got.phase / length), -1.0) + 1);
   const double after = std::max(std::ceil(left) - static_cast<double>(got.bits.size()), 0.0);
@@ -189,7 +189,7 @@ std::optional<ChipFit> fitted_chips(const Values& rows, const Values& weight, Fl
   const Responses responses(rows.size(), chips->bits.size(), chips->rows_per_chip, chips->start);
   const auto count = static_cast<Eigen::Index>(rows.size());
   const Eigen::Index terms = 1 + responses.knots();
-  if (count < rows_per_term * terms) return {};
+  if (count < kRowsPerTerm * terms) return {};
   ChipFit fit{{}, {}, 1 / chips->rows_per_chip, 0};
   Eigen::VectorXd found;
   for (int again = 0; again < 3; ++again) {
@@ -198,7 +198,7 @@ std::optional<ChipFit> fitted_chips(const Values& rows, const Values& weight, Fl
     guess(responses, rows, weight, found, *chips, fit.basis);
   }
   fit.explained = explained_share(rows, values_of(fit.basis * found), weight);
-  if (count >= rows_per_term * (terms + responses.knots())) {
+  if (count >= kRowsPerTerm * (terms + responses.knots())) {
     fit.basis = with_pairs(fit.basis, responses, chips->bits);
     found = fitted(fit.basis, rows, weight);
   }
@@ -213,15 +213,15 @@ std::optional<ModelledLight> find_chip_light(const ColumnBundles& picture, const
           "one value a row");
   const Flags refused = flag::no_signal | (always ? 0 : flag::too_few_edges);
   const std::optional<ChipFit> best = fitted_chips(levelled(rows.light), rows.information, refused);
-  if (!best || (!always && best->explained < enough)) return {};
+  if (!best || (!always && best->explained < kEnough)) return {};
   Values light = fully_modulated_rows(best->light);
   const RowLightPrior within{.basis = span_of(best->basis)};
   for (int again = 0; again < 2; ++again) {
     const Values start = values_of(best->basis * coefficients_of(best->basis, vector_of(light)));
     light = fully_modulated_rows(picture.refined(start, within).light);
   }
-  light = fully_modulated_rows(picture.refined(light, {.basis = {}, .deviation = own_swing}).light);
-  const double full = quantile(light, bright_rows);
+  light = fully_modulated_rows(picture.refined(light, {.basis = {}, .deviation = kOwnSwing}).light);
+  const double full = quantile(light, kBrightRows);
   return ModelledLight{std::move(light), full, RowModel::chips, best->rate, {}};
 }
 

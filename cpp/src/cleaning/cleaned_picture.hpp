@@ -20,12 +20,12 @@ struct Cleaned {
   explicit Cleaned(std::size_t size) : light(size), slope(size), variance(size) {}
 };
 
-constexpr double least_light = 0.02;  // of the mean light, below which logarithms show noise
+constexpr double kLeastLight = 0.02;  // of the mean light, below which logarithms show noise
 
 // Of the steps of a robust fit to rows: wide at first, so that bands are not taken for edges.
-constexpr std::array<double, 5> row_textures{0.5, 0.3, 0.2, 0.1, 0.05};
+constexpr std::array<double, 5> kRowTextures{0.5, 0.3, 0.2, 0.1, 0.05};
 
-inline double light_left(double share, double change) { return std::max(1 + share * change, min_light); }
+inline double light_left(double share, double change) { return std::max(1 + share * change, kMinLight); }
 
 inline void clean_row(const BandedPicture& picture, std::size_t frame, std::size_t row, std::span<const double> change,
                       std::span<const double> share, Cleaned& out) {

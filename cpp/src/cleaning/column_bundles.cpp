@@ -20,14 +20,14 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr std::size_t most_columns = 192, least_columns = 48;
-constexpr std::size_t rows_of_shares = 512;  // means of rows show the shares of columns as well as each does
-constexpr std::size_t rows_of_lag = 4;       // means in the lag between compared rows
-constexpr double dark = 0.02;                // quantile
-constexpr double min_share = 0.02;           // of a column, relative to those with a large one
-constexpr double min_depth = 1e-3;
-constexpr double least_trend = 0.1;  // of the mean
-constexpr double alike = 0.9;        // correlation of the swings of two colours
+constexpr std::size_t kMostColumns = 192, kLeastColumns = 48;
+constexpr std::size_t kRowsOfShares = 512;  // means of rows show the shares of columns as well as each does
+constexpr std::size_t kRowsOfLag = 4;       // means in the lag between compared rows
+constexpr double kDark = 0.02;              // quantile
+constexpr double kMinShare = 0.02;          // of a column, relative to those with a large one
+constexpr double kMinDepth = 1e-3;
+constexpr double kLeastTrend = 0.1;  // of the mean
+constexpr double kAlike = 0.9;       // correlation of the swings of two colours
 
 // Row means over the known pixels; rows without any are interpolated.
 Values row_means(const BandedPicture& picture) {
@@ -78,7 +78,7 @@ Values without_trend(const Values& rows) {
   Values fast = rows;
   remove_slow_changes(fast);
   Values result(rows.size());
-  for (std::size_t n = 0; n < rows.size(); ++n) result[n] = rows[n] / std::max(rows[n] - fast[n], least_trend * mean);
+  for (std::size_t n = 0; n < rows.size(); ++n) result[n] = rows[n] / std::max(rows[n] - fast[n], kLeastTrend * mean);
   return result;
 }
 
@@ -88,7 +88,7 @@ ColumnBundles::ColumnBundles(const BandedPicture& picture, std::span<const doubl
   require(picture.frames == 1, "frames", picture.frames, "1");
   check(picture, Values(picture.rows, 1.0));
   require(share.empty() || share.size() == picture.columns, "share", share.size(), "one value a column");
-  const std::size_t most = std::max(least_columns, std::min(most_columns, enough_pixels / picture.rows));
+  const std::size_t most = std::max(kLeastColumns, std::min(kMostColumns, kEnoughPixels / picture.rows));
   const std::size_t width = blocks_of(picture.columns, most);
   bundles_ = block_means(picture, 1, width);
   share_ = means_of_rows(share, std::max<std::size_t>(share.size(), 1), width);
@@ -100,7 +100,7 @@ std::vector<double> ColumnBundles::share_of_columns(std::span<const double> rows
   Values lit(rows.begin(), rows.end());
   for (double& value : lit) value = std::max(value, 0.0);
   const std::size_t lag = comparison_lag(lit, lit.size());
-  const std::size_t height = std::max<std::size_t>(1, std::min(lag / rows_of_lag, lit.size() / rows_of_shares));
+  const std::size_t height = std::max<std::size_t>(1, std::min(lag / kRowsOfLag, lit.size() / kRowsOfShares));
   const Blocks blocks = block_means(bundles_.picture(), height, 1);
   const Values each = light_share(blocks.picture(), means_of_rows(lit, lit.size(), height), false);
   Values share(blocks.columns);
@@ -119,11 +119,11 @@ RowLight ColumnBundles::refined_with(std::span<const double> share, std::span<co
 
 RowLight ColumnBundles::refined(std::span<const double> rows, const RowLightPrior& model, int steps) const {
   const Values of_columns = share_of_columns(rows);
-  const double most = std::max(quantile(of_columns, bright_rows), min_depth);
+  const double most = std::max(quantile(of_columns, kBrightRows), kMinDepth);
   // One share for each column: with a share for each pixel, a group of rows could have any swing.
   Values share(bundles_.light.size()), start(rows.begin(), rows.end());
   for (std::size_t i = 0; i < share.size(); ++i)
-    share[i] = std::clamp(of_columns[i % bundles_.columns] / most, min_share, 1.0);
+    share[i] = std::clamp(of_columns[i % bundles_.columns] / most, kMinShare, 1.0);
   for (double& value : start) value = std::max(1 + most * (value - 1), 0.0);
   return refined_with(share, start, model, steps);
 }
@@ -168,7 +168,7 @@ std::vector<std::vector<std::size_t>> alike_colours(std::span<const BandedPictur
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return energy[a] > energy[b]; });
   std::vector<std::vector<std::size_t>> groups;
   for (const std::size_t k : order) {
-    const auto is_alike = [&](const auto& group) { return correlation(swings[group.front()], swings[k]) > alike; };
+    const auto is_alike = [&](const auto& group) { return correlation(swings[group.front()], swings[k]) > kAlike; };
     const auto same = std::find_if(groups.begin(), groups.end(), is_alike);
     if (same == groups.end())
       groups.push_back({k});
@@ -193,7 +193,7 @@ std::vector<double> fully_modulated_rows(std::span<const double> rows) {
   Values result(rows.begin(), rows.end());
   const double most = most_of_rows(rows);
   for (double& value : result) value = std::min(value, most);
-  const double low = quantile(result, dark), mean = mean_of(result);
+  const double low = quantile(result, kDark), mean = mean_of(result);
   if (mean - low < 1e-9 * std::max(std::abs(mean), std::numeric_limits<double>::min())) return Values(rows.size(), 1.0);
   for (double& value : result) value = std::max((value - low) / (mean - low), 0.0);
   const double scale = mean_of(result);

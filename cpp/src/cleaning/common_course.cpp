@@ -19,16 +19,16 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr std::size_t most_groups = 12;   // of columns, whose agreement gives the variance of their common course
-constexpr std::size_t most_columns = 64;  // bundles
-constexpr std::size_t most_cells = 16;    // along each axis
-constexpr double texture = 0.03;          // relative difference of neighbouring blocks
-constexpr std::array<std::size_t, 4> lags{1, 2, 4, 8};  // blocks
-constexpr int steps = 12, wide_steps = 6;  // of the robust fit; those with a larger texture, so that bands are not
-                                           // taken for edges
-constexpr double darkest = 1e-3;           // of the mean light, of which a logarithm is taken
-constexpr double ridge = 1e-6;
-constexpr double shortest_period = 58, most_slow_cycles = 16;  // of a slow light: rows; in the picture
+constexpr std::size_t kMostGroups = 12;   // of columns, whose agreement gives the variance of their common course
+constexpr std::size_t kMostColumns = 64;  // bundles
+constexpr std::size_t kMostCells = 16;    // along each axis
+constexpr double kTexture = 0.03;         // relative difference of neighbouring blocks
+constexpr std::array<std::size_t, 4> kLags{1, 2, 4, 8};  // blocks
+constexpr int kSteps = 12, kWideSteps = 6;  // of the robust fit; those with a larger texture, so that bands are not
+                                            // taken for edges
+constexpr double kDarkest = 1e-3;           // of the mean light, of which a logarithm is taken
+constexpr double kRidge = 1e-6;
+constexpr double kShortestPeriod = 58, kMostSlowCycles = 16;  // of a slow light: rows; in the picture
 
 // Differences of the logarithms of blocks, some apart in one column, and how modes change over them.
 struct Differences {
@@ -48,16 +48,16 @@ Differences differences_of(const Blocks& blocks, std::size_t count) {
   const double mean = mean_of_known(blocks);
   Values level, noise;
   for (std::size_t i = 0; i < blocks.light.size(); ++i) {
-    const double usable = std::max(blocks.light[i], darkest * std::max(mean, 1e-100));
+    const double usable = std::max(blocks.light[i], kDarkest * std::max(mean, 1e-100));
     level.push_back(std::log(usable));
     noise.push_back(blocks.variance[i] / (usable * usable));
   }
   const Eigen::MatrixXd modes = slow_modes(blocks.rows, count);
   std::size_t rows = 0;
-  for (const std::size_t lag : lags) rows += lag < blocks.rows ? blocks.rows - lag : 0;
+  for (const std::size_t lag : kLags) rows += lag < blocks.rows ? blocks.rows - lag : 0;
   Differences result{blocks.columns, Eigen::MatrixXd(static_cast<Eigen::Index>(rows), modes.cols()), {}, {}};
   Eigen::Index at = 0;
-  for (const std::size_t lag : lags)
+  for (const std::size_t lag : kLags)
     for (std::size_t n = 0; n + lag < blocks.rows; ++n) {
       result.design.row(at++) = modes.row(static_cast<Eigen::Index>(n + lag)) - modes.row(static_cast<Eigen::Index>(n));
       for (std::size_t k = 0; k < blocks.columns; ++k) {
@@ -89,7 +89,7 @@ Evidence evidence_of(const Differences& all, const Values& weight, std::size_t f
 
 Eigen::VectorXd solved(const Eigen::MatrixXd& design, const Evidence& evidence) {
   Eigen::MatrixXd normal = transposed_product(design, Eigen::MatrixXd(evidence.weight.asDiagonal() * design));
-  normal.diagonal().array() += ridge * std::max(normal.trace() / static_cast<double>(normal.rows()), 1e-300);
+  normal.diagonal().array() += kRidge * std::max(normal.trace() / static_cast<double>(normal.rows()), 1e-300);
   return solve_positive_definite(normal, design.transpose() * evidence.pull);
 }
 
@@ -105,7 +105,7 @@ Values weights_of(const Differences& all, const Eigen::VectorXd& modes, double o
 
 // Modes of the groups of columns, and the variance of their mean by the jackknife.
 void compare_groups(const Differences& all, const Values& weights, CommonCourse& course) {
-  const std::size_t count = std::min(most_groups, all.columns);
+  const std::size_t count = std::min(kMostGroups, all.columns);
   std::vector<Evidence> groups;
   for (std::size_t group = 0, first = 0; group < count; ++group) {
     const std::size_t end = first + all.columns / count + (group < all.columns % count ? 1 : 0);
@@ -130,7 +130,7 @@ void compare_groups(const Differences& all, const Values& weights, CommonCourse&
   const Eigen::VectorXd squares = (others.colwise() - mean).rowwise().squaredNorm();
   for (Eigen::Index k = 0; k < squares.size(); ++k)
     course.variance.push_back(static_cast<double>(count - 1) / static_cast<double>(count) * squares[k] +
-                              least_mode_variance);
+                              kLeastModeVariance);
 }
 
 }  // namespace
@@ -145,7 +145,7 @@ Eigen::MatrixXd slow_modes(std::size_t places, std::size_t count) {
 }
 
 double most_cycles(std::size_t rows) {
-  return std::clamp(static_cast<double>(rows) / shortest_period, slow_cycles, most_slow_cycles);
+  return std::clamp(static_cast<double>(rows) / kShortestPeriod, kSlowCycles, kMostSlowCycles);
 }
 
 std::size_t mode_count(std::size_t rows) {
@@ -157,16 +157,16 @@ CommonCourse common_course(const BandedPicture& picture, const CommonCourse* of_
   require(picture.frames == 1 && picture.rows >= 4, "rows", picture.rows, "4 or more, of one frame");
   const std::size_t count = mode_count(picture.rows);
   const std::size_t height = std::max<std::size_t>(1, picture.rows / (4 * count));
-  const std::size_t width = blocks_of(picture.columns, most_columns);
+  const std::size_t width = blocks_of(picture.columns, kMostColumns);
   const Blocks blocks = block_means(picture, height, width);
   const Differences all = differences_of(blocks, count);
   Eigen::VectorXd modes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
   if (of_all != nullptr)
     modes = Eigen::Map<const Eigen::VectorXd>(of_all->modes.data(), static_cast<Eigen::Index>(count));
   Values weights;
-  for (int step = of_all != nullptr ? wide_steps : 0; step < steps; ++step) {
+  for (int step = of_all != nullptr ? kWideSteps : 0; step < kSteps; ++step) {
     check_interrupt();
-    weights = weights_of(all, modes, texture * std::max(1, wide_steps - step));
+    weights = weights_of(all, modes, kTexture * std::max(1, kWideSteps - step));
     modes = solved(all.design, evidence_of(all, weights, 0, all.columns));
   }
   CommonCourse course{.modes = values_of(modes), .variance = {}, .groups = {}};
@@ -175,9 +175,9 @@ CommonCourse common_course(const BandedPicture& picture, const CommonCourse* of_
     return course;
   }
   compare_groups(all, weights, course);
-  const std::size_t down = blocks_of(blocks.rows, most_cells), across = blocks_of(blocks.columns, most_cells);
+  const std::size_t down = blocks_of(blocks.rows, kMostCells), across = blocks_of(blocks.columns, kMostCells);
   const Blocks cells = block_means(blocks.picture(), down, across);
-  const double least = darkest * std::max(mean_of_known(cells), 1e-100);
+  const double least = kDarkest * std::max(mean_of_known(cells), 1e-100);
   for (const double light : cells.light) course.cells.push_back(std::log(std::max(light, least)));
   course.cell_rows = height * down;
   course.cell_columns = width * across;

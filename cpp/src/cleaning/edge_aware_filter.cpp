@@ -9,7 +9,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t together = 8;  // rows: independent chains hide the latency of the products
+constexpr std::size_t kTogether = 8;  // rows: independent chains hide the latency of the products
 
 // Both directions along `count` rows; `back`: (columns × count), sums from the right.
 template <std::size_t count>
@@ -36,7 +36,7 @@ void along_rows(const double* across, std::size_t columns, double* values, doubl
 }  // namespace
 
 EdgeAwareFilter::EdgeAwareFilter(std::size_t rows, std::size_t columns)
-    : rows_(rows), columns_(columns), back_(rows * columns), lines_(together * columns) {}
+    : rows_(rows), columns_(columns), back_(rows * columns), lines_(kTogether * columns) {}
 
 void EdgeAwareFilter::along_columns(const std::vector<double>& down, std::vector<double>& values) {
   sum_from_below(down, values);
@@ -46,8 +46,8 @@ void EdgeAwareFilter::along_columns(const std::vector<double>& down, std::vector
 void EdgeAwareFilter::all_around(const std::vector<double>& down, const std::vector<double>& across,
                                  std::vector<double>& values) {
   sum_from_below(down, values);
-  for (std::size_t first = 0; first < rows_; first += together) {
-    const std::size_t end = std::min(first + together, rows_);
+  for (std::size_t first = 0; first < rows_; first += kTogether) {
+    const std::size_t end = std::min(first + kTogether, rows_);
     for (std::size_t row = first; row < end; ++row) add_columns(down, row, values);
     along_rows_twice(across, first, end, values);
     for (std::size_t row = first; row < end; ++row) sum_from_above(down, row, values);
@@ -114,8 +114,8 @@ void EdgeAwareFilter::along_rows_twice(const std::vector<double>& across, std::s
     for (int time = 0; time < 2; ++time)
       along_rows<decltype(rows)::value>(&across[row * columns_], columns_, &values[row * columns_], lines_.data());
   };
-  if (end - first == together) {
-    filter(std::integral_constant<std::size_t, together>{}, first);
+  if (end - first == kTogether) {
+    filter(std::integral_constant<std::size_t, kTogether>{}, first);
     return;
   }
   for (std::size_t row = first; row < end; ++row) filter(std::integral_constant<std::size_t, 1>{}, row);

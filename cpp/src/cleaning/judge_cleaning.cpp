@@ -19,26 +19,26 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t most_groups = 24;     // of columns
-constexpr std::size_t enough_columns = 96;  // evenly spaced, that are judged
-constexpr double min_left = 0.125;          // lower bound of a light that is a divisor
-constexpr double floor_of_light = 0.01;     // of the mean light, below which logarithms show noise
-constexpr double most_left = 0.25;          // of the row light; of a texture 0.28 and more
-constexpr double min_part = 0.8;            // of a group's pixels, of rows that count
+constexpr std::size_t kMostGroups = 24;     // of columns
+constexpr std::size_t kEnoughColumns = 96;  // evenly spaced, that are judged
+constexpr double kMinLeft = 0.125;          // lower bound of a light that is a divisor
+constexpr double kFloorOfLight = 0.01;      // of the mean light, below which logarithms show noise
+constexpr double kMostLeft = 0.25;          // of the row light; of a texture 0.28 and more
+constexpr double kMinPart = 0.8;            // of a group's pixels, of rows that count
 
 using Values = std::vector<double>;
 
 // Some columns of a picture before and after cleaning.
 std::array<Blocks, 2> compared(const BandedPicture& picture, std::span<const double> row_light,
                                const BlockShares& shares) {
-  const std::size_t every = std::max<std::size_t>(1, picture.columns / enough_columns);
+  const std::size_t every = std::max<std::size_t>(1, picture.columns / kEnoughColumns);
   const std::size_t blocks = blocks_of(picture.columns, shares.block_columns);
   Blocks before{picture.rows, blocks_of(picture.columns, every), {}, {}}, after = before;
   for (std::size_t n = 0; n < picture.rows; ++n)
     for (std::size_t k = 0; k < picture.columns; k += every) {
       const double light = picture.light[n * picture.columns + k], variance = picture.variance[n * picture.columns + k];
       const double share = shares.share[n / shares.block_rows * blocks + k / shares.block_columns];
-      const double left = std::max(1 + share * (row_light[n] - 1), min_left);
+      const double left = std::max(1 + share * (row_light[n] - 1), kMinLeft);
       before.light.push_back(light);
       before.variance.push_back(variance);
       after.light.push_back(light / left);
@@ -66,7 +66,7 @@ std::array<Values, 2> course_of(std::span<const double> row_light) {
 // bands are not taken for edges.
 Eigen::Vector2d swing_in(const Values& level, const std::array<Values, 2>& course, std::size_t lag) {
   Eigen::Vector2d terms = Eigen::Vector2d::Zero();
-  for (const double texture : row_textures) {
+  for (const double texture : kRowTextures) {
     Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
     Eigen::Vector2d right = Eigen::Vector2d::Zero();
     for (std::size_t n = 0; n + lag < level.size(); ++n) {
@@ -94,7 +94,7 @@ Values group_levels(const Blocks& side, std::size_t first, std::size_t end, doub
         means[n] += side.light[at];
         counts[n] += 1;
       }
-  const double enough = std::max(min_part * *std::max_element(counts.begin(), counts.end()), 1.0);
+  const double enough = std::max(kMinPart * *std::max_element(counts.begin(), counts.end()), 1.0);
   for (std::size_t n = 0; n < side.rows; ++n)
     means[n] = counts[n] < enough ? NAN : std::log(std::max(means[n] / counts[n], floor));
   return means;
@@ -103,14 +103,14 @@ Values group_levels(const Blocks& side, std::size_t first, std::size_t end, doub
 void judge_swing(const Blocks& before, const Blocks& after, std::span<const double> row_light, std::size_t lag,
                  CleaningVerdict& verdict) {
   const std::array<Values, 2> course = course_of(row_light);
-  const std::size_t groups = std::min(most_groups, before.columns);
+  const std::size_t groups = std::min(kMostGroups, before.columns);
   const double mean_light = std::max(mean_of(before.light), std::numeric_limits<double>::min());
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   double left = 0, energy = 0;
   for (std::size_t group = 0; group < groups; ++group) {
     const auto swing = [&](const Blocks& side) {
       const std::size_t first = group * before.columns / groups, end = (group + 1) * before.columns / groups;
-      return swing_in(group_levels(side, first, end, floor_of_light * mean_light), course, lag);
+      return swing_in(group_levels(side, first, end, kFloorOfLight * mean_light), course, lag);
     };
     const Eigen::Vector2d then = swing(before);
     energy += then.squaredNorm();
@@ -130,7 +130,7 @@ double texture_of(const Blocks& side, const Blocks& after) {
   Values level(side.light.size());
   for (std::size_t i = 0; i < level.size(); ++i)
     level[i] =
-        std::log(std::max(side.light[i], 0.0) + floor_of_light * std::max(mean, std::numeric_limits<double>::min()));
+        std::log(std::max(side.light[i], 0.0) + kFloorOfLight * std::max(mean, std::numeric_limits<double>::min()));
   double sum = 0, count = 0;
   for (std::size_t first = 0; first + side.columns < level.size(); first += side.columns)
     for (std::size_t i = first, j = first + side.columns; i + 1 < first + side.columns; ++i, ++j) {
@@ -155,7 +155,7 @@ CleaningVerdict judge_cleaning(const BandedPicture& picture, std::span<const dou
   const std::size_t lag = comparison_lag(row_light, picture.rows);
   verdict.gain = pair_misfit(before.picture(), lag) - pair_misfit(after.picture(), lag);
   for (std::size_t i = 0; i < after.variance.size(); ++i)  // too dark to be known
-    if (!(after.variance[i] * min_left * min_left < before.variance[i])) after.variance[i] = kInfinity;
+    if (!(after.variance[i] * kMinLeft * kMinLeft < before.variance[i])) after.variance[i] = kInfinity;
   judge_swing(before, after, row_light, lag, verdict);
   const double then = texture_of(before, after), now = texture_of(after, after);
   verdict.texture_change = then > 0 && now > 0 ? 10 * std::log10(now / then) : 0;
@@ -184,8 +184,8 @@ std::string objection_to(const CleaningVerdict& verdict) {
   if (!(verdict.energy > 0)) return "no bands: all rows have the same light";
   if (verdict.light_left > 1) return "the bands would be stronger than before";
   if (verdict.gain < 0) return "no light of the rows: they would differ as much as before";
-  if (verdict.light_left < most_left) return {};
-  return verdict.level < min_level ? "bands that tilt or curve" : "rows of the picture, or of light that is not even";
+  if (verdict.light_left < kMostLeft) return {};
+  return verdict.level < kMinLevel ? "bands that tilt or curve" : "rows of the picture, or of light that is not even";
 }
 
 }  // namespace ocisac

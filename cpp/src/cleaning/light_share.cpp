@@ -22,20 +22,20 @@ struct Step {
   double reach;    // pixels
 };
 // Wide at first, so that bands with a wrong share are not taken for edges.
-constexpr std::array<Step, 6> plan{{{0.5, 48}, {0.3, 32}, {0.2, 32}, {0.1, 24}, {0.05, 16}, {0.05, 8}}};
+constexpr std::array<Step, 6> kPlan{{{0.5, 48}, {0.3, 32}, {0.2, 32}, {0.1, 24}, {0.05, 16}, {0.05, 8}}};
 // Relative change of light that halves the passage weight, per row of the lag: a larger lag gives fewer comparisons,
 // which need a wider reach. Between frames the lag does not matter.
-constexpr double edge_of_lag = 0.025, min_edge = 0.03, max_edge = 0.25, edge_of_frames = 0.15;
-constexpr double hold = 1000;        // weight of the previous step's share
-constexpr double lags_of_reach = 2;  // at least
-constexpr double edge_noise = 9;     // in variances: suppresses edges caused by noise
+constexpr double kEdgeOfLag = 0.025, kMinEdge = 0.03, kMaxEdge = 0.25, kEdgeOfFrames = 0.15;
+constexpr double kHold = 1000;      // weight of the previous step's share
+constexpr double kLagsOfReach = 2;  // at least
+constexpr double kEdgeNoise = 9;    // in variances: suppresses edges caused by noise
 
-constexpr std::size_t wide = 3;             // steps of the plan, at first
-constexpr std::size_t merged_at_first = 4;  // columns per sum in the wide steps
-constexpr int even_steps = 6;
+constexpr std::size_t kWide = 3;           // steps of the plan, at first
+constexpr std::size_t kMergedAtFirst = 4;  // columns per sum in the wide steps
+constexpr int kEvenSteps = 6;
 
 // Increase of the log-likelihood of a pair of pixels: pictures under an even light have at most 0.03.
-constexpr double gain_by_chance = 0.05;
+constexpr double kGainByChance = 0.05;
 
 // Comparison of two pixels of equal texture: weight of the pair and its contribution to the gradient in q.
 struct Comparison {
@@ -104,7 +104,7 @@ void passages(const Cleaned& guide, std::size_t apart, double reach, double edge
   for (std::size_t a = 0; a < count; ++a) {
     const double difference = light[a + apart] - light[a];
     const double mean = 0.5 * (light[a + apart] + light[a]);
-    const double noise = edge_noise * (variance[a + apart] + variance[a]);
+    const double noise = kEdgeNoise * (variance[a + apart] + variance[a]);
     weight[a] = decay / (1 + difference * difference / (edge * edge * mean * mean + noise));
   }
 }
@@ -117,8 +117,8 @@ class ShareEstimator {
         merged_(static_cast<double>(merged)),
         change_(row_light.begin(), row_light.end()),
         lag_(comparison_lag(row_light, picture.rows)),
-        edge_(picture.frames > 1 ? edge_of_frames
-                                 : std::clamp(edge_of_lag * static_cast<double>(lag_), min_edge, max_edge)),
+        edge_(picture.frames > 1 ? kEdgeOfFrames
+                                 : std::clamp(kEdgeOfLag * static_cast<double>(lag_), kMinEdge, kMaxEdge)),
         pixels_(picture.rows * picture.columns),
         evidence_{std::vector<double>(pixels_), std::vector<double>(pixels_)},
         now_(pixels_),
@@ -137,11 +137,11 @@ class ShareEstimator {
       take_wide_steps(row_light);
     else
       wide_steps();
-    for (std::size_t k = wide; k < plan.size(); ++k) step_of_each(plan[k]);
+    for (std::size_t k = kWide; k < kPlan.size(); ++k) step_of_each(kPlan[k]);
     if (!smooth) return std::move(share_);
     const auto gathered = [this]() -> const ShareEvidence& {
       for (double& value : share_) value = std::clamp(value, 0.0, max_share_);
-      gather(plan.back().texture, false);
+      gather(kPlan.back().texture, false);
       return evidence_;
     };
     smooth_shares(picture_.rows, picture_.columns, gathered, share_);
@@ -152,8 +152,8 @@ class ShareEstimator {
   // One share for all pixels.
   double estimate_even() {
     start();
-    for (const double texture : row_textures) step_of_all(texture);
-    for (int k = 0; k < even_steps; ++k) step_of_all(row_textures.back());
+    for (const double texture : kRowTextures) step_of_all(texture);
+    for (int k = 0; k < kEvenSteps; ++k) step_of_all(kRowTextures.back());
     return share_.front();
   }
 
@@ -195,40 +195,40 @@ class ShareEstimator {
     smooth(evidence_.pull);
     smooth(evidence_.weight);
     for (std::size_t i = 0; i < pixels_; ++i)
-      share_[i] = std::clamp((evidence_.pull[i] + hold * share_[i]) / (evidence_.weight[i] + hold), 0.0, max_share_);
+      share_[i] = std::clamp((evidence_.pull[i] + kHold * share_[i]) / (evidence_.weight[i] + kHold), 0.0, max_share_);
   }
 
   void smooth(std::vector<double>& values) { filter_.all_around(down_, across_, values); }
 
   void start() {
     share_.assign(pixels_, std::min(0.5 * max_share_, 1.0));
-    for (int k = 0; k < 4; ++k) step_of_all(plan.front().texture);
+    for (int k = 0; k < 4; ++k) step_of_all(kPlan.front().texture);
   }
 
   void wide_steps() {
     start();
-    for (std::size_t k = 0; k < wide; ++k) step_of_each(plan[k]);
+    for (std::size_t k = 0; k < kWide; ++k) step_of_each(kPlan[k]);
   }
 
   // wide_steps on sums of columns.
   void take_wide_steps(std::span<const double> row_light) {
-    const Blocks blocks = block_means(picture_, 1, merged_at_first);
+    const Blocks blocks = block_means(picture_, 1, kMergedAtFirst);
     const std::size_t columns = blocks.columns;
     ShareEstimator wider({blocks.light, blocks.variance, picture_.frames, picture_.rows, columns}, row_light,
-                         merged_at_first);
+                         kMergedAtFirst);
     wider.wide_steps();
     share_.resize(pixels_);
     for (std::size_t i = 0; i < pixels_; ++i)
-      share_[i] = wider.share_[i / picture_.columns * columns + i % picture_.columns / merged_at_first];
+      share_[i] = wider.share_[i / picture_.columns * columns + i % picture_.columns / kMergedAtFirst];
   }
 
   void find_passages(double reach) {
     now_.light = guide_.light;
     now_.variance = guide_.variance;
     finish_guide(now_);
-    const double of_rows = std::max(reach, lags_of_reach * static_cast<double>(lag_));
+    const double of_rows = std::max(reach, kLagsOfReach * static_cast<double>(lag_));
     if (picture_.frames == 1) reach = of_rows;  // between frames the lag does not matter
-    passages(now_, picture_.columns, lags_of_reach * static_cast<double>(lag_), edge_, down_);
+    passages(now_, picture_.columns, kLagsOfReach * static_cast<double>(lag_), edge_, down_);
     filter_.along_columns(down_, guide_.light);  // edges along rows are those of sums down the columns: less noise
     filter_.along_columns(down_, guide_.variance);
     finish_guide(guide_);
@@ -289,7 +289,7 @@ std::vector<std::vector<double>> colour_shares(std::span<const BandedPicture> co
     gain += row_misfit(colours[k], row_lights[k], {&even.back(), 1}, lag) -
             row_misfit(colours[k], row_lights[k], shares.back(), lag);
   }
-  if (gain < gain_by_chance * static_cast<double>(colours.size()))
+  if (gain < kGainByChance * static_cast<double>(colours.size()))
     for (std::size_t k = 0; k < colours.size(); ++k) std::fill(shares[k].begin(), shares[k].end(), even[k]);
   return shares;
 }

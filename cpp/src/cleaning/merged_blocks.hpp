@@ -10,7 +10,7 @@
 
 namespace ocisac {
 
-constexpr std::size_t enough_pixels = 1U << 17U;  // for what is estimated once or varies slowly
+constexpr std::size_t kEnoughPixels = 1U << 17U;  // for what is estimated once or varies slowly
 
 // The sums of several colours.
 Blocks sum_of(std::span<const BandedPicture> colours);

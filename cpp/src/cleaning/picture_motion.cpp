@@ -20,11 +20,11 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr std::size_t window = 8;  // side of a part that is compared, pixels
-constexpr std::size_t min_side = 4;
-constexpr int rounds = 2;
-constexpr double max_step = 2;  // pixels, of what the peak leaves
-constexpr double unlike = 0.1;  // mean difference of logarithms in a window
+constexpr std::size_t kWindow = 8;  // side of a part that is compared, pixels
+constexpr std::size_t kMinSide = 4;
+constexpr int kRounds = 2;
+constexpr double kMaxStep = 2;   // pixels, of what the peak leaves
+constexpr double kUnlike = 0.1;  // mean difference of logarithms in a window
 
 // The window of Hann, not 0 at its ends.
 Values bell(std::size_t length) {
@@ -108,18 +108,18 @@ void improve(std::array<double, 2>& way, const Blocks& before, const Blocks& aft
   const auto step = solve_normal(normal, right);
   if (!step) return;  // lines show one displacement only
   for (std::size_t k = 0; k < 2; ++k)
-    way[k] += std::clamp(step->values[static_cast<Eigen::Index>(k)], -max_step, max_step);
+    way[k] += std::clamp(step->values[static_cast<Eigen::Index>(k)], -kMaxStep, kMaxStep);
 }
 
 std::array<double, 2> displacement(const Blocks& before, const Blocks& after) {
-  if (std::min(after.rows, after.columns) < min_side) return {};
+  if (std::min(after.rows, after.columns) < kMinSide) return {};
   const std::size_t columns = after.columns;
   const Values peaks = phase_correlation(before, after);
   const auto highest = static_cast<std::size_t>(std::max_element(peaks.begin(), peaks.end()) - peaks.begin());
   const std::size_t row = highest / columns, column = highest % columns;
   std::array way{refined_peak([&](std::size_t n) { return peaks[n * columns + column]; }, row, after.rows),
                  refined_peak([&](std::size_t k) { return peaks[row * columns + k]; }, column, columns)};
-  for (int round = 0; round < rounds; ++round) improve(way, before, after);
+  for (int round = 0; round < kRounds; ++round) improve(way, before, after);
   return way;
 }
 
@@ -152,13 +152,13 @@ PictureChange picture_change(const Blocks& before, const Blocks& after) {
                     Values(after.light.size(), 1.0)};
   for (std::size_t i = 0; i < after.light.size(); ++i)
     difference.light[i] = std::abs(difference.light[i] - after.light[i]);
-  const Blocks means = block_means(difference.picture(), window, window);
+  const Blocks means = block_means(difference.picture(), kWindow, kWindow);
   for (std::size_t n = 0; n < after.rows; ++n)
     for (std::size_t k = 0; k < after.columns; ++k) {
       const bool outside = is_outside(static_cast<double>(n) - down, after.rows) ||
                            is_outside(static_cast<double>(k) - right, after.columns);
-      const double unlikeness = means.light[n / window * means.columns + k / window];
-      change.is_new.push_back(outside || unlikeness > unlike ? 1 : 0);
+      const double unlikeness = means.light[n / kWindow * means.columns + k / kWindow];
+      change.is_new.push_back(outside || unlikeness > kUnlike ? 1 : 0);
     }
   return change;
 }

@@ -19,9 +19,9 @@ inline double quantile(std::span<const double> values, double share) {
   return *middle + (place - static_cast<double>(before)) * (after - *middle);
 }
 
-constexpr double bright_rows = 0.95;  // quantile: a fully lit row, or column
+constexpr double kBrightRows = 0.95;  // quantile: a fully lit row, or column
 
 // Light above which a row is an outlier.
-inline double most_of_rows(std::span<const double> rows) { return 1.5 * quantile(rows, bright_rows); }
+inline double most_of_rows(std::span<const double> rows) { return 1.5 * quantile(rows, kBrightRows); }
 
 }  // namespace ocisac

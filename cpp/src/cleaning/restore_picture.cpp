@@ -13,8 +13,8 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t cells = 4096;  // of the table from which the search for a stored value starts
-constexpr double min_left = 1e-9;    // of the light of a row, as a divisor
+constexpr std::size_t kCells = 4096;  // of the table from which the search for a stored value starts
+constexpr double kMinLeft = 1e-9;     // of the light of a row, as a divisor
 
 template <class Sample>
 void check(const FramesView<const Sample>& stored, const StoredTable& table) {
@@ -35,13 +35,13 @@ template <class Sample>
 class RestoredPixels {
  public:
   RestoredPixels(const StoredTable& table, double max_gain)
-      : light_(table.light), bounds_(table.bounds), max_gain_(max_gain), starts_(cells) {
+      : light_(table.light), bounds_(table.bounds), max_gain_(max_gain), starts_(kCells) {
     for (const double variance : table.variance) is_saturated_.push_back(std::isfinite(variance) ? 0 : 1);
     const auto brightest = static_cast<std::size_t>(std::ranges::find(is_saturated_, 1) - is_saturated_.begin());
     highest_ = brightest - std::min<std::size_t>(brightest, 1);
-    const double width = std::max(light_.back() - light_.front(), 1e-300) / static_cast<double>(cells);
+    const double width = std::max(light_.back() - light_.front(), 1e-300) / static_cast<double>(kCells);
     scale_ = 1 / width;
-    for (std::size_t k = 0, value = 0; k < cells; ++k) {
+    for (std::size_t k = 0, value = 0; k < kCells; ++k) {
       while (value < bounds_.size() && light_.front() + width * static_cast<double>(k) >= bounds_[value]) ++value;
       starts_[k] = static_cast<std::uint32_t>(value);
     }
@@ -55,7 +55,7 @@ class RestoredPixels {
 
  private:
   std::size_t value_of(double light) const {
-    const double place = std::clamp((light - light_.front()) * scale_, 0.0, static_cast<double>(cells - 1));
+    const double place = std::clamp((light - light_.front()) * scale_, 0.0, static_cast<double>(kCells - 1));
     std::size_t value = starts_[static_cast<std::size_t>(place)];
     while (value > 0 && light < bounds_[value - 1]) --value;  // rounding of the cell's edge
     while (value < bounds_.size() && light >= bounds_[value]) ++value;
@@ -131,7 +131,7 @@ void restore_picture(const FramesView<const Sample>& stored, const BlockShares& 
     const double* const below = &shares.share[between.after * across];
     for (std::size_t k = 0; k < across; ++k) line[k] = above[k] + between.weight * (below[k] - above[k]);
     const double swing = to.rows[row] - 1, rise = to.level - 1;
-    const auto gain_of = [&](double own) { return (1 + own * rise) / std::max(1 + own * swing, min_left); };
+    const auto gain_of = [&](double own) { return (1 + own * rise) / std::max(1 + own * swing, kMinLeft); };
     for (std::size_t value = 0; value < of_value.size(); ++value)
       of_value[value] = pixels(static_cast<Sample>(value), gain_of(line[0]));
     for (std::size_t column = 0; column < columns; ++column) {

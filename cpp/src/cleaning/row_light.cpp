@@ -14,21 +14,21 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::array<std::size_t, 5> lags{1, 2, 4, 8, 16};
-constexpr double evidence_of_columns = 0.1;  // the texture of neighbouring columns is correlated
-constexpr double max_change = 0.5;           // of a row in one step
-constexpr std::size_t band = 17;             // diagonals of the normal equations
+constexpr std::array<std::size_t, 5> kLags{1, 2, 4, 8, 16};
+constexpr double kEvidenceOfColumns = 0.1;  // the texture of neighbouring columns is correlated
+constexpr double kMaxChange = 0.5;          // of a row in one step
+constexpr std::size_t kBand = 17;           // diagonals of the normal equations
 
 // Normal equations of the row light: H·δ = b, H[n·band + k] between rows n and n + k.
 struct RowEquations {
   std::vector<double> matrix, right;
 };
 
-constexpr std::size_t lanes = 8;  // independent sums, which a compiler keeps in vector registers
+constexpr std::size_t kLanes = 8;  // independent sums, which a compiler keeps in vector registers
 
 // Contributions of a pair of rows to the normal equations.
 struct PairSums {
-  std::array<double, lanes> aa{}, ab{}, bb{}, pull_a{}, pull_b{};
+  std::array<double, kLanes> aa{}, ab{}, bb{}, pull_a{}, pull_b{};
 };
 
 // The columns from `i` on, one in each lane.
@@ -51,19 +51,19 @@ inline void add_columns(const Cleaned& frame, std::size_t i, std::size_t j, doub
   }
 }
 
-double sum_of(const std::array<double, lanes>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
+double sum_of(const std::array<double, kLanes>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
 void add_pair(const Cleaned& frame, std::size_t columns, std::size_t a, std::size_t b, double texture,
               RowEquations& equations) {
   PairSums sums;
   std::size_t column = 0;
-  for (; column + lanes <= columns; column += lanes)
-    add_columns<lanes>(frame, a * columns + column, b * columns + column, texture * texture, sums);
+  for (; column + kLanes <= columns; column += kLanes)
+    add_columns<kLanes>(frame, a * columns + column, b * columns + column, texture * texture, sums);
   for (; column < columns; ++column)
     add_columns<1>(frame, a * columns + column, b * columns + column, texture * texture, sums);
-  equations.matrix[a * band] += sum_of(sums.aa);
-  equations.matrix[b * band] += sum_of(sums.bb);
-  equations.matrix[a * band + (b - a)] -= sum_of(sums.ab);
+  equations.matrix[a * kBand] += sum_of(sums.aa);
+  equations.matrix[b * kBand] += sum_of(sums.bb);
+  equations.matrix[a * kBand + (b - a)] -= sum_of(sums.ab);
   equations.right[a] += sum_of(sums.pull_a);
   equations.right[b] += sum_of(sums.pull_b);
 }
@@ -73,17 +73,17 @@ void solve(RowEquations& equations, std::size_t rows) {
   std::vector<double>& h = equations.matrix;
   std::vector<double>& x = equations.right;
   for (std::size_t n = 0; n < rows; ++n) {
-    const double pivot = h[n * band];
-    const std::size_t reach = std::min(band, rows - n);
+    const double pivot = h[n * kBand];
+    const std::size_t reach = std::min(kBand, rows - n);
     for (std::size_t i = 1; i < reach; ++i) {
-      const double factor = h[n * band + i] / pivot;
-      for (std::size_t j = i; j < reach; ++j) h[(n + i) * band + (j - i)] -= factor * h[n * band + j];
+      const double factor = h[n * kBand + i] / pivot;
+      for (std::size_t j = i; j < reach; ++j) h[(n + i) * kBand + (j - i)] -= factor * h[n * kBand + j];
       x[n + i] -= factor * x[n];
     }
   }
   for (std::size_t n = rows; n-- > 0;) {
-    for (std::size_t i = 1; i < std::min(band, rows - n); ++i) x[n] -= h[n * band + i] * x[n + i];
-    x[n] /= h[n * band];
+    for (std::size_t i = 1; i < std::min(kBand, rows - n); ++i) x[n] -= h[n * kBand + i] * x[n + i];
+    x[n] /= h[n * kBand];
   }
 }
 
@@ -97,9 +97,9 @@ RowEquations row_equations(const BandedPicture& picture, std::span<const double>
     for (std::size_t i = row * columns; i < (row + 1) * columns; ++i)
       cleaned.slope[i] = share[i] / light_left(share[i], change[row]);
   }
-  RowEquations equations{std::vector<double>(rows * band), std::vector<double>(rows)};
-  const double texture = row_textures[std::min(static_cast<std::size_t>(step), row_textures.size() - 1)];
-  for (const std::size_t lag : lags)
+  RowEquations equations{std::vector<double>(rows * kBand), std::vector<double>(rows)};
+  const double texture = kRowTextures[std::min(static_cast<std::size_t>(step), kRowTextures.size() - 1)];
+  for (const std::size_t lag : kLags)
     for (std::size_t n = 0; n + lag < rows; ++n)
       add_pair(cleaned, columns, n, n + lag, texture * std::sqrt(static_cast<double>(lag)), equations);
   return equations;
@@ -113,9 +113,9 @@ std::vector<double> solve_in(std::span<const double> basis, const RowEquations& 
   Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(terms, b.rows());  // (H·B)ᵀ
   const Eigen::MatrixXd turned = b.transpose();
   for (std::size_t n = 0; n < rows; ++n)
-    for (std::size_t k = 0; k < std::min(band, rows - n); ++k) {
+    for (std::size_t k = 0; k < std::min(kBand, rows - n); ++k) {
       const auto one = static_cast<Eigen::Index>(n), other = static_cast<Eigen::Index>(n + k);
-      const double value = equations.matrix[n * band + k];
+      const double value = equations.matrix[n * kBand + k];
       moved.col(one) += value * turned.col(other);
       if (k > 0) moved.col(other) += value * turned.col(one);
     }
@@ -129,10 +129,10 @@ std::vector<double> solve_in(std::span<const double> basis, const RowEquations& 
 // Adds a Gaussian prior of the given deviation about the start.
 void hold_to(std::span<const double> start, std::span<const double> light, double deviation, RowEquations& equations) {
   const double hold = 1 / (deviation * deviation);
-  for (double& value : equations.matrix) value *= evidence_of_columns;
+  for (double& value : equations.matrix) value *= kEvidenceOfColumns;
   for (std::size_t n = 0; n < start.size(); ++n) {
-    equations.matrix[n * band] += hold;
-    equations.right[n] = evidence_of_columns * equations.right[n] + hold * (start[n] - light[n]);
+    equations.matrix[n * kBand] += hold;
+    equations.right[n] = kEvidenceOfColumns * equations.right[n] + hold * (start[n] - light[n]);
   }
 }
 
@@ -158,22 +158,22 @@ RowLight refine_row_light(const BandedPicture& picture, std::span<const double> 
     check_interrupt();
     RowEquations equations = row_equations(picture, share, result.light, step, cleaned);
     double most = 0;
-    for (std::size_t n = 0; n < rows; ++n) most = std::max(most, result.information[n] = equations.matrix[n * band]);
+    for (std::size_t n = 0; n < rows; ++n) most = std::max(most, result.information[n] = equations.matrix[n * kBand]);
     if (!(most > 0)) break;
     if (!model.basis.empty()) {
       const std::vector<double> change = solve_in(model.basis, equations, rows);
-      double largest = max_change;
+      double largest = kMaxChange;
       for (const double value : change) largest = std::max(largest, std::abs(value));
-      for (std::size_t n = 0; n < rows; ++n) result.light[n] += max_change / largest * change[n];
+      for (std::size_t n = 0; n < rows; ++n) result.light[n] += kMaxChange / largest * change[n];
       continue;
     }
     if (std::isfinite(model.deviation))
       hold_to(row_light, result.light, model.deviation, equations);
     else
-      for (std::size_t n = 0; n < rows; ++n) equations.matrix[n * band] += 1e-4 * most;  // for rows without pairs
+      for (std::size_t n = 0; n < rows; ++n) equations.matrix[n * kBand] += 1e-4 * most;  // for rows without pairs
     solve(equations, rows);
     for (std::size_t n = 0; n < rows; ++n)
-      result.light[n] = std::max(0.0, result.light[n] + std::clamp(equations.right[n], -max_change, max_change));
+      result.light[n] = std::max(0.0, result.light[n] + std::clamp(equations.right[n], -kMaxChange, kMaxChange));
   }
   return result;
 }

@@ -10,13 +10,13 @@ namespace ocisac {
 
 namespace {
 
-constexpr double large = 1e100;  // products of misfits up to which take one logarithm together
+constexpr double kLarge = 1e100;  // products of misfits up to which take one logarithm together
 
 }  // namespace
 
 double pair_misfit(const BandedPicture& picture, std::size_t lag) {
   check_interrupt();
-  const double texture = row_textures.back();
+  const double texture = kRowTextures.back();
   const std::size_t apart = lag * picture.columns, pixels = picture.rows * picture.columns;
   double sum = 0, product = 1, pairs = 0;
   for (std::size_t frame = 0; frame < picture.frames; ++frame)
@@ -26,12 +26,12 @@ double pair_misfit(const BandedPicture& picture, std::size_t lag) {
       if (!(mean > 0) || !std::isfinite(spread)) continue;
       const double misfit = texture * texture + spread / (mean * mean);
       ++pairs;
-      if (!(misfit < large)) {  // mean² may vanish
+      if (!(misfit < kLarge)) {  // mean² may vanish
         sum += std::log(spread) - 2 * std::log(mean);
         continue;
       }
       product *= misfit;
-      if (product < large && product > 1 / large) continue;
+      if (product < kLarge && product > 1 / kLarge) continue;
       sum += std::log(product);
       product = 1;
     }

@@ -15,17 +15,17 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr double surely_tone = 0.9;     // of the rows' swing, where chips are not tried
-constexpr double enough_of_tone = 0.5;  // the same where they are
-constexpr double agreement = 0.995;     // of a colour's tone with that of its group: 6 degrees of phase
-constexpr double same_cycles = 0.5;     // max. difference of the cycles in a frame of two colours of one light
+constexpr double kSurelyTone = 0.9;    // of the rows' swing, where chips are not tried
+constexpr double kEnoughOfTone = 0.5;  // the same where they are
+constexpr double kAgreement = 0.995;   // of a colour's tone with that of its group: 6 degrees of phase
+constexpr double kSameCycles = 0.5;    // max. difference of the cycles in a frame of two colours of one light
 
 // Gives the colours tones of their own where they differ from those of their groups.
 void fit_tones(std::span<const BandedPicture> colours, ColourLights& found) {
   for (std::size_t colour = 0; colour < colours.size(); ++colour) {
     const ToneLight group = *found.of(colour).tone;
     ModelledLight own = light_of(refined_tone_light(ColumnBundles(colours[colour]), group.light, group));
-    if (correlation(own.light, group.light) > agreement) continue;
+    if (correlation(own.light, group.light) > kAgreement) continue;
     found.of_colour[colour] = found.lights.size();
     found.lights.push_back(std::move(own));
   }
@@ -55,13 +55,13 @@ ModelledLight find_row_light(const ColumnBundles& picture, RowModel model) {
   const auto tone = [&](std::optional<double> enough) { return find_tone_light(picture, rows, enough); };
   const bool is_automatic = model == RowModel::automatic;
   if (is_automatic || model == RowModel::tone)
-    if (auto found = tone(is_automatic ? std::optional(surely_tone) : std::nullopt)) return light_of(*std::move(found));
+    if (auto found = tone(is_automatic ? std::optional(kSurelyTone) : std::nullopt)) return light_of(*std::move(found));
   if (is_automatic || model == RowModel::chips)
     if (auto found = find_chip_light(picture, rows, !is_automatic); found)
-      if (!is_automatic || picture.gain(found->light) >= min_gain) return *std::move(found);
+      if (!is_automatic || picture.gain(found->light) >= kMinGain) return *std::move(found);
   if (is_automatic)
-    if (auto found = tone(enough_of_tone)) return light_of(*std::move(found));
-  const double full = quantile(rows.light, bright_rows);
+    if (auto found = tone(kEnoughOfTone)) return light_of(*std::move(found));
+  const double full = quantile(rows.light, kBrightRows);
   return {.light = std::move(rows.light), .full = full, .tone = {}};
 }
 
@@ -74,7 +74,7 @@ ColourLights find_colour_lights(std::span<const BandedPicture> colours, RowModel
       ModelledLight own = find_row_light(sum_of(colours, alike), model);
       const ModelledLight& main = found.lights.empty() ? own : found.lights.front();
       const double away = std::abs(own.frequency - main.frequency) * static_cast<double>(main.light.size());
-      if (found.lights.empty() || (own.model == main.model && away < same_cycles)) {
+      if (found.lights.empty() || (own.model == main.model && away < kSameCycles)) {
         light = found.lights.size();
         found.lights.push_back(std::move(own));
       }

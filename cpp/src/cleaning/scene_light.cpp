@@ -17,14 +17,14 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr double left_by_chips = 0.125, level_of_lines = 0.5;  // chips on some columns that leave more are its lines
-constexpr double least_shown = 1.5;  // cycles of a light in a frame that its rows show, whatever the picture's shades
-constexpr std::size_t longest_block = 16;  // rows
-constexpr std::size_t flattest_block = 4;  // columns over rows: wide ones blur oblique edges of the light
-constexpr std::array<double, 2> toes{1.0 / 32, 1.0 / 8};  // in order; values in between give nearly the same picture
-constexpr double less_left =
+constexpr double kLeftByChips = 0.125, kLevelOfLines = 0.5;  // chips on some columns that leave more are its lines
+constexpr double kLeastShown = 1.5;  // cycles of a light in a frame that its rows show, whatever the picture's shades
+constexpr std::size_t kLongestBlock = 16;  // rows
+constexpr std::size_t kFlattestBlock = 4;  // columns over rows: wide ones blur oblique edges of the light
+constexpr std::array<double, 2> kToes{1.0 / 32, 1.0 / 8};  // in order; values in between give nearly the same picture
+constexpr double kLessLeft =
     0.6;  // max. ratio of the unexplained shares with and without toe; noise alone may give 0.64
-constexpr double least_share = 1e-9, deepest = 0.98;
+constexpr double kLeastShare = 1e-9, kDeepest = 0.98;
 
 bool all_tones(std::span<const ColourLights> lights) {
   return std::ranges::all_of(lights, [](const ColourLights& frame) {
@@ -46,12 +46,12 @@ Values rows_of(std::span<const ColourLights> lights, std::size_t colour) {
 // tone do.
 BlockShares blocks_in(const StoredScene& scene, bool of_tones, std::size_t lag) {
   const std::size_t pixels = scene.rows() * scene.columns(), most = of_tones ? lag : lag / 4;
-  if (!of_tones && pixels <= whole_pixels) return {{}, 1, 1};
-  const double each = std::max(static_cast<double>(pixels) / static_cast<double>(enough_pixels), 1.0);
+  if (!of_tones && pixels <= kWholePixels) return {{}, 1, 1};
+  const double each = std::max(static_cast<double>(pixels) / static_cast<double>(kEnoughPixels), 1.0);
   const auto square = static_cast<std::size_t>(std::nearbyint(std::sqrt(each)));
-  const std::size_t rows = std::max<std::size_t>(1, std::min({most, longest_block, square}));
+  const std::size_t rows = std::max<std::size_t>(1, std::min({most, kLongestBlock, square}));
   const auto wide = static_cast<std::size_t>(std::nearbyint(each / static_cast<double>(rows)));
-  return {{}, rows, scene.merged() * blocks_of(std::min(wide, flattest_block * rows), scene.merged())};
+  return {{}, rows, scene.merged() * blocks_of(std::min(wide, kFlattestBlock * rows), scene.merged())};
 }
 
 // The toe of the first frame under chips, which are additive in light only: the candidate with the best fit, or 0. The
@@ -64,13 +64,13 @@ double find_toe(StoredScene& scene) {
   };
   const double without = left(0);
   double least = without, best = 0;
-  for (const double toe : toes) {
+  for (const double toe : kToes) {
     const double now = left(toe);
     if (now >= least) break;
     best = toe;
     least = now;
   }
-  scene.set_toe(least < less_left * without ? best : 0);
+  scene.set_toe(least < kLessLeft * without ? best : 0);
   return scene.toe();
 }
 
@@ -201,16 +201,16 @@ CleaningVerdict verdict_on(const StoredScene& scene, std::size_t frame, const Co
 
 SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) {
   const std::size_t rows = scene.rows(), colours = scene.colours();
-  Values depths(colours, least_share);
+  Values depths(colours, kLeastShare);
   for (const SlowLight& frame : slow)
-    for (std::size_t k = 0; k < colours; ++k) depths[k] = std::clamp(swing_of(frame.tones[k]), depths[k], deepest);
+    for (std::size_t k = 0; k < colours; ++k) depths[k] = std::clamp(swing_of(frame.tones[k]), depths[k], kDeepest);
   SceneLight result;
   const SlowLight& last = slow.back();
   for (const double depth : depths) {
     result.shares.push_back({{depth}, rows, scene.columns()});
     if (last.shares.empty()) continue;
     result.shares.back() = {last.shares, last.course.cell_rows, last.course.cell_columns * scene.merged()};
-    for (double& share : result.shares.back().share) share = std::min(share * depth, deepest);
+    for (double& share : result.shares.back().share) share = std::min(share * depth, kDeepest);
   }
   for (std::size_t frame = 0; frame < slow.size(); ++frame) {
     ColourLights lights;
@@ -234,7 +234,7 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
   }
   result.slow = std::move(slow);
   // A light of other frames, or of another frequency. Below that a shade of the picture may hide the light.
-  if (result.slow.back().common.front().cycles > least_shown && mean_verdict(result.verdicts).gain < 0)
+  if (result.slow.back().common.front().cycles > kLeastShown && mean_verdict(result.verdicts).gain < 0)
     result.unchanged = "slow bands: the rows would differ more than before";
   return result;
 }
@@ -250,7 +250,7 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
     slow_found = light_of_slow(scene, slow);
   if (slow_found && !slow_found->unchanged.empty()) slow_found.reset();
   // The shares of faster tones vary with the place where pairs of rows show it.
-  if (slow_found && slow.front().common.front().cycles * slowest_rows < static_cast<double>(scene.rows()))
+  if (slow_found && slow.front().common.front().cycles * kSlowestRows < static_cast<double>(scene.rows()))
     return *std::move(slow_found);
   std::vector<ColourLights> lights =
       given.empty() ? lights_of(scene, model) : std::vector<ColourLights>(given.begin(), given.end());
@@ -268,7 +268,7 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
   SceneLight found = with_shares(scene, std::move(lights));
   const CleaningVerdict mean = mean_verdict(found.verdicts);
   if (given.empty()) found.unchanged = objection_to(mean);
-  const bool are_lines = mean.light_left > left_by_chips && mean.level < level_of_lines;
+  const bool are_lines = mean.light_left > kLeftByChips && mean.level < kLevelOfLines;
   if (found.unchanged.empty() && model == RowModel::automatic && main == RowModel::chips && are_lines)
     found.unchanged = "chips that explain the rows in part";
   if (slow_found) {

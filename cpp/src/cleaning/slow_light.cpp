@@ -16,17 +16,17 @@ namespace ocisac {
 
 namespace {
 
-constexpr double likely = 10, sure = 400;  // odds of a light against none: it is said, it is removed
-constexpr double clear = 3;                // standard errors of its amplitude
-constexpr double colours_differ = 0.7;     // relative deviation of a colour's tones from those of all
-constexpr double of_groups = 0.5;          // expected deviation of the terms of a group of columns: hardly a bound
-constexpr double max_worse = 0.25;         // of the groups of columns
-constexpr double least_move = 0.05;        // cycles from frame to frame
-constexpr double most_other = 0.5;         // of the difference of two frames of one scene
-constexpr double by_chance = 13.8;         // chi square of two terms that one in a thousand exceeds
-constexpr double least_seen = 0.5;         // of tones that are on
-constexpr const char* not_sure = "slow bands that the picture's own shades may be";
-constexpr const char* disagrees = "slow bands that are others than those of the frames before";
+constexpr double kLikely = 10, kSure = 400;  // odds of a light against none: it is said, it is removed
+constexpr double kClear = 3;                 // standard errors of its amplitude
+constexpr double kColoursDiffer = 0.7;       // relative deviation of a colour's tones from those of all
+constexpr double kOfGroups = 0.5;            // expected deviation of the terms of a group of columns: hardly a bound
+constexpr double kMaxWorse = 0.25;           // of the groups of columns
+constexpr double kLeastMove = 0.05;          // cycles from frame to frame
+constexpr double kMostOther = 0.5;           // of the difference of two frames of one scene
+constexpr double kByChance = 13.8;           // chi square of two terms that one in a thousand exceeds
+constexpr double kLeastSeen = 0.5;           // of tones that are on
+constexpr const char* kNotSure = "slow bands that the picture's own shades may be";
+constexpr const char* kDisagrees = "slow bands that are others than those of the frames before";
 
 double square(double value) { return value * value; }
 
@@ -51,7 +51,7 @@ std::vector<std::vector<SlowTone>> tones_of_colours(std::span<const CommonCourse
       own.modes[k] += common[k] - all.modes[k];
       own.variance[k] += all.variance[k];
     }
-    found.push_back(refitted_tones({&own, 1}, tones, colours_differ * swing_of(tones)));
+    found.push_back(refitted_tones({&own, 1}, tones, kColoursDiffer * swing_of(tones)));
   }
   return found;
 }
@@ -65,7 +65,7 @@ SlowVerdict agreement_of_groups(std::span<const CommonCourse> courses, const std
   for (std::size_t group = 0; group < count; ++group) {
     std::vector<CommonCourse> own;
     for (const CommonCourse& course : courses) own.push_back(course_of(course, group));
-    const std::vector<SlowTone> found = refitted_tones(own, tones, of_groups);
+    const std::vector<SlowTone> found = refitted_tones(own, tones, kOfGroups);
     double energy = 0, left = 0;
     for (std::size_t k = 0; k < mean.size(); ++k) {
       const double term = found[k / 2].terms[k % 2];
@@ -90,8 +90,8 @@ SlowVerdict agreement_of_groups(std::span<const CommonCourse> courses, const std
 
 // `is_even`: all of the picture has one share.
 std::string objection_to(const SlowVerdict& verdict, bool is_even) {
-  if (verdict.level < min_level) return "slow bands that tilt or curve";
-  return is_even && verdict.worse > max_worse ? "slow bands of a light on some of the columns" : "";
+  if (verdict.level < kMinLevel) return "slow bands that tilt or curve";
+  return is_even && verdict.worse > kMaxWorse ? "slow bands of a light on some of the columns" : "";
 }
 
 // The course of all colours, then of each.
@@ -115,7 +115,7 @@ struct Difference {
 
   // By most of it: the frames are of one scene, and the tones are on in both.
   [[nodiscard]] bool is_less() const {
-    return without + std::max(chance, most_other * with) <= with && seen >= least_seen;
+    return without + std::max(chance, kMostOther * with) <= with && seen >= kLeastSeen;
   }
 };
 
@@ -132,7 +132,7 @@ Difference difference_of(const CommonCourse& before, const CommonCourse& course,
     product += now[k] * (change + then[k]) / variance;
     energy += square(now[k]) / variance;
   }
-  return {with, without, by_chance * static_cast<double>(first.size()), product / energy};
+  return {with, without, kByChance * static_cast<double>(first.size()), product / energy};
 }
 
 // The tones do not explain how the last of the frames differs from the one before, or make others differ more.
@@ -153,8 +153,8 @@ bool SlowTone::is_sure() const {
   const double error = std::sqrt((variance[0] + variance[1]) / 2);
   // Less than a cycle that stays is like a shade of the picture.
   const double moves = step ? std::abs(std::remainder(*step, 2 * std::numbers::pi)) / (2 * std::numbers::pi) : 0;
-  return log_odds > std::log(sure) && amplitude() > clear * error && cycles > 1.1 * least_cycles &&
-         (cycles >= 1 || moves > least_move);
+  return log_odds > std::log(kSure) && amplitude() > kClear * error && cycles > 1.1 * kLeastCycles &&
+         (cycles >= 1 || moves > kLeastMove);
 }
 
 SlowTone SlowTone::in_frame(std::ptrdiff_t frame) const {
@@ -173,7 +173,7 @@ std::vector<double> light_of(std::span<const SlowTone> tones, std::size_t rows) 
           2 * std::numbers::pi * tone.cycles * ((static_cast<double>(n) + 0.5) / static_cast<double>(rows) - 0.5);
       light[n] += tone.terms[0] * std::cos(angle) + tone.terms[1] * std::sin(angle);
     }
-    light[n] = std::max(light[n], least_light);
+    light[n] = std::max(light[n], kLeastLight);
   }
   return light;
 }
@@ -206,7 +206,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
   SlowVerdict verdict;
   std::vector<double> shares;
   // Two frames differ alike where a light moves and where it is switched.
-  const std::size_t most = courses.size() == 2 ? 1 : most_slow_frames;
+  const std::size_t most = courses.size() == 2 ? 1 : kMostSlowFrames;
   std::vector<SlowLight> result;
   for (std::size_t frame = earlier.courses.size(); frame < courses.size(); ++frame) {
     check_interrupt();
@@ -227,13 +227,13 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     const bool is_sure = std::ranges::all_of(tones, [](const SlowTone& tone) { return tone.is_sure(); });
     const bool is_other = are_others(std::span<const CommonCourse>(courses).subspan(start, frame - start + 1), first);
     result.push_back({tones_of_colours(of_colours[frame - earlier.courses.size()], tones), tones, courses[frame],
-                      main.log_odds > std::log(likely) ? main.amplitude() : 0, verdict,
-                      !is_sure   ? not_sure
-                      : is_other ? disagrees
+                      main.log_odds > std::log(kLikely) ? main.amplitude() : 0, verdict,
+                      !is_sure   ? kNotSure
+                      : is_other ? kDisagrees
                                  : objection_to(verdict, shares.empty()),
                       shares});
   }
-  const bool is_other = std::ranges::any_of(result, [](const SlowLight& one) { return one.objection == disagrees; });
+  const bool is_other = std::ranges::any_of(result, [](const SlowLight& one) { return one.objection == kDisagrees; });
   if (!is_other || earlier.courses.empty()) return result;
   result = find_slow_lights(frames, {{}, earlier.next});
   for (SlowLight& one : result) one.is_first = true;
@@ -248,7 +248,7 @@ SlowLight slow_light_before(const std::vector<BandedPicture>& colours, const Slo
   SlowLight light = later;
   light.common = in_frame(later.common, -ago);
   light.tones = tones_of_colours(found, light.common);
-  if (!difference_of(all, later.course, light.common, all.place).is_less()) light.objection = disagrees;
+  if (!difference_of(all, later.course, light.common, all.place).is_less()) light.objection = kDisagrees;
   light.course = std::move(all);
   return light;
 }

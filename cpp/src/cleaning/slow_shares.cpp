@@ -18,16 +18,16 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index least_frames = 3;
-constexpr double between_cells = 0.15;  // standard deviation of a share from its neighbours; from 1 it is 1
-constexpr double clearly_less = 0.8;    // of what one share leaves; by chance 0.9
-constexpr int steps = 4;
+constexpr Index kLeastFrames = 3;
+constexpr double kBetweenCells = 0.15;  // standard deviation of a share from its neighbours; from 1 it is 1
+constexpr double kClearlyLess = 0.8;    // of what one share leaves; by chance 0.9
+constexpr int kSteps = 4;
 
 // Inverse covariance of the shares of cells, `across` in a row of them.
 MatrixXd prior_of(Index cells, Index across) {
   MatrixXd prior = MatrixXd::Identity(cells, cells);
   const auto join = [&](Index a, Index b) {
-    const double weight = 1 / (between_cells * between_cells);
+    const double weight = 1 / (kBetweenCells * kBetweenCells);
     prior(a, a) += weight;
     prior(b, b) += weight;
     prior(a, b) -= weight;
@@ -48,7 +48,7 @@ std::vector<double> slow_shares(std::span<const CommonCourse> courses, const std
                                 std::size_t rows) {
   const CommonCourse& first = courses.front();
   const auto cells = static_cast<Index>(first.cells.size()), frames = static_cast<Index>(courses.size());
-  if (frames < least_frames || cells == 0) return {};
+  if (frames < kLeastFrames || cells == 0) return {};
   const auto across = static_cast<Index>(first.cells.size() / blocks_of(rows, first.cell_rows));
   ArrayXXd level(cells, frames), change(cells, frames);  // of the light, from its mean
   for (Index frame = 0; frame < frames; ++frame) {
@@ -65,14 +65,14 @@ std::vector<double> slow_shares(std::span<const CommonCourse> courses, const std
   level = centred(level);
   const MatrixXd prior = prior_of(cells, across);
   VectorXd share = VectorXd::Ones(cells);
-  const auto left = [&] { return (1 + change.colwise() * share.array()).max(least_light).eval(); };
+  const auto left = [&] { return (1 + change.colwise() * share.array()).max(kLeastLight).eval(); };
   const auto residual = [&] { return (level - centred(left().log())).eval(); };
   double noise_of_one = 0, before = 0;
-  for (int step = 0; step < steps; ++step) {
+  for (int step = 0; step < kSteps; ++step) {
     const ArrayXXd rest = residual(), slope = centred(change / left()), squares = rest.square();
     const double noise = quantile({squares.data(), static_cast<std::size_t>(squares.size())}, 0.5) /
                              (kMedianMagnitude * kMedianMagnitude) +
-                         least_mode_variance;
+                         kLeastModeVariance;
     if (step == 0) {
       noise_of_one = noise;
       before = (1 + squares / noise).log().sum();
@@ -83,7 +83,7 @@ std::vector<double> slow_shares(std::span<const CommonCourse> courses, const std
     const VectorXd right = (weight * slope * rest).rowwise().sum().matrix() - prior * (share - VectorXd::Ones(cells));
     share = (share + VectorXd(solve_positive_definite(normal, right))).cwiseMax(0);
   }
-  if (!((1 + residual().square() / noise_of_one).log().sum() < clearly_less * before)) return {};
+  if (!((1 + residual().square() / noise_of_one).log().sum() < kClearlyLess * before)) return {};
   return {share.data(), share.data() + share.size()};
 }
 

@@ -23,24 +23,24 @@ using Eigen::MatrixXd;
 using Eigen::Vector2d;
 using Eigen::VectorXd;
 
-constexpr double fall_of_modes = 1.5;  // of a picture's modes with their order; fitted to photographs
-constexpr std::size_t spreads = 10;    // of a picture's factor S
-constexpr double least_spread = 0.004, most_spread = 1;
-constexpr std::array<double, 4> floors{0, 0.01, 0.03, 0.1};  // standard deviation that texture adds to every mode
-constexpr double usual_spread = 0.1, log_spread = 1;         // median of S; standard deviation of its logarithm
-constexpr std::size_t changes = 4;                           // of S of what changes from frame to frame
-constexpr double least_change = 0.001, most_change = 0.2;
-constexpr std::array<double, 4> trends{0.5, 0.5, 0.1, 0.05};  // standard deviations of a linear to quartic course:
-                                                              // vignettes, skies
-constexpr std::array<double, 3> sizes{0.05, 0.15, 0.5};       // expected of a tone's terms, one as likely as another
-constexpr std::size_t phase_steps = 16;
-constexpr std::size_t places_of_mode = 8;
-constexpr double turn = 2 * std::numbers::pi;
-constexpr double near_cycles = 0.06, near_at_most = 0.25;  // between neighbouring tones: relative, and cycles
-constexpr std::size_t most_tones = 3;
-constexpr double least_apart = 0.5;  // cycles between tones
-constexpr int most_iterations = 20;
-constexpr std::size_t parameters = 4;  // of a tone: its two terms, cycles and phase step
+constexpr double kFallOfModes = 1.5;  // of a picture's modes with their order; fitted to photographs
+constexpr std::size_t kSpreads = 10;  // of a picture's factor S
+constexpr double kLeastSpread = 0.004, kMostSpread = 1;
+constexpr std::array<double, 4> kFloors{0, 0.01, 0.03, 0.1};  // standard deviation that texture adds to every mode
+constexpr double kUsualSpread = 0.1, kLogSpread = 1;          // median of S; standard deviation of its logarithm
+constexpr std::size_t kChanges = 4;                           // of S of what changes from frame to frame
+constexpr double kLeastChange = 0.001, kMostChange = 0.2;
+constexpr std::array<double, 4> kTrends{0.5, 0.5, 0.1, 0.05};  // standard deviations of a linear to quartic course:
+                                                               // vignettes, skies
+constexpr std::array<double, 3> kSizes{0.05, 0.15, 0.5};       // expected of a tone's terms, one as likely as another
+constexpr std::size_t kPhaseSteps = 16;
+constexpr std::size_t kPlacesOfMode = 8;
+constexpr double kTurn = 2 * std::numbers::pi;
+constexpr double kNearCycles = 0.06, kNearAtMost = 0.25;  // between neighbouring tones: relative, and cycles
+constexpr std::size_t kMostTones = 3;
+constexpr double kLeastApart = 0.5;  // cycles between tones
+constexpr int kMostIterations = 20;
+constexpr std::size_t kParameters = 4;  // of a tone: its two terms, cycles and phase step
 
 // Logarithm of the sum of exponentials.
 double log_sum(std::span<const double> values) {
@@ -69,11 +69,11 @@ double from_middle(Index place, Index places) {
 
 // (modes × trends) modes of the slow courses of pictures, scaled by their standard deviations.
 MatrixXd modes_of_trends(const MatrixXd& slow) {
-  MatrixXd courses(slow.rows(), static_cast<Index>(trends.size()));
+  MatrixXd courses(slow.rows(), static_cast<Index>(kTrends.size()));
   for (Index n = 0; n < courses.rows(); ++n)
     for (Index k = 0; k < courses.cols(); ++k)
       courses(n, k) =
-          trends[static_cast<std::size_t>(k)] * std::pow(2 * from_middle(n, slow.rows()), static_cast<int>(k) + 1);
+          kTrends[static_cast<std::size_t>(k)] * std::pow(2 * from_middle(n, slow.rows()), static_cast<int>(k) + 1);
   return modes_of_courses(slow, courses);
 }
 
@@ -113,7 +113,7 @@ VectorXd variance_of_changes(std::span<const CommonCourse> courses) {
     const MatrixXd apart = change.colwise() - change.rowwise().mean();
     const double spread = apart.squaredNorm() / static_cast<double>(groups);
     result[static_cast<Index>(k)] =
-        spread / static_cast<double>(std::max<std::size_t>(frames - 1, 1) * groups) + least_mode_variance;
+        spread / static_cast<double>(std::max<std::size_t>(frames - 1, 1) * groups) + kLeastModeVariance;
   }
   return result;
 }
@@ -131,7 +131,7 @@ struct Frames {
 Frames frames_of(std::span<const CommonCourse> courses) {
   const auto count = static_cast<Index>(courses.front().modes.size()), number = static_cast<Index>(courses.size());
   Frames frames{MatrixXd(count, number),
-                slow_modes(places_of_mode * static_cast<std::size_t>(count), static_cast<std::size_t>(count)),
+                slow_modes(kPlacesOfMode * static_cast<std::size_t>(count), static_cast<std::size_t>(count)),
                 {},
                 {},
                 {}};
@@ -143,16 +143,16 @@ Frames frames_of(std::span<const CommonCourse> courses) {
     variance += Eigen::Map<const VectorXd>(course.variance.data(), count) / static_cast<double>(number);
   }
   VectorXd fall(count);
-  for (Index k = 0; k < count; ++k) fall[k] = std::pow(static_cast<double>(k + 1), -2 * fall_of_modes);
+  for (Index k = 0; k < count; ++k) fall[k] = std::pow(static_cast<double>(k + 1), -2 * kFallOfModes);
   const MatrixXd trend = modes_of_trends(frames.slow);
-  for (const double spread : ladder(least_spread, most_spread, spreads))
-    for (const double floor : floors) {
-      const double away = std::log(spread / usual_spread) / log_spread;
+  for (const double spread : ladder(kLeastSpread, kMostSpread, kSpreads))
+    for (const double floor : kFloors) {
+      const double away = std::log(spread / kUsualSpread) / kLogSpread;
       const VectorXd all = spread * spread * fall + variance / static_cast<double>(number);
       frames.still.push_back(spread_of(all.array() + floor * floor, trend, -0.5 * away * away));
     }
   const VectorXd of_rest = variance_of_changes(courses);
-  for (const double change : ladder(least_change, most_change, number > 1 ? changes : 0))
+  for (const double change : ladder(kLeastChange, kMostChange, number > 1 ? kChanges : 0))
     frames.changing.emplace_back((change * change * fall + of_rest).cwiseInverse());
   return frames;
 }
@@ -182,10 +182,10 @@ Evidence evidence_of(const Frames& frames, const MatrixXd& modes) {
 std::vector<SlowTone> all_tones(std::size_t rows, std::size_t frames) {
   const double most = most_cycles(rows);
   std::vector<SlowTone> tones;
-  for (double cycles = least_cycles;; cycles += std::min(near_cycles * cycles, near_at_most)) {
-    for (std::size_t k = 0; k < (frames > 1 ? phase_steps : 1); ++k) {
+  for (double cycles = kLeastCycles;; cycles += std::min(kNearCycles * cycles, kNearAtMost)) {
+    for (std::size_t k = 0; k < (frames > 1 ? kPhaseSteps : 1); ++k) {
       tones.emplace_back().cycles = cycles;
-      if (frames > 1) tones.back().step = turn * static_cast<double>(k) / static_cast<double>(phase_steps);
+      if (frames > 1) tones.back().step = kTurn * static_cast<double>(k) / static_cast<double>(kPhaseSteps);
     }
     if (!(cycles < most)) break;
   }
@@ -197,7 +197,7 @@ std::vector<SlowTone> all_tones(std::size_t rows, std::size_t frames) {
 MatrixXd modes_of_tone(const MatrixXd& slow, double cycles) {
   MatrixXd courses(slow.rows(), 2);
   for (Index n = 0; n < courses.rows(); ++n) {
-    const double angle = turn * cycles * from_middle(n, slow.rows());
+    const double angle = kTurn * cycles * from_middle(n, slow.rows());
     courses(n, 0) = std::cos(angle);
     courses(n, 1) = std::sin(angle);
   }
@@ -257,7 +257,7 @@ SlowTone compared(SlowTone tone, const OfCycles& equations, const Frames& frames
     const Matrix2d normal = still.transpose() * equations.still[k] * still;
     const Vector2d pull = still.transpose() * equations.pull[k];
     for (std::size_t change = 0; change < changing.size(); ++change)
-      for (const double size : sizes) {
+      for (const double size : kSizes) {
         const Matrix2d all = normal + changing[change] + Matrix2d::Identity() / (size * size);
         const double determinant = all(0, 0) * all(1, 1) - all(0, 1) * all(1, 0);
         const Vector2d right = pull + pulls[change];
@@ -265,7 +265,7 @@ SlowTone compared(SlowTone tone, const OfCycles& equations, const Frames& frames
                                 (all(0, 0) * right[1] - all(1, 0) * right[0]) / determinant);
         evidence.push_back(none.still[k] + none.changing[change] + 0.5 * right.dot(solution) -
                            0.5 * std::log(determinant) - 2 * std::log(size) -
-                           std::log(static_cast<double>(sizes.size())));
+                           std::log(static_cast<double>(kSizes.size())));
         terms.push_back(solution);
       }
   }
@@ -322,7 +322,7 @@ struct Predicted {
 };
 
 Predicted predicted(const Frames& frames, std::span<const SlowTone> tones) {
-  const Index places = frames.slow.rows(), count = static_cast<Index>(tones.size() * parameters);
+  const Index places = frames.slow.rows(), count = static_cast<Index>(tones.size() * kParameters);
   Predicted result{MatrixXd(frames.slow.cols(), static_cast<Index>(frames.places.size())), {}};
   for (std::size_t frame = 0; frame < frames.places.size(); ++frame) {
     VectorXd light = VectorXd::Ones(places);
@@ -331,16 +331,16 @@ Predicted predicted(const Frames& frames, std::span<const SlowTone> tones) {
       for (std::size_t k = 0; k < tones.size(); ++k) {
         const SlowTone& tone = tones[k];
         const double place = from_middle(n, places);
-        const double angle = turn * tone.cycles * place + tone.step.value_or(0) * frames.places[frame];
+        const double angle = kTurn * tone.cycles * place + tone.step.value_or(0) * frames.places[frame];
         const double cosine = std::cos(angle), sine = std::sin(angle);
         const double slope = tone.terms[1] * cosine - tone.terms[0] * sine;
         light[n] += tone.terms[0] * cosine + tone.terms[1] * sine;
-        const auto at = static_cast<Index>(k * parameters);
-        change.row(n).segment(at, parameters) << cosine, sine, slope * turn * place, slope * frames.places[frame];
+        const auto at = static_cast<Index>(k * kParameters);
+        change.row(n).segment(at, kParameters) << cosine, sine, slope * kTurn * place, slope * frames.places[frame];
       }
     for (Index n = 0; n < places; ++n) {
-      change.row(n) *= light[n] > least_light ? 1 / light[n] : 0;
-      light[n] = std::log(std::max(light[n], least_light));
+      change.row(n) *= light[n] > kLeastLight ? 1 / light[n] : 0;
+      light[n] = std::log(std::max(light[n], kLeastLight));
     }
     result.modes.col(static_cast<Index>(frame)) = modes_of_courses(frames.slow, light);
     result.derivative.push_back(modes_of_courses(frames.slow, change));
@@ -387,18 +387,18 @@ Equations equations_at(const Frames& frames, const Spread& still, const VectorXd
 }
 
 VectorXd parameters_of(std::span<const SlowTone> tones) {
-  VectorXd values(static_cast<Index>(tones.size() * parameters));
+  VectorXd values(static_cast<Index>(tones.size() * kParameters));
   for (std::size_t k = 0; k < tones.size(); ++k)
-    values.segment(static_cast<Index>(k * parameters), parameters) << tones[k].terms[0], tones[k].terms[1],
+    values.segment(static_cast<Index>(k * kParameters), kParameters) << tones[k].terms[0], tones[k].terms[1],
         tones[k].cycles, tones[k].step.value_or(0);
   return values;
 }
 
 std::vector<SlowTone> with_parameters(std::vector<SlowTone> tones, const VectorXd& values) {
   for (std::size_t k = 0; k < tones.size(); ++k) {
-    const auto at = static_cast<Index>(k * parameters);
+    const auto at = static_cast<Index>(k * kParameters);
     tones[k].terms = {values[at], values[at + 1]};
-    tones[k].cycles = std::max(values[at + 2], least_cycles);
+    tones[k].cycles = std::max(values[at + 2], kLeastCycles);
     if (tones[k].step) tones[k].step = values[at + 3];
   }
   return tones;
@@ -413,7 +413,7 @@ struct Fitted {
 
 // Damped Gauss–Newton (Levenberg and Marquardt) with the likeliest S, floor and change.
 Fitted fitted(const Frames& frames, const std::vector<SlowTone>& start, const Expected& expected) {
-  constexpr double fixed = 1e-9;
+  constexpr double kFixed = 1e-9;
   const Evidence evidence = evidence_of(frames, without(frames, start));
   const auto likely = [](const std::vector<double>& all) {
     return static_cast<std::size_t>(std::ranges::max_element(all) - all.begin());
@@ -422,10 +422,10 @@ Fitted fitted(const Frames& frames, const std::vector<SlowTone>& start, const Ex
   const VectorXd* const changing = frames.changing.empty() ? nullptr : &frames.changing[likely(evidence.changing)];
   const VectorXd first = parameters_of(start);
   VectorXd centre = first, hold(first.size());
-  for (Index at = 0; at < first.size(); at += parameters) {
+  for (Index at = 0; at < first.size(); at += kParameters) {
     if (expected.about_zero) centre.segment(at, 2).setZero();
-    hold.segment(at, parameters) << expected.terms, expected.terms, std::max(expected.cycles, fixed),
-        std::max(expected.step, fixed);
+    hold.segment(at, kParameters) << expected.terms, expected.terms, std::max(expected.cycles, kFixed),
+        std::max(expected.step, kFixed);
   }
   hold = hold.cwiseAbs2().cwiseInverse();
   VectorXd now = first;
@@ -437,7 +437,7 @@ Fitted fitted(const Frames& frames, const std::vector<SlowTone>& start, const Ex
     return all;
   };
   Equations best = at(now);
-  for (double damping = 1e-3, step = 0; step < most_iterations && damping < 1e6; ++step) {
+  for (double damping = 1e-3, step = 0; step < kMostIterations && damping < 1e6; ++step) {
     MatrixXd damped = best.normal;
     damped.diagonal() *= 1 + damping;
     const VectorXd moved = now + solve_positive_definite(damped, best.right).col(0);
@@ -452,7 +452,7 @@ Fitted fitted(const Frames& frames, const std::vector<SlowTone>& start, const Ex
   Fitted result{with_parameters(start, now), 0};
   const MatrixXd covariance = inverse(best.normal);
   for (std::size_t k = 0; k < start.size(); ++k) {
-    const auto place = static_cast<Index>(k * parameters);
+    const auto place = static_cast<Index>(k * kParameters);
     result.tones[k].variance = {covariance(place, place), covariance(place + 1, place + 1)};
     const double both = covariance(place, place) * covariance(place + 1, place + 1) -
                         covariance(place, place + 1) * covariance(place + 1, place);
@@ -467,9 +467,9 @@ double log_odds_of(const Frames& frames, const Fitted& all, std::size_t tried) {
   const double gain = evidence_of(frames, without(frames, tones)).all() -
                       evidence_of(frames, without(frames, tones.first(tones.size() - 1))).all();
   std::vector<double> prior;
-  for (const double size : sizes) {
+  for (const double size : kSizes) {
     const double away = tones.back().amplitude() / size;
-    prior.push_back(-0.5 * away * away - 2 * std::log(size) - std::log(static_cast<double>(sizes.size())));
+    prior.push_back(-0.5 * away * away - 2 * std::log(size) - std::log(static_cast<double>(kSizes.size())));
   }
   return gain + log_sum(prior) + all.log_area - std::log(static_cast<double>(tried));
 }
@@ -479,8 +479,8 @@ double log_odds_of(const Frames& frames, const Fitted& all, std::size_t tried) {
 std::vector<SlowTone> joined(const Frames& frames, std::vector<SlowTone> tones, const SlowTone& tone,
                              std::size_t tried) {
   tones.push_back(tone);
-  const double step = frames.places.size() > 1 ? turn / static_cast<double>(phase_steps) : 0;
-  Fitted all = fitted(frames, tones, {sizes.back(), near_at_most, step, true});
+  const double step = frames.places.size() > 1 ? kTurn / static_cast<double>(kPhaseSteps) : 0;
+  Fitted all = fitted(frames, tones, {kSizes.back(), kNearAtMost, step, true});
   SlowTone& last = all.tones.back();
   last.log_odds = std::max(tone.log_odds, log_odds_of(frames, all, tried));
   for (std::size_t i = 0; i < 2; ++i) last.variance[i] += tone.variance[i];
@@ -502,10 +502,10 @@ std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std
   }
   std::vector<SlowTone> tried = all_tones(rows, courses.size());
   // A second one moves in several frames; in one it may be shades, or what a tone curve makes of the first one.
-  const std::size_t most = courses.size() == 1 ? 1 : most_tones;
-  while (found.size() < most && (near.empty() || courses.size() < most_slow_frames)) {
+  const std::size_t most = courses.size() == 1 ? 1 : kMostTones;
+  while (found.size() < most && (near.empty() || courses.size() < kMostSlowFrames)) {
     for (const SlowTone& own : found)
-      std::erase_if(tried, [&](const SlowTone& other) { return std::abs(other.cycles - own.cycles) < least_apart; });
+      std::erase_if(tried, [&](const SlowTone& other) { return std::abs(other.cycles - own.cycles) < kLeastApart; });
     if (tried.empty()) break;
     std::vector<SlowTone> more = joined(frames, found, likeliest(frames, without(frames, found), tried), tried.size());
     const bool is_sure = more.back().is_sure();
@@ -516,7 +516,7 @@ std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std
 }
 
 std::vector<double> modes_of_light(std::span<const SlowTone> tones, std::size_t count) {
-  const Frames one{{}, slow_modes(places_of_mode * count, count), {0}, {}, {}};
+  const Frames one{{}, slow_modes(kPlacesOfMode * count, count), {0}, {}, {}};
   const MatrixXd modes = predicted(one, tones).modes;
   return {modes.data(), modes.data() + modes.size()};
 }

@@ -9,8 +9,8 @@
 
 namespace ocisac {
 
-constexpr double least_cycles = 0.1;  // in the picture
-constexpr double least_mode_variance = 1e-8;
+constexpr double kLeastCycles = 0.1;  // in the picture
+constexpr double kLeastModeVariance = 1e-8;
 
 // Cycles in the picture of the fastest slow tone: of 58 rows, but at least 2.5 cycles and at most 16.
 double most_cycles(std::size_t rows);

@@ -14,14 +14,14 @@ namespace ocisac {
 
 namespace {
 
-constexpr double variation = 20;  // λ, in log likelihood: equals the evidence of 10 pixels for a change of 1 in share
-constexpr int steps = 4;          // of reweighting
-constexpr double min_slope = 1e-3;                       // ε, per pixel
-constexpr std::size_t block = 8;                         // side of a block with one trend, pixels
-constexpr double reach_of_trend = 40;                    // pixels
-constexpr double min_weight = 1e-3;                      // regularises pixels without evidence
-constexpr std::array<int, 4> iterations{4, 12, 20, 40};  // per level, from the finest; last value for the coarsest
-constexpr std::size_t min_side = 8;                      // of a level that is reduced further
+constexpr double kVariation = 20;  // λ, in log likelihood: equals the evidence of 10 pixels for a change of 1 in share
+constexpr int kSteps = 4;          // of reweighting
+constexpr double kMinSlope = 1e-3;                        // ε, per pixel
+constexpr std::size_t kBlock = 8;                         // side of a block with one trend, pixels
+constexpr double kReachOfTrend = 40;                      // pixels
+constexpr double kMinWeight = 1e-3;                       // regularises pixels without evidence
+constexpr std::array<int, 4> kIterations{4, 12, 20, 40};  // per level, from the finest; last value for the coarsest
+constexpr std::size_t kMinSide = 8;                       // of a level that is reduced further
 
 double scalar_product(const double* a, const double* b, std::size_t count) {
   std::array<double, 4> sums{};  // independent sums avoid a dependency chain
@@ -149,14 +149,14 @@ struct Level {
 class ShareSmoother {
  public:
   ShareSmoother(std::size_t rows, std::size_t columns)
-      : block_rows_((rows + block - 1) / block),
-        block_columns_((columns + block - 1) / block),
+      : block_rows_((rows + kBlock - 1) / kBlock),
+        block_columns_((columns + kBlock - 1) / kBlock),
         blocks_(block_rows_, block_columns_),
-        passages_(block_rows_ * block_columns_, std::exp(-static_cast<double>(block) / reach_of_trend)) {
+        passages_(block_rows_ * block_columns_, std::exp(-static_cast<double>(kBlock) / kReachOfTrend)) {
     trend_down_.assign(passages_.size(), 0);
     trend_across_ = trend_down_;
     levels_.emplace_back(rows, columns);
-    while (levels_.size() < iterations.size() && std::min(levels_.back().rows, levels_.back().columns) >= min_side)
+    while (levels_.size() < kIterations.size() && std::min(levels_.back().rows, levels_.back().columns) >= kMinSide)
       levels_.emplace_back((levels_.back().rows + 1) / 2, (levels_.back().columns + 1) / 2);
   }
 
@@ -166,23 +166,23 @@ class ShareSmoother {
     couple(share);
     find_trend(share);
     find_right(pull, share);
-    for (std::size_t i = 0; i < share.size(); ++i) finest.weight[i] = weight[i] + min_weight;
+    for (std::size_t i = 0; i < share.size(); ++i) finest.weight[i] = weight[i] + kMinWeight;
     for (std::size_t k = 1; k < levels_.size(); ++k) levels_[k].take_from(levels_[k - 1]);
     std::fill(levels_.back().change.begin(), levels_.back().change.end(), 0);
     for (std::size_t k = levels_.size(); k-- > 0;) {
       if (k + 1 < levels_.size()) levels_[k].start_from(levels_[k + 1]);
-      levels_[k].solve(k + 1 < levels_.size() ? iterations[k] : iterations.back());
+      levels_[k].solve(k + 1 < levels_.size() ? kIterations[k] : kIterations.back());
     }
     for (std::size_t i = 0; i < share.size(); ++i) share[i] += finest.change[i];
   }
 
  private:
   double trend_down(std::size_t row, std::size_t column) const {
-    return trend_down_[row / block * block_columns_ + column / block];
+    return trend_down_[row / kBlock * block_columns_ + column / kBlock];
   }
 
   double trend_across(std::size_t row, std::size_t column) const {
-    return trend_across_[row / block * block_columns_ + column / block];
+    return trend_across_[row / kBlock * block_columns_ + column / kBlock];
   }
 
   void couple(std::span<const double> share) {
@@ -191,8 +191,8 @@ class ShareSmoother {
     std::vector<double>& slope = level.product;  // squared: twice the mean of both sides
     std::fill(slope.begin(), slope.end(), 0);
     for (std::size_t row = 0; row < rows; ++row)
-      for (std::size_t first = 0; first < columns; first += block) {
-        const std::size_t begin = row * columns + first, end = row * columns + std::min(first + block, columns);
+      for (std::size_t first = 0; first < columns; first += kBlock) {
+        const std::size_t begin = row * columns + first, end = row * columns + std::min(first + kBlock, columns);
         const double to_next = trend_across(row, first), to_under = trend_down(row, first);
         for (std::size_t i = begin; i < (end == (row + 1) * columns ? end - 1 : end); ++i) {
           const double difference = share[i + 1] - share[i] - to_next, square = difference * difference;
@@ -206,7 +206,7 @@ class ShareSmoother {
         }
       }
     const auto coupling = [&](std::size_t i, std::size_t next) {
-      return variation / std::sqrt(min_slope * min_slope + 0.25 * (slope[i] + slope[next]));
+      return kVariation / std::sqrt(kMinSlope * kMinSlope + 0.25 * (slope[i] + slope[next]));
     };
     for (std::size_t row = 0; row < rows; ++row) {
       const std::size_t first = row * columns, end = first + columns;
@@ -222,7 +222,7 @@ class ShareSmoother {
       std::vector<double> sums(trend.size()), counts(trend.size());
       for (std::size_t row = 0; row < level.rows; ++row)
         for (std::size_t column = 0; column < level.columns; ++column) {
-          const std::size_t i = row * level.columns + column, to = row / block * block_columns_ + column / block;
+          const std::size_t i = row * level.columns + column, to = row / kBlock * block_columns_ + column / kBlock;
           if (!(coupling[i] > 0)) continue;
           sums[to] += coupling[i] * (share[i + next] - share[i]);
           counts[to] += coupling[i];
@@ -267,7 +267,7 @@ class ShareSmoother {
 void smooth_shares(std::size_t rows, std::size_t columns, const std::function<const ShareEvidence&()>& gather,
                    std::vector<double>& share) {
   ShareSmoother smoother(rows, columns);
-  for (int k = 0; k < steps; ++k) {
+  for (int k = 0; k < kSteps; ++k) {
     const ShareEvidence& evidence = gather();
     smoother.step(evidence.pull, evidence.weight, share);
   }

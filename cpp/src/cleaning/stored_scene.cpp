@@ -18,13 +18,13 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t most_merged = 8;   // columns in each
-constexpr double relative_noise = 1e-4;  // of the largest value
-constexpr double black = 2e-4;           // of white, below which a toe has no slope
-constexpr double inf = std::numeric_limits<double>::infinity();
+constexpr std::size_t kMostMerged = 8;   // columns in each
+constexpr double kRelativeNoise = 1e-4;  // of the largest value
+constexpr double kBlack = 2e-4;          // of white, below which a toe has no slope
+constexpr double kInf = std::numeric_limits<double>::infinity();
 
 template <class Sample>
-constexpr bool is_integer = std::is_integral_v<std::remove_const_t<Sample>>;
+constexpr bool kIsInteger = std::is_integral_v<std::remove_const_t<Sample>>;
 
 template <class Sample>
 FramesView<Sample> one_frame(FramesView<Sample> view, std::size_t frame) {
@@ -75,13 +75,13 @@ double noise_of(std::span<const AnyFramesView> colours, const Shape& shape) {
   if (!holds_integers(colours.front())) {
     double most = 1e-100;
     for (const AnyFramesView& colour : colours) most = std::max(most, largest_magnitude(colour));
-    least = relative_noise * most;
+    least = kRelativeNoise * most;
   }
   if (shape.columns < 3) return least;
   const std::size_t samples = shape.frames * shape.rows * shape.columns * colours.size();
   std::vector<double> bends;
   for (const AnyFramesView& colour : colours)
-    add_bends(colour, std::max<std::size_t>(2, samples / (2 * enough_pixels)), bends);
+    add_bends(colour, std::max<std::size_t>(2, samples / (2 * kEnoughPixels)), bends);
   return std::max(least, quantile(bends, 0.5) / (kMedianMagnitude * std::sqrt(6.0)));
 }
 
@@ -95,7 +95,7 @@ double lifted_light(double stored, double toe, double white) {
 
 double slope_of_lifted(double stored, double toe, double white) {
   if (toe == 0) return 1;
-  const double size = std::max(std::abs(stored), black * white);
+  const double size = std::max(std::abs(stored), kBlack * white);
   return 0.5 + 0.5 * (size + 2 * toe * white) / std::sqrt(size * (size + 4 * toe * white));
 }
 
@@ -122,7 +122,7 @@ StoredScene::StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& cu
   frames_ = shape.frames;
   rows_ = shape.rows;
   columns_ = shape.columns;
-  merged_ = std::min(blocks_of(rows_ * columns_, whole_pixels), most_merged);
+  merged_ = std::min(blocks_of(rows_ * columns_, kWholePixels), kMostMerged);
   pixels_ = rows_ * blocks_of(columns_, merged_);
   white_ = white_level(curve_, largest_sample(colours_.front())) - curve_.dark_level;
   noise_ = noise || !is_read ? noise.value_or(0.5) : noise_of(colours_, shape);
@@ -145,7 +145,7 @@ void StoredScene::set_toe(double toe) {
 double StoredScene::variance_at(double value, double top) const {
   const double deviation =
       noise_ * light_per_step(curve_, value, top) * slope_of_lifted(linear_light(curve_, value, top), toe_, white_);
-  return value >= saturation_level(colours_.front(), curve_) ? inf : deviation * deviation;
+  return value >= saturation_level(colours_.front(), curve_) ? kInf : deviation * deviation;
 }
 
 void StoredScene::make_table() {
@@ -166,7 +166,7 @@ Blocks StoredScene::converted(std::size_t frame, std::size_t colour) const {
   return std::visit(
       [&]<class Sample>(const FramesView<const Sample>& view) {
         const FramesView<const Sample> plane = one_frame(view, frame);
-        if constexpr (is_integer<Sample>) {
+        if constexpr (kIsInteger<Sample>) {
           return merge_columns(plane, merged_, table_);
         } else {
           Blocks blocks{rows_, columns_, {}, {}};

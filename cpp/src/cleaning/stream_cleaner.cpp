@@ -19,16 +19,16 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr std::size_t frames_of_shares = 8;   // between estimates of the shares
-constexpr double most_estimates = 6;          // whose mean the shares are
-constexpr double new_part = 1.0 / 16;         // of the picture, from which on shares are estimated at once
-constexpr double guide_blocks = 1U << 15U;    // of the picture whose displacement is measured
-constexpr double cut = 0.5;                   // of the picture unlike the frame before: another scene
-constexpr std::size_t most_frequencies = 64;  // frames whose mean frequency is followed
-constexpr std::size_t most_moved = 32;        // part of the rows that a picture moves by in a frame
-constexpr double still = 0.6;                 // correlation of the lights of two frames
-constexpr std::size_t frames_of_search = 32, searched_frames = 3;  // where none has a light
-constexpr double most_jitter = 0.25;  // of a time stamp, in frames: phases of slow tones are those of whole ones
+constexpr std::size_t kFramesOfShares = 8;    // between estimates of the shares
+constexpr double kMostEstimates = 6;          // whose mean the shares are
+constexpr double kNewPart = 1.0 / 16;         // of the picture, from which on shares are estimated at once
+constexpr double kGuideBlocks = 1U << 15U;    // of the picture whose displacement is measured
+constexpr double kCut = 0.5;                  // of the picture unlike the frame before: another scene
+constexpr std::size_t kMostFrequencies = 64;  // frames whose mean frequency is followed
+constexpr std::size_t kMostMoved = 32;        // part of the rows that a picture moves by in a frame
+constexpr double kStill = 0.6;                // correlation of the lights of two frames
+constexpr std::size_t kFramesOfSearch = 32, kSearchedFrames = 3;  // where none has a light
+constexpr double kMostJitter = 0.25;  // of a time stamp, in frames: phases of slow tones are those of whole ones
 
 // Means of one colour over the blocks of its shares.
 Blocks in_blocks(const StoredScene& stored, std::size_t colour, const BlockShares& shares) {
@@ -45,7 +45,7 @@ std::vector<Blocks> all_in_blocks(const StoredScene& stored, const BlockShares& 
 // Blocks of the shares, along each axis, in one of the guide.
 std::size_t guide_size(std::size_t blocks) {
   return std::max<std::size_t>(
-      1, static_cast<std::size_t>(std::nearbyint(std::sqrt(static_cast<double>(blocks) / guide_blocks))));
+      1, static_cast<std::size_t>(std::nearbyint(std::sqrt(static_cast<double>(blocks) / kGuideBlocks))));
 }
 
 // Logarithm of the cleaned light of blocks, all colours added, in some 32,000 larger blocks.
@@ -64,7 +64,7 @@ Blocks guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, 
   const std::size_t count = guide_size(picture.light.size());
   Blocks guide = block_means(picture.picture(), count, count);
   const double mean = mean_of(guide.light);
-  for (double& value : guide.light) value = std::log(std::max(value, 0.0) + least_light * std::max(mean, 1e-300));
+  for (double& value : guide.light) value = std::log(std::max(value, 0.0) + kLeastLight * std::max(mean, 1e-300));
   return guide;
 }
 
@@ -88,27 +88,27 @@ void estimate(const std::vector<Blocks>& blocks, const ColourLights& lights, std
     const Values own = light_share(blocks[colour].picture(), rows);
     Values& share = shares[colour].share;
     for (std::size_t i = 0; i < share.size(); ++i)
-      share[i] += (own[i] - share[i]) / (std::min(estimates[i], most_estimates - 1) + 1);
+      share[i] += (own[i] - share[i]) / (std::min(estimates[i], kMostEstimates - 1) + 1);
   }
   for (double& count : estimates) count += 1;
 }
 
 // The light of chips differs from frame to frame by more than a picture moves.
 bool stand_still(const Values& before, const Values& now) {
-  const std::size_t rows = now.size(), most = rows / most_moved;
+  const std::size_t rows = now.size(), most = rows / kMostMoved;
   const auto likeness = [&](std::size_t first, std::size_t second) {
     return correlation(std::span(before).subspan(first, rows - most), std::span(now).subspan(second, rows - most));
   };
   for (std::size_t move = 0; move <= most; ++move)
-    if (std::max(likeness(move, 0), likeness(0, move)) > still) return true;
+    if (std::max(likeness(move, 0), likeness(0, move)) > kStill) return true;
   return false;
 }
 
 // True if the shares are estimated in a frame that others have been before.
 bool is_due(const Values& estimates, std::size_t frames) {
   const auto missing = std::ranges::count_if(estimates, [](double count) { return count < 0.5; });
-  return frames % frames_of_shares == 0 || frames == 1 ||
-         static_cast<double>(missing) > new_part * static_cast<double>(estimates.size());
+  return frames % kFramesOfShares == 0 || frames == 1 ||
+         static_cast<double>(missing) > kNewPart * static_cast<double>(estimates.size());
 }
 
 }  // namespace
@@ -129,7 +129,7 @@ StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours, std
     leave_room(*since - 1);
   else
     forget_slow();
-  if (unlit_ >= most_slow_frames && unlit_ % frames_of_search >= searched_frames) {
+  if (unlit_ >= kMostSlowFrames && unlit_ % kFramesOfSearch >= kSearchedFrames) {
     ++unlit_;
     leave_room(1);
     StoredScene stored(std::move(colours), camera_.tone_curve, options_.noise, 0, false);
@@ -181,7 +181,7 @@ std::optional<double> StreamCleaner::frames_since_last(std::optional<double> tim
   if (!time && !last) return 1;
   if (!time || !last || !(*time > *last)) return {};
   const double since = *time - *last, frames = std::nearbyint(since / frame_time_.value_or(since));
-  const bool is_regular = frames >= 1 && std::abs(since / frame_time_.value_or(since) - frames) <= most_jitter;
+  const bool is_regular = frames >= 1 && std::abs(since / frame_time_.value_or(since) - frames) <= kMostJitter;
   if (!camera_.frame_time) {  // the mean since the last irregular frame
     frames_ = is_regular ? frames_ + frames : 1;
     frame_time_ = is_regular && frame_time_ ? *frame_time_ + (since - frames * *frame_time_) / frames_ : since;
@@ -191,9 +191,9 @@ std::optional<double> StreamCleaner::frames_since_last(std::optional<double> tim
 
 // Counts missing frames, in which the phases of slow tones advance, and drops courses that are too old.
 void StreamCleaner::leave_room(double missing) {
-  earlier_.next += static_cast<std::ptrdiff_t>(std::min(missing, static_cast<double>(most_slow_frames)));
+  earlier_.next += static_cast<std::ptrdiff_t>(std::min(missing, static_cast<double>(kMostSlowFrames)));
   std::erase_if(earlier_.courses, [&](const CommonCourse& course) {
-    return earlier_.next - course.place >= static_cast<std::ptrdiff_t>(most_slow_frames);
+    return earlier_.next - course.place >= static_cast<std::ptrdiff_t>(kMostSlowFrames);
   });
 }
 
@@ -278,7 +278,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   now.guide = guide_of(blocks, now.lights, now.shares);
   const PictureChange change = picture_change(before_->guide, now.guide);
   const auto unlike = std::accumulate(change.is_new.begin(), change.is_new.end(), std::size_t{0});
-  if (static_cast<double>(unlike) > cut * static_cast<double>(change.is_new.size())) return {};
+  if (static_cast<double>(unlike) > kCut * static_cast<double>(change.is_new.size())) return {};
   if (!std::ranges::all_of(now.shares, &BlockShares::is_one)) {
     const std::size_t pixels = now.estimates.size();
     move(change, guide_size(pixels), blocks.front().columns, now.shares, now.estimates);
@@ -320,7 +320,7 @@ ColourLights StreamCleaner::followed_lights(const StoredScene& stored) const {
         of_columns[k] +=
             shares.share[n * across + k * stored.merged() / shares.block_columns] / static_cast<double>(down);
     ToneLight tone = refined_tone_light(ColumnBundles(picture, of_columns), Values(picture.rows, 1.0), *own.tone);
-    const double weight = 1 / static_cast<double>(std::min(before_->frames, most_frequencies) + 2);
+    const double weight = 1 / static_cast<double>(std::min(before_->frames, kMostFrequencies) + 2);
     tone.frequency = std::lerp(own.tone->frequency, tone.frequency, weight);
     tone.second = std::lerp(own.tone->second, tone.second, weight);
     found.lights.push_back(ocisac::light_of(std::move(tone)));

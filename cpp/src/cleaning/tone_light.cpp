@@ -20,13 +20,13 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr int steps = 10;               // of Gauss and Newton
-constexpr double much_likelier = 0.01;  // min. decrease of the misfit
-constexpr double quarter = 0.25;        // cycles: between compared rows; in the frame, the range of a linear step
+constexpr int kSteps = 10;              // of Gauss and Newton
+constexpr double kMuchLikelier = 0.01;  // min. decrease of the misfit
+constexpr double kQuarter = 0.25;       // cycles: between compared rows; in the frame, the range of a linear step
 
 // Cycles per row of a light that may be a shade of the picture.
 bool is_slow(double frequency, std::size_t rows) {
-  return frequency * static_cast<double>(slowest_rows) < 1 || frequency * static_cast<double>(rows) < slow_cycles;
+  return frequency * static_cast<double>(kSlowestRows) < 1 || frequency * static_cast<double>(rows) < kSlowCycles;
 }
 
 // Fundamentals of its lamps; harmonics of the first one below half the row rate.
@@ -109,8 +109,8 @@ std::optional<ToneLight> with_second(const RowLight& rows, double frequency) {
 std::optional<ToneLight> likeliest(const ColumnBundles& picture, const RowLight& rows, const Values& fundamental,
                                    const ToneLight& tone, bool must_gain) {
   ToneLight best = fitted_tone(picture, fundamental, {{}, tone.frequency});
-  if (must_gain && picture.gain(best.light) < min_gain) return {};
-  const auto lag = static_cast<std::size_t>(std::max(std::nearbyint(quarter / tone.frequency), 1.0));
+  if (must_gain && picture.gain(best.light) < kMinGain) return {};
+  const auto lag = static_cast<std::size_t>(std::max(std::nearbyint(kQuarter / tone.frequency), 1.0));
   std::vector<ToneLight> others;
   if (tone.harmonics > 1) others.push_back(fitted_tone(picture, fundamental, tone));
   if (const std::optional<ToneLight> two = with_second(rows, best.frequency))
@@ -118,7 +118,7 @@ std::optional<ToneLight> likeliest(const ColumnBundles& picture, const RowLight&
   double least = others.empty() ? 0 : picture.misfit(best.light, lag);
   for (ToneLight& tried : others) {
     const double misfit = picture.misfit(tried.light, lag);
-    if (misfit >= least - much_likelier) continue;
+    if (misfit >= least - kMuchLikelier) continue;
     best = std::move(tried);
     least = misfit;
   }
@@ -149,7 +149,7 @@ ToneLight refined_tone_light(const ColumnBundles& picture, std::span<const doubl
   require(tone.frequency > 0 && tone.frequency < 0.5, "frequency", tone.frequency, "above 0 and below 0.5");
   const std::size_t harmonics = harmonics_of(tone).size();
   const Eigen::MatrixXd design = design_of(picture.rows(), tone, 0, 1);
-  const RowLight refined = picture.refined(light, {.basis = span_of(design)}, steps);
+  const RowLight refined = picture.refined(light, {.basis = span_of(design)}, kSteps);
   const Eigen::VectorXd terms = coefficients_of(design, vector_of(refined.light));
   std::vector<double*> lamps{&tone.frequency};
   if (tone.second > 0) lamps.push_back(&tone.second);
@@ -159,7 +159,7 @@ ToneLight refined_tone_light(const ColumnBundles& picture, std::span<const doubl
     const double squares = std::max(own[0] * own[0] + own[2] * own[2], 1e-300),
                  rows = static_cast<double>(picture.rows());
     const double change = (own[1] * own[2] - own[3] * own[0]) / (std::numbers::pi * rows * squares);
-    const double limit = quarter / rows, before = *lamps[k];
+    const double limit = kQuarter / rows, before = *lamps[k];
     *lamps[k] += std::clamp(change, -limit, limit);
     const bool is_tone = *lamps[k] > 0 && *lamps[k] < 0.5 && harmonics_of(tone).size() == harmonics;
     if (!is_tone) *lamps[k] = before;

@@ -13,8 +13,8 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t max_blocks = 64;     // per frame; a light of 1/64 of the frame's width fills one
-constexpr std::size_t max_signals = 1024;  // over all frames
+constexpr std::size_t kMaxBlocks = 64;     // per frame; a light of 1/64 of the frame's width fills one
+constexpr std::size_t kMaxSignals = 1024;  // over all frames
 
 // The smallest integer that is saturated, above all samples if none is.
 template <class T>
@@ -78,7 +78,7 @@ void remove_mean(std::span<double> signal, double mean) {
 ColumnBlocks column_blocks(const AnyFramesView& frames, double saturation) {
   check(frames);
   const Shape shape = shape_of(frames);
-  const std::size_t most = std::clamp<std::size_t>(max_signals / std::max<std::size_t>(shape.frames, 1), 1, max_blocks);
+  const std::size_t most = std::clamp<std::size_t>(kMaxSignals / std::max<std::size_t>(shape.frames, 1), 1, kMaxBlocks);
   const std::size_t width = (shape.columns + most - 1) / most;
   const std::size_t blocks = (shape.columns + width - 1) / width;
   ColumnBlocks out{shape.frames,

@@ -98,14 +98,14 @@ HWY_INLINE void short_dft(Complex<T> (&x)[4]) {
 
 template <class T>
 HWY_INLINE void short_dft(Complex<T> (&x)[5]) {
-  constexpr double cos_72 = 0.30901699437494742410, cos_144 = -0.80901699437494742410;
-  constexpr double sin_72 = 0.95105651629515357212, sin_144 = 0.58778525229247312917;
+  constexpr double kCos72 = 0.30901699437494742410, kCos144 = -0.80901699437494742410;
+  constexpr double kSin72 = 0.95105651629515357212, kSin144 = 0.58778525229247312917;
   const auto outer = plus(x[1], x[4]), inner = plus(x[2], x[3]);
   const auto outer_difference = minus(x[1], x[4]), inner_difference = minus(x[2], x[3]);
-  const auto first = plus_times(plus_times(x[0], cos_72, outer), cos_144, inner);
-  const auto second = plus_times(plus_times(x[0], cos_144, outer), cos_72, inner);
-  const auto of_first = plus_times(times(sin_144, inner_difference), sin_72, outer_difference);
-  const auto of_second = plus_times(times(-sin_72, inner_difference), sin_144, outer_difference);
+  const auto first = plus_times(plus_times(x[0], kCos72, outer), kCos144, inner);
+  const auto second = plus_times(plus_times(x[0], kCos144, outer), kCos72, inner);
+  const auto of_first = plus_times(times(kSin144, inner_difference), kSin72, outer_difference);
+  const auto of_second = plus_times(times(-kSin72, inner_difference), kSin144, outer_difference);
   x[0] = plus(x[0], plus(outer, inner));
   x[1] = minus_j(first, of_first);
   x[2] = minus_j(second, of_second);

@@ -19,7 +19,7 @@ namespace {
 
 using namespace ocisac::c;
 
-constexpr std::size_t most_planes = 4;
+constexpr std::size_t kMostPlanes = 4;
 
 ocisac_cleaner_options default_cleaner_options() {
   ocisac_cleaner_options options{};
@@ -34,8 +34,8 @@ ocisac_cleaned empty_cleaned() { return {sizeof(ocisac_cleaned), OCISAC_MODEL_RO
 
 ocisac::RowModel model_of(const ocisac_cleaner_options& options) {
   using ocisac::RowModel;
-  constexpr std::array models{RowModel::automatic, RowModel::tone, RowModel::chips, RowModel::rows};
-  return chosen("model", options.model, models);
+  constexpr std::array kModels{RowModel::automatic, RowModel::tone, RowModel::chips, RowModel::rows};
+  return chosen("model", options.model, kModels);
 }
 
 std::int32_t number_of(ocisac::RowModel model) {
@@ -67,7 +67,7 @@ ocisac::FramesView<const Sample> view_of(const ocisac_plane& plane) {
 
 // The planes in order of time.
 std::vector<ocisac::AnyFramesView> views_of(const ocisac_plane* planes, std::size_t count, ocisac::ScanAxis axis) {
-  ocisac::require(count > 0 && count <= most_planes, "count", count, "1 to 4");
+  ocisac::require(count > 0 && count <= kMostPlanes, "count", count, "1 to 4");
   std::vector<ocisac::AnyFramesView> views;
   for (std::size_t k = 0; k < count; ++k) {
     const ocisac_plane& plane = planes[k];

@@ -37,7 +37,7 @@ void check(Tones tones) {
 }
 
 void check_noise(Tones tones, double noise_exposure) {
-  require(tones.size() <= max_weighted_tones, "tones", tones.size(), "1 to 32");
+  require(tones.size() <= kMaxWeightedTones, "tones", tones.size(), "1 to 32");
   check(tones);
   require(noise_exposure > 0, "noise_exposure", noise_exposure, "a number above 0 (s), or infinity");
 }
@@ -397,7 +397,7 @@ BestExposure best_noisy_exposure(Tones tones, double noise_exposure, const Expos
   require(window.low <= window.high, "bounds", window.low, "the lower bound first");
   require_not_negative("step", window.step);
   require_few(lobes_of(tones, window), "bounds", "lobes");
-  std::array<double, max_weighted_tones> zeros;
+  std::array<double, kMaxWeightedTones> zeros;
   return Branching(tones, noise_exposure, window, std::span(zeros).first(tones.size())).run();
 }
 

@@ -15,12 +15,12 @@ namespace {
 
 namespace reason = exposure_reason;
 
-constexpr double step_back = 0.7;      // factor on exposure·gain after saturation
-constexpr double recovery = 1.002;     // growth per frame of a limit set by saturation
-constexpr double bound_slack = 0.02;   // relative tolerance at the bounds, which are noisy
-constexpr double gain_slack = 0.1;     // relative deviation of the mean level from its target that is tolerated
-constexpr double gain_deviations = 5;  // allowed deviation of a measured gain, standard errors
-constexpr double gain_tolerance = 0.02;
+constexpr double kStepBack = 0.7;      // factor on exposure·gain after saturation
+constexpr double kRecovery = 1.002;    // growth per frame of a limit set by saturation
+constexpr double kBoundSlack = 0.02;   // relative tolerance at the bounds, which are noisy
+constexpr double kGainSlack = 0.1;     // relative deviation of the mean level from its target that is tolerated
+constexpr double kGainDeviations = 5;  // allowed deviation of a measured gain, standard errors
+constexpr double kGainTolerance = 0.02;
 
 void check(const ExposureControllerOptions& o) {
   require_positive("shortest", o.range.low);
@@ -52,7 +52,7 @@ void require_if_known(const char* name, double value, bool above_zero) {
 }
 
 void check(const ExposureMeasurement& m) {
-  require(m.tones.size() <= max_weighted_tones, "tones", m.tones.size(), "at most 32");
+  require(m.tones.size() <= kMaxWeightedTones, "tones", m.tones.size(), "at most 32");
   for (const MeasuredTone& tone : m.tones) {
     require_if_known("frequency", tone.frequency, true);
     require_not_negative("share", tone.share);
@@ -69,7 +69,7 @@ void check(const ExposureMeasurement& m) {
 
 // Tones in use with their weights; the shares of each kind are normalised to its weight.
 struct Tones {
-  std::array<WeightedTone, max_weighted_tones> values;
+  std::array<WeightedTone, kMaxWeightedTones> values;
   std::size_t count = 0;
   [[nodiscard]] std::span<const WeightedTone> view() const { return {values.data(), count}; }
 };
@@ -100,7 +100,7 @@ bool gains_disagree(std::span<const MeasuredTone> tones, double exposure) {
   if (std::isnan(exposure)) return false;
   return std::ranges::any_of(tones, [&](const MeasuredTone& tone) {
     const double turn = std::numbers::pi * tone.frequency * exposure;
-    const double allowed = gain_deviations * tone.gain_std + gain_tolerance;
+    const double allowed = kGainDeviations * tone.gain_std + kGainTolerance;
     return std::abs(tone.gain - std::abs(std::sin(turn) / turn)) > allowed;  // false where a value is kNaN
   });
 }
@@ -135,7 +135,7 @@ double ExposureController::largest_product(const ExposureMeasurement& measuremen
   const double dimmer = limit_radiance_ / present.radiance;
   if (dimmer > 0 && std::isfinite(dimmer)) limit_ *= dimmer;
   limit_radiance_ = present.radiance > 0 ? present.radiance : kNaN;
-  limit_ = saturated ? std::min(limit_, step_back * product) : limit_ * recovery;
+  limit_ = saturated ? std::min(limit_, kStepBack * product) : limit_ * kRecovery;
   const double by_peak =
       !saturated && measurement.peak > 0 ? options_.level_ceiling / measurement.peak * product : kInfinity;
   reasons |= limit_ < by_peak ? reason::saturation : by_peak < kInfinity ? reason::ceiling : 0;
@@ -166,7 +166,7 @@ double ExposureController::gain_of(double exposure, double radiance, double smal
   const double highest = std::clamp(largest / exposure, options_.lowest_gain, options_.highest_gain);
   const double aim = options_.level_aim / (radiance * exposure);
   const double wanted = std::isnan(aim) ? (std::isnan(gain_) ? options_.lowest_gain : gain_) : aim;
-  const bool near_aim = gain_ < aim * (1 + gain_slack) && gain_ > aim / (1 + gain_slack);
+  const bool near_aim = gain_ < aim * (1 + kGainSlack) && gain_ > aim / (1 + kGainSlack);
   return std::clamp(near_aim ? gain_ : wanted, lowest, std::max(lowest, highest));
 }
 
@@ -184,7 +184,7 @@ void ExposureController::choose(std::span<const WeightedTone> tones, double pres
   const ExposureWindow window{chosen.low, chosen.high, options_.range.step};
   const bool known = !std::isnan(exposure_);
   const bool allowed =
-      known && exposure_ >= window.low * (1 - bound_slack) && exposure_ <= window.high * (1 + bound_slack);
+      known && exposure_ >= window.low * (1 - kBoundSlack) && exposure_ <= window.high * (1 + kBoundSlack);
   bool holds = allowed;
   if (tones.empty()) {
     chosen.reasons |= reason::no_tones;

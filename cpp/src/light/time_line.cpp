@@ -25,8 +25,8 @@ void CycleCounter::require_countable(double x_first, double x_last, const char* 
 }
 
 DoubleDouble turns(double angle) {
-  constexpr DoubleDouble turns_per_radian{0x1.45f306dc9c883p-3, -0x1.6b01ec5417056p-57};  // 1/(2π)
-  return DoubleDouble{angle, 0} * turns_per_radian;
+  constexpr DoubleDouble kTurnsPerRadian{0x1.45f306dc9c883p-3, -0x1.6b01ec5417056p-57};  // 1/(2π)
+  return DoubleDouble{angle, 0} * kTurnsPerRadian;
 }
 
 }  // namespace ocisac

@@ -54,8 +54,8 @@ inline bool operator<(DoubleDouble a, DoubleDouble b) { return a.high < b.high |
 
 // The nearest whole number, |value| < 2^51; inline arithmetic where the processor's rounding instruction may be absent.
 inline double nearest_whole(double value) {
-  constexpr double shift = 0x1.8p52;
-  return (value + shift) - shift;
+  constexpr double kShift = 0x1.8p52;
+  return (value + kShift) - kShift;
 }
 
 // t(x) = origin + x·step in seconds: x is a row number and step the row time, or x a time and step 1.

@@ -22,11 +22,11 @@ namespace hn = hwy::HWY_NAMESPACE;
 template <bool kFractions>
 HWY_INLINE void count(DoubleDouble step, double grid, std::span<const double> x, double* HWY_RESTRICT coarse,
                       double* HWY_RESTRICT fine) {
-  constexpr bool fused = kHasFusedProduct || HWY_TARGET <= HWY_AVX2;  // one operation instead of ten
+  constexpr bool kFused = kHasFusedProduct || HWY_TARGET <= HWY_AVX2;  // one operation instead of ten
   const ExactFactor factor(step.high);
   const double low = step.low, shift = 0x1.8p52 * grid;
   for (std::size_t i = 0; i < x.size(); ++i) {
-    DoubleDouble cycles = factor.times<fused>(x[i]);
+    DoubleDouble cycles = factor.times<kFused>(x[i]);
     cycles.low += x[i] * low;
     if constexpr (kFractions) {
       cycles = exact_sum(cycles.high - nearest_whole(cycles.high), cycles.low);
@@ -212,10 +212,10 @@ HWY_INLINE void means_of_cells(const CellMeans& own, const Cycles& at, std::size
 
 template <bool kSlopes, bool kLows>
 HWY_INLINE void write_cells(const CellMeans& own, const Cycles& at, const MeansOutput& to) {
-  constexpr std::size_t most = 512;
-  alignas(64) double means[most + kMaxReadAhead];
-  for (std::size_t first = 0; first < to.means.size(); first += most) {
-    const std::size_t size = std::min(most, to.means.size() - first);
+  constexpr std::size_t kMost = 512;
+  alignas(64) double means[kMost + kMaxReadAhead];
+  for (std::size_t first = 0; first < to.means.size(); first += kMost) {
+    const std::size_t size = std::min(kMost, to.means.size() - first);
     means_of_cells<kSlopes, kLows>(own, {at.coarse + first, at.fine + first, at.origin}, size, means);
     write({to.means.subspan(first, size), to.adds, to.steady}, 0,
           [&means](std::size_t i) HWY_ATTR { return means[i]; });

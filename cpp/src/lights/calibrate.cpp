@@ -98,8 +98,8 @@ Lamp find_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   std::ranges::copy(own.strength, all.strength.begin() + first);
   // What is no likely tone, such as data, counts beside a tone of the whole frame alone.
   const bool uncertain = light.share == 0 || light.probability < kLikely;
-  const bool doubtful = contested || (uncertain && !answered(whole)) || is_narrow(all);
-  const Flags flags = (own.saturated ? flag::saturated : 0) | (doubtful ? flag::model_misfit : 0);
+  const bool kDoubtful = contested || (uncertain && !answered(whole)) || is_narrow(all);
+  const Flags flags = (own.saturated ? flag::saturated : 0) | (kDoubtful ? flag::model_misfit : 0);
   return {{light.frequency, light.frequency_std, light.snr, 3, flags, std::move(all)}, light.probability};
 }
 
@@ -111,13 +111,13 @@ FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencyS
 
 std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencySearch& search) {
   require(!colours.empty(), "colours", "0 colours", "at least one");
-  constexpr Flags doubtful = flag::few_cycles | flag::at_bound | flag::model_misfit;
+  constexpr Flags kDoubtful = flag::few_cycles | flag::at_bound | flag::model_misfit;
   std::size_t best = 0;
   auto best_rank = std::pair{true, std::numeric_limits<double>::infinity()};
   for (std::size_t colour = 0; colour < colours.size(); ++colour) {
     const FoundFrequency found = find_lamp_frequency(colours[colour], search);
     if ((found.flags & flag::no_tone) != 0) continue;
-    const auto rank = std::pair{(found.flags & doubtful) != 0, found.frequency_std / found.frequency};
+    const auto rank = std::pair{(found.flags & kDoubtful) != 0, found.frequency_std / found.frequency};
     if (rank < best_rank) {
       best_rank = rank;
       best = colour;

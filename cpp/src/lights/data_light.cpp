@@ -21,15 +21,15 @@ namespace ocisac {
 namespace {
 
 constexpr int kRounds = 2;
-constexpr double min_coherence = 0.6;  // local correlation of the halves
-constexpr double min_power = 0.02;     // relative to the swing's near its maximum
-constexpr double min_likeness = 0.5;   // correlation of a column with the middle
-constexpr double min_swing = 0.15;     // relative to the middle's
-constexpr double hysteresis = 0.5;     // relative to the waveform's RMS
-constexpr std::size_t min_edges = 6, max_timed = 64;
+constexpr double kMinCoherence = 0.6;  // local correlation of the halves
+constexpr double kMinPower = 0.02;     // relative to the swing's near its maximum
+constexpr double kMinLikeness = 0.5;   // correlation of a column with the middle
+constexpr double kMinSwing = 0.15;     // relative to the middle's
+constexpr double kHysteresis = 0.5;    // relative to the waveform's RMS
+constexpr std::size_t kMinEdges = 6, kMaxTimed = 64;
 // Chips in a short interval; clock in cycles per row.
-constexpr double fastest_chip = 2.2, slowest_chip = 0.7, largest_clock = 0.4;
-constexpr double frequency_reach = 0.25;  // relative, about the suspect's
+constexpr double kFastestChip = 2.2, kSlowestChip = 0.7, kLargestClock = 0.4;
+constexpr double kFrequencyReach = 0.25;  // relative, about the suspect's
 
 // The run of true values about the middle one of those in [first, end).
 std::optional<IndexRange> run_about(const std::vector<std::uint8_t>& places, std::size_t first, std::size_t end) {
@@ -64,8 +64,8 @@ std::optional<Region> lit_rows(const LitFrame& frame, const Region& box, std::si
   std::ranges::nth_element(inside, high);
   std::vector<std::uint8_t> lit(rows.size());
   for (std::size_t n = 0; n < lit.size(); ++n) {
-    const double coherent = min_coherence * std::sqrt(std::max(own[n] * other[n], 0.0));
-    lit[n] = both[n] > std::max(coherent, min_power * *high);
+    const double coherent = kMinCoherence * std::sqrt(std::max(own[n] * other[n], 0.0));
+    lit[n] = both[n] > std::max(coherent, kMinPower * *high);
   }
   const auto run = run_about(lit, first, first + box.height);
   if (!run) return {};
@@ -90,7 +90,7 @@ std::optional<Region> lit_columns(const LitFrame& frame, const Region& box, std:
   }
   std::vector<std::uint8_t> lit(patch.groups);
   for (std::size_t g = 0; g < patch.groups; ++g)
-    lit[g] = products[g] > std::max(min_likeness * std::sqrt(squares[g] * energy), min_swing * energy);
+    lit[g] = products[g] > std::max(kMinLikeness * std::sqrt(squares[g] * energy), kMinSwing * energy);
   const std::size_t first = std::min((box.x - patch.first_column) / patch.group, patch.groups - 1);
   const std::size_t end = (box.right() - patch.first_column) / patch.group;
   const auto run = run_about(lit, first, std::clamp(end, first + 1, patch.groups));
@@ -100,7 +100,7 @@ std::optional<Region> lit_columns(const LitFrame& frame, const Region& box, std:
 
 // Rows at which the waveform has crossed its mean.
 std::vector<std::size_t> edges_of(std::span<const double> waveform) {
-  const double lowest = hysteresis * std::sqrt(product_at_lag(waveform, 0) / static_cast<double>(waveform.size()));
+  const double lowest = kHysteresis * std::sqrt(product_at_lag(waveform, 0) / static_cast<double>(waveform.size()));
   std::vector<std::size_t> edges;
   int side = 0;
   for (std::size_t n = 0; n < waveform.size(); ++n) {
@@ -115,12 +115,12 @@ std::vector<std::size_t> edges_of(std::span<const double> waveform) {
 // Rayleigh's statistic |Σ e^{−j2πf·edge}|²/edges of the best clock f, minus the ln of the number of clocks tried; the
 // second shortest interval is assumed to be one or two chips.
 double clock_evidence(std::span<const std::size_t> edges) {
-  edges = edges.first(std::min(edges.size(), max_timed));
+  edges = edges.first(std::min(edges.size(), kMaxTimed));
   std::vector<std::size_t> intervals;
   for (std::size_t i = 0; i + 1 < edges.size(); ++i) intervals.push_back(edges[i + 1] - edges[i]);
   std::ranges::sort(intervals);
   const double interval = std::max(static_cast<double>(intervals[1]), 2.0);
-  const double slowest = slowest_chip / interval, fastest = std::min(fastest_chip / interval, largest_clock);
+  const double slowest = kSlowestChip / interval, fastest = std::min(kFastestChip / interval, kLargestClock);
   const auto span = static_cast<double>(edges.back() - edges.front());
   const double step = 0.25 / span;
   const auto count = static_cast<std::size_t>(std::max(std::ceil((fastest - slowest) / step), 0.0));
@@ -218,9 +218,9 @@ std::optional<RefinedLight> find_data_light(const LitFrame& frame, const Suspect
   if (patch.groups < 2) return {};
   const Waveform waveform = waveform_of(patch, length);
   const auto edges = edges_of(waveform.values);
-  if (edges.size() < min_edges || !(waveform.energy > 0)) return {};
-  const double lower = suspect.frequency * (1 - frequency_reach);
-  const double upper = std::min(suspect.frequency * (1 + frequency_reach), 0.499);
+  if (edges.size() < kMinEdges || !(waveform.energy > 0)) return {};
+  const double lower = suspect.frequency * (1 - kFrequencyReach);
+  const double upper = std::min(suspect.frequency * (1 + kFrequencyReach), 0.499);
   const double frequency = strongest_frequency(waveform.values, lower, upper);
   const bool at_bound = frequency <= lower || frequency >= upper;
   const double share = std::min(waveform.common / waveform.energy, 1.0);

@@ -17,9 +17,9 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr std::size_t max_groups = 64;   // of columns in a patch
-constexpr std::size_t max_columns = 32;  // evaluated for a mean
-constexpr std::size_t widest_sharp = 8;  // max columns in a group of a small light
+constexpr std::size_t kMaxGroups = 64;   // of columns in a patch
+constexpr std::size_t kMaxColumns = 32;  // evaluated for a mean
+constexpr std::size_t kWidestSharp = 8;  // max columns in a group of a small light
 
 // Sums fit into 32 bits: a group of bytes or words is narrower than 2^16 columns.
 template <class T>
@@ -77,15 +77,15 @@ kernels::Carrier carrier_view(const ComplexValues& rows) { return {rows.real.dat
 
 // Mean of at most max_columns columns evenly spaced, in each of the rows: light above dark.
 std::vector<double> mean_light(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows) {
-  const std::size_t step = (columns.size() + max_columns - 1) / max_columns;
-  const std::size_t count = (columns.size() + step - 1) / step;
+  const std::size_t kStep = (columns.size() + kMaxColumns - 1) / kMaxColumns;
+  const std::size_t count = (columns.size() + kStep - 1) / kStep;
   std::vector<double> mean(rows.size(), -frame.dark);
   const double share = 1 / static_cast<double>(count);
   std::visit(
       [&](const auto& view) {
         for (std::size_t n = 0; n < mean.size(); ++n)
           for (std::size_t c = 0; c < count; ++c)
-            mean[n] += static_cast<double>(view(frame.index, rows.begin + n, columns.begin + c * step)) * share;
+            mean[n] += static_cast<double>(view(frame.index, rows.begin + n, columns.begin + c * kStep)) * share;
       },
       frame.frames);
   return mean;
@@ -128,11 +128,11 @@ Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_bes
   const std::size_t right = std::min(shape.columns, box.right() + columns_beside);
   const std::size_t top = box.y - std::min(box.y, rows_beyond);
   const std::size_t bottom = std::min(shape.rows, box.bottom() + rows_beyond);
-  const std::size_t wanted = std::max<std::size_t>((right - left + max_groups - 1) / max_groups,
-                                                   std::clamp<std::size_t>(box.width / 16, 1, widest_sharp));
+  const std::size_t wanted = std::max<std::size_t>((right - left + kMaxGroups - 1) / kMaxGroups,
+                                                   std::clamp<std::size_t>(box.width / 16, 1, kWidestSharp));
   const std::size_t group = std::min(wanted, right - left);
   const std::size_t groups = (right - left) / group;
-  const std::size_t stride = (groups + kernels::patch_padding - 1) / kernels::patch_padding * kernels::patch_padding;
+  const std::size_t stride = (groups + kernels::kPatchPadding - 1) / kernels::kPatchPadding * kernels::kPatchPadding;
   Patch patch{left, top, bottom - top, groups, group, stride, {}, {}};
   patch.light.resize(patch.rows * stride);
   patch.logs.resize(patch.rows * stride);
@@ -151,9 +151,9 @@ Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_bes
 std::vector<double> local_means(const std::vector<double>& values, std::size_t rows, std::size_t stride,
                                 std::size_t length) {
   const auto bin = 1 / static_cast<double>(length);
-  const ComplexValues step = turns_of(bin, rows, length / 2), still = times(step, step, -1);
-  const ComplexValues back = times(still, step, -1);
-  const kernels::Carrier forth = carrier_view(step);
+  const ComplexValues kStep = turns_of(bin, rows, length / 2), still = times(kStep, kStep, -1);
+  const ComplexValues back = times(still, kStep, -1);
+  const kernels::Carrier forth = carrier_view(kStep);
   const kernels::Carrier turns{forth.real + length / 2, forth.imaginary + length / 2};
   std::vector<double> means(values.size()), unused(values.size());
   kernels::hann_demodulate({values.data(), rows, stride}, std::vector<double>(stride).data(),
@@ -163,10 +163,10 @@ std::vector<double> local_means(const std::vector<double>& values, std::size_t r
 }
 
 std::vector<double> local_means(std::span<const double> signal, std::size_t length) {
-  std::vector<double> padded(signal.size() * kernels::patch_padding), means(signal.size());
-  for (std::size_t n = 0; n < signal.size(); ++n) padded[n * kernels::patch_padding] = signal[n];
-  padded = local_means(padded, signal.size(), kernels::patch_padding, length);
-  for (std::size_t n = 0; n < signal.size(); ++n) means[n] = padded[n * kernels::patch_padding];
+  std::vector<double> padded(signal.size() * kernels::kPatchPadding), means(signal.size());
+  for (std::size_t n = 0; n < signal.size(); ++n) padded[n * kernels::kPatchPadding] = signal[n];
+  padded = local_means(padded, signal.size(), kernels::kPatchPadding, length);
+  for (std::size_t n = 0; n < signal.size(); ++n) means[n] = padded[n * kernels::kPatchPadding];
   return means;
 }
 
@@ -211,14 +211,14 @@ Complex turned(double cycles) {
 }
 
 ComplexValues turns_of(double frequency, std::size_t rows, std::size_t reach) {
-  constexpr std::size_t step = 16;
-  std::array<Complex, step> fine;
-  for (std::size_t i = 0; i < step; ++i) fine[i] = turned(frequency * static_cast<double>(i));
+  constexpr std::size_t kStep = 16;
+  std::array<Complex, kStep> fine;
+  for (std::size_t i = 0; i < kStep; ++i) fine[i] = turned(frequency * static_cast<double>(i));
   ComplexValues out{std::vector<double>(rows + 2 * reach), std::vector<double>(rows + 2 * reach)};
   Complex coarse;
   for (std::size_t i = 0; i < out.real.size(); ++i) {
-    if (i % step == 0) coarse = turned(frequency * (static_cast<double>(i) - static_cast<double>(reach)));
-    const Complex& turn = fine[i % step];
+    if (i % kStep == 0) coarse = turned(frequency * (static_cast<double>(i) - static_cast<double>(reach)));
+    const Complex& turn = fine[i % kStep];
     out.real[i] = coarse.real() * turn.real() - coarse.imag() * turn.imag();
     out.imaginary[i] = coarse.real() * turn.imag() + coarse.imag() * turn.real();
   }

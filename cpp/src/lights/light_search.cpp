@@ -59,9 +59,9 @@ std::optional<Detection> most_probable(const SearchedFrame& in, const Suspect& s
     const auto light = refine(in, of, all_columns(in), edge);
     return light ? judged(in, *light, found) : std::nullopt;
   };
-  const auto whole = tone(suspect, whole_box);
+  const auto whole = tone(suspect, kWholeBox);
   if (whole && is_convincing(in, *whole)) return whole;
-  const auto inner = tone({suspect.best, suspect.frequency, suspect.share, 0, suspect.best}, inner_box);
+  const auto inner = tone({suspect.best, suspect.frequency, suspect.share, 0, suspect.best}, kInnerBox);
   const bool better = inner && (!whole || inner->probability > whole->probability);
   return better ? inner : whole;
 }
@@ -148,7 +148,7 @@ Detections with_lamps_beside(const SearchedFrame& in, Detections found, const Re
       return covers(one.light.box, suspect.box) || contains(suspect, one.light);
     };
     if (std::ranges::any_of(found.lights, known)) continue;
-    const auto other = refine(in, suspect, within, whole_box);
+    const auto other = refine(in, suspect, within, kWholeBox);
     const auto one = other && !same_frequency(*other, light) ? judged(in, *other, found) : std::nullopt;
     if (one && is_convincing(in, *one) && !is_double_of_any(*one, found.lights)) found.lights.push_back(*one);
   }
@@ -214,8 +214,8 @@ Detections with_data(const SearchedFrame& in, Detections found, std::span<const 
 // Frequency of a short light from its own pixels, without bias by its outline.
 Detection sharpened(const SearchedFrame& in, Detection one) {
   RefinedLight& light = one.light;
-  if (one.data || light.inside || static_cast<double>(light.box.height) * light.frequency > longest_inner) return one;
-  const auto own = refine(in, suspect_at(light.box, light.frequency), all_columns(in), inner_box);
+  if (one.data || light.inside || static_cast<double>(light.box.height) * light.frequency > kLongestInner) return one;
+  const auto own = refine(in, suspect_at(light.box, light.frequency), all_columns(in), kInnerBox);
   if (!own || !near_frequency(own->frequency, light.frequency) ||
       !is_measurable({.light = *own, .box = own->box}, in.limits))
     return one;
@@ -226,7 +226,7 @@ Detection sharpened(const SearchedFrame& in, Detection one) {
 }  // namespace
 
 bool add_expected(const SearchedFrame& in, const Region& box, double cycles_per_row, Detections& found) {
-  const auto light = refine_source(in.frame, suspect_at(box, cycles_per_row), in.limits, whole_box, 1);
+  const auto light = refine_source(in.frame, suspect_at(box, cycles_per_row), in.limits, kWholeBox, 1);
   auto one = light ? judged(in, *light, found) : std::nullopt;
   if (!one) return false;
   one->expected = true;

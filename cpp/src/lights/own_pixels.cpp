@@ -19,14 +19,14 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr std::size_t max_orders = 3;
-constexpr std::size_t max_groups = 16;  // of a jackknife
-constexpr int ascents = 3;              // Newton steps of a frequency
-constexpr int outline_rounds = 6;
-constexpr double outline_reach = 0.12;  // of the frequency in a round, relative
-constexpr double outlier = 9;           // squared, in standard deviations
-constexpr double smallest_spread = 1e-3;
-constexpr std::size_t min_beyond = 4;  // rows
+constexpr std::size_t kMaxOrders = 3;
+constexpr std::size_t kMaxGroups = 16;  // of a jackknife
+constexpr int kAscents = 3;             // Newton steps of a frequency
+constexpr int kOutlineRounds = 6;
+constexpr double kOutlineReach = 0.12;  // of the frequency in a round, relative
+constexpr double kOutlier = 9;          // squared, in standard deviations
+constexpr double kSmallestSpread = 1e-3;
+constexpr std::size_t kMinBeyond = 4;  // rows
 
 double squared(double x) { return x * x; }
 
@@ -46,7 +46,7 @@ constexpr std::size_t kSlowTerms = 3;
 
 ToneFit fit_tone(const OwnPixels& pixels, double frequency) {
   const std::size_t rows = pixels.profile.size();
-  const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, max_orders);
+  const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, kMaxOrders);
   const RowSampling sampling = centred_rows(rows);
   std::vector<double> columns, frequencies;
   for (std::size_t h = 1; h <= orders; ++h) frequencies.push_back(static_cast<double>(h) * frequency);
@@ -123,7 +123,7 @@ double standard_error(const OwnPixels& pixels, double frequency) {
   const OwnPixels own = profile_of_own_rows(pixels);
   const std::size_t rows = own.profile.size();
   const auto groups =
-      std::clamp<std::size_t>(static_cast<std::size_t>(static_cast<double>(rows) * frequency), 4, max_groups);
+      std::clamp<std::size_t>(static_cast<std::size_t>(static_cast<double>(rows) * frequency), 4, kMaxGroups);
   OwnPixels rest = own;
   double sum = 0, square = 0;
   for (std::size_t k = 0; k < groups; ++k) {
@@ -178,13 +178,13 @@ struct Normal {
   double mean = 0, variance = 0;
 
   [[nodiscard]] double log_density(double x) const {
-    return -0.5 * std::log(variance) - 0.5 * std::min(squared(x - mean) / variance, outlier);
+    return -0.5 * std::log(variance) - 0.5 * std::min(squared(x - mean) / variance, kOutlier);
   }
 };
 
 // Estimates the distribution of a group's rows [first, end), above or below its own; absent for few rows.
 std::optional<Normal> beyond(const OwnPixels& pixels, std::size_t group, std::size_t first, std::size_t end) {
-  if (end < first + min_beyond) return {};
+  if (end < first + kMinBeyond) return {};
   const std::size_t groups = pixels.light.size() / pixels.profile.size();
   double sum = 0, squares = 0;
   for (std::size_t n = first; n < end; ++n) {
@@ -192,7 +192,7 @@ std::optional<Normal> beyond(const OwnPixels& pixels, std::size_t group, std::si
     sum += x, squares += x * x;
   }
   const auto count = static_cast<double>(end - first);
-  return Normal{sum / count, std::max(squares / count - squared(sum / count), squared(smallest_spread))};
+  return Normal{sum / count, std::max(squares / count - squared(sum / count), squared(kSmallestSpread))};
 }
 
 // Compares two hypotheses for each pixel x, of variance s²: ln p(x | light)/max(p(x | texture), p(x | surroundings)),
@@ -213,7 +213,7 @@ std::vector<double> likelihood_ratios(const OwnPixels& pixels, const ToneFit& fi
   std::vector<double> ratios(pixels.light.size());
   if (residuals.empty()) return ratios;
   swing /= static_cast<double>(residuals.size());
-  const double own = std::max(variance_by_median(residuals), squared(smallest_spread));
+  const double own = std::max(variance_by_median(residuals), squared(kSmallestSpread));
   for (std::size_t g = 0; g < groups; ++g) {
     std::size_t first = 0, end = rows;
     while (first < end && !pixels.own[first * groups + g]) ++first;
@@ -287,15 +287,15 @@ double strongest_frequency(const OwnPixels& pixels, double lower, double upper) 
     if (energy > most) most = energy, best = frequency;
   }
   if (best <= lower || best >= upper) return best;
-  for (int ascent = 0; ascent < ascents; ++ascent)
+  for (int ascent = 0; ascent < kAscents; ++ascent)
     best += std::clamp(peak_near(own, best, rows).to_maximum, -0.5 * step, 0.5 * step);
   return best;
 }
 
 std::optional<double> fit_outline(OwnPixels& pixels, double frequency) {
   centre(pixels, std::vector<double>(pixels.profile.size()));
-  for (int round = 0; round < outline_rounds; ++round) {
-    const double lower = frequency * (1 - outline_reach), upper = std::min(frequency * (1 + outline_reach), 0.499);
+  for (int round = 0; round < kOutlineRounds; ++round) {
+    const double lower = frequency * (1 - kOutlineReach), upper = std::min(frequency * (1 + kOutlineReach), 0.499);
     frequency = strongest_frequency(pixels, lower, upper);
     if (frequency <= lower || frequency >= upper) return {};
     const ToneFit fit = fit_tone(pixels, frequency);

@@ -21,14 +21,14 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double min_alignment = 0.5;                         // cosine of the angle to the light's phase
-constexpr double min_coherence = 0.5;                         // of a group of columns, over the rows
-constexpr double first_reach = 0.22, frequency_reach = 0.12;  // of the frequency, relative: of a suspect, per round
-constexpr double settled_frequency = 0.02;                    // relative change in a round
-constexpr int max_rounds = 8;
+constexpr double kMinAlignment = 0.5;                         // cosine of the angle to the light's phase
+constexpr double kMinCoherence = 0.5;                         // of a group of columns, over the rows
+constexpr double kFirstReach = 0.22, kFrequencyReach = 0.12;  // of the frequency, relative: of a suspect, per round
+constexpr double kSettledFrequency = 0.02;                    // relative change in a round
+constexpr int kMaxRounds = 8;
 constexpr std::size_t kTiltGroups = 3;
 
-constexpr std::size_t max_orders = 9;  // of a periodic light's harmonics
+constexpr std::size_t kMaxOrders = 9;  // of a periodic light's harmonics
 
 // Magnitude without the standard's scaling for extreme exponents.
 double size(Complex z) { return std::sqrt(std::norm(z)); }
@@ -91,7 +91,7 @@ std::vector<std::uint8_t> coherent_groups(const Patch& patch, const ComplexValue
         sizes[g] += length * size(swing[i]);
       }
     }
-    for (std::size_t g = 0; g < patch.groups; ++g) coherent[g] = products[g] > min_coherence * sizes[g];
+    for (std::size_t g = 0; g < patch.groups; ++g) coherent[g] = products[g] > kMinCoherence * sizes[g];
   }
   return coherent;
 }
@@ -121,7 +121,7 @@ std::optional<RefinedLight> lit_box(const Patch& patch, const ComplexValues& swi
   if (!(largest > 0) || sum == Complex(0)) return {};
   const Complex phase = sum / std::abs(sum);
   const double least = edge * largest, c = phase.real(), s = phase.imag();
-  constexpr double alignment = min_alignment * min_alignment;
+  constexpr double kAlignment = kMinAlignment * kMinAlignment;
   std::vector<double> aligned(swing.real.size());
   std::vector<std::uint8_t> open_to(aligned.size());
   for (std::size_t n = 0; n < patch.rows; ++n)
@@ -130,7 +130,7 @@ std::optional<RefinedLight> lit_box(const Patch& patch, const ComplexValues& swi
       const double a = swing.real[i], b = swing.imaginary[i], along = a * c + b * s;
       aligned[i] = along;
       open_to[i] =
-          static_cast<std::uint8_t>((along > least) & (along * along > alignment * (a * a + b * b)) & coherent[g]);
+          static_cast<std::uint8_t>((along > least) & (along * along > kAlignment * (a * a + b * b)) & coherent[g]);
     }
   Component best{};
   std::vector<std::size_t> stack;
@@ -260,7 +260,7 @@ void add_appearance(const Patch& patch, const ComplexValues& swing, double seen,
   measure_tilt(patch, swing, core, seen, light);
 }
 
-std::size_t harmonics_of(double frequency) { return std::min(static_cast<std::size_t>(0.499 / frequency), max_orders); }
+std::size_t harmonics_of(double frequency) { return std::min(static_cast<std::size_t>(0.499 / frequency), kMaxOrders); }
 
 // Fraction of the energy Σ matched²/weight of a profile explained by a least-squares fit of weight·(harmonics).
 double periodic_share(std::span<const double> matched, std::span<const double> weight, double frequency) {
@@ -271,7 +271,7 @@ double periodic_share(std::span<const double> matched, std::span<const double> w
     weights += weight[n];
   }
   const std::size_t most = harmonics_of(frequency);
-  std::array<Complex, max_orders> sums{};
+  std::array<Complex, kMaxOrders> sums{};
   for (std::size_t n = 0; n < matched.size(); ++n) {
     if (matched[n] == 0) continue;
     const Complex turn = turned(frequency * static_cast<double>(n));
@@ -359,19 +359,19 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
       return {};
     const std::size_t known = box.height;
     box = lit->box;
-    const bool inside = edge != whole_box;
-    if (inside && static_cast<double>(box.height) * frequency > longest_inner) return {};
+    const bool inside = edge != kWholeBox;
+    if (inside && static_cast<double>(box.height) * frequency > kLongestInner) return {};
     const Profile profile = inside ? Profile{} : profile_of(patch, demodulator, box, frequency);
     const auto cycle = static_cast<std::size_t>(std::lround(1 / frequency));
     OwnPixels own = inside ? own_pixels(patch, swing, patch.range(box), 2 * cycle, edge * lit->amplitude) : OwnPixels{};
-    const double reach = round == 1 ? first_reach : frequency_reach, last = frequency;
+    const double reach = round == 1 ? kFirstReach : kFrequencyReach, last = frequency;
     const double lower = frequency * (1 - reach), upper = std::min(frequency * (1 + reach), 0.499);
     frequency = inside ? strongest_frequency(own, lower, upper) : strongest_frequency(profile.matched, lower, upper);
     if (frequency <= lower || frequency >= upper) return {};
     // A round sees two cycles above and below its box, less at a wrong frequency.
-    const bool settled = std::abs(frequency - last) <= settled_frequency * frequency &&
+    const bool settled = std::abs(frequency - last) <= kSettledFrequency * frequency &&
                          static_cast<double>(box.height) <= static_cast<double>(known) + 0.5 / frequency;
-    if (round < rounds || (!settled && round < max_rounds)) continue;
+    if (round < rounds || (!settled && round < kMaxRounds)) continue;
     box.width = std::min(box.width, shape_of(frame.frames).columns - box.x);
     RefinedLight light{};
     if (inside) {

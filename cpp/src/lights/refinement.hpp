@@ -37,8 +37,8 @@ struct RefinedLight {
 };
 
 // Amplitude at the box's edges, relative to the largest. Under a window of two cycles a sharp edge has one half.
-constexpr double whole_box = 0.15, inner_box = 0.5;
-constexpr double longest_inner = 12;  // cycles in an inner box
+constexpr double kWholeBox = 0.15, kInnerBox = 0.5;
+constexpr double kLongestInner = 12;  // cycles in an inner box
 
 // Tilt of the bars in a part of the patch, from the phase of the swing z of each group of columns u: the slope s that
 // maximises |Σ z·e^(−jsu)|. `seen`: frequency of the demodulation.
@@ -50,9 +50,9 @@ void measure_tilt(const Patch& patch, const ComplexValues& swing, const PatchRan
 // of f, 2f and 3f in log light weighted by the local swing: a real, positive envelope does not bias the peak, even for
 // few cycles. Its standard error is a jackknife over groups of cycles. Absent if box or amplitude falls below 0.7 of
 // the limits in a round. `rounds`: minimum; one suffices if the suspect's box and frequency come from the last frame.
-// Rounds go on until box and frequency stand. With `edge` inner_box, box and measures are those of the light's own
+// Rounds go on until box and frequency stand. With `edge` kInnerBox, box and measures are those of the light's own
 // pixels (own_pixels.hpp): where texture around a lamp swings in phase with it, a whole box is too large.
 std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, const LightLimits& limits,
-                                          double edge = whole_box, int rounds = 2);
+                                          double edge = kWholeBox, int rounds = 2);
 
 }  // namespace ocisac

@@ -15,7 +15,7 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-using DoubleTag = hn::CappedTag<double, patch_padding>;
+using DoubleTag = hn::CappedTag<double, kPatchPadding>;
 using Doubles = hn::Vec<DoubleTag>;
 
 struct Sum {

@@ -5,7 +5,7 @@
 
 namespace ocisac::kernels {
 
-constexpr std::size_t patch_padding = 8;  // groups of a patch are padded to a multiple of this
+constexpr std::size_t kPatchPadding = 8;  // groups of a patch are padded to a multiple of this
 
 // e^{−j2πfm} for m from −reach to rows + reach − 1.
 struct Carrier {
@@ -19,7 +19,7 @@ struct HannWindow {
   std::size_t length;
 };
 
-// A patch of light: (rows × stride), stride a multiple of patch_padding.
+// A patch of light: (rows × stride), stride a multiple of kPatchPadding.
 struct PatchView {
   const double* values;
   std::size_t rows, stride;
@@ -29,7 +29,7 @@ struct PatchView {
 // ends. `mean`: of each group. real, imaginary: layout of the patch.
 void hann_demodulate(const PatchView& x, const double* mean, const HannWindow& window, double* real, double* imaginary);
 
-// out[i] = ln(max(light[i], 0) + floor), to 1e-15. count: a multiple of patch_padding; floor > 0.
+// out[i] = ln(max(light[i], 0) + floor), to 1e-15. count: a multiple of kPatchPadding; floor > 0.
 void logarithms(const double* light, std::size_t count, double floor, double* out);
 
 }  // namespace ocisac::kernels

@@ -17,32 +17,32 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t window = 32, hop = 16;  // rows of a tile, after summing
-constexpr std::size_t tile_groups = 3;        // per tile
-constexpr std::size_t widest_group = 8;       // columns at the finest scale
-constexpr std::size_t wide_factor = 8;        // a second family of scales, for faint light on large areas
-constexpr double min_share = 0.4;
-constexpr float min_power = 1e-6F;  // mean square of log light: swings below 0.1 % are ignored
+constexpr std::size_t kWindow = 32, kHop = 16;  // rows of a tile, after summing
+constexpr std::size_t kTileGroups = 3;          // per tile
+constexpr std::size_t kWidestGroup = 8;         // columns at the finest scale
+constexpr std::size_t kWideFactor = 8;          // a second family of scales, for faint light on large areas
+constexpr double kMinShare = 0.4;
+constexpr float kMinPower = 1e-6F;  // mean square of log light: swings below 0.1 % are ignored
 // Cycles in a window; half steps where the tiles of the next scale have no better resolution.
-constexpr std::array<double, 18> cycles{2.5, 3, 3.5, 4, 4.5, 5, 5.5, 6, 6.5, 7, 7.5, 8, 9, 10, 11, 12, 13, 14};
+constexpr std::array<double, 18> kCycles{2.5, 3, 3.5, 4, 4.5, 5, 5.5, 6, 6.5, 7, 7.5, 8, 9, 10, 11, 12, 13, 14};
 
 // Cosines and sines about the middle of a window, with mean and slope removed, so that those of a signal do not matter:
 // of rows 31, 30, … 16 (16 × waves).
 struct Waves {
-  static constexpr std::size_t padded = 24;  // number of waves in whole vectors
-  std::array<std::array<float, padded>, hop> cosine{}, sine{};
+  static constexpr std::size_t kPadded = 24;  // number of waves in whole vectors
+  std::array<std::array<float, kPadded>, kHop> cosine{}, sine{};
   float slope_energy = 0;  // Σ (n − 15.5)²
 
   Waves() {
-    for (std::size_t n = 0; n < hop; ++n) slope_energy += static_cast<float>(2 * from_middle(n) * from_middle(n));
-    for (std::size_t k = 0; k < cycles.size(); ++k) {
-      const auto turn = [&](std::size_t n) { return 2 * std::numbers::pi * cycles[k] * from_middle(n) / window; };
+    for (std::size_t n = 0; n < kHop; ++n) slope_energy += static_cast<float>(2 * from_middle(n) * from_middle(n));
+    for (std::size_t k = 0; k < kCycles.size(); ++k) {
+      const auto turn = [&](std::size_t n) { return 2 * std::numbers::pi * kCycles[k] * from_middle(n) / kWindow; };
       double mean = 0, tilt = 0;
-      for (std::size_t n = 0; n < hop; ++n) {
-        mean += std::cos(turn(n)) / hop;
+      for (std::size_t n = 0; n < kHop; ++n) {
+        mean += std::cos(turn(n)) / kHop;
         tilt += 2 * std::sin(turn(n)) * from_middle(n) / static_cast<double>(slope_energy);
       }
-      for (std::size_t n = 0; n < hop; ++n) {
+      for (std::size_t n = 0; n < kHop; ++n) {
         cosine[n][k] = static_cast<float>(std::cos(turn(n)) - mean);
         sine[n][k] = static_cast<float>(std::sin(turn(n)) - tilt * from_middle(n));
       }
@@ -50,7 +50,7 @@ struct Waves {
   }
 
   // Position of row 31 − n relative to the middle.
-  static double from_middle(std::size_t n) { return 0.5 * (window - 1) - static_cast<double>(n); }
+  static double from_middle(std::size_t n) { return 0.5 * (kWindow - 1) - static_cast<double>(n); }
 };
 
 const Waves& waves() {
@@ -69,12 +69,12 @@ BestWave strongest_wave(const kernels::Chunk& earlier, const kernels::Chunk& lat
   const Waves& all = waves();
   float step = 0;
   for (std::size_t g = tile; g < tile + groups; ++g) step += later.first[g] - earlier.first[g];
-  std::array<float, Waves::padded> a, b;
+  std::array<float, Waves::kPadded> a, b;
   kernels::wave_sums(earlier.common + tile, later.common + tile, step, stride, all.cosine[0].data(), all.sine[0].data(),
-                     Waves::padded, a.data(), b.data());
+                     Waves::kPadded, a.data(), b.data());
   BestWave best;
-  for (std::size_t k = 0; k < cycles.size(); ++k) {
-    const float energy = 2.0F / window * (a[k] * a[k] + b[k] * b[k]);
+  for (std::size_t k = 0; k < kCycles.size(); ++k) {
+    const float energy = 2.0F / kWindow * (a[k] * a[k] + b[k] * b[k]);
     if (energy > best.amount) best = {energy, static_cast<std::uint8_t>(k)};
   }
   return best;
@@ -85,9 +85,9 @@ struct TileMap {
   std::vector<BestWave> tiles;
 };
 
-std::size_t windows_in(std::size_t rows) { return rows < window ? 0 : (rows - window) / hop + 1; }
+std::size_t windows_in(std::size_t rows) { return rows < kWindow ? 0 : (rows - kWindow) / kHop + 1; }
 
-bool alike(std::uint8_t a, std::uint8_t b) { return std::abs(cycles[a] - cycles[b]) <= 1; }
+bool alike(std::uint8_t a, std::uint8_t b) { return std::abs(kCycles[a] - kCycles[b]) <= 1; }
 
 // Suspects from tiles that touch, corners included, and agree in frequency.
 void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, std::size_t column_step,
@@ -103,12 +103,12 @@ void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, 
       const std::size_t at = open.back(), w = at / map.across, g = at % map.across;
       open.pop_back();
       const auto [share, wave] = map.tiles[at];
-      const Region box{g * column_step, w * hop * row_step, groups * column_step, window * row_step};
+      const Region box{g * column_step, w * kHop * row_step, groups * column_step, kWindow * row_step};
       suspect.box = suspect.evidence > 0 ? hull(suspect.box, box) : box;
       suspect.evidence -= std::log1p(-static_cast<double>(share));
       if (share > suspect.share) {
         suspect.share = static_cast<double>(share);
-        suspect.frequency = cycles[wave] / static_cast<double>(window * row_step);
+        suspect.frequency = kCycles[wave] / static_cast<double>(kWindow * row_step);
         suspect.best = box;
       }
       for (std::size_t v = w - (w > 0); v <= std::min(w + 1, map.windows - 1); ++v)
@@ -125,9 +125,9 @@ void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, 
 
 // Threshold of the share that white noise exceeds `false_alarms` times in this number of tiles.
 double share_threshold(std::size_t tiles, std::size_t groups, double false_alarms) {
-  const double tests = static_cast<double>(std::max<std::size_t>(tiles, 1) * cycles.size());
-  const double half_freedom = (static_cast<double>(groups * (window - 2)) - 2) / 2;
-  return std::max(min_share, 1 - std::pow(std::min(false_alarms / tests, 1.0), 1 / half_freedom));
+  const double tests = static_cast<double>(std::max<std::size_t>(tiles, 1) * kCycles.size());
+  const double half_freedom = (static_cast<double>(groups * (kWindow - 2)) - 2) / 2;
+  return std::max(kMinShare, 1 - std::pow(std::min(false_alarms / tests, 1.0), 1 / half_freedom));
 }
 
 // Log light of one scale, row by row: two chunks of 16 rows form a window. Sums of two rows and of neighbouring groups
@@ -141,17 +141,17 @@ class Scale {
         groups_(groups),
         row_step_(row_step),
         column_step_(column_step),
-        stride_(groups + kernels::chunk_padding),
-        logs_(2 * kernels::chunk_rows * stride_),
+        stride_(groups + kernels::kChunkPadding),
+        logs_(2 * kernels::kChunkRows * stride_),
         common_(logs_.size()),
         previous_(stride_),
         energy_(stride_) {
     for (auto& values : scratch_) values.resize(stride_);
     for (auto& values : moments_) values.resize(2 * stride_);
-    if (widen && groups >= tile_groups * wide_factor)
+    if (widen && groups >= kTileGroups * kWideFactor)
       wide_ =
-          std::make_unique<Scale>(rows, groups / wide_factor, row_step, column_step * wide_factor, coarsening, false);
-    if (widen && rows / 2 >= window) {
+          std::make_unique<Scale>(rows, groups / kWideFactor, row_step, column_step * kWideFactor, coarsening, false);
+    if (widen && rows / 2 >= kWindow) {
       across_ = groups > 1 && coarsening == Coarsening::both ? 2 : 1;
       half_ =
           std::make_unique<Scale>(rows / 2, groups / across_, 2 * row_step, across_ * column_step, coarsening, true);
@@ -174,13 +174,13 @@ class Scale {
 
   // `light`: mean light of every group in the next row, DN above dark.
   void add_row(const float* light) {
-    const std::size_t slot = seen_ % (2 * kernels::chunk_rows);
+    const std::size_t slot = seen_ % (2 * kernels::kChunkRows);
     kernels::logarithms(light, groups_, floor_, &logs_[slot * stride_]);
     if (wide_) add_to_wide(light);
     if (half_ && seen_ % 2 == 0) std::copy(light, light + groups_, previous_.begin());
     if (half_ && seen_ % 2 == 1) add_to_half(light);
     ++seen_;
-    if (seen_ % kernels::chunk_rows == 0) end_chunk();
+    if (seen_ % kernels::kChunkRows == 0) end_chunk();
   }
 
   void collect(std::vector<Suspect>& suspects) const {
@@ -190,13 +190,13 @@ class Scale {
   }
 
  private:
-  [[nodiscard]] std::size_t tile_width() const { return std::min(tile_groups, groups_); }
+  [[nodiscard]] std::size_t tile_width() const { return std::min(kTileGroups, groups_); }
 
   void add_to_wide(const float* light) {
     for (std::size_t g = 0; g < wide_->groups_; ++g) {
       float sum = 0;
-      for (std::size_t k = 0; k < wide_factor; ++k) sum += light[g * wide_factor + k];
-      light_[g] = sum / static_cast<float>(wide_factor);
+      for (std::size_t k = 0; k < kWideFactor; ++k) sum += light[g * kWideFactor + k];
+      light_[g] = sum / static_cast<float>(kWideFactor);
     }
     wide_->add_row(light_.data());
   }
@@ -212,10 +212,10 @@ class Scale {
 
   void end_chunk() {
     check_interrupt();
-    const std::size_t chunks = seen_ / kernels::chunk_rows, later = (chunks - 1) % 2;
+    const std::size_t chunks = seen_ / kernels::kChunkRows, later = (chunks - 1) % 2;
     const kernels::Chunk newest = chunk(later);
     kernels::chunk_moments(newest.first, stride_, groups_, tile_width(), newest.moments,
-                           &common_[later * kernels::chunk_rows * stride_]);
+                           &common_[later * kernels::kChunkRows * stride_]);
     if (chunks > 1) end_window(1 - later, later);
   }
 
@@ -231,16 +231,16 @@ class Scale {
     const kernels::WindowScratch scratch{scratch_[0].data(), scratch_[1].data(), scratch_[2].data(),
                                          scratch_[3].data(), scratch_[4].data(), scratch_[5].data()};
     if (!kernels::tile_energies(a, b, across,
-                                {tile_width(), min_power * window * count, threshold, waves().slope_energy}, scratch,
+                                {tile_width(), kMinPower * kWindow * count, threshold, waves().slope_energy}, scratch,
                                 energy_.data()))
       return;
     for (std::size_t g = 0; g < across; ++g) {
       const float energy = energy_[g];
       if (energy == 0) continue;
       float mean = 0;  // of log light
-      for (std::size_t k = 0; k < tile_width(); ++k) mean += (a.first[g + k] + scratch.sum[g + k] / window) / count;
+      for (std::size_t k = 0; k < tile_width(); ++k) mean += (a.first[g + k] + scratch.sum[g + k] / kWindow) / count;
       const float swing = min_swing_ * std::exp(-mean);
-      if (energy < 0.5F * swing * swing * window * count) continue;
+      if (energy < 0.5F * swing * swing * kWindow * count) continue;
       const BestWave tone = strongest_wave(a, b, g, stride_, tile_width());
       const float share = tone.amount / (count * energy);
       if (share >= threshold) map_.tiles[(map_.windows - 1) * across + g] = {std::min(share, 0.9999F), tone.wave};
@@ -249,7 +249,7 @@ class Scale {
 
   [[nodiscard]] kernels::Chunk chunk(std::size_t which) {
     const auto part = [&](std::size_t k) { return moments_[k].data() + which * stride_; };
-    const std::size_t at = which * kernels::chunk_rows * stride_;
+    const std::size_t at = which * kernels::kChunkRows * stride_;
     return {&logs_[at], {part(0), part(1), part(2), part(3), part(4)}, &common_[at]};
   }
 
@@ -311,18 +311,18 @@ void sum_columns(const FramesView<const T>& view, std::size_t first, std::size_t
 // For contiguous columns: processes some cache lines of each and a few groups at a time.
 template <class T>
 void add_columns(const FramesView<const T>& view, std::size_t group, float dark, Scale& scale) {
-  constexpr std::size_t block = 256, together = 16;
+  constexpr std::size_t kBlock = 256, kTogether = 16;
   const std::size_t groups = view.columns / group;
   const float factor = 1.0F / static_cast<float>(group);
-  std::vector<float> light(block * groups), sums(together * block);
-  for (std::size_t first = 0; first < view.rows; first += block) {
-    const std::size_t count = std::min(block, view.rows - first);
-    for (std::size_t start = 0; start < groups; start += together) {
-      const std::size_t width = std::min(together, groups - start);
+  std::vector<float> light(kBlock * groups), sums(kTogether * kBlock);
+  for (std::size_t first = 0; first < view.rows; first += kBlock) {
+    const std::size_t count = std::min(kBlock, view.rows - first);
+    for (std::size_t start = 0; start < groups; start += kTogether) {
+      const std::size_t width = std::min(kTogether, groups - start);
       for (std::size_t g = 0; g < width; ++g)
-        sum_columns(view, first, (start + g) * group, group, {&sums[g * block], count}, factor, dark);
+        sum_columns(view, first, (start + g) * group, group, {&sums[g * kBlock], count}, factor, dark);
       for (std::size_t n = 0; n < count; ++n)
-        for (std::size_t g = 0; g < width; ++g) light[n * groups + start + g] = sums[g * block + n];
+        for (std::size_t g = 0; g < width; ++g) light[n * groups + start + g] = sums[g * kBlock + n];
     }
     for (std::size_t n = 0; n < count; ++n) scale.add_row(&light[n * groups]);
   }
@@ -337,7 +337,7 @@ std::vector<Suspect> screen_sources(const LitFrame& frame, const Region& region,
   const AnyFramesView frames = part_of(frame.frames, region);
   const auto floor = static_cast<float>(frame.floor);
   const Shape shape = shape_of(frames);
-  const std::size_t group = std::clamp<std::size_t>(shape.columns / (2 * tile_groups), 1, widest_group);
+  const std::size_t group = std::clamp<std::size_t>(shape.columns / (2 * kTileGroups), 1, kWidestGroup);
   const float min_swing = holds_integers(frames) ? 0.5F : 0.0F;  // a tone of less than half a stored step is ignored
   Scale finest(shape.rows, shape.columns / group, 1, group, coarsening, true);
   finest.begin(floor, min_swing, false_alarms, finest.tiles());

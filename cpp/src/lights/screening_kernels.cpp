@@ -19,16 +19,17 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-void ChunkMomentsOf(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile,
+void ChunkMomentsOf(const float* kRows, std::size_t stride, std::size_t groups, std::size_t tile,
                     const ChunkMoments& out, float* common) {
   const hn::CappedTag<float, 16> d;
   const std::size_t lanes = hn::Lanes(d);
   for (std::size_t g = 0; g < groups; g += lanes) {
-    const auto first = hn::LoadU(d, rows + g), first1 = hn::LoadU(d, rows + g + 1), first2 = hn::LoadU(d, rows + g + 2);
+    const auto first = hn::LoadU(d, kRows + g), first1 = hn::LoadU(d, kRows + g + 1),
+               first2 = hn::LoadU(d, kRows + g + 2);
     auto sum = hn::Zero(d), slope = sum, square = sum, next = sum, second = sum;
     hn::StoreU(sum, d, common + g);
-    for (std::size_t n = 1; n < chunk_rows; ++n) {
-      const float* row = rows + n * stride + g;
+    for (std::size_t n = 1; n < kChunkRows; ++n) {
+      const float* row = kRows + n * stride + g;
       const auto x = hn::Sub(hn::LoadU(d, row), first);
       const auto y = hn::Sub(hn::LoadU(d, row + 1), first1), z = hn::Sub(hn::LoadU(d, row + 2), first2);
       sum = hn::Add(sum, x);
@@ -64,7 +65,7 @@ struct WindowProducts {
     auto total = hn::Add(hn::LoadU(d, before + g), hn::LoadU(d, after + g));
     total = hn::MulAdd(step, other_sum, total);
     total = hn::MulAdd(other, sum, total);
-    total = hn::MulAdd(hn::Mul(hn::Set(d, static_cast<float>(chunk_rows)), step), other, total);
+    total = hn::MulAdd(hn::Mul(hn::Set(d, static_cast<float>(kChunkRows)), step), other, total);
     const auto means = hn::Mul(hn::LoadU(d, of.sum + g), hn::LoadU(d, of.sum + h));
     const auto slopes = hn::Mul(hn::LoadU(d, of.slope + g), hn::LoadU(d, of.slope + h));
     total = hn::NegMulAdd(means, hn::Set(d, per_row), total);
@@ -76,19 +77,19 @@ bool TileEnergies(const Chunk& earlier, const Chunk& later, std::size_t tiles, c
                   const WindowScratch& scratch, float* energy) {
   const FloatTag d;
   const std::size_t lanes = hn::Lanes(d), groups = tiles + bound.groups - 1;
-  constexpr float rows = chunk_rows, middle = chunk_rows - 0.5F;
-  constexpr float later_slope = 0.5F * rows * rows;  // Σ of n − 15.5 over the later chunk
+  constexpr float kRows = kChunkRows, kMiddle = kChunkRows - 0.5F;
+  constexpr float kLaterSlope = 0.5F * kRows * kRows;  // Σ of n − 15.5 over the later chunk
   for (std::size_t g = 0; g < groups; g += lanes) {
     const auto step = hn::Sub(hn::LoadU(d, later.first + g), hn::LoadU(d, earlier.first + g));
     const auto before = hn::LoadU(d, earlier.moments.sum + g), after = hn::LoadU(d, later.moments.sum + g);
     hn::StoreU(step, d, scratch.step + g);
-    hn::StoreU(hn::MulAdd(hn::Set(d, rows), step, hn::Add(before, after)), d, scratch.sum + g);
+    hn::StoreU(hn::MulAdd(hn::Set(d, kRows), step, hn::Add(before, after)), d, scratch.sum + g);
     auto slope = hn::Add(hn::LoadU(d, earlier.moments.slope + g), hn::LoadU(d, later.moments.slope + g));
-    slope = hn::NegMulAdd(hn::Set(d, middle), before, slope);
-    slope = hn::MulAdd(hn::Set(d, rows - middle), after, slope);
-    hn::StoreU(hn::MulAdd(hn::Set(d, later_slope), step, slope), d, scratch.slope + g);
+    slope = hn::NegMulAdd(hn::Set(d, kMiddle), before, slope);
+    slope = hn::MulAdd(hn::Set(d, kRows - kMiddle), after, slope);
+    hn::StoreU(hn::MulAdd(hn::Set(d, kLaterSlope), step, slope), d, scratch.slope + g);
   }
-  const WindowProducts products{scratch, earlier, later, 0.5F / rows, 1 / bound.slope_energy};
+  const WindowProducts products{scratch, earlier, later, 0.5F / kRows, 1 / bound.slope_energy};
   const ChunkMoments &a = earlier.moments, &b = later.moments;
   for (std::size_t g = 0; g < groups; g += lanes) {
     hn::StoreU(products(a.square, b.square, g, 0), d, scratch.own + g);
@@ -115,16 +116,16 @@ bool TileEnergies(const Chunk& earlier, const Chunk& later, std::size_t tiles, c
 
 void WaveSums(const float* earlier, const float* later, float step, std::size_t stride, const float* cosine,
               const float* sine, std::size_t waves, float* even, float* odd) {
-  std::array<float, chunk_rows> sum, difference;
-  for (std::size_t n = 0; n < chunk_rows; ++n) {
-    const float before = earlier[n * stride], after = later[(chunk_rows - 1 - n) * stride] + step;
+  std::array<float, kChunkRows> sum, difference;
+  for (std::size_t n = 0; n < kChunkRows; ++n) {
+    const float before = earlier[n * stride], after = later[(kChunkRows - 1 - n) * stride] + step;
     sum[n] = after + before;
     difference[n] = after - before;
   }
   const hn::CappedTag<float, 8> d;
   for (std::size_t k = 0; k < waves; k += hn::Lanes(d)) {
     auto a = hn::Zero(d), b = a;
-    for (std::size_t n = 0; n < chunk_rows; ++n) {
+    for (std::size_t n = 0; n < kChunkRows; ++n) {
       a = hn::MulAdd(hn::Set(d, sum[n]), hn::LoadU(d, cosine + n * waves + k), a);
       b = hn::MulAdd(hn::Set(d, difference[n]), hn::LoadU(d, sine + n * waves + k), b);
     }
@@ -134,7 +135,7 @@ void WaveSums(const float* earlier, const float* later, float step, std::size_t 
 }
 
 // Prefetches the next group's columns: too many streams for the hardware prefetchers.
-void SumEightColumns(const std::uint8_t* HWY_RESTRICT first, std::ptrdiff_t stride, std::size_t rows, bool more,
+void SumEightColumns(const std::uint8_t* HWY_RESTRICT first, std::ptrdiff_t stride, std::size_t kRows, bool more,
                      float scale, float dark, float* HWY_RESTRICT out) {
   const FloatTag d;
   const hn::Rebind<std::int32_t, FloatTag> words;
@@ -142,16 +143,16 @@ void SumEightColumns(const std::uint8_t* HWY_RESTRICT first, std::ptrdiff_t stri
   const hn::Rebind<std::uint8_t, FloatTag> bytes;
   const std::size_t lanes = hn::Lanes(d);
   for (std::ptrdiff_t c = 8; more && c < 16; ++c)
-    for (std::size_t n = 0; n < rows; n += 64) hwy::Prefetch(first + c * stride + n);
+    for (std::size_t n = 0; n < kRows; n += 64) hwy::Prefetch(first + c * stride + n);
   std::size_t n = 0;
-  for (; n + lanes <= rows; n += lanes) {
+  for (; n + lanes <= kRows; n += lanes) {
     auto sum = hn::Zero(halves);
     for (std::ptrdiff_t c = 0; c < 8; ++c)
       sum = hn::Add(sum, hn::PromoteTo(halves, hn::LoadU(bytes, first + c * stride + n)));
     const auto light = hn::ConvertTo(d, hn::PromoteTo(words, sum));
     hn::StoreU(hn::Sub(hn::Mul(light, hn::Set(d, scale)), hn::Set(d, dark)), d, out + n);
   }
-  for (; n < rows; ++n) {
+  for (; n < kRows; ++n) {
     std::int32_t sum = 0;
     for (std::ptrdiff_t c = 0; c < 8; ++c) sum += first[c * stride + static_cast<std::ptrdiff_t>(n)];
     out[n] = static_cast<float>(sum) * scale - dark;
@@ -161,11 +162,11 @@ void SumEightColumns(const std::uint8_t* HWY_RESTRICT first, std::ptrdiff_t stri
 // Plain loops from here on: the compiler vectorises them for the target.
 void SumEightBytes(const std::uint8_t* HWY_RESTRICT row, std::size_t groups, float scale, float dark,
                    float* HWY_RESTRICT out) {
-  constexpr std::uint64_t low = 0x00ff00ff00ff00ffU;
+  constexpr std::uint64_t kLow = 0x00ff00ff00ff00ffU;
   for (std::size_t g = 0; g < groups; ++g) {
     std::uint64_t x;
     std::memcpy(&x, row + 8 * g, sizeof x);
-    x = (x & low) + ((x >> 8) & low);
+    x = (x & kLow) + ((x >> 8) & kLow);
     x += x >> 32;
     const auto sum = static_cast<std::int32_t>((x + (x >> 16)) & 0xffffU);
     out[g] = static_cast<float>(sum) * scale - dark;
@@ -197,9 +198,9 @@ HWY_EXPORT(SumEightBytes);
 HWY_EXPORT(SumEightColumns);
 HWY_EXPORT(Logarithms);
 
-void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile, const ChunkMoments& out,
-                   float* common) {
-  HWY_DYNAMIC_DISPATCH(ChunkMomentsOf)(rows, stride, groups, tile, out, common);
+void chunk_moments(const float* kRows, std::size_t stride, std::size_t groups, std::size_t tile,
+                   const ChunkMoments& out, float* common) {
+  HWY_DYNAMIC_DISPATCH(ChunkMomentsOf)(kRows, stride, groups, tile, out, common);
 }
 
 bool tile_energies(const Chunk& earlier, const Chunk& later, std::size_t tiles, const TileBound& bound,
@@ -212,9 +213,9 @@ void wave_sums(const float* earlier, const float* later, float step, std::size_t
   HWY_DYNAMIC_DISPATCH(WaveSums)(earlier, later, step, stride, cosine, sine, waves, even, odd);
 }
 
-void sum_eight_columns(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t rows, bool more, float scale,
+void sum_eight_columns(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t kRows, bool more, float scale,
                        float dark, float* out) {
-  HWY_DYNAMIC_DISPATCH(SumEightColumns)(first, stride, rows, more, scale, dark, out);
+  HWY_DYNAMIC_DISPATCH(SumEightColumns)(first, stride, kRows, more, scale, dark, out);
 }
 
 void sum_eight_bytes(const std::uint8_t* row, std::size_t groups, float scale, float dark, float* out) {

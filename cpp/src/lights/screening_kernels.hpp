@@ -6,8 +6,8 @@
 
 namespace ocisac::kernels {
 
-constexpr std::size_t chunk_rows = 16;
-constexpr std::size_t chunk_padding = 72;  // floats that may be read beyond a row
+constexpr std::size_t kChunkRows = 16;
+constexpr std::size_t kChunkPadding = 72;  // floats that may be read beyond a row
 
 // For each group of columns over a chunk of rows, first row subtracted: Σx, Σx·row, Σx², and products Σx·y, Σx·z with
 // the next group and the one after it.
@@ -15,7 +15,7 @@ struct ChunkMoments {
   float *sum, *slope, *square, *next, *second;
 };
 
-// `rows`: chunk_rows rows of `groups` values, `stride` apart, with padding after each. common: the same rows, each
+// `rows`: kChunkRows rows of `groups` values, `stride` apart, with padding after each. common: the same rows, each
 // value the sum over `tile` (1 to 3) neighbouring ones, first row subtracted.
 void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile, const ChunkMoments& out,
                    float* common);

@@ -13,7 +13,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t rows_per_block = 32;
+constexpr std::size_t kRowsPerBlock = 32;
 
 bool uniform(const ScenePart& part) { return !part.gains && !part.phase; }
 
@@ -155,12 +155,11 @@ void render_parts(std::span<const ScenePart> parts, const SceneBase& base, float
   if constexpr (!std::is_floating_point_v<T>)
     require(white >= 0 && white <= static_cast<float>(std::numeric_limits<T>::max()), "white", white,
             "a level that the samples can hold");
-  const std::size_t blocks = (frame.rows + rows_per_block - 1) / rows_per_block;
+  const std::size_t blocks = (frame.rows + kRowsPerBlock - 1) / kRowsPerBlock;
   for_each_block(blocks, threads, [&](std::size_t block) {
     Row row;
-    const std::size_t end = std::min(frame.rows, (block + 1) * rows_per_block);
-    for (row.number = block * rows_per_block; row.number < end; ++row.number)
-      render_row(parts, base, white, row, frame);
+    const std::size_t end = std::min(frame.rows, (block + 1) * kRowsPerBlock);
+    for (row.number = block * kRowsPerBlock; row.number < end; ++row.number) render_row(parts, base, white, row, frame);
   });
 }
 

@@ -23,9 +23,9 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t fewest_rows = 8;
-constexpr std::size_t max_harmonics = 31;
-constexpr std::size_t compared_harmonics = 3;  // sufficient to distinguish a fundamental from its harmonics
+constexpr std::size_t kFewestRows = 8;
+constexpr std::size_t kMaxHarmonics = 31;
+constexpr std::size_t kComparedHarmonics = 3;  // sufficient to distinguish a fundamental from its harmonics
 
 // Dense signals of equal length.
 struct Signals {
@@ -121,10 +121,10 @@ std::vector<double> grid_minima(const PeriodicSignals& signals, const FrequencyS
   const bool narrow = (range.upper - range.lower) * rows < 4;
   const double last = narrow ? range.upper : std::min(range.upper, 4 / rows);
   if (!(range.lower <= last)) return {};
-  const auto steps = static_cast<std::size_t>(std::ceil((last - range.lower) * rows / 0.25));
+  const auto kSteps = static_cast<std::size_t>(std::ceil((last - range.lower) * rows / 0.25));
   std::vector<double> grid, misfits, minima;
-  for (std::size_t i = 0; i <= steps; ++i) {
-    const double share = steps == 0 ? 0 : static_cast<double>(i) / static_cast<double>(steps);
+  for (std::size_t i = 0; i <= kSteps; ++i) {
+    const double share = kSteps == 0 ? 0 : static_cast<double>(i) / static_cast<double>(kSteps);
     grid.push_back(range.lower + share * (last - range.lower));
     const auto model = periodic_model(grid.back(), signals.rows(), 1);
     misfits.push_back(misfit(fit_periodic(signals, model, grid.back(), false).residual_energy, model, signals.rows()));
@@ -142,14 +142,14 @@ struct Candidate {
   double misfit = kInfinity;
 };
 
-constexpr double min_share = 0.2;  // of the fundamental; an aliased third harmonic of a square wave has 0.1
+constexpr double kMinShare = 0.2;  // of the fundamental; an aliased third harmonic of a square wave has 0.1
 
 // Lower bound of the misfit of a model whose fundamental explains at most `energy`, which is min_share of the
 // harmonics' or more, given the fit of the fundamental alone. Harmonics leak into each other: by 0.21 of the amplitude,
 // a cycle apart or more, hence energies by less than (0.2^½/(0.2^½ − 0.21))² < 4. What that leaves to explain is spent
 // where logarithms fall most.
 double least_misfit(const PeriodicFit& tone, double energy, const PeriodicModel& model, std::size_t rows) {
-  double explained = 4 / min_share * energy;
+  double explained = 4 / kMinShare * energy;
   std::vector<double> residuals = tone.residual_energy;
   for (std::size_t s = 0; s < residuals.size(); ++s) residuals[s] += tone.periodic_energy[s];
   std::ranges::sort(residuals);
@@ -168,17 +168,17 @@ struct FittedModel {
   double noise_power = 0;  // of a sample
 };
 
-// True if a fundamental up to `reach` cycles in the frame beside this one may, with harmonics, have less than the
+// True if a fundamental up to `kReach` cycles in the frame beside this one may, with harmonics, have less than the
 // misfit `best`.
-bool may_win(const FittedModel& tone, double reach, double best, std::size_t rows) {
-  const double frequency = tone.fit.frequency, farthest = reach / static_cast<double>(rows);
-  const auto lowest = periodic_model(frequency - farthest, rows, compared_harmonics),
-             highest = periodic_model(frequency + farthest, rows, compared_harmonics);  // has fewest harmonics
+bool may_win(const FittedModel& tone, double kReach, double best, std::size_t rows) {
+  const double frequency = tone.fit.frequency, farthest = kReach / static_cast<double>(rows);
+  const auto lowest = periodic_model(frequency - farthest, rows, kComparedHarmonics),
+             highest = periodic_model(frequency + farthest, rows, kComparedHarmonics);  // has fewest harmonics
   const std::size_t trend = tone.model.trend_degree;
   if ((frequency - farthest) * static_cast<double>(rows) < 1 || lowest.trend_degree != trend ||
       highest.trend_degree != trend)
     return true;
-  const double kept = std::pow(sinc(reach), 2);  // what a fit explains of the energy of a tone that far off
+  const double kept = std::pow(sinc(kReach), 2);  // what a fit explains of the energy of a tone that far off
   return least_misfit(tone.fit, sum(tone.fit.periodic_energy) / kept, highest, rows) < best;
 }
 
@@ -186,17 +186,17 @@ bool may_win(const FittedModel& tone, double reach, double best, std::size_t row
 // sub-multiple of the true frequency has almost no fundamental and is rejected.
 Candidate judged(const PeriodicSignals& signals, double frequency, const FrequencySearch& range, double best) {
   const std::size_t rows = signals.rows();
-  constexpr int steps = 2;       // from a quarter of a bin to a thousandth
-  constexpr double reach = 0.5;  // cycles in the frame, of two steps
+  constexpr int kSteps = 2;       // from a quarter of a bin to a thousandth
+  constexpr double kReach = 0.5;  // cycles in the frame, of two steps
   FittedModel tone{periodic_model(frequency, rows, 1), {}};
   tone.fit = fit_periodic(signals, tone.model, std::clamp(frequency, range.lower, range.upper));
-  if (!may_win(tone, reach, best, rows)) return {};
-  tone.fit = refine_periodic(signals, tone.model, std::move(tone.fit), range.lower, range.upper, steps);
+  if (!may_win(tone, kReach, best, rows)) return {};
+  tone.fit = refine_periodic(signals, tone.model, std::move(tone.fit), range.lower, range.upper, kSteps);
   if (!may_win(tone, 0, best, rows)) return {};
-  const auto model = periodic_model(tone.fit.frequency, rows, compared_harmonics);
+  const auto model = periodic_model(tone.fit.frequency, rows, kComparedHarmonics);
   const auto fit = refine_periodic(signals, model, fit_periodic(signals, model, tone.fit.frequency), range.lower,
-                                   range.upper, steps);
-  if (fit.harmonic_energy[0] < min_share * sum(fit.harmonic_energy)) return {};
+                                   range.upper, kSteps);
+  if (fit.harmonic_energy[0] < kMinShare * sum(fit.harmonic_energy)) return {};
   return {fit.frequency, misfit(fit.residual_energy, model, rows)};
 }
 
@@ -234,7 +234,7 @@ bool has_weak_fundamental(const Signals& combined, double frequency, const Frequ
   const PeriodicSignals signals(combined.samples, combined.rows);
   for (const double order : {2.0, 3.0}) {
     if (frequency / order < range.lower) continue;
-    const auto model = periodic_model(frequency / order, combined.rows, compared_harmonics);
+    const auto model = periodic_model(frequency / order, combined.rows, kComparedHarmonics);
     const PeriodicFit fit = fit_periodic(signals, model, frequency / order);
     if (fit.harmonic_energy[0] >= kLeastShare * sum(fit.harmonic_energy) &&
         fit.harmonic_energy[0] * static_cast<double>((combined.rows - model.parameters()) * combined.count()) >
@@ -269,7 +269,7 @@ PeriodicModel pruned(const FittedModel& final, std::size_t signals) {
 FittedModel final_fit(const PeriodicSignals& signals, double frequency, const FrequencySearch& range) {
   FittedModel final = refined(signals, periodic_model(frequency, signals.rows(), 1), frequency, range);
   if (range.harmonics == Harmonics::fundamental) return final;
-  for (std::size_t count = 3; count <= max_harmonics; count = 2 * count + 1) {
+  for (std::size_t count = 3; count <= kMaxHarmonics; count = 2 * count + 1) {
     const std::size_t before = final.model.harmonics.back();
     const auto model = periodic_model(final.fit.frequency, signals.rows(), count);
     if (model.harmonics.size() == final.model.harmonics.size()) break;
@@ -423,7 +423,7 @@ void check(const FrequencySearch& search) {
 FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch& search) {
   check(search);
   const ColumnBlocks blocks = column_blocks(frames, search.saturation);
-  if (blocks.rows < fewest_rows) return nothing_found(blocks);
+  if (blocks.rows < kFewestRows) return nothing_found(blocks);
   const auto rows = static_cast<double>(blocks.rows);
   const FrequencySearch range = resolvable(search, rows);
   const UnitSignals parts(blocks.signals, blocks.rows);
@@ -434,7 +434,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   std::vector<std::uint8_t> used;
   std::size_t per_frame = 1;
   const auto combined = [&](double frequency) {
-    const auto model = periodic_model(frequency, blocks.rows, compared_harmonics);
+    const auto model = periodic_model(frequency, blocks.rows, kComparedHarmonics);
     all = parts.fit(model, frequency);
     used = search.select_columns && sighting.in_parts ? tone_blocks(blocks, all)
                                                       : std::vector<std::uint8_t>(blocks.blocks, 1);

@@ -9,8 +9,8 @@ namespace ocisac {
 
 namespace {
 
-constexpr double min_ratio = 1.0 / 8;       // of the best block's ratio of periodic to other energy
-constexpr double max_saturated = 1.0 / 10;  // of a block's pixels
+constexpr double kMinRatio = 1.0 / 8;       // of the best block's ratio of periodic to other energy
+constexpr double kMaxSaturated = 1.0 / 10;  // of a block's pixels
 
 struct BlockEnergy {
   double periodic = 0, residual = 0;
@@ -36,13 +36,13 @@ std::vector<std::uint8_t> tone_blocks(const ColumnBlocks& blocks, const Periodic
   double best = 0, best_clear = 0;
   for (std::size_t b = 0; b < blocks.blocks; ++b) {
     best = std::max(best, energies[b].ratio());
-    if (blocks.saturated_share[b] <= max_saturated) best_clear = std::max(best_clear, energies[b].ratio());
+    if (blocks.saturated_share[b] <= kMaxSaturated) best_clear = std::max(best_clear, energies[b].ratio());
   }
-  const bool clear_only = best_clear > 0 && best_clear >= min_ratio * best;
-  const double least = min_ratio * (clear_only ? best_clear : best);
+  const bool clear_only = best_clear > 0 && best_clear >= kMinRatio * best;
+  const double least = kMinRatio * (clear_only ? best_clear : best);
   std::vector<std::uint8_t> used(blocks.blocks);
   for (std::size_t b = 0; b < blocks.blocks; ++b)
-    used[b] = energies[b].ratio() >= least && (!clear_only || blocks.saturated_share[b] <= max_saturated);
+    used[b] = energies[b].ratio() >= least && (!clear_only || blocks.saturated_share[b] <= kMaxSaturated);
   return used;
 }
 
@@ -58,7 +58,7 @@ ToneColumns spread_over_columns(const ColumnBlocks& blocks, const std::vector<st
     used += used_blocks[block];
     saturated += used_blocks[block] * blocks.saturated_share[block];
   }
-  columns.saturated = saturated > max_saturated * used;
+  columns.saturated = saturated > kMaxSaturated * used;
   return columns;
 }
 

@@ -19,7 +19,7 @@ void plain_moments(const float* rows, std::size_t stride, std::size_t groups, st
   float* common = out + 5 * stride;
   for (std::size_t g = 0; g < groups; ++g) {
     double sum = 0, slope = 0, square = 0, next = 0, second = 0;
-    for (std::size_t n = 0; n < chunk_rows; ++n) {
+    for (std::size_t n = 0; n < kChunkRows; ++n) {
       const auto at = [&](std::size_t i) { return double{rows[n * stride + i]} - double{rows[i]}; };
       const double x = at(g);
       sum += x, slope += static_cast<double>(n) * x, square += x * x, next += x * at(g + 1), second += x * at(g + 2);
@@ -34,14 +34,14 @@ void plain_moments(const float* rows, std::size_t stride, std::size_t groups, st
 }
 
 KernelCase moments_case(std::size_t groups, std::size_t tile) {
-  const std::size_t stride = groups + chunk_padding;
-  const auto rows = std::make_shared<Misaligned<float>>(random_rows<float>(chunk_rows, groups, stride, 5, 0.3));
+  const std::size_t stride = groups + kChunkPadding;
+  const auto rows = std::make_shared<Misaligned<float>>(random_rows<float>(kChunkRows, groups, stride, 5, 0.3));
   const auto run = [=](bool plain, float* out) {
     if (plain) return plain_moments(rows->data(), stride, groups, tile, out);
     chunk_moments(rows->data(), stride, groups, tile, moments_in(out, stride), out + 5 * stride);
   };
   return kernel_case<float>("chunk_moments " + std::to_string(groups) + " groups, tiles of " + std::to_string(tile),
-                            1e-5, {5 + chunk_rows, groups, stride}, run, groups > 200);
+                            1e-5, {5 + kChunkRows, groups, stride}, run, groups > 200);
 }
 
 // Rows of two chunks, and their moments.
@@ -50,15 +50,15 @@ struct Window {
   Misaligned<float> rows, moments[2], scratch;
 
   Window(std::size_t groups, std::size_t held)
-      : stride(groups + chunk_padding),
-        rows(random_rows<float>(2 * chunk_rows, held, stride, 5, 0.3)),
-        moments{Misaligned<float>((5 + chunk_rows) * stride), Misaligned<float>((5 + chunk_rows) * stride)},
+      : stride(groups + kChunkPadding),
+        rows(random_rows<float>(2 * kChunkRows, held, stride, 5, 0.3)),
+        moments{Misaligned<float>((5 + kChunkRows) * stride), Misaligned<float>((5 + kChunkRows) * stride)},
         scratch(6 * stride) {
     for (std::size_t half = 0; half < 2; ++half)
-      plain_moments(rows.data() + half * chunk_rows * stride, stride, groups, 1, moments[half].data());
+      plain_moments(rows.data() + half * kChunkRows * stride, stride, groups, 1, moments[half].data());
   }
   [[nodiscard]] Chunk chunk(std::size_t half) {
-    return {rows.data() + half * chunk_rows * stride, moments_in(moments[half].data(), stride),
+    return {rows.data() + half * kChunkRows * stride, moments_in(moments[half].data(), stride),
             moments[half].data() + 5 * stride};
   }
   [[nodiscard]] WindowScratch room() {
@@ -69,7 +69,7 @@ struct Window {
 
 // Computed from the rows in float64. `out`: energies, followed by 1 if there is a candidate.
 void plain_energies(const Window& window, std::size_t tiles, const TileBound& bound, float* out) {
-  constexpr std::size_t rows = 2 * chunk_rows;
+  constexpr std::size_t rows = 2 * kChunkRows;
   const auto product = [&](std::size_t g, std::size_t h) {  // after removal of mean and slope
     double both = 0, sums[2] = {0, 0}, slopes[2] = {0, 0};
     for (std::size_t n = 0; n < rows; ++n) {
@@ -91,19 +91,19 @@ void plain_energies(const Window& window, std::size_t tiles, const TileBound& bo
     out[g] = candidate ? static_cast<float>(all) : 0.0F;
     any = any || candidate;
   }
-  out[tiles + chunk_padding] = any ? 1 : 0;
+  out[tiles + kChunkPadding] = any ? 1 : 0;
 }
 
 KernelCase energies_case(std::size_t tiles, std::size_t tile) {
   // Moments of the last groups include two more, as in a wider picture.
   const auto window = std::make_shared<Window>(tiles + tile - 1, tiles + tile + 1);
-  const std::size_t stride = tiles + chunk_padding;
+  const std::size_t stride = tiles + kChunkPadding;
   const auto run = [=](bool plain, float* out) {
     const TileBound bound{tile, 2.5F * static_cast<float>(tile), tile == 1 ? 0.5F : 0.4F, 2728};
     if (plain) return plain_energies(*window, tiles, bound, out);
     const bool any = tile_energies(window->chunk(0), window->chunk(1), tiles, bound, window->room(), out);
     out[stride] = any ? 1 : 0;
-    std::fill_n(out + tiles, chunk_padding, filler<float>());  // may be written
+    std::fill_n(out + tiles, kChunkPadding, filler<float>());  // may be written
   };
   return kernel_case<float>("tile_energies " + std::to_string(tiles) + " tiles of " + std::to_string(tile), 2e-5,
                             {1, stride + 1, stride + 1}, run, tiles > 200);
@@ -113,18 +113,18 @@ KernelCase waves_case(std::size_t waves, std::size_t stride) {
   struct Input {
     Misaligned<float> rows, cosine, sine;
   };
-  const auto input = std::make_shared<Input>(Input{random_rows<float>(2 * chunk_rows, 1, stride, 3),
-                                                   random_rows<float>(chunk_rows, waves, waves),
-                                                   random_rows<float>(chunk_rows, waves, waves)});
+  const auto input = std::make_shared<Input>(Input{random_rows<float>(2 * kChunkRows, 1, stride, 3),
+                                                   random_rows<float>(kChunkRows, waves, waves),
+                                                   random_rows<float>(kChunkRows, waves, waves)});
   const auto run = [=](bool plain, float* out) {
     const float* earlier = input->rows.data();
-    const float* later = earlier + chunk_rows * stride;
+    const float* later = earlier + kChunkRows * stride;
     const float step = 0.75F;
     if (!plain)
       return wave_sums(earlier, later, step, stride, input->cosine.data(), input->sine.data(), waves, out, out + waves);
     for (std::size_t k = 0; k < waves; ++k) {
       double even = 0, odd = 0;
-      for (std::size_t n = 0; n < chunk_rows; ++n) {
+      for (std::size_t n = 0; n < kChunkRows; ++n) {
         const double before = earlier[n * stride], after = double{later[(15 - n) * stride]} + double{step};
         even += double{input->cosine.data()[n * waves + k]} * (after + before);
         odd += double{input->sine.data()[n * waves + k]} * (after - before);

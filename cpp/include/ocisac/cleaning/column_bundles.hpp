@@ -9,11 +9,11 @@
 
 namespace ocisac {
 
-constexpr std::size_t slowest_rows = 128;  // per cycle; slower changes are those of the picture as well
-constexpr double slow_cycles = 2.5;        // in the picture, up to which bands of any length are like its shades
+constexpr std::size_t kSlowestRows = 128;  // per cycle; slower changes are those of the picture as well
+constexpr double kSlowCycles = 2.5;        // in the picture, up to which bands of any length are like its shades
 
 // Number of cosines of longer periods (append_slow_light), without a constant.
-constexpr std::size_t slow_terms(std::size_t rows) { return 2 * rows / slowest_rows; }
+constexpr std::size_t slow_terms(std::size_t rows) { return 2 * rows / kSlowestRows; }
 
 // One frame in at most 192 bundles of neighbouring columns, since all columns of a row have the same light.
 class ColumnBundles {

@@ -10,8 +10,8 @@
 
 namespace ocisac {
 
-constexpr double min_gain = 0.03;   // decrease of the misfit of rows; texture without a light gives less
-constexpr double min_level = 0.25;  // coherence of level bands; of a light on part of the picture 0.4 and more
+constexpr double kMinGain = 0.03;   // decrease of the misfit of rows; texture without a light gives less
+constexpr double kMinLevel = 0.25;  // coherence of level bands; of a light on part of the picture 0.4 and more
 
 // Measured on one colour of a frame, or the mean of its colours.
 struct CleaningVerdict {

@@ -28,7 +28,7 @@ struct Blocks {
 };
 
 // Lower bound of 1 + q·P: in darker rows the remaining light of a pixel is no reliable measure.
-constexpr double min_light = 0.05;
+constexpr double kMinLight = 0.05;
 
 // Row lag that maximises the change of the light relative to the texture in between: the first at which the mean
 // squared change reaches 0.7 of the variance. `row_light`: (frames × rows).

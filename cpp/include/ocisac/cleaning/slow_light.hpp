@@ -17,7 +17,7 @@
 
 namespace ocisac {
 
-constexpr std::size_t most_slow_frames = 8;  // that are compared, missing ones counted
+constexpr std::size_t kMostSlowFrames = 8;  // that are compared, missing ones counted
 
 // Cosine modes 1 to K of the log light that the columns of a picture have in common.
 struct CommonCourse {

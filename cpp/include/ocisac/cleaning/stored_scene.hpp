@@ -15,7 +15,7 @@
 
 namespace ocisac {
 
-constexpr std::size_t whole_pixels = 1U << 19U;  // means of neighbouring pixels in larger pictures
+constexpr std::size_t kWholePixels = 1U << 19U;  // means of neighbouring pixels in larger pictures
 
 // A toe t of the tone curve stores light x as x²/(x + t·W), W: white light. Light of a stored value, and its slope.
 double lifted_light(double stored, double toe, double white);

@@ -66,7 +66,7 @@ struct ExposureWindow {
   double step = 0;   // s; only whole multiples of it; 0: any exposure
 };
 
-constexpr std::size_t max_weighted_tones = 32;
+constexpr std::size_t kMaxWeightedTones = 32;
 
 // J(T) = Σ w_i·|sin(π f_i T)|/(π f_i) / sqrt(1 + T/T_n): eq. 18 over the noise. Its variance is read noise plus shot
 // noise proportional to the collected light; the two are equal at T_n (`noise_exposure`, s, > 0; infinity: eq. 18).
