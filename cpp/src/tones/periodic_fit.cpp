@@ -127,11 +127,14 @@ MatrixXd inner_products(const std::vector<Function>& some, const std::vector<Fun
   return products;
 }
 
-// R of functions, basis = functions·R⁻¹ orthonormal. `gram`: their inner products.
-MatrixXd triangle_of(const MatrixXd& gram, double frequency) {
-  auto triangle = cholesky_factor(gram, 0);
-  require(triangle.has_value(), "frequency", frequency, "one whose harmonics the rows tell from a trend");
-  return std::move(*triangle);
+constexpr double kMinPivot = 3e-5;  // of R, relative
+
+// R of functions, basis = functions·R⁻¹ orthonormal. `gram`: their inner products. A ridge leaves out what the rows do
+// not tell from the rest, such as a sine of half the row rate, which is 0 in every row.
+MatrixXd triangle_of(MatrixXd gram) {
+  if (auto triangle = cholesky_factor(gram, kMinPivot)) return std::move(*triangle);
+  gram.diagonal().array() += kMinPivot * kMinPivot * gram.diagonal().maxCoeff();
+  return cholesky_factor(gram, 0).value();
 }
 
 // Distance of the first row of the second half from the middle.
@@ -326,11 +329,11 @@ struct Equations {
 };
 
 // From products of the signals with the functions of one parity, and of their slopes; no slopes without `u`.
-Equations equations_of(const Parity& parity, const RowMoments& moments, const PeriodicModel& model, double frequency,
+Equations equations_of(const Parity& parity, const RowMoments& moments, const PeriodicModel& model,
                        const Eigen::Map<const RowMajor>& trend, const RowMajor& harmonics, const RowMajor& u) {
   MatrixXd own(parity.trend + harmonics.rows(), harmonics.cols());
   own << trend.topRows(parity.trend), harmonics;
-  MatrixXd triangle = triangle_of(inner_products(parity.functions, parity.functions, moments), frequency);
+  MatrixXd triangle = triangle_of(inner_products(parity.functions, parity.functions, moments));
   MatrixXd coordinates = solve_upper_transposed(triangle, own);
   Equations equations{parity.at, parity.slopes_at, parity.trend, std::move(triangle), std::move(coordinates), {}, {},
                       {}};
@@ -355,9 +358,8 @@ std::array<Equations, 2> normal_equations(const PeriodicSignals& signals, const 
                                       static_cast<Index>(signals.count()));
   };
   const RowMajor none;
-  return {
-      equations_of(even, moments, model, frequency, trend(0, 2), products.cosine, with_slopes ? products.u_sine : none),
-      equations_of(odd, moments, model, frequency, trend(2, 1), products.sine, with_slopes ? products.u_cosine : none)};
+  return {equations_of(even, moments, model, trend(0, 2), products.cosine, with_slopes ? products.u_sine : none),
+          equations_of(odd, moments, model, trend(2, 1), products.sine, with_slopes ? products.u_cosine : none)};
 }
 
 }  // namespace
@@ -453,7 +455,7 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
       for (std::size_t b = 0; b < parity.at.size(); ++b)
         gram(parity.at[a], parity.at[b]) = own(static_cast<Index>(a), static_cast<Index>(b));
   }
-  const MatrixXd triangle = triangle_of(gram, frequency);
+  const MatrixXd triangle = triangle_of(std::move(gram));
   const MatrixXd q = solve_upper_transposed(triangle, matrix.transpose()).transpose();
   const MatrixXd coordinates = transposed_product(q, y);
   const MatrixXd residual = y - product(q, coordinates);
