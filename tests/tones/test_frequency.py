@@ -310,17 +310,6 @@ def test_too_few_rows_are_flagged(rows):
     assert oc.tone_columns(np.ones((rows, 2)), PER_ROW, 0.1).used.all()
 
 
-def test_correlated_noise_of_one_column_is_no_tone():
-    found = 0
-    for seed in range(40):
-        random = np.random.default_rng([seed, 80])
-        noise = np.zeros(530)
-        for n, new in enumerate(random.standard_normal(529), 1):
-            noise[n] = 0.8 * noise[n - 1] + new
-        found += not oc.find_frequency(100 + noise[50:], PER_ROW).flags & Flag.NO_TONE
-    assert found <= 6
-
-
 @pytest.mark.parametrize("count", [1, 4, 64, 130])
 def test_noise_is_no_tone(count):
     random = np.random.default_rng(12)

@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <complex>
 #include <numbers>
 #include <numeric>
 #include <utility>
 
 #include "core/spectrum.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/constants.hpp"
@@ -348,15 +350,13 @@ Signals less_last_row(const Signals& signals, double share) {
 double correlation_of_rows(const FittedModel& final, std::size_t rows, double residual, double of_changes) {
   constexpr int kSteps = 200;
   const auto parameters = static_cast<double>(final.model.parameters());
-  std::vector<double> cosines;
-  for (const std::size_t order : final.model.harmonics)
-    cosines.push_back(std::cos(2 * std::numbers::pi * static_cast<double>(order) * final.fit.frequency));
   double best = 0, least = kInfinity;
   for (int step = 0; step < kSteps; ++step) {
     const double a = static_cast<double>(step) / kSteps;
-    double product = std::pow(1 - a, static_cast<double>(final.model.trend_degree + 1));  // root of |XᵀX|'s factor
-    for (const double cosine : cosines) product *= 1 - 2 * a * cosine + a * a;
-    const double determinant = 2 * std::log(product);
+    double determinant = static_cast<double>(final.model.trend_degree + 1) * 2 * std::log(1 - a);
+    for (const std::size_t order : final.model.harmonics)
+      determinant += 2 * std::log(std::norm(1.0 - std::polar(a, 2 * std::numbers::pi * static_cast<double>(order) *
+                                                                    final.fit.frequency)));
     const double left = (1 - a) * (1 - a) * residual + a * of_changes;
     const double cost = (static_cast<double>(rows) - parameters) * std::log(left) + determinant;
     if (cost < least) best = a, least = cost;
@@ -373,9 +373,23 @@ std::vector<double> summed(const ColumnBlocks& blocks) {
   return sums;
 }
 
-// True if the model stands out of the noise that the columns share, white or first-order autoregressive.
-bool stands_out_of_rows(const Signals& signals, const FittedModel& final) {
+// True if columns differ by noise alone that is white along the rows: what they have in common may be noise of the
+// rows.
+bool are_alike(const ColumnBlocks& blocks) {
+  constexpr double kWhite = 0.1;  // correlation
+  std::vector<double> differences = blocks.signals;
+  const std::vector<double> sums = summed(blocks);
+  for (std::size_t i = 0; i < differences.size(); ++i)
+    differences[i] -=
+        sums[i / blocks.rows / blocks.blocks * blocks.rows + i % blocks.rows] / static_cast<double>(blocks.blocks);
+  return product_at_lag(differences, 1) < kWhite * product_at_lag(differences, 0);
+}
+
+// True if the model stands out of the noise that the columns share, white or, where rows may be noise, first-order
+// autoregressive.
+bool stands_out_of_rows(const ColumnBlocks& blocks, const Signals& signals, const FittedModel& final) {
   if (!is_significant(final.fit, final.model, signals.rows, signals.count())) return false;
+  if (!are_alike(blocks)) return true;
   const auto fit_of = [&](const Signals& of) {
     return fit_periodic(PeriodicSignals(of.samples, of.rows), final.model, final.fit.frequency, false);
   };
@@ -450,7 +464,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);
   if (final.fit.frequency <= range.lower || final.fit.frequency >= range.upper) flags |= flag::at_bound;
-  if ((!sighting.in_parts && !sighting.in_sum) || !stands_out_of_rows(signals, final)) flags |= flag::no_tone;
+  if ((!sighting.in_parts && !sighting.in_sum) || !stands_out_of_rows(blocks, signals, final)) flags |= flag::no_tone;
   if (has_weak_fundamental(signals, final.fit.frequency, range)) flags |= flag::model_misfit;
   const double noise = final.noise_power * rows * static_cast<double>(signals.count());
   return {final.fit.frequency,          std,   sum(final.fit.periodic_energy) / noise,
