@@ -205,7 +205,8 @@ double clock_odds(const Detection& one, const Detections& found) {
   std::size_t near = 0;
   double cloth = kCloth;
   const auto add = [&](const Detection& other) {
-    if (other.data || other.appearance < kLooksLikeLight) return;
+    // A light that sends data shows tones of its own.
+    if (other.data || other.appearance < kLooksLikeLight || (one.data && other.odds >= kTexture)) return;
     const bool beside = std::abs(std::log(other.light.frequency / one.light.frequency)) < kBand;
     if (beside && other.odds < kTexture) cloth = kKnownCloth;
     if (std::ranges::any_of(clocks, [&](const auto* clock) { return same_frequency(other.light, *clock); })) return;
