@@ -42,6 +42,7 @@ constexpr int kMaxShears = 3;
 constexpr double kCommon = 0.9;                           // of the expected correlation of a light's columns
 constexpr double kDarkShare = 0.25;                       // of a bright chip of the lamp's width there
 constexpr std::size_t kMostAtOnce = 4;                    // rows of a group
+constexpr double kInterpolated = 0.1;                     // of the second differences of the other rows
 constexpr double kLowestTone = 300, kHighestTone = 3000;  // Hz
 constexpr double kMinHumCycles = 1, kMinToneCycles = 8;   // in the frame
 constexpr int kSquareRounds = 3;
@@ -263,6 +264,14 @@ TimingSearch find_lit_timing(const CombinedColumn& column, RowRange lit, std::si
   search.timing->lattice.clock.phase += moved;
   for (double& row : search.timing->edges.rows) row += moved;
   return search;
+}
+
+// Every second row is the mean of its neighbours: a colour of a mosaic, whose own rows are half of them.
+bool is_interpolated(std::span<const double> signal) {
+  std::array<double, 2> squares{};
+  for (std::size_t n = 1; n + 1 < signal.size(); ++n)
+    squares[n % 2] += std::pow(signal[n] - 0.5 * (signal[n - 1] + signal[n + 1]), 2);
+  return std::min(squares[0], squares[1]) < kInterpolated * std::max(squares[0], squares[1]);
 }
 
 // Rows of a group are equal, as of those that are read at once, though an exposure of more than a row would show an
@@ -632,7 +641,10 @@ Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame,
     std::vector<std::pair<CombinedColumn, std::size_t>> columns;
     for (std::size_t colour = 0; colour < colours.size(); ++colour)
       columns.emplace_back(combine_columns(colours[colour], frame, camera.tone_curve, saturated, allowed), colour);
-    std::ranges::stable_sort(columns, [](const auto& a, const auto& b) { return a.first.quality > b.first.quality; });
+    std::ranges::stable_sort(columns, [](const auto& a, const auto& b) {
+      const bool half = is_interpolated(a.first.signal), other_half = is_interpolated(b.first.signal);
+      return half != other_half ? other_half : a.first.quality > b.first.quality;
+    });
     if (first) clearest = columns.front().first;
     for (auto& [column, colour] : columns) {
       if (saturated == SaturatedColumns::use && !column.saturated) continue;  // tried already

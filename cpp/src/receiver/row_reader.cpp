@@ -24,6 +24,7 @@ constexpr double kNarrowTolerance = 2e-3;  // relative, of a rate estimated from
 constexpr double kWideTolerance = 0.02;    // relative, of a nominal rate
 constexpr double kMaxNoiseRatio = 2;       // ratio to the last frame
 constexpr double kLittleNoise = 0.06;      // relative to the swing: excludes a lost clock in any part
+constexpr double kMaxWrongExposure = 2;    // ratio; a stated one is believed so far
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 7000;
 constexpr double kMaxSearchRows = 2048;      // rows that count for the bound of the search
 constexpr double kPreambleShare = 0.3;       // of the effort, for an exposure that a preamble shows
@@ -364,6 +365,9 @@ void RowReader::try_models(FrameRows& frame, bool searches, LightState& state,
     if (model.warped) tried.effort.rows *= kWarpEffort;
     auto other = read_with(model, tried, state);
     if (!other || (best && other->relative_noise > kBetter * best->relative_noise)) continue;
+    const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
+    if (state.exposure && std::max(exposure / *state.exposure, *state.exposure / exposure) > kMaxWrongExposure)
+      continue;
     if (!model.nuisance.empty()) model.nuisance = other->nuisance;
     best = std::move(other);
     state.model = std::move(model);
