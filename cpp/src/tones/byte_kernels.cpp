@@ -95,8 +95,8 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
 }
 
 // The same in one instruction if kDot: AVX-512 VNNI, for which Highway 1.0.3 has no sound target.
-constexpr bool kMayHaveDotProducts = HWY_TARGET <= HWY_AVX3 && (HWY_COMPILER_GCC | HWY_COMPILER_CLANG) != 0;
 #if HWY_TARGET <= HWY_AVX3 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
+constexpr bool kMayHaveDotProducts = true;
 template <bool kDot>
 HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
   if constexpr (!kDot) return multiply_pairs(sum, a, b);
@@ -104,6 +104,7 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
   return sum;
 }
 #else
+constexpr bool kMayHaveDotProducts = false;
 template <bool kDot>
 HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
   return multiply_pairs(sum, a, b);
