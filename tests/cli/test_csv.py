@@ -47,7 +47,7 @@ def test_every_command_writes_csv():
 
 
 def test_csv_holds_what_json_prints(run, facts, square, tmp_path):
-    command = ("gain", square("s.mkv", "--frames", 2), *TESTBED, *DARK, "--frequency", "500")
+    command = ("gain", square("s.mkv", "--frames", 2), *TESTBED, *DARK, "--frequency", "500", "--waveform", "square")
     (want,) = facts(*command)
     code, out, err = run(*command, "--csv", tmp_path / "gain.csv")
     assert (code, out, err) == (0, [], [])
