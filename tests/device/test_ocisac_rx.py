@@ -454,10 +454,13 @@ def test_the_example_in_c_cleans_frames(receiver):
 
 
 def peak_memory(receiver, frames, *options):
-    """Bytes."""
-    done = run(receiver, frames, *options, "--stats")
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stderr)["stats"]["peak_memory_bytes"]
+    """Bytes, the least of three runs: pages of the program itself, which come by chance, are half a megabyte."""
+    peaks = []
+    for _ in range(3):
+        done = run(receiver, frames, *options, "--stats")
+        assert done.returncode == 0, done.stderr
+        peaks.append(json.loads(done.stderr)["stats"]["peak_memory_bytes"])
+    return min(peaks)
 
 
 @pytest.mark.parametrize(
