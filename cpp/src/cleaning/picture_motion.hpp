@@ -20,9 +20,9 @@ struct PictureChange {
   std::vector<std::uint8_t> is_new;
 };
 
-// Of two pictures of logarithms of light, whose variances do not matter. The displacement is the peak of the phase
-// correlation, refined by least squares (Lucas and Kanade 1981). Pictures of fewer than 4 rows or columns are taken to
-// stand still.
+// Compares two pictures of logarithms of light, whose variances do not matter. The displacement is the peak of the
+// phase correlation, refined by least squares (Lucas and Kanade 1981). Pictures of fewer than 4 rows or columns are
+// taken to stand still.
 PictureChange picture_change(const Blocks& before, const Blocks& after);
 
 }  // namespace ocisac

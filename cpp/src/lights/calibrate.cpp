@@ -96,10 +96,10 @@ Lamp find_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   ToneColumns all{std::vector<std::uint8_t>(columns), std::vector<double>(columns), own.saturated};
   std::ranges::copy(own.used, all.used.begin() + first);
   std::ranges::copy(own.strength, all.strength.begin() + first);
-  // What is no likely tone, such as data, counts beside a tone of the whole frame alone.
+  // A lamp that is no likely tone, such as data, counts only beside a tone of the whole frame.
   const bool uncertain = light.share == 0 || light.probability < kLikely;
-  const bool kDoubtful = contested || (uncertain && !answered(whole)) || is_narrow(all);
-  const Flags flags = (own.saturated ? flag::saturated : 0) | (kDoubtful ? flag::model_misfit : 0);
+  const bool doubtful = contested || (uncertain && !answered(whole)) || is_narrow(all);
+  const Flags flags = (own.saturated ? flag::saturated : 0) | (doubtful ? flag::model_misfit : 0);
   return {{light.frequency, light.frequency_std, light.snr, 3, flags, std::move(all)}, light.probability};
 }
 

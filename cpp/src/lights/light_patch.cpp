@@ -77,15 +77,15 @@ kernels::Carrier carrier_view(const ComplexValues& rows) { return {rows.real.dat
 
 // Mean of at most max_columns columns evenly spaced, in each of the rows: light above dark.
 std::vector<double> mean_light(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows) {
-  const std::size_t kStep = (columns.size() + kMaxColumns - 1) / kMaxColumns;
-  const std::size_t count = (columns.size() + kStep - 1) / kStep;
+  const std::size_t step = (columns.size() + kMaxColumns - 1) / kMaxColumns;
+  const std::size_t count = (columns.size() + step - 1) / step;
   std::vector<double> mean(rows.size(), -frame.dark);
   const double share = 1 / static_cast<double>(count);
   std::visit(
       [&](const auto& view) {
         for (std::size_t n = 0; n < mean.size(); ++n)
           for (std::size_t c = 0; c < count; ++c)
-            mean[n] += static_cast<double>(view(frame.index, rows.begin + n, columns.begin + c * kStep)) * share;
+            mean[n] += static_cast<double>(view(frame.index, rows.begin + n, columns.begin + c * step)) * share;
       },
       frame.frames);
   return mean;
@@ -151,9 +151,9 @@ Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_bes
 std::vector<double> local_means(const std::vector<double>& values, std::size_t rows, std::size_t stride,
                                 std::size_t length) {
   const auto bin = 1 / static_cast<double>(length);
-  const ComplexValues kStep = turns_of(bin, rows, length / 2), still = times(kStep, kStep, -1);
-  const ComplexValues back = times(still, kStep, -1);
-  const kernels::Carrier forth = carrier_view(kStep);
+  const ComplexValues step = turns_of(bin, rows, length / 2), still = times(step, step, -1);
+  const ComplexValues back = times(still, step, -1);
+  const kernels::Carrier forth = carrier_view(step);
   const kernels::Carrier turns{forth.real + length / 2, forth.imaginary + length / 2};
   std::vector<double> means(values.size()), unused(values.size());
   kernels::hann_demodulate({values.data(), rows, stride}, std::vector<double>(stride).data(),

@@ -19,17 +19,16 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-void ChunkMomentsOf(const float* kRows, std::size_t stride, std::size_t groups, std::size_t tile,
+void ChunkMomentsOf(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile,
                     const ChunkMoments& out, float* common) {
   const hn::CappedTag<float, 16> d;
   const std::size_t lanes = hn::Lanes(d);
   for (std::size_t g = 0; g < groups; g += lanes) {
-    const auto first = hn::LoadU(d, kRows + g), first1 = hn::LoadU(d, kRows + g + 1),
-               first2 = hn::LoadU(d, kRows + g + 2);
+    const auto first = hn::LoadU(d, rows + g), first1 = hn::LoadU(d, rows + g + 1), first2 = hn::LoadU(d, rows + g + 2);
     auto sum = hn::Zero(d), slope = sum, square = sum, next = sum, second = sum;
     hn::StoreU(sum, d, common + g);
     for (std::size_t n = 1; n < kChunkRows; ++n) {
-      const float* row = kRows + n * stride + g;
+      const float* row = rows + n * stride + g;
       const auto x = hn::Sub(hn::LoadU(d, row), first);
       const auto y = hn::Sub(hn::LoadU(d, row + 1), first1), z = hn::Sub(hn::LoadU(d, row + 2), first2);
       sum = hn::Add(sum, x);
@@ -135,7 +134,7 @@ void WaveSums(const float* earlier, const float* later, float step, std::size_t 
 }
 
 // Prefetches the next group's columns: too many streams for the hardware prefetchers.
-void SumEightColumns(const std::uint8_t* HWY_RESTRICT first, std::ptrdiff_t stride, std::size_t kRows, bool more,
+void SumEightColumns(const std::uint8_t* HWY_RESTRICT first, std::ptrdiff_t stride, std::size_t rows, bool more,
                      float scale, float dark, float* HWY_RESTRICT out) {
   const FloatTag d;
   const hn::Rebind<std::int32_t, FloatTag> words;
@@ -143,16 +142,16 @@ void SumEightColumns(const std::uint8_t* HWY_RESTRICT first, std::ptrdiff_t stri
   const hn::Rebind<std::uint8_t, FloatTag> bytes;
   const std::size_t lanes = hn::Lanes(d);
   for (std::ptrdiff_t c = 8; more && c < 16; ++c)
-    for (std::size_t n = 0; n < kRows; n += 64) hwy::Prefetch(first + c * stride + n);
+    for (std::size_t n = 0; n < rows; n += 64) hwy::Prefetch(first + c * stride + n);
   std::size_t n = 0;
-  for (; n + lanes <= kRows; n += lanes) {
+  for (; n + lanes <= rows; n += lanes) {
     auto sum = hn::Zero(halves);
     for (std::ptrdiff_t c = 0; c < 8; ++c)
       sum = hn::Add(sum, hn::PromoteTo(halves, hn::LoadU(bytes, first + c * stride + n)));
     const auto light = hn::ConvertTo(d, hn::PromoteTo(words, sum));
     hn::StoreU(hn::Sub(hn::Mul(light, hn::Set(d, scale)), hn::Set(d, dark)), d, out + n);
   }
-  for (; n < kRows; ++n) {
+  for (; n < rows; ++n) {
     std::int32_t sum = 0;
     for (std::ptrdiff_t c = 0; c < 8; ++c) sum += first[c * stride + static_cast<std::ptrdiff_t>(n)];
     out[n] = static_cast<float>(sum) * scale - dark;
@@ -198,9 +197,9 @@ HWY_EXPORT(SumEightBytes);
 HWY_EXPORT(SumEightColumns);
 HWY_EXPORT(Logarithms);
 
-void chunk_moments(const float* kRows, std::size_t stride, std::size_t groups, std::size_t tile,
-                   const ChunkMoments& out, float* common) {
-  HWY_DYNAMIC_DISPATCH(ChunkMomentsOf)(kRows, stride, groups, tile, out, common);
+void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile, const ChunkMoments& out,
+                   float* common) {
+  HWY_DYNAMIC_DISPATCH(ChunkMomentsOf)(rows, stride, groups, tile, out, common);
 }
 
 bool tile_energies(const Chunk& earlier, const Chunk& later, std::size_t tiles, const TileBound& bound,
@@ -213,9 +212,9 @@ void wave_sums(const float* earlier, const float* later, float step, std::size_t
   HWY_DYNAMIC_DISPATCH(WaveSums)(earlier, later, step, stride, cosine, sine, waves, even, odd);
 }
 
-void sum_eight_columns(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t kRows, bool more, float scale,
+void sum_eight_columns(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t rows, bool more, float scale,
                        float dark, float* out) {
-  HWY_DYNAMIC_DISPATCH(SumEightColumns)(first, stride, kRows, more, scale, dark, out);
+  HWY_DYNAMIC_DISPATCH(SumEightColumns)(first, stride, rows, more, scale, dark, out);
 }
 
 void sum_eight_bytes(const std::uint8_t* row, std::size_t groups, float scale, float dark, float* out) {

@@ -160,13 +160,13 @@ class ChipEvidence {
   // Of a pause of the sender: dark, bright, toggling or anything else.
   [[nodiscard]] double of_pause(std::ptrdiff_t begin, std::ptrdiff_t end) const {
     constexpr std::array kPatterns{0b00U, 0b11U, 0b01U, 0b10U};
-    double kMost = 0;
+    double most = 0;
     for (const unsigned pattern : kPatterns) {
       double sum = -std::log(static_cast<double>(kPatterns.size()));
       for (std::ptrdiff_t k = begin; k < end; ++k) sum += of_chip(k, (pattern >> ((k - begin) % 2) & 1U) != 0);
-      kMost = std::max(kMost, sum);
+      most = std::max(most, sum);
     }
-    return kMost;
+    return most;
   }
 
  private:
@@ -223,12 +223,12 @@ std::optional<BlockSighting> read_block(std::size_t chip, double chance, const C
   const std::size_t start = preamble.size() + header_chips(format);
   // Upper bounds of the evidence that bits, and all words, can add.
   const double of_bits = std::log(0x10000U * chance / kHeaders);
-  const double kMost = of_bits + static_cast<double>(header_chips(format) - 16) * std::numbers::ln2;
+  const double most = of_bits + static_cast<double>(header_chips(format) - 16) * std::numbers::ln2;
   const double sure = std::log(kSurePlace / (1 - kSurePlace));
   double evidence = 0;
   for (std::size_t k = 0; k < preamble.size(); ++k) {
     evidence += chips.of_chip(static_cast<std::ptrdiff_t>(chip + k), preamble[k] != 0);
-    if (evidence + kMost + static_cast<double>(preamble.size() - k - 1) * std::numbers::ln2 < sure) return std::nullopt;
+    if (evidence + most + static_cast<double>(preamble.size() - k - 1) * std::numbers::ln2 < sure) return std::nullopt;
   }
   const auto seen = chips.llr().subspan(chip, start), words = seen.subspan(preamble.size());
   evidence += format.line_code.evidence(words);
@@ -266,10 +266,10 @@ std::vector<BlockSighting> read_blocks(std::span<const double> llr, const Packet
 std::vector<BlockSighting> on_one_clock(const std::vector<BlockSighting>& seen, std::size_t block_chips) {
   std::vector<std::size_t> votes(block_chips);
   for (const auto& sighting : seen) ++votes[sighting.chip % block_chips];
-  const std::size_t kMost = *std::ranges::max_element(votes);
+  const std::size_t most = *std::ranges::max_element(votes);
   std::vector<BlockSighting> kept;
   std::ranges::copy_if(seen, std::back_inserter(kept),
-                       [&](const BlockSighting& sighting) { return votes[sighting.chip % block_chips] == kMost; });
+                       [&](const BlockSighting& sighting) { return votes[sighting.chip % block_chips] == most; });
   return kept;
 }
 
@@ -719,8 +719,8 @@ std::optional<std::ptrdiff_t> PacketAssembler::likely_place(const Stretch& stret
     const double deviation = std::sqrt(variance), weight = 1 / (variance * weights);
     const double expected = stretch.place() - origin_at(stretch, origin);
     const double nearest = std::nearbyint(expected);
-    const double kMost = drift_ ? 0.5 * static_cast<double>(period()) : kMaxPlaces;
-    const double reach = std::clamp(std::ceil(kPlaceErrors * deviation), static_cast<double>(kMaxSlip), kMost);
+    const double most = drift_ ? 0.5 * static_cast<double>(period()) : kMaxPlaces;
+    const double reach = std::clamp(std::ceil(kPlaceErrors * deviation), static_cast<double>(kMaxSlip), most);
     for (double chip = nearest - reach; chip <= nearest + reach; ++chip) {
       const double errors = (chip - expected) / deviation;
       const double slip = std::abs(chip - nearest) <= static_cast<double>(kMaxSlip) ? kSlipChance : 0.0;
@@ -733,11 +733,11 @@ std::optional<std::ptrdiff_t> PacketAssembler::likely_place(const Stretch& stret
   for (const auto& [place, prior] : priors)
     places.emplace_back(std::log(std::max(prior, 1e-300)) + evidence(evidence_of, place), place);
   const double elsewhere = std::log(kElsewhere) + format_.line_code.evidence_anywhere(evidence_of.llr());
-  const auto kMost = std::ranges::max_element(places);
-  double all = std::exp(std::min(elsewhere - kMost->first, 700.0));
-  for (const auto& [logarithm, place] : places) all += std::exp(logarithm - kMost->first);
+  const auto most = std::ranges::max_element(places);
+  double all = std::exp(std::min(elsewhere - most->first, 700.0));
+  for (const auto& [logarithm, place] : places) all += std::exp(logarithm - most->first);
   if (1 < kSurePlace * all) return std::nullopt;
-  return kMost->second;
+  return most->second;
 }
 
 void PacketAssembler::place_block(std::span<const double> chips, std::size_t block, float sign, StretchReport& report) {

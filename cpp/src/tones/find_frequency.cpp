@@ -123,10 +123,10 @@ std::vector<double> grid_minima(const PeriodicSignals& signals, const FrequencyS
   const bool narrow = (range.upper - range.lower) * rows < 4;
   const double last = narrow ? range.upper : std::min(range.upper, 4 / rows);
   if (!(range.lower <= last)) return {};
-  const auto kSteps = static_cast<std::size_t>(std::ceil((last - range.lower) * rows / 0.25));
+  const auto steps = static_cast<std::size_t>(std::ceil((last - range.lower) * rows / 0.25));
   std::vector<double> grid, misfits, minima;
-  for (std::size_t i = 0; i <= kSteps; ++i) {
-    const double share = kSteps == 0 ? 0 : static_cast<double>(i) / static_cast<double>(kSteps);
+  for (std::size_t i = 0; i <= steps; ++i) {
+    const double share = steps == 0 ? 0 : static_cast<double>(i) / static_cast<double>(steps);
     grid.push_back(range.lower + share * (last - range.lower));
     const auto model = periodic_model(grid.back(), signals.rows(), 1);
     misfits.push_back(misfit(fit_periodic(signals, model, grid.back(), false).residual_energy, model, signals.rows()));
@@ -170,17 +170,17 @@ struct FittedModel {
   double noise_power = 0;  // of a sample
 };
 
-// True if a fundamental up to `kReach` cycles in the frame beside this one may, with harmonics, have less than the
+// True if a fundamental up to `reach` cycles in the frame beside this one may, with harmonics, have less than the
 // misfit `best`.
-bool may_win(const FittedModel& tone, double kReach, double best, std::size_t rows) {
-  const double frequency = tone.fit.frequency, farthest = kReach / static_cast<double>(rows);
+bool may_win(const FittedModel& tone, double reach, double best, std::size_t rows) {
+  const double frequency = tone.fit.frequency, farthest = reach / static_cast<double>(rows);
   const auto lowest = periodic_model(frequency - farthest, rows, kComparedHarmonics),
              highest = periodic_model(frequency + farthest, rows, kComparedHarmonics);  // has fewest harmonics
   const std::size_t trend = tone.model.trend_degree;
   if ((frequency - farthest) * static_cast<double>(rows) < 1 || lowest.trend_degree != trend ||
       highest.trend_degree != trend)
     return true;
-  const double kept = std::pow(sinc(kReach), 2);  // what a fit explains of the energy of a tone that far off
+  const double kept = std::pow(sinc(reach), 2);  // what a fit explains of the energy of a tone that far off
   return least_misfit(tone.fit, sum(tone.fit.periodic_energy) / kept, highest, rows) < best;
 }
 

@@ -10,7 +10,7 @@
 
 namespace ocisac {
 
-// Of every stored value.
+// Light and noise that each stored value stands for.
 struct StoredTable {
   std::vector<double> light;     // linear, ascending
   std::vector<double> variance;  // of its noise; infinite where a value is saturated
