@@ -19,17 +19,17 @@ constexpr std::size_t kLongestWord = 16;
 constexpr std::size_t kCheckedWords = 1024;  // between two checks for an interrupt
 
 // IEEE Std 802.15.7, 4B6B: three bright chips of six in every word.
-constexpr std::array<std::uint32_t, 16> kK4b6b = {0b001110, 0b001101, 0b010011, 0b010110, 0b010101, 0b100011,
+constexpr std::array<std::uint32_t, 16> k4b6b = {0b001110, 0b001101, 0b010011, 0b010110, 0b010101, 0b100011,
                                                   0b100110, 0b100101, 0b011001, 0b011010, 0b011100, 0b110001,
                                                   0b110010, 0b101001, 0b101010, 0b101100};
 
 // 8B10B, abcdei at running disparity −1 by EDCBA. Words that are not balanced, and D.7, are inverted at +1.
-constexpr std::array<std::uint32_t, 32> kK5b6b = {
+constexpr std::array<std::uint32_t, 32> k5b6b = {
     0b100111, 0b011101, 0b101101, 0b110001, 0b110101, 0b101001, 0b011001, 0b111000, 0b111001, 0b100101, 0b010101,
     0b110100, 0b001101, 0b101100, 0b011100, 0b010111, 0b011011, 0b100011, 0b010011, 0b110010, 0b001011, 0b101010,
     0b011010, 0b111010, 0b110011, 0b100110, 0b010110, 0b110110, 0b001110, 0b101110, 0b011110, 0b101011};
 // 8B10B, fghj at running disparity −1 by HGF. Words that are not balanced, and D.x.3, are inverted at +1.
-constexpr std::array<std::uint32_t, 8> kK3b4b = {0b1011, 0b1001, 0b0101, 0b1100, 0b1101, 0b1010, 0b0110, 0b1110};
+constexpr std::array<std::uint32_t, 8> k3b4b = {0b1011, 0b1001, 0b0101, 0b1100, 0b1101, 0b1010, 0b0110, 0b1110};
 
 std::uint32_t at_disparity(std::uint32_t word, std::uint32_t bits, bool plus, bool inverts) {
   return plus && (inverts || static_cast<std::uint32_t>(std::popcount(word)) * 2 != bits) ? word ^ ((1U << bits) - 1)
@@ -38,10 +38,10 @@ std::uint32_t at_disparity(std::uint32_t word, std::uint32_t bits, bool plus, bo
 
 std::uint32_t word_of_8b10b(std::uint32_t value, bool plus) {
   const std::uint32_t x = value & 31, y = value >> 5;
-  const std::uint32_t six = at_disparity(kK5b6b[x], 6, plus, x == 7);
+  const std::uint32_t six = at_disparity(k5b6b[x], 6, plus, x == 7);
   const bool then_plus = plus != (std::popcount(six) != 3);
   const bool alternate = y == 7 && (then_plus ? x == 11 || x == 13 || x == 14 : x == 17 || x == 18 || x == 20);
-  const std::uint32_t four = at_disparity(alternate ? 0b0111 : kK3b4b[y], 4, then_plus, y == 3);
+  const std::uint32_t four = at_disparity(alternate ? 0b0111 : k3b4b[y], 4, then_plus, y == 3);
   return six << 4 | four;
 }
 
@@ -97,7 +97,7 @@ LineCode LineCode::named(std::string_view name) {
   };
   if (name == "none") return fixed(1, 1, {0, 1});
   if (name == "manchester") return fixed(1, 2, {0b01, 0b10});
-  if (name == "4b6b") return fixed(4, 6, {kK4b6b.begin(), kK4b6b.end()});
+  if (name == "4b6b") return fixed(4, 6, {k4b6b.begin(), k4b6b.end()});
   if (name == "8b10b") return {8, 10, table_of_8b10b(false), table_of_8b10b(true)};
   refuse("line_code", '"' + std::string(name) + '"', "none, manchester, 4b6b, 8b10b or a table of words");
 }

@@ -247,13 +247,15 @@ void ChipReceiver::restart_packet(bool all) {
 
 void ChipReceiver::read(ChipFrame& frame) {
   if (is_mean(frame)) return;
-  frame.reading = reader_.read(frame.rows, state_);
+  RowsRead read = reader_.read(frame.rows, std::move(state_));
+  state_ = std::move(read.state);
+  frame.reading = std::move(read.reading);
   if (!frame.reading && reader_.shows_no_light(frame.rows, state_)) {
     history_.frames.pop_back();  // darkness and noise teach no profile
     return;
   }
   if (!follow_profile(reader_, frame.reading, history_, state_)) assembler_.lose_clock();
-  if (learn(frame) || !frame.rows.is_new_model || !frame.reading) return;
+  if (learn(frame) || !read.is_new_model || !frame.reading) return;
   if (frame.reading->pause)  // another count of lost chips, too
     for (KeptFrame& kept : history_.frames)
       if (&kept != &history_.frames.back()) kept.trust.reset();

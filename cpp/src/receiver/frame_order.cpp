@@ -50,11 +50,11 @@ FrameOrder::Admission FrameOrder::admit(std::int64_t frame, const std::array<std
   return admitted;
 }
 
-std::pair<CombinedColumn, std::size_t> best_column(std::span<const AnyFramesView> colours, const ToneCurve& curve) {
-  std::pair<CombinedColumn, std::size_t> best;
+ColourColumn best_column(std::span<const AnyFramesView> colours, const ToneCurve& curve) {
+  ColourColumn best;
   for (std::size_t colour = 0; colour < colours.size(); ++colour) {
     auto column = combine_columns(colours[colour], 0, curve);
-    if (colour == 0 || column.quality > best.first.quality) best = {std::move(column), colour};
+    if (colour == 0 || column.quality > best.column.quality) best = {std::move(column), colour};
   }
   return best;
 }

@@ -155,7 +155,7 @@ bool Receiver::find(std::span<const AnyFramesView> colours, const Region& whole)
 
 void Receiver::search(std::span<const AnyFramesView> colours) {
   const std::size_t known = lights_.size();
-  const std::size_t colour = colours.size() > 1 ? best_column(colours, camera_.tone_curve).second : 0;
+  const std::size_t colour = colours.size() > 1 ? best_column(colours, camera_.tone_curve).colour : 0;
   if (std::ranges::all_of(lights_, &LightReceiver::is_lost) && proposal_.agreed == 0) {
     if (!lights_.empty()) when_lost_.fail();
     search_one(colours[colour]);

@@ -353,8 +353,8 @@ std::optional<FrameReading> RowReader::read_with(const SignalModel& model, Frame
 }
 
 // Models other than the last frame's, from the tracked clock or by a search, until one fits.
-void RowReader::try_models(FrameRows& frame, bool searches, LightState& state,
-                           std::optional<FrameReading>& best) const {
+void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) const {
+  const LightState& state = best.state;
   for (SignalModel& model : other_models(frame, state, searches)) {
     FrameRows tried = frame;
     tried.may_search = searches;
@@ -364,60 +364,62 @@ void RowReader::try_models(FrameRows& frame, bool searches, LightState& state,
     if (!searches) tried.effort.rows *= kFollowedEffort;
     if (model.warped) tried.effort.rows *= kWarpEffort;
     auto other = read_with(model, tried, state);
-    if (!other || (best && other->relative_noise > kBetter * best->relative_noise)) continue;
+    if (!other || (best.reading && other->relative_noise > kBetter * best.reading->relative_noise)) continue;
     const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
     if (state.exposure && std::max(exposure / *state.exposure, *state.exposure / exposure) > kMaxWrongExposure)
       continue;
     if (!model.nuisance.empty()) model.nuisance = other->nuisance;
-    best = std::move(other);
-    state.model = std::move(model);
-    frame.is_new_model = true;
-    if (best->trust == Trust::fits) return;
+    best.reading = std::move(other);
+    best.state.model = std::move(model);
+    best.is_new_model = true;
+    if (best.reading->trust == Trust::fits) return;
   }
 }
 
-void RowReader::try_pause(FrameRows& frame, LightState& state, std::optional<FrameReading>& reading) const {
-  SignalModel model = given_model(state.exposure);
-  model.pause = find_pause(frame, state);
+void RowReader::try_pause(FrameRows& frame, RowsRead& best) const {
+  SignalModel model = given_model(best.state.exposure);
+  model.pause = find_pause(frame, best.state);
   if (!model.pause) return;
   FrameRows tried = frame;
   tried.effort = frame.effort_of_others;
-  auto about = read_about(*model.pause, model, tried, restarted(state));
+  auto about = read_about(*model.pause, model, tried, restarted(best.state));
   if (!about || about->trust != Trust::fits) return;
-  reading = std::move(about);
-  state.model = std::move(model);
-  frame.is_new_model = true;
+  best.reading = std::move(about);
+  best.state.model = std::move(model);
+  best.is_new_model = true;
 }
 
-std::optional<FrameReading> RowReader::read(FrameRows& frame, LightState& state) const {
+RowsRead RowReader::read(FrameRows& frame, LightState before) const {
+  RowsRead best{.state = std::move(before)};
+  auto& [reading, state, is_new_model] = best;
   SignalModel& model = state.model;
   if (!model.nuisance.before.empty()) model.nuisance.before = frame.before;
   const double exposure_rows = model.exposure_rows.value_or(0.0);
   if (exposure_rows > kLongExposure && has_spikes(frame.signal))
     frame.signal = without_spikes(frame.signal, exposure_rows);
-  auto reading = read_with(model, frame, state);
+  reading = read_with(model, frame, state);
   if (reading && !model.nuisance.empty()) model.nuisance = reading->nuisance;
-  const auto fits = [&] { return reading && reading->trust == Trust::fits; };
-  frame.is_new_model = reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
+  const auto fits = [&best] { return best.reading && best.reading->trust == Trust::fits; };
+  is_new_model = reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
   state.other_models.pass_frame();
-  if (fits() || (reading ? !state.other_models.is_due() : !frame.may_search)) return reading;
+  if (fits() || (reading ? !state.other_models.is_due() : !frame.may_search)) return best;
   const bool sure = reading && reading->trust == Trust::sure;
   if (reading && !sure && model.nuisance.empty()) {
     auto even = refine_warp(frame.signal, *reading, model.exposure_known, &frame.effort_of_others);
     if (even.trust == Trust::fits) {
       reading = std::move(even);
-      model.warped = frame.is_new_model = true;
+      model.warped = is_new_model = true;
     }
   }
-  if (!fits() && !sure && frame.may_search && !model.pause) try_pause(frame, state, reading);
+  if (!fits() && !sure && frame.may_search && !model.pause) try_pause(frame, best);
   // All from the tracked clock, then all by a search for another clock, where chips are in doubt.
-  if (!fits() && state.channel && state.fits) try_models(frame, false, state, reading);
-  if (!fits() && !sure && frame.may_search) try_models(frame, true, state, reading);
+  if (!fits() && state.channel && state.fits) try_models(frame, false, best);
+  if (!fits() && !sure && frame.may_search) try_models(frame, true, best);
   if (fits())
     state.other_models.restart();
   else
     state.other_models.fail();
-  return reading;
+  return best;
 }
 
 }  // namespace ocisac

@@ -8,7 +8,6 @@
 #include <optional>
 #include <span>
 #include <string_view>
-#include <utility>
 
 #include "ocisac/camera/tone_curve.hpp"
 #include "ocisac/columns/column_combination.hpp"
@@ -72,7 +71,13 @@ std::array<std::size_t, 3> lengths_of(std::span<const AnyFramesView> colours);
 // True if all pixels are finite.
 bool are_numbers(std::span<const AnyFramesView> colours);
 
-// The columns and the number of the colour of best quality.
-std::pair<CombinedColumn, std::size_t> best_column(std::span<const AnyFramesView> colours, const ToneCurve& curve);
+// A colour with its columns combined.
+struct ColourColumn {
+  CombinedColumn column;
+  std::size_t colour = 0;
+};
+
+// The colour of best quality.
+ColourColumn best_column(std::span<const AnyFramesView> colours, const ToneCurve& curve);
 
 }  // namespace ocisac

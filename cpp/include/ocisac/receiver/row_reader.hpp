@@ -70,7 +70,12 @@ struct FrameRows {
   std::vector<double> before{};                   // the same rows of the frame before, of mean 0; empty: none
   bool may_follow = true;                         // the clock of earlier frames is worth a try
   std::optional<bool> is_noise{};                 // the rows show no light; absent: not examined
-  bool is_new_model = false;                      // another model than the last frame's was chosen
+};
+
+struct RowsRead {
+  std::optional<FrameReading> reading{};
+  LightState state{};         // with the model that was chosen
+  bool is_new_model = false;  // another one than the last frame's
 };
 
 // In each frame: chip clock, exposure and levels from the tracked clock, else from a preamble, else blind from the
@@ -95,8 +100,7 @@ class RowReader {
   // The state with another stated exposure: the start of the estimate, if there is one.
   [[nodiscard]] LightState with_exposure(LightState state, std::optional<double> exposure) const;
 
-  // `state`: afterwards with the model that was chosen.
-  std::optional<FrameReading> read(FrameRows& frame, LightState& state) const;
+  [[nodiscard]] RowsRead read(FrameRows& frame, LightState state) const;
   // With the state's model only.
   [[nodiscard]] std::optional<FrameReading> read_with(const SignalModel& model, FrameRows& frame,
                                                       const LightState& state) const;
@@ -121,8 +125,8 @@ class RowReader {
   [[nodiscard]] std::vector<RowNuisance> other_nuisances(const FrameRows& frame, const LightState& state) const;
   [[nodiscard]] std::vector<SignalModel> other_models(const FrameRows& frame, const LightState& state,
                                                       bool searches) const;
-  void try_models(FrameRows& frame, bool searches, LightState& state, std::optional<FrameReading>& best) const;
-  void try_pause(FrameRows& frame, LightState& state, std::optional<FrameReading>& reading) const;
+  void try_models(FrameRows& frame, bool searches, RowsRead& best) const;
+  void try_pause(FrameRows& frame, RowsRead& best) const;
   std::optional<FrameReading> follow(std::span<const double> signal, const SignalModel& model, FrameRows& frame,
                                      const LightState& state, const RowsBeside* beside = nullptr) const;
   std::optional<FrameReading> follow_beside(const SignalModel& model, FrameRows& frame, const LightState& state) const;
