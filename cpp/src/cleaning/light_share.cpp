@@ -210,7 +210,7 @@ class ShareEstimator {
     for (std::size_t k = 0; k < kWide; ++k) step_of_each(kPlan[k]);
   }
 
-  // wide_steps on sums of columns.
+  // wide_steps() on sums of columns.
   void take_wide_steps(std::span<const double> row_light) {
     const Blocks blocks = block_means(picture_, 1, kMergedAtFirst);
     const std::size_t columns = blocks.columns;

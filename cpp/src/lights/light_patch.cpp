@@ -75,7 +75,7 @@ ComplexValues times(const ComplexValues& a, const ComplexValues& b, double sign)
 
 kernels::Carrier carrier_view(const ComplexValues& rows) { return {rows.real.data(), rows.imaginary.data()}; }
 
-// Mean of at most max_columns columns evenly spaced, in each of the rows: light above dark.
+// Mean of at most kMaxColumns columns evenly spaced, in each of the rows: light above dark.
 std::vector<double> mean_light(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows) {
   const std::size_t step = (columns.size() + kMaxColumns - 1) / kMaxColumns;
   const std::size_t count = (columns.size() + step - 1) / step;

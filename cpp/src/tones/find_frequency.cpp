@@ -146,7 +146,7 @@ struct Candidate {
 
 constexpr double kMinShare = 0.2;  // of the fundamental; an aliased third harmonic of a square wave has 0.1
 
-// Lower bound of the misfit of a model whose fundamental explains at most `energy`, which is min_share of the
+// Lower bound of the misfit of a model whose fundamental explains at most `energy`, which is kMinShare of the
 // harmonics' or more, given the fit of the fundamental alone. Harmonics leak into each other: by 0.21 of the amplitude,
 // a cycle apart or more, hence energies by less than (0.2^½/(0.2^½ − 0.21))² < 4. What that leaves to explain is spent
 // where logarithms fall most.
@@ -230,7 +230,7 @@ double fundamental_of(const Signals& combined, double frequency, const Frequency
   return std::isnan(best.frequency) ? frequency : best.frequency;
 }
 
-// True if half or a third of the frequency is there, too, too weak for a fundamental (min_share).
+// True if half or a third of the frequency is there, too, too weak for a fundamental (kMinShare).
 bool has_weak_fundamental(const Signals& combined, double frequency, const FrequencySearch& range) {
   constexpr double kLeastShare = 0.05;
   const PeriodicSignals signals(combined.samples, combined.rows);

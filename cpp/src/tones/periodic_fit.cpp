@@ -449,8 +449,9 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   require(group > 0 && y.cols() % members == 0, "group", group, "a divisor of the number of signals");
   const MatrixXd matrix = model_matrix(model, rows, frequency);
   MatrixXd gram = MatrixXd::Zero(matrix.cols(), matrix.cols());
+  const RowMoments moments = moments_of(model, rows, frequency);
   for (const Parity& parity : parities_of(model, rows)) {
-    const MatrixXd own = inner_products(parity.functions, parity.functions, moments_of(model, rows, frequency));
+    const MatrixXd own = inner_products(parity.functions, parity.functions, moments);
     for (std::size_t a = 0; a < parity.at.size(); ++a)
       for (std::size_t b = 0; b < parity.at.size(); ++b)
         gram(parity.at[a], parity.at[b]) = own(static_cast<Index>(a), static_cast<Index>(b));

@@ -15,7 +15,7 @@ namespace kernels {
 struct ByteWeights;
 }
 
-inline constexpr int kMostLimbs = 3;
+inline constexpr int kMostLimbs = 3;  // parts of a weight
 
 // Row weights in the layout of the kernels. Immutable after construction; may be shared by threads.
 //
