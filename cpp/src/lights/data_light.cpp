@@ -43,6 +43,15 @@ std::optional<IndexRange> run_about(const std::vector<std::uint8_t>& places, std
   return IndexRange{begin, last + 1};
 }
 
+// Fast test that the halves of the box swing alike; it rejects most suspects, which are noise.
+bool halves_alike(const LitFrame& frame, const Region& box, std::size_t length) {
+  if (box.width < 2) return false;
+  const std::size_t middle = box.x + box.width / 2;
+  const IndexRange rows{box.y, box.bottom()};
+  return likeness(mean_swing(frame, {box.x, middle}, rows, length),
+                  mean_swing(frame, {middle, box.right()}, rows, length)) > kMinCoherence;
+}
+
 // Rows about the box in which the left and the right half of its columns correlate.
 std::optional<Region> lit_rows(const LitFrame& frame, const Region& box, std::size_t length) {
   if (box.width < 2) return {};
@@ -208,6 +217,7 @@ std::optional<RefinedLight> find_data_light(const LitFrame& frame, const Suspect
   Region box = suspect.box;
   box.width = std::min(box.width, shape.columns - box.x);
   box.height = std::min(box.height, shape.rows - box.y);
+  if (!halves_alike(frame, box, length)) return {};
   for (int round = 0; round < kRounds; ++round) {
     const auto rows = lit_rows(frame, box, length);
     const auto columns = rows ? lit_columns(frame, *rows, length) : std::nullopt;

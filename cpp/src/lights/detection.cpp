@@ -5,9 +5,6 @@
 #include <functional>
 #include <numbers>
 #include <numeric>
-#include <span>
-
-#include "core/statistics.hpp"
 
 namespace ocisac {
 
@@ -51,12 +48,6 @@ IndexRange columns_of(const Region& box) { return {box.x, box.right()}; }
 IndexRange rows_of(const Region& box) { return {box.y, box.bottom()}; }
 IndexRange common(const IndexRange& a, const IndexRange& b) {
   return {std::max(a.begin, b.begin), std::min(a.end, b.end)};
-}
-
-// Correlation without removal of means.
-double likeness(std::span<const double> a, std::span<const double> b) {
-  const double energy = product_at_lag(a, 0) * product_at_lag(b, 0);
-  return energy > 0 ? std::inner_product(a.begin(), a.end(), b.begin(), 0.0) / std::sqrt(energy) : 0;
 }
 
 bool beside(const LitFrame& frame, const Region& left, const Region& right, std::size_t length) {

@@ -5,8 +5,10 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <numeric>
 #include <type_traits>
 
+#include "core/statistics.hpp"
 #include "lights/refinement_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/constants.hpp"
@@ -177,6 +179,11 @@ std::vector<double> mean_swing(const LitFrame& frame, const IndexRange& columns,
   const auto slow = local_means(logs, length);
   std::ranges::transform(logs, slow, logs.begin(), std::minus{});
   return logs;
+}
+
+double likeness(std::span<const double> a, std::span<const double> b) {
+  const double energy = product_at_lag(a, 0) * product_at_lag(b, 0);
+  return energy > 0 ? std::inner_product(a.begin(), a.end(), b.begin(), 0.0) / std::sqrt(energy) : 0;
 }
 
 std::vector<double> fast_logs(const Patch& patch, double frequency) {

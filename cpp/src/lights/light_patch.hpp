@@ -60,6 +60,9 @@ std::vector<double> local_means(std::span<const double> signal, std::size_t leng
 std::vector<double> mean_swing(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows,
                                std::size_t length);
 
+// Correlation of two swings, of mean 0.
+double likeness(std::span<const double> a, std::span<const double> b);
+
 // Complex values, such as z of each element of a patch: (rows × stride).
 struct ComplexValues {
   std::vector<double> real, imaginary;

@@ -147,7 +147,9 @@ Detections with_lamps_beside(const SearchedFrame& in, Detections found, const Re
     const auto known = [&](const Detection& one) {
       return covers(one.light.box, suspect.box) || contains(suspect, one.light);
     };
-    if (std::ranges::any_of(found.lights, known)) continue;
+    if (std::ranges::any_of(found.lights, known) ||
+        one_light_across(in.frame, light.box, suspect.box, std::min(light.frequency, suspect.frequency)))
+      continue;
     const auto other = refine(in, suspect, within, kWholeBox);
     const auto one = other && !same_frequency(*other, light) ? judged(in, *other, found) : std::nullopt;
     if (one && is_convincing(in, *one) && !is_double_of_any(*one, found.lights)) found.lights.push_back(*one);
