@@ -443,8 +443,12 @@ double deviation(std::span<const double> values) {
   return std::sqrt(squares_about_mean(values) / static_cast<double>(values.size()));
 }
 
+struct Share {
+  double share = 0, rest = 0;
+};
+
 // Least-squares share of the light beside a lamp in rows of its columns, and the standard deviation of the rest.
-std::pair<double, double> share_of(std::span<const double> beside, std::span<const double> signal) {
+Share share_of(std::span<const double> beside, std::span<const double> signal) {
   const auto count = static_cast<double>(signal.size());
   const double mean = mean_of(signal), mean_beside = mean_of(beside);
   double square = 0, product = 0, power = 0;
@@ -464,9 +468,9 @@ std::optional<CombinedColumn> without_light_beside(const CombinedColumn& column)
   const std::size_t rows = column.signal.size(), window = rows / kEnds;
   if (column.beside.size() != rows || window < 2) return std::nullopt;
   const std::span beside(column.beside), signal(column.signal);
-  const auto first = share_of(beside.first(window), signal.first(window));
-  const auto last = share_of(beside.last(window), signal.last(window));
-  const auto [share, rest] = first.second < last.second ? first : last;
+  const Share first = share_of(beside.first(window), signal.first(window));
+  const Share last = share_of(beside.last(window), signal.last(window));
+  const auto [share, rest] = first.rest < last.rest ? first : last;
   if (share < kMinShare || share > kMaxShare || share * deviation(beside) < kVaries * rest) return std::nullopt;
   CombinedColumn own = column;
   for (std::size_t n = 0; n < rows; ++n) own.signal[n] -= share * beside[n];
