@@ -20,8 +20,8 @@ constexpr std::size_t kCheckedWords = 1024;  // between two checks for an interr
 
 // IEEE Std 802.15.7, 4B6B: three bright chips of six in every word.
 constexpr std::array<std::uint32_t, 16> k4b6b = {0b001110, 0b001101, 0b010011, 0b010110, 0b010101, 0b100011,
-                                                  0b100110, 0b100101, 0b011001, 0b011010, 0b011100, 0b110001,
-                                                  0b110010, 0b101001, 0b101010, 0b101100};
+                                                 0b100110, 0b100101, 0b011001, 0b011010, 0b011100, 0b110001,
+                                                 0b110010, 0b101001, 0b101010, 0b101100};
 
 // 8B10B, abcdei at running disparity −1 by EDCBA. Words that are not balanced, and D.7, are inverted at +1.
 constexpr std::array<std::uint32_t, 32> k5b6b = {
