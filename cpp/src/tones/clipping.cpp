@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <type_traits>
+#include <utility>
 
 namespace ocisac {
 
@@ -51,6 +52,61 @@ std::optional<Pile> lowest(std::vector<T>& samples, int sign) {
   return Pile{static_cast<double>(level), static_cast<double>(beside), smallest_step(samples)};
 }
 
+constexpr std::size_t kCountedRows = 255;  // that a counter of one byte can count
+
+// Counts rows in unsigned numbers as wide as the samples, so that compilers make one vector operation of many columns.
+template <class T>
+class PileCounter {
+ public:
+  PileCounter(std::size_t columns, const Pile& pile)
+      : level_(static_cast<T>(pile.level)),
+        beside_(static_cast<T>(pile.beside)),
+        samples_(columns),
+        was_at_(columns),
+        at_(columns),
+        beside_count_(columns),
+        beyond_(columns),
+        runs_(columns) {}
+
+  void add(const T* row, std::ptrdiff_t stride) {
+    const std::size_t columns = samples_.size();
+    if (stride != 1) {
+      for (std::size_t c = 0; c < columns; ++c) samples_[c] = row[static_cast<std::ptrdiff_t>(c) * stride];
+      row = samples_.data();
+    }
+    const T level = level_, beside = beside_;
+    if (level < beside)
+      for (std::size_t c = 0; c < columns; ++c) count(beyond_[c], row[c] < level);
+    else
+      for (std::size_t c = 0; c < columns; ++c) count(beyond_[c], row[c] > level);
+    for (std::size_t c = 0; c < columns; ++c) count(beside_count_[c], row[c] == beside);
+    for (std::size_t c = 0; c < columns; ++c) {
+      const Count is_at = row[c] == level ? 1 : 0;
+      count(at_[c], row[c] == level);
+      count(runs_[c], is_at > was_at_[c]);
+      was_at_[c] = is_at;
+    }
+  }
+
+  void move_to(PileCounts& counts) {
+    const auto move = [](std::vector<Count>& from, std::vector<std::uint32_t>& to) {
+      for (std::size_t c = 0; c < to.size(); ++c) to[c] += static_cast<std::uint32_t>(std::exchange(from[c], 0));
+    };
+    move(at_, counts.at), move(beside_count_, counts.beside), move(beyond_, counts.beyond), move(runs_, counts.runs);
+  }
+
+ private:
+  using Count =
+      std::conditional_t<sizeof(T) == 1, std::uint8_t,
+                         std::conditional_t<sizeof(T) == 2, std::uint16_t,
+                                            std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>>>;
+  static void count(Count& to, bool is) { to = static_cast<Count>(to + (is ? 1 : 0)); }
+
+  T level_, beside_;
+  std::vector<T> samples_;
+  std::vector<Count> was_at_, at_, beside_count_, beyond_, runs_;
+};
+
 }  // namespace
 
 Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t column, double least) {
@@ -81,19 +137,12 @@ PileCounts count_pile(const AnyFramesView& frames, std::size_t frame, const Pile
       [&]<class T>(const FramesView<const T>& view) {
         const auto zeros = [&] { return std::vector<std::uint32_t>(view.columns); };
         PileCounts counts{zeros(), zeros(), zeros(), zeros()};
-        const bool is_low = pile.level < pile.beside;
-        const auto level = static_cast<T>(pile.level), beside = static_cast<T>(pile.beside);
-        std::vector<std::uint32_t> was_at = zeros();
-        for (std::size_t row = 0; row < view.rows; ++row)
-          for (std::size_t c = 0; c < view.columns; ++c) {
-            const T value = view(frame, row, c);
-            const std::uint32_t is_at = value == level;
-            counts.at[c] += is_at;
-            counts.beside[c] += value == beside;
-            counts.beyond[c] += is_low ? value < level : value > level;
-            counts.runs[c] += is_at & ~was_at[c];
-            was_at[c] = is_at;
-          }
+        PileCounter<T> counter(view.columns, pile);
+        for (std::size_t first = 0; first < view.rows; first += kCountedRows) {
+          for (std::size_t row = first; row < std::min(view.rows, first + kCountedRows); ++row)
+            counter.add(view.at(frame, row, 0), view.column_stride);
+          counter.move_to(counts);
+        }
         return counts;
       },
       frames);

@@ -340,6 +340,7 @@ bool shows_tone(const UnitSignals& signals, std::size_t count, double frequency)
 // Each row minus `share` of the one before.
 Signals less_last_row(const Signals& signals, double share) {
   Signals out{{}, signals.rows - 1};
+  out.samples.reserve(signals.count() * out.rows);
   for (std::size_t n = 0; n < signals.samples.size(); ++n)
     if (n % signals.rows > 0) out.samples.push_back(signals.samples[n] - share * signals.samples[n - 1]);
   return out;
@@ -350,13 +351,15 @@ Signals less_last_row(const Signals& signals, double share) {
 double correlation_of_rows(const FittedModel& final, std::size_t rows, double residual, double of_changes) {
   constexpr int kSteps = 200;
   const auto parameters = static_cast<double>(final.model.parameters());
+  std::vector<double> cosines;
+  for (const std::size_t order : final.model.harmonics)
+    cosines.push_back(std::cos(2 * std::numbers::pi * static_cast<double>(order) * final.fit.frequency));
   double best = 0, least = kInfinity;
   for (int step = 0; step < kSteps; ++step) {
     const double a = static_cast<double>(step) / kSteps;
-    double determinant = static_cast<double>(final.model.trend_degree + 1) * 2 * std::log(1 - a);
-    for (const std::size_t order : final.model.harmonics)
-      determinant += 2 * std::log(std::norm(1.0 - std::polar(a, 2 * std::numbers::pi * static_cast<double>(order) *
-                                                                    final.fit.frequency)));
+    double root = std::pow(1 - a, static_cast<double>(final.model.trend_degree + 1));
+    for (const double cosine : cosines) root *= 1 - 2 * a * cosine + a * a;
+    const double determinant = 2 * std::log(root);
     const double left = (1 - a) * (1 - a) * residual + a * of_changes;
     const double cost = (static_cast<double>(rows) - parameters) * std::log(left) + determinant;
     if (cost < least) best = a, least = cost;
@@ -367,9 +370,11 @@ double correlation_of_rows(const FittedModel& final, std::size_t rows, double re
 // Sum of each frame's signals.
 std::vector<double> summed(const ColumnBlocks& blocks) {
   std::vector<double> sums(blocks.frames * blocks.rows);
-  for (std::size_t signal = 0; signal < blocks.frames * blocks.blocks; ++signal)
-    for (std::size_t n = 0; n < blocks.rows; ++n)
-      sums[signal / blocks.blocks * blocks.rows + n] += blocks.signals[signal * blocks.rows + n];
+  for (std::size_t signal = 0; signal < blocks.frames * blocks.blocks; ++signal) {
+    const double* const from = &blocks.signals[signal * blocks.rows];
+    double* const to = &sums[signal / blocks.blocks * blocks.rows];
+    for (std::size_t n = 0; n < blocks.rows; ++n) to[n] += from[n];
+  }
   return sums;
 }
 
@@ -379,9 +384,12 @@ bool are_alike(const ColumnBlocks& blocks) {
   constexpr double kWhite = 0.1;  // correlation
   std::vector<double> differences = blocks.signals;
   const std::vector<double> sums = summed(blocks);
-  for (std::size_t i = 0; i < differences.size(); ++i)
-    differences[i] -=
-        sums[i / blocks.rows / blocks.blocks * blocks.rows + i % blocks.rows] / static_cast<double>(blocks.blocks);
+  const double share = 1 / static_cast<double>(blocks.blocks);
+  for (std::size_t signal = 0; signal < blocks.frames * blocks.blocks; ++signal) {
+    double* const own = &differences[signal * blocks.rows];
+    const double* const sum = &sums[signal / blocks.blocks * blocks.rows];
+    for (std::size_t n = 0; n < blocks.rows; ++n) own[n] -= share * sum[n];
+  }
   return product_at_lag(differences, 1) < kWhite * product_at_lag(differences, 0);
 }
 

@@ -1,17 +1,54 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <cstdint>
 #include <numbers>
+#include <random>
 #include <vector>
 
 #include "ocisac/rows/basis.hpp"
+#include "tones/clipping.hpp"
 #include "tones/harmonic_model.hpp"
 
 namespace {
 
 constexpr double kPi = std::numbers::pi;
 
+// Samples of 0 to 4 in 700 rows of 37 columns, every third sample of a row, counted one by one.
+template <class T>
+void check_counts(double level, double beside) {
+  constexpr std::size_t kRows = 700, kColumns = 37, kStride = 3;
+  std::mt19937 random(7);
+  std::vector<T> samples(kRows * kColumns * kStride);
+  for (T& sample : samples) sample = static_cast<T>(random() % 5);
+  auto view = ocisac::dense_view<const T>(samples.data(), 1, kRows, kColumns * kStride);
+  view.columns = kColumns, view.column_stride = kStride;
+  const auto counts = ocisac::count_pile(view, 0, {level, beside, 1});
+  for (std::size_t c = 0; c < kColumns; ++c) {
+    std::uint32_t at = 0, of_beside = 0, beyond = 0, runs = 0;
+    bool was_at = false;
+    for (std::size_t n = 0; n < kRows; ++n) {
+      const double value = view(0, n, c);
+      const bool is_at = value == level;
+      at += is_at, of_beside += value == beside, runs += is_at && !was_at;
+      beyond += level < beside ? value < level : value > level;
+      was_at = is_at;
+    }
+    CHECK(counts.at[c] == at);
+    CHECK(counts.beside[c] == of_beside);
+    CHECK(counts.beyond[c] == beyond);
+    CHECK(counts.runs[c] == runs);
+  }
+}
+
 }  // namespace
+
+TEST_CASE("a pile is counted in more rows than a counter of a byte holds, at any stride and of any type") {
+  check_counts<std::uint8_t>(1, 2);
+  check_counts<std::uint16_t>(3, 2);
+  check_counts<float>(1, 2);
+  check_counts<double>(3, 2);
+}
 
 TEST_CASE("weights of the harmonic model are a pseudo-inverse: they return what the model is made of") {
   for (const std::size_t rows : {5u, 8u, 97u, 720u}) {
