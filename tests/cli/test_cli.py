@@ -307,6 +307,14 @@ def test_what_cannot_be_answered_is_null_and_flagged(facts, tmp_path, level, fre
     assert (tmp_path / "even.svg").exists()
 
 
+def test_a_frequency_in_khz_is_no_success(run, square):
+    code, _, err = run("gain", square("s.png"), *TESTBED, "--frequency", "0.5")
+    assert code == 3
+    assert err == [
+        "ocisac: warning: no gain was measured: the rows show 0.00799 cycles of the tone: is the frequency in kHz?"
+    ]
+
+
 @pytest.mark.parametrize("background", ["0", "-1e300"])
 def test_gains_of_nearly_nothing_do_not_warn_of_the_division(run, tmp_path, background):
     """Columns without any of the tone, and beside it light whose inverse variance is beyond all numbers."""

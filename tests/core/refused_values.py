@@ -90,7 +90,8 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     "light.exposure_response": {"frequency": [NAN, INF], "exposure": [-1.0, NAN]},
     "light.sample_waveform": {"times": [[0.0, NAN], ["a"]]},
     "tones.tone_gain": {
-        "columns": [*NO_COLUMNS, of(columns=np.full((64, 8), 1e308), pooled=True)],
+        "columns": [*NO_COLUMNS, of(columns=np.full((64, 8), 1e308), pooled=True), np.full((64, 8), 1e150),
+                    np.full((64, 8), 1e-150)],
         "frequency": [0.0, -5.0, NAN, [], [[1.0]], 1e300, "500Hz"], "camera": [22e-6], "method": ["fft"],
         "waveform": ["saw"], "duty": [0.0, 1.0], "background": [NAN, np.zeros(5)], "efficiency": [0.0, 1.5],
         "threads": [0], "dark_level": [of(camera=Camera(1.0, tone_curve="gamma", dark_level=16), frequency=0.2)],
@@ -120,7 +121,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "bounds": [(2e-9, 1e-9), (-0.1, 0.01), (0.0, 0.0), (0.0, INF), (0.0, 1e6), (1, 2, 3)],
         "step|bounds": [of(bounds=(1e20, 1.0000000001e20), step=1e15)],
         "step": [0.0, -1.0, NAN, 0.02, of(bounds=(0.0101, 0.0109), step=0.001), of(method="search", step=1e-12)],
-        "points": [of(method="search", points=1)],
+        "points": [of(method="search", points=1), of(method="search", points=-1)],
         "method": [
             "best", of(method="closed-form", bounds=(0.001, 0.01)), of(method="rounded", step=1e-5),
             of(method="closed-form", more=[50.0], weights=(1, 1, 1)),
@@ -244,9 +245,9 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     "lights.calibrate": {"frequency": [0.0, -1.0, INF, NAN]},
     "lights.pick_colour": {"colours": [[]]},
     "lights.SourceTracker.update": {"frame": [np.zeros((2, 64, 8))]},
-    "lights.SourceTracker": {"patience": [-1], "reach": [0.0, NAN], "full_every": [0]},
+    "lights.SourceTracker": {"patience": [-1], "reach": [0.0, NAN, 1.7e308], "full_every": [0]},
     "lights.detect_sources": {
-        "false_alarms": [0.0, NAN, 1.5], "min_cycles": [1.0, INF], "max_sources": [0],
+        "false_alarms": [0.0, NAN, 1.5], "min_cycles": [1.0, INF], "max_sources": [0, -1], "frame": [-1],
         "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2)), np.zeros((1, 64, 48, 3), np.uint8), *PERHAPS_COLOURS],
         "columns": [of(frames=np.full((64, 64), NAN))],
     },
@@ -305,7 +306,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     },
     "sensing.background_light": {"frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2))]},
     "sensing.sense_region": {
-        "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2))],
+        "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2)), np.full((2, 64, 8), 1e100), np.full((2, 64, 8), 1e-100)],
         "frame_times": [of(motion=sensing.KnownMotion(frame_times=(0.0, 1.0)))],
         "frequency": [0.0, NAN], "waveform": ["saw"], "duty": [1.0], "depth": [0.0], "motion": ["across"],
         "frequency_std": [of(frequency=types.SimpleNamespace(frequency=517.0, frequency_std=-1.0))],

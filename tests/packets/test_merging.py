@@ -60,6 +60,7 @@ def test_numbers_and_texts_are_different_lights() -> None:
         (line(1.5, 0.0), "line 2: light: got 1.5"),
         (line(True, 0.0), "line 2: light: got True"),
         ('{"light": 1}', "line 2: time_s: got None"),
+        (f'{{"light": 1, "time_s": {10**400}}}', "line 2: time_s: got 1000"),
         ('{"light": 1, "time_s": NaN}', "line 2: time_s: got nan"),
         (line(1, 0.0, snr_db="loud"), "line 2: snr_db: got 'loud'"),
         (line(1, 0.0, snr_db=1e4), "line 2: snr_db: got 10000.0, allowed: -300 to 300"),

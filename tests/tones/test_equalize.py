@@ -88,6 +88,15 @@ class TestRestores:
             assert np.array_equal(tiny, unit * of.equalize(seen, camera(5.0), method="wiener", noise=noise))
         assert np.array_equal(of.equalize(np.full(99, unit), camera(5.0), method="wiener"), np.full(99, unit))
 
+    @pytest.mark.parametrize(("noise", "unit"), [(1e-160, 1.0), (1.0, 1e155), (1.0, 1e-160), (1e-10, 1e150)])
+    def test_noise_far_from_the_light(self, noise: float, unit: float) -> None:
+        seen = chips(720, 5.0, 30, np.random.default_rng(2))[1] * unit
+        stronger = max(noise, 1e-20 * unit) if noise < unit else 1e20 * unit
+        found = of.equalize(seen, camera(5.0), method="wiener", noise=noise)
+        np.testing.assert_allclose(
+            found, of.equalize(seen, camera(5.0), method="wiener", noise=stronger), rtol=1e-6, atol=1e-6 * unit
+        )
+
     def test_vignetting_does_not_ring(self) -> None:
         """A brightness that falls off smoothly: the plain circular DFT rings where its ends do not meet."""
         rows, exposure_rows = 720, 28.3

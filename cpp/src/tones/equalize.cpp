@@ -281,8 +281,10 @@ class BlockEqualizer {
     std::vector<ColumnAnalysis::Result> analysed(count_);
     for (std::size_t c = 0; c < count_; ++c) {
       check_interrupt();
-      const double scaled = noise.empty() ? 1 : noise[c] * memory_.scale[c];
-      if (scaled == 0) continue;
+      if (!noise.empty() && noise[c] == 0) continue;
+      // Beyond these the filter is the same, and squares of squares stay finite.
+      constexpr double kBeyond = 1e30;
+      const double scaled = noise.empty() ? 1 : std::clamp(noise[c] * memory_.scale[c], 1 / kBeyond, kBeyond);
       for (std::size_t n = 0; n < plan_.rows; ++n) memory_.column[n] = static_cast<double>(block_[n * kWidth + c]);
       analysed[c] = plan_.analysis->take_off_course(memory_.column,
                                                     noise.empty() ? std::nullopt : std::optional(scaled * scaled));

@@ -473,6 +473,14 @@ StoredLight stored_light(const AnyFramesView& frames, const ToneCurve& curve) {
   return {table, 0, table ? static_cast<double>(static_cast<float>(light)) : light};
 }
 
+// Refuses light whose squares are no numbers.
+void check_size(std::span<const double> light) {
+  constexpr double kMost = 1e100;
+  for (const double each : light)
+    require(each == 0 || (std::abs(each) >= 1 / kMost && std::abs(each) <= kMost), "columns", each,
+            "light of 1e-100 to 1e100, whose squares are numbers");
+}
+
 // Refuses samples that are not finite by their sums, and those of rows that are not added.
 void check_summed(const AnyFramesView& frames, const StreamingFit& fit, const Piece& piece, const Projection& sums) {
   if (holds_integers(frames)) return;
@@ -481,6 +489,7 @@ void check_summed(const AnyFramesView& frames, const StreamingFit& fit, const Pi
   };
   check_samples(part(fit.rows_added()));
   if (!std::ranges::all_of(sums.totals, [](double total) { return std::isfinite(total); })) check_samples(part(0));
+  check_size(sums.totals);
 }
 
 void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context,
@@ -655,6 +664,7 @@ void gains_of_model(const AnyFramesView& frames, const Context& context, const T
     const std::size_t first = block % blocks * kColumnsPerBlock;
     const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
     auto fitted = fitted_columns(*model, column_signals(frames, frame, first, count, context.camera->tone_curve));
+    check_size(std::span(fitted.parameters).first(count));
     take_off(context, frame, first, 0, std::span(fitted.parameters).first(count));
     const auto samples = project(frames, frame, first, count, none).maximum;
     for (std::size_t k = 0; k < context.tones.size(); ++k)
@@ -921,6 +931,7 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
     const PooledColumn pooled = pool_columns(frames, context, frame);
     const auto write = [&](const HarmonicModel& own) {
       auto fitted = fitted_columns(own, pooled.signal);
+      if (!fitted.noise_variance.empty()) check_size({fitted.parameters.data(), 1});
       fitted.parameters[0] -= pooled.background;
       const std::array saturated{pooled.saturated ? 1.0 : 0.0};
       for (std::size_t k = 0; k < context.tones.size(); ++k) {

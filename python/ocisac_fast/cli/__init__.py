@@ -10,8 +10,8 @@ from collections.abc import Sequence
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
-    Exit code 0; 2 for invalid input; 3 if some of several files failed; 129, 130 or 143 if interrupted; 141 for a
-    closed pipe.
+    Exit code 0; 2 for invalid input; 3 if some of several files failed or nothing was measured; 129, 130 or 143 if
+    interrupted; 141 for a closed pipe.
     """
     # Read when NumPy is imported: its products are small here, and threads that wait for their share of one use time.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

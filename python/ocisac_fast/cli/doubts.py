@@ -62,13 +62,22 @@ def warn_of_calibration(seconds: float) -> None:
     _warn(f"the tone may be no light's{too_long}: give --region x,y,w,h within the lamp")
 
 
-def warn_of_gain(facts: dict[str, Any], whole_picture: bool) -> bool:
-    """Warn if the gain of a recording is probably biased, and return True then; ``facts`` as in its JSON object."""
+def is_unmeasured(flags: list[str]) -> bool:
+    """True if a gain is none of a tone: less than a cycle is in the rows, and nothing of it."""
+    return "few_cycles" in flags and not {"weak", "no_light"}.isdisjoint(flags)
+
+
+def warn_of_gain(facts: dict[str, Any], row_period: float, whole_picture: bool) -> bool:
+    """Warn if the gain of a recording is none or probably biased, and return True then; ``facts``: its JSON object."""
     if whole_picture and "model_misfit" in facts["flags"]:
         _warn(
             "the light varies along the columns, or contradicts --exposure, --waveform or --dark-level, which biases "
             "the gain: give --region x,y,w,h within the lamp"
         )
+        return True
+    cycles = facts["frequency_hz"] * facts["rows"] * row_period
+    if is_unmeasured(facts["flags"]):
+        _warn(f"no gain was measured: the rows show {cycles:.3g} cycles of the tone: is the frequency in kHz?")
         return True
     if facts["snr_db"] < 0.0 and not {"weak", "near_null"} & set(facts["flags"]):
         _warn(f"the tone is {-facts['snr_db']:.0f} dB below what else varies along the rows, which may resemble it")

@@ -15,7 +15,8 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_colour, some_columns
 from ocisac_fast.cli.csv_files import write_csv
-from ocisac_fast.cli.doubts import warn_of_gain, warn_of_other_light, warn_of_texture, warn_of_waveform
+from ocisac_fast.cli.doubts import is_unmeasured, warn_of_gain, warn_of_other_light, warn_of_texture, warn_of_waveform
+from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import (
     decibels,
     emit_facts,
@@ -94,7 +95,7 @@ def gain(
             waveform=picture.waveform,
         )
     facts = {**measured.facts(mean, background is not None), "frames": measured.frame_count}
-    doubtful = warn_of_gain(facts, picture.region is None) or math.isnan(light.frequency)
+    doubtful = warn_of_gain(facts, measured.camera.row_period, picture.region is None) or math.isnan(light.frequency)
     options |= {"waveform": picture.waveform, "duty": picture.duty}
     if not doubtful and not warn_of_other_light(measured.columns, measured.camera, light.frequency, options):
         is_texture = warn_of_texture(measured.columns[np.newaxis], measured.camera, light.frequency)
@@ -103,7 +104,14 @@ def gain(
     facts = picture.in_units(facts)
     if as_json:
         emit_json(facts)
-        return
+    else:
+        _show(facts, measured, picture)
+    if is_unmeasured(facts["flags"]):
+        raise click.exceptions.Exit(SOME_FAILED)
+
+
+def _show(facts: dict[str, Any], measured: FrameGains, picture: PictureOptions) -> None:
+    light, mean = measured.light, measured.mean()
     emit_facts(
         "",
         {

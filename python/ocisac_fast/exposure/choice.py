@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import Within, checked
 from ocisac_fast.core.results import Result
 
 Float64s = npt.NDArray[np.float64]
@@ -39,7 +39,7 @@ def best_exposure(
     bounds: tuple[float, float] | None = None,
     step: float | None = None,
     more: Sequence[npt.ArrayLike] = (),
-    points: int = 10001,
+    points: Annotated[int, Within(2, 10_000_000)] = 10001,
 ) -> BestExposure:
     """Exposure time that maximises Y(T) = sum_i w_i |sin(pi f_i T)| / (pi f_i) (eq. 18, with magnitudes).
 

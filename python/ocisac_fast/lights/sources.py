@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_grey_frames, stored_box
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import Count, Within, checked
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
 from ocisac_fast.core.results import Result
@@ -78,8 +78,8 @@ def detect_sources(
     *,
     false_alarms: float = 0.01,
     min_cycles: float = 2.5,
-    max_sources: int = 64,
-    frame: int | None = None,
+    max_sources: Count = 64,
+    frame: Annotated[int, Within(0)] | None = None,
 ) -> list[LightSource]:
     """Detect every modulated light in a picture, frame by frame.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,7 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_grey_frames, box_in_time_order, in_stored_order
-from ocisac_fast.core.checks import checked, checked_class
+from ocisac_fast.core.checks import Count, Within, checked, checked_class
 from ocisac_fast.core.regions import Region
 from ocisac_fast.core.results import Result
 from ocisac_fast.lights.recognition import KnownLight
@@ -83,20 +84,14 @@ class SourceTracker:
         self,
         camera: Camera,
         *,
-        patience: int = 15,
-        reach: float = 1.5,
-        full_every: int = 1,
+        patience: Annotated[int, Within(0)] = 15,
+        reach: Annotated[float, Within(0.0, 1e6, above=True)] = 1.5,
+        full_every: Count = 1,
         false_alarms: float = 0.02,
         min_cycles: float = 2.5,
         reflections: bool = False,
         search_hidden: bool = True,
     ) -> None:
-        if patience < 0:
-            raise ValueError(f"patience: got {patience}, allowed: 0 or above")
-        if not (math.isfinite(reach) and reach > 0):
-            raise ValueError(f"reach: got {reach}, allowed: a finite number above 0")
-        if full_every < 1:
-            raise ValueError(f"full_every: got {full_every}, allowed: 1 or above")
         self._camera = camera
         self._patience, self._reach, self._full_every = patience, reach, full_every
         self._false_alarms, self._min_cycles = false_alarms, min_cycles

@@ -55,7 +55,7 @@ def _read(line: str | Mapping[str, Any], number: int) -> dict[str, Any]:
     if isinstance(light, bool) or not isinstance(light, (str, int)):
         raise ValueError(f"line {number}: light: got {shown(light)}, allowed: a string or a whole number")
     for name, value in (("time_s", time), ("snr_db", 0.0 if snr is None else snr)):
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e300:
             raise ValueError(f"line {number}: {name}: got {shown(value)}, allowed: a finite number")
     if snr is not None and abs(snr) > 300.0:
         raise ValueError(f"line {number}: snr_db: got {shown(snr)}, allowed: -300 to 300")

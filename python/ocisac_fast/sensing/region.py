@@ -227,6 +227,9 @@ def measure(
 ) -> SensedRegion:
     """:func:`sense_region` of a request."""
     region = as_grey_frames(frames, "frames", camera.scan_axis)
+    largest = float(np.abs(region).max())
+    if largest > 0.0 and not 1e-60 <= largest <= 1e60:  # fourth powers are numbers; NaN is refused later
+        raise ValueError(f"frames: got {largest:g} as the largest value, allowed: 1e-60 to 1e60")
     width, height = stored_box(Region(0, 0, region.shape[2], region.shape[1]), region.shape[1:], camera.scan_axis)[2:]
     camera = camera.in_time_order
     tones = [f * camera.row_period for f in request.others]
