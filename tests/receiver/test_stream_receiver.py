@@ -303,6 +303,36 @@ def test_a_pause_of_the_read_out_in_the_middle_of_the_picture_is_found(pause):
     assert sure >= 4
 
 
+def edges_moved(chips, late, fine=20):
+    """The waveform of chips that repeat, each of whose edges comes ``late`` chips after its time."""
+    begins = np.rint((np.arange(chips.size) + late) * fine).astype(int)
+    lasts = np.diff(begins, append=begins[0] + fine * chips.size)
+    return ocisac.Chips(np.roll(np.repeat(chips, lasts), begins[0]), fine * CHIP_RATE, repeat=True)
+
+
+@pytest.mark.parametrize("kind", ["jitter", "late falls", "late rises", "chopped"])
+@pytest.mark.parametrize("exposure", [370e-6, 622e-6])
+def test_a_sender_whose_edges_lie_off_its_clock_is_received(kind, exposure):
+    light = Light(b"edges off the clock", seed=5, exposure=exposure, noise=0.003)
+    chips = ocisac.transmit(b"edges off the clock").chips.astype(float)
+    falls, time = chips < np.roll(chips, 1), np.arange(chips.size)
+    late = {
+        "jitter": light.random.uniform(-0.2, 0.2, chips.size),
+        "late falls": 0.4 * falls,
+        "late rises": 0.4 * ~falls,
+        "chopped": 0.2 * np.abs(2 * np.mod(1.61 * time, 1) - 1) - 0.1,  # as by a wave of 1.61 cycles a chip
+    }[kind]
+    light.waveform = edges_moved(chips, late)
+    receiver = Receiver(light.camera, chip_rate=CHIP_RATE)
+    for index in range(12):
+        result = receiver.push(light.frame(index))
+        if result.payload is not None:
+            break
+    assert result.payload is not None
+    assert result.payload.data == b"edges off the clock"
+    assert result.flags == 0
+
+
 @pytest.mark.parametrize("share", [0.3, 0.5])
 def test_frames_that_show_a_share_of_the_one_before_are_received(share):
     """y_k = (1 - share)·s_k + share·y_(k-1), as after noise reduction over time; the first frame shows none."""

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "chips/chip_period.hpp"
+#include "chips/edge_places.hpp"
 #include "ocisac/chips/detect_chips.hpp"
 #include "ocisac/chips/preamble.hpp"
 #include "ocisac/chips/refine_channel.hpp"
@@ -46,6 +47,7 @@ bool detectable(std::span<const double> signal, const ChannelEstimate& channel) 
 constexpr double kLongestSlowTrellis = 9, kLongestTrellis = 6, kLongestSearchedTrellis = 10.5;
 
 std::string_view method_for(const ChipClock& clock, double longest_trellis) {
+  if (clock.edge_std > 0) return "reduced";            // only the equations have the noise of edges
   const bool slow = clock.rise > 0 || clock.fall > 0;  // only the full trellis models them
   const double longest = slow ? kLongestSlowTrellis : longest_trellis;
   return clock.exposure_rows <= longest * clock.rows_per_chip ? "mlse" : "reduced";
@@ -127,6 +129,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
   reading.rest.assign(signal.begin(), signal.end());
   if (beside) reading.nuisance = beside->nuisance;
   FittedBeside fitted_beside;
+  std::vector<double> placed;  // rows as if edges that lie off the clock lay on it
   for (int round = 0; round < kMaxRounds; ++round) {
     if (!detectable(reading.rest, channel)) return std::nullopt;
     const ChipRows rows(reading.rest, channel);
@@ -139,6 +142,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     auto fitted =
         moved ? fit_channel(reading.rest, {chips, reading.first}, channel.clock, model, effort) : std::nullopt;
     if (!fitted) return std::nullopt;
+    if (channel.clock.edge_std > 0) placed = place_edges(reading.rest, {chips, reading.first}, *fitted);
     const bool stays = (is_same(channel, *fitted, signal.size()) && *moved <= kRestStays * fitted->noise) ||
                        (round + 1 >= kMinRounds && !(fitted->noise < kSettling * channel.noise));
     channel = std::move(*fitted);
@@ -150,6 +154,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     if (stays) break;
   }
   reading.channel = std::move(channel);
+  if (!placed.empty()) reading.rest = std::move(placed);
   judge(reading);
   return reading;
 }
@@ -214,13 +219,14 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
   const double chips = static_cast<double>(search.preamble.size());
   const double seen = chips - search.exposure_rows.value_or(0.0) / search.rows_per_chip;
   if (seen >= kMinChipsSeen) {
-    const auto matches = find_preamble(signal, search.preamble,
-                                       {.rows_per_chip = search.rows_per_chip,
-                                        .tolerance = search.tolerance,
-                                        .exposure_rows = search.exposure_rows,
-                                        .max_exposure_chips = std::min(kLongestPreambleExposure, chips - kMinChipsSeen),
-                                        .max_matches = kPreamblesTried});
-    for (const auto& match : matches) {
+    auto matches = find_preamble(signal, search.preamble,
+                                 {.rows_per_chip = search.rows_per_chip,
+                                  .tolerance = search.tolerance,
+                                  .exposure_rows = search.exposure_rows,
+                                  .max_exposure_chips = std::min(kLongestPreambleExposure, chips - kMinChipsSeen),
+                                  .max_matches = kPreamblesTried});
+    for (auto& match : matches) {
+      match.channel.clock.edge_std = search.edge_std;
       if (auto reading = acceptable(extend_reading(signal, match.channel, exposure_known, search.effort,
                                                    {search.preamble, 0}, search.warped)))
         return reading;

@@ -83,8 +83,8 @@ std::vector<SignalModel> RowReader::other_models(const FrameRows& frame, const L
   const auto another_exposure = [&](std::optional<double> rows) {
     models.push_back({.nuisance = last.nuisance, .exposure_rows = rows});
   };
-  if (!last.nuisance.empty() || last.exposure_known != given.exposure_known || last.slow_light || last.warped ||
-      last.pause)
+  if (!last.nuisance.empty() || last.exposure_known != given.exposure_known || last.slow_light || last.loose_edges ||
+      last.warped || last.pause)
     models.push_back(given);
   for (RowNuisance& nuisance : other_nuisances(frame, state)) {
     models.push_back(given);
@@ -93,6 +93,11 @@ std::vector<SignalModel> RowReader::other_models(const FrameRows& frame, const L
   if (!last.slow_light) {
     models.push_back(last);
     models.back().slow_light = true;
+  }
+  if (!last.loose_edges) {
+    models.push_back(last);
+    models.back().slow_light = false;
+    models.back().loose_edges = true;
   }
   if (!last.warped) {
     models.push_back(given);

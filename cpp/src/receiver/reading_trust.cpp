@@ -85,9 +85,11 @@ std::vector<double> residual_excess(std::span<const double> left, const FrameRea
   return excess;
 }
 
-// More is left than white noise: log-likelihood ratios count correlated rows as independent ones.
+// More is left than white noise: log-likelihood ratios count correlated rows as independent ones. Edges off the clock
+// take up much of what is in no model, so that little left means nothing.
 bool is_correlated(const FrameReading& reading) {
-  return reading.correlation > kMaxCorrelation && reading.relative_noise > kNoResidual;
+  const bool takes_up = reading.channel.clock.edge_std > 0;
+  return reading.correlation > kMaxCorrelation && (takes_up || reading.relative_noise > kNoResidual);
 }
 
 }  // namespace

@@ -33,6 +33,7 @@ constexpr double kMinChips = 12;             // in a frame
 constexpr double kFollowedEffort = 0.1;      // of the others' effort, where a clock is tracked
 constexpr double kWarpEffort = 3;            // of the other models'
 constexpr double kBetter = 0.8;              // ratio of the residual noise required of another model
+constexpr double kEdgeStd = 0.15;            // chips, of edges that lie off the clock; right within a factor of two
 constexpr std::array kSlownesses{1.0, 0.6};  // chips; initial rise and fall, right within half a chip
 constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
 
@@ -77,6 +78,17 @@ std::vector<double> without_spikes(std::span<const double> signal, double exposu
   for (std::size_t n = 0; n < off.size(); ++n)
     if (off[n] <= most) smooth[n] = signal[n];
   return smooth;
+}
+
+// A reading again, with edges that lie off the clock.
+std::optional<FrameReading> loosened(std::span<const double> signal, FrameReading reading, bool exposure_known,
+                                     SearchEffort* effort) {
+  ChipClock& clock = reading.channel.clock;
+  clock.edge_std = kEdgeStd;
+  clock.rise = clock.fall = 0;
+  if (reading.nuisance.empty()) return read_frame(signal, reading.channel, exposure_known, effort);
+  RowNuisance nuisance = reading.nuisance;
+  return refine_nuisance(signal, std::move(reading), std::move(nuisance), exposure_known, effort);
 }
 
 }  // namespace
@@ -196,6 +208,7 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
     start.errors = predicted->errors;
   }
   if (!model.slow_light) start.clock.rise = start.clock.fall = 0;
+  start.clock.edge_std = model.loose_edges ? kEdgeStd : 0;
   if (model.exposure_rows) start.clock.exposure_rows = *model.exposure_rows;
   const double chip = start.clock.rows_per_chip;
   const double longer = (start.clock.exposure_rows - state.channel->clock.exposure_rows) / chip;
@@ -252,7 +265,9 @@ std::optional<FrameReading> RowReader::search(std::span<const double> signal, co
                          .exposure_rows = model.exposure_rows,
                          .preamble = preamble_,
                          .effort = &frame.effort,
-                         .warped = model.warped};
+                         .warped = model.warped,
+                         .blind = !model.loose_edges,
+                         .edge_std = model.loose_edges ? kEdgeStd : 0};
   const bool as_told = options_.chip_rate && *state.rows_per_chip == 1 / (*options_.chip_rate * camera_.row_time);
   const auto with_row_time = [&](std::optional<FrameReading> found) {
     if (!as_told || (found && found->trust == Trust::fits)) return found;
@@ -363,8 +378,11 @@ void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) cons
     tried.is_noise.reset();
     if (!searches) tried.effort.rows *= kFollowedEffort;
     if (model.warped) tried.effort.rows *= kWarpEffort;
-    auto other = read_with(model, tried, state);
+    auto other = model.loose_edges && best.reading
+                     ? loosened(frame.signal, *best.reading, model.exposure_known, &tried.effort)
+                     : read_with(model, tried, state);
     if (!other || (best.reading && other->relative_noise > kBetter * best.reading->relative_noise)) continue;
+    if (model.loose_edges && other->trust != Trust::fits) continue;  // they take up a part of any misfit
     const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
     if (state.exposure && std::max(exposure / *state.exposure, *state.exposure / exposure) > kMaxWrongExposure)
       continue;

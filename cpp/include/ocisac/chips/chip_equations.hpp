@@ -27,7 +27,14 @@ inline constexpr double kKnownPrecision = 1e8;
 //
 // The term 4·I is a prior of variance ¼. It changes no comparison of sequences, since x² = ¼ for each, but models the
 // uncertainty of undecided chips. Known chips add kKnownPrecision to it. A has ⌈exposure in chips⌉ diagonals beside the
-// main one. Factored from the last chip to the first, A = MᵀDM with M unit lower triangular, the cost is
+// main one. Edges that lie off the clock by e_k, of standard deviation clock.edge_std, add J·e to the rows, J_nk being
+// 1/length while row n sees the edge before chip k: noise of covariance edge_std²·JJᵀ, whichever chips have an edge.
+// With G = JᵀJ/σ² + I/edge_std² = LLᵀ and X = L⁻¹JᵀH/σ² (matrix inversion lemma)
+//
+//   A = HᵀH/σ² + 4·I − XᵀX,   b = Hᵀ(rows − ½)/σ² − XᵀL⁻¹Jᵀ(rows − ½)/σ²
+//
+// of which about two exposures of diagonals differ from 0.
+// Factored from the last chip to the first, A = MᵀDM with M unit lower triangular, the cost is
 //
 //   Σ_k ½·d_k·(x_k − m_k)²,   m_k = z_k − Σ_j M_kj·x_j over j < k
 //
@@ -38,7 +45,7 @@ class ChipEquations {
   ChipEquations(const ChipQuestion& question, double longest);
 
   [[nodiscard]] std::size_t count() const { return count_; }
-  [[nodiscard]] std::size_t band() const { return band_; }  // ⌈exposure/rows per chip⌉
+  [[nodiscard]] std::size_t band() const { return band_; }  // diagonals beside the main one
 
   // A_(k, k − back), back = 0 … band.
   [[nodiscard]] double normal(std::size_t chip, std::size_t back) const {
@@ -57,7 +64,7 @@ class ChipEquations {
   void add_rows(const ChipQuestion& question);
   void factor();
 
-  std::size_t count_, band_;
+  std::size_t count_, seen_, band_;               // seen_: ⌈exposure/rows per chip⌉
   std::vector<double> normal_, factor_, target_;  // (count × (band + 1)), the same, (count)
 };
 

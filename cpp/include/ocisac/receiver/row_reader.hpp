@@ -30,6 +30,7 @@ struct SignalModel {
   std::optional<double> exposure_rows{};  // absent: estimated blind
   bool exposure_known = false;            // kept fixed
   bool slow_light = false;                // rise and fall are estimated
+  bool loose_edges = false;               // edges lie off the clock
   bool warped = false;                    // rows are displaced
   std::optional<RowPause> pause{};
 };

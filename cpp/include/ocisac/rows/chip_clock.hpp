@@ -17,6 +17,7 @@ struct ChipClock {
   // Time constants with which the light approaches a chip that is brighter or darker than it, chips; 0: at once. The
   // level at the beginning of the first known chip is its own.
   double rise = 0, fall = 0;
+  double edge_std = 0;  // chips, by which edges of the light lie off the clock; 0: not at all. For detection alone
 };
 
 inline constexpr double kUnsettled = 0.05;  // fraction of a step at which the light of earlier chips is neglected
