@@ -80,28 +80,29 @@ py::tuple run_find_scene_light(const std::vector<py::array>& colours, const Came
   return tuple_of(colours, *std::move(scene), std::move(light));
 }
 
-// Arrays (rows, columns) that are written to.
+// Arrays (rows, columns) that are written to; shares that are wanted.
 struct Written {
-  py::array picture, marks, share;
+  py::array picture, marks;
+  std::optional<py::array> share;
 };
 
 template <class Sample>
 void restore_as(const StoredScene& scene, std::size_t frame, std::size_t colour, const BlockShares& shares,
                 const Restoration& to, Written out) {
-  const RestoredPicture<Sample> result{mutable_view<Sample>(out.picture, "the type of the frames"),
-                                       mutable_view<std::uint8_t>(out.marks, "uint8"),
-                                       mutable_view<float>(out.share, "float32")};
+  RestoredPicture<Sample> result{mutable_view<Sample>(out.picture, "the type of the frames"),
+                                 mutable_view<std::uint8_t>(out.marks, "uint8")};
+  if (out.share) result.share = mutable_view<float>(*out.share, "float32");
   const auto fits = [&](const auto& view) {
     return view.frames == 1 && view.rows == scene.rows() && view.columns == scene.columns();
   };
-  require(fits(result.picture) && fits(result.marks) && fits(result.share), "out", result.picture.rows,
+  require(fits(result.picture) && fits(result.marks) && (!out.share || fits(result.share)), "out", result.picture.rows,
           "arrays of the shape of a frame");
   unlocked([&] { scene.restore<Sample>(frame, colour, shares, to, result); });
 }
 
 void run_restore(const HeldScene& held, std::size_t frame, std::size_t colour, const Doubles& share,
                  std::size_t block_rows, std::size_t block_columns, const Doubles& rows, double level, double max_gain,
-                 const py::array& picture, const py::array& marks, const py::array& of_pixels) {
+                 const py::array& picture, const py::array& marks, const std::optional<py::array>& of_pixels) {
   const BlockShares shares{{share.data(), share.data() + share.size()}, block_rows, block_columns};
   const Restoration to{span_of(rows), level, max_gain};
   const bool is_bytes = held.arrays.front().dtype().equal(py::dtype::of<std::uint8_t>());

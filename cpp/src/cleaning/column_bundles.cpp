@@ -84,14 +84,26 @@ Values without_trend(const Values& rows) {
 
 }  // namespace
 
-ColumnBundles::ColumnBundles(const BandedPicture& picture, std::span<const double> share) {
+ColumnBundles::ColumnBundles(std::span<const BandedPicture> colours, std::span<const double> share) {
+  const BandedPicture& picture = colours.front();
   require(picture.frames == 1, "frames", picture.frames, "1");
-  check(picture, Values(picture.rows, 1.0));
+  for (const BandedPicture& colour : colours) check(colour, Values(picture.rows, 1.0));
   require(share.empty() || share.size() == picture.columns, "share", share.size(), "one value a column");
   const std::size_t most = std::max(kLeastColumns, std::min(kMostColumns, kEnoughPixels / picture.rows));
   const std::size_t width = blocks_of(picture.columns, most);
-  bundles_ = block_means(picture, 1, width);
+  bundles_ = block_means(colours, 1, width);
   share_ = means_of_rows(share, std::max<std::size_t>(share.size(), 1), width);
+}
+
+ColumnBundles ColumnBundles::of_rows(std::size_t height) const {
+  ColumnBundles means;
+  means.bundles_ = block_means(bundles_.picture(), height, 1);
+  means.share_ = share_;
+  return means;
+}
+
+std::size_t ColumnBundles::rows_of_means(std::size_t lag) const {
+  return std::max<std::size_t>(1, std::min(lag / kRowsOfLag, rows() / kRowsOfShares));
 }
 
 std::vector<double> ColumnBundles::share_of_columns(std::span<const double> rows) const {
@@ -99,8 +111,7 @@ std::vector<double> ColumnBundles::share_of_columns(std::span<const double> rows
   if (!share_.empty()) return share_;
   Values lit(rows.begin(), rows.end());
   for (double& value : lit) value = std::max(value, 0.0);
-  const std::size_t lag = comparison_lag(lit, lit.size());
-  const std::size_t height = std::max<std::size_t>(1, std::min(lag / kRowsOfLag, lit.size() / kRowsOfShares));
+  const std::size_t height = rows_of_means(comparison_lag(lit, lit.size()));
   const Blocks blocks = block_means(bundles_.picture(), height, 1);
   const Values each = light_share(blocks.picture(), means_of_rows(lit, lit.size(), height), false);
   Values share(blocks.columns);
@@ -151,7 +162,7 @@ double ColumnBundles::gain(std::span<const double> rows) const {
 ColumnBundles sum_of(std::span<const BandedPicture> colours, std::span<const std::size_t> some) {
   std::vector<BandedPicture> pictures;
   for (const std::size_t k : some) pictures.push_back(colours[k]);
-  return ColumnBundles(sum_of(pictures).picture());
+  return ColumnBundles(pictures);
 }
 
 std::vector<std::vector<std::size_t>> alike_colours(std::span<const BandedPicture> colours) {

@@ -69,29 +69,30 @@ Differences differences_of(const Blocks& blocks, std::size_t count) {
   return result;
 }
 
-// Sums over columns of the weights of differences, and of the weighted differences.
-struct Evidence {
-  Eigen::VectorXd weight, pull;
+// Normal equations of the modes, of columns first to end.
+struct NormalEquations {
+  Eigen::MatrixXd matrix;
+  Eigen::VectorXd right;
+
+  NormalEquations(const Differences& all, const Values& weights, std::size_t first, std::size_t end) {
+    const Eigen::Index rows = all.design.rows();
+    Eigen::VectorXd weight = Eigen::VectorXd::Zero(rows), pull = weight;
+    for (Eigen::Index n = 0; n < rows; ++n)
+      for (std::size_t k = first; k < end; ++k) {
+        const std::size_t at = static_cast<std::size_t>(n) * all.columns + k;
+        weight[n] += weights[at];
+        pull[n] += weights[at] * all.change[at];
+      }
+    matrix = transposed_product(all.design, Eigen::MatrixXd(weight.asDiagonal() * all.design));
+    right = all.design.transpose() * pull;
+  }
+
+  [[nodiscard]] Eigen::VectorXd solution() const {
+    Eigen::MatrixXd normal = matrix;
+    normal.diagonal().array() += kRidge * std::max(normal.trace() / static_cast<double>(normal.rows()), 1e-300);
+    return solve_positive_definite(normal, right);
+  }
 };
-
-// Those of columns first to end.
-Evidence evidence_of(const Differences& all, const Values& weight, std::size_t first, std::size_t end) {
-  const Eigen::Index rows = all.design.rows();
-  Evidence sum{Eigen::VectorXd::Zero(rows), Eigen::VectorXd::Zero(rows)};
-  for (Eigen::Index n = 0; n < rows; ++n)
-    for (std::size_t k = first; k < end; ++k) {
-      const std::size_t at = static_cast<std::size_t>(n) * all.columns + k;
-      sum.weight[n] += weight[at];
-      sum.pull[n] += weight[at] * all.change[at];
-    }
-  return sum;
-}
-
-Eigen::VectorXd solved(const Eigen::MatrixXd& design, const Evidence& evidence) {
-  Eigen::MatrixXd normal = transposed_product(design, Eigen::MatrixXd(evidence.weight.asDiagonal() * design));
-  normal.diagonal().array() += kRidge * std::max(normal.trace() / static_cast<double>(normal.rows()), 1e-300);
-  return solve_positive_definite(normal, design.transpose() * evidence.pull);
-}
 
 Values weights_of(const Differences& all, const Eigen::VectorXd& modes, double of_texture) {
   const Eigen::VectorXd course = all.design * modes;
@@ -106,24 +107,23 @@ Values weights_of(const Differences& all, const Eigen::VectorXd& modes, double o
 // Modes of the groups of columns, and the variance of their mean by the jackknife.
 void compare_groups(const Differences& all, const Values& weights, CommonCourse& course) {
   const std::size_t count = std::min(kMostGroups, all.columns);
-  std::vector<Evidence> groups;
+  std::vector<NormalEquations> groups;
+  NormalEquations sum(all, weights, 0, 0);
   for (std::size_t group = 0, first = 0; group < count; ++group) {
     const std::size_t end = first + all.columns / count + (group < all.columns % count ? 1 : 0);
-    groups.push_back(evidence_of(all, weights, first, end));
-    course.groups.push_back(values_of(solved(all.design, groups.back())));
+    groups.emplace_back(all, weights, first, end);
+    course.groups.push_back(values_of(groups.back().solution()));
+    sum.matrix += groups.back().matrix;
+    sum.right += groups.back().right;
     first = end;
   }
   Eigen::MatrixXd others(all.design.cols(), static_cast<Eigen::Index>(count));
   for (std::size_t left_out = 0; left_out < count; ++left_out) {
-    const Eigen::Index rows = all.design.rows();
-    Evidence rest{Eigen::VectorXd::Zero(rows), Eigen::VectorXd::Zero(rows)};
-    for (std::size_t group = 0; group < count; ++group) {
-      if (group == left_out) continue;
-      rest.weight += groups[group].weight;
-      rest.pull += groups[group].pull;
-    }
+    NormalEquations rest = sum;
+    rest.matrix -= groups[left_out].matrix;
+    rest.right -= groups[left_out].right;
     others.col(static_cast<Eigen::Index>(left_out)) =
-        count > 1 ? solved(all.design, rest)
+        count > 1 ? rest.solution()
                   : Eigen::VectorXd(Eigen::Map<const Eigen::VectorXd>(course.modes.data(), all.design.cols()));
   }
   const Eigen::VectorXd mean = others.rowwise().mean();
@@ -152,13 +152,15 @@ std::size_t mode_count(std::size_t rows) {
   return std::max(std::min<std::size_t>(24, rows / 4), static_cast<std::size_t>(std::ceil(3 * most_cycles(rows))));
 }
 
-CommonCourse common_course(const BandedPicture& picture, const CommonCourse* of_all) {
-  check(picture, Values(picture.rows, 1.0));
+CommonCourse common_course(std::span<const BandedPicture> colours, const CommonCourse* of_all) {
+  require(!colours.empty(), "colours", 0, "at least one");
+  const BandedPicture& picture = colours.front();
+  for (const BandedPicture& colour : colours) check(colour, Values(picture.rows, 1.0));
   require(picture.frames == 1 && picture.rows >= 4, "rows", picture.rows, "4 or more, of one frame");
   const std::size_t count = mode_count(picture.rows);
   const std::size_t height = std::max<std::size_t>(1, picture.rows / (4 * count));
   const std::size_t width = blocks_of(picture.columns, kMostColumns);
-  const Blocks blocks = block_means(picture, height, width);
+  const Blocks blocks = block_means(colours, height, width);
   const Differences all = differences_of(blocks, count);
   Eigen::VectorXd modes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
   if (of_all != nullptr)
@@ -167,7 +169,7 @@ CommonCourse common_course(const BandedPicture& picture, const CommonCourse* of_
   for (int step = of_all != nullptr ? kWideSteps : 0; step < kSteps; ++step) {
     check_interrupt();
     weights = weights_of(all, modes, kTexture * std::max(1, kWideSteps - step));
-    modes = solved(all.design, evidence_of(all, weights, 0, all.columns));
+    modes = NormalEquations(all, weights, 0, all.columns).solution();
   }
   CommonCourse course{.modes = values_of(modes), .variance = {}, .groups = {}};
   if (of_all != nullptr) {

@@ -126,17 +126,16 @@ void judge_swing(const Blocks& before, const Blocks& after, std::span<const doub
 // Mean square of the mixed differences of log light over rows and columns, in which bands and gains cancel, of pixels
 // that are known after cleaning.
 double texture_of(const Blocks& side, const Blocks& after) {
-  const double mean = mean_of(side.light);
-  Values level(side.light.size());
-  for (std::size_t i = 0; i < level.size(); ++i)
-    level[i] =
-        std::log(std::max(side.light[i], 0.0) + kFloorOfLight * std::max(mean, std::numeric_limits<double>::min()));
+  const double floor = kFloorOfLight * std::max(mean_of(side.light), std::numeric_limits<double>::min());
+  const auto step = [&](std::size_t i) {
+    return (std::max(side.light[i + 1], 0.0) + floor) / (std::max(side.light[i], 0.0) + floor);
+  };
   double sum = 0, count = 0;
-  for (std::size_t first = 0; first + side.columns < level.size(); first += side.columns)
+  for (std::size_t first = 0; first + side.columns < side.light.size(); first += 2 * side.columns)  // pairs of rows
     for (std::size_t i = first, j = first + side.columns; i + 1 < first + side.columns; ++i, ++j) {
       if (!std::isfinite(after.variance[i] + after.variance[i + 1] + after.variance[j] + after.variance[j + 1]))
         continue;
-      const double mixed = (level[j + 1] - level[j]) - (level[i + 1] - level[i]);
+      const double mixed = std::log(step(j) / step(i));
       sum += mixed * mixed;
       count += 1;
     }

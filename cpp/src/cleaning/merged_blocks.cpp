@@ -11,29 +11,30 @@
 
 namespace ocisac {
 
-Blocks block_means(const BandedPicture& picture, std::size_t height, std::size_t width) {
-  const std::size_t rows = picture.frames * picture.rows, columns = picture.columns;
-  if (height == 1 && width == 1)
-    return {rows,
-            columns,
-            {picture.light.begin(), picture.light.end()},
-            {picture.variance.begin(), picture.variance.end()}};
+Blocks block_means(std::span<const BandedPicture> colours, std::size_t height, std::size_t width) {
+  const std::size_t rows = colours.front().frames * colours.front().rows, columns = colours.front().columns;
+  for (const BandedPicture& colour : colours)
+    require(colour.light.size() == rows * columns, "colours", colour.light.size(), "pictures of one shape");
   Blocks to{blocks_of(rows, height), blocks_of(columns, width), {}, {}};
   to.light.resize(to.rows * to.columns);
   to.variance.resize(to.light.size());
-  std::vector<double> known(to.light.size());
+  std::vector<double> known(to.light.size()), light(columns), variance(columns);
   for (std::size_t n = 0; n < rows; ++n) {
     check_interrupt();
-    for (std::size_t block = 0; block < to.columns; ++block) {
-      const std::size_t at = n / height * to.columns + block, first = n * columns + block * width;
-      const std::size_t end = std::min(first + width, (n + 1) * columns);
-      for (std::size_t i = first; i < end; ++i) {
-        const bool is_known = std::isfinite(picture.variance[i]);
-        known[at] += is_known ? 1 : 0;
-        to.light[at] += is_known ? picture.light[i] : 0;
-        to.variance[at] += is_known ? picture.variance[i] : 0;
+    std::copy_n(&colours.front().light[n * columns], columns, light.begin());
+    std::copy_n(&colours.front().variance[n * columns], columns, variance.begin());
+    for (const BandedPicture& colour : colours.subspan(1))
+      for (std::size_t i = 0; i < columns; ++i) {
+        light[i] += colour.light[n * columns + i];
+        variance[i] += colour.variance[n * columns + i];
       }
-    }
+    for (std::size_t block = 0, at = n / height * to.columns; block < to.columns; ++block, ++at)
+      for (std::size_t i = block * width; i < std::min((block + 1) * width, columns); ++i) {
+        const bool is_known = std::isfinite(variance[i]);
+        known[at] += is_known ? 1 : 0;
+        to.light[at] += is_known ? light[i] : 0;
+        to.variance[at] += is_known ? variance[i] : 0;
+      }
   }
   for (std::size_t i = 0; i < known.size(); ++i) {
     to.light[i] /= std::max(known[i], 1.0);
@@ -42,16 +43,12 @@ Blocks block_means(const BandedPicture& picture, std::size_t height, std::size_t
   return to;
 }
 
-Blocks sum_of(std::span<const BandedPicture> colours) {
-  Blocks sum = block_means(colours.front(), 1, 1);
-  for (const BandedPicture& colour : colours.subspan(1)) {
-    require(colour.light.size() == sum.light.size(), "colours", colour.light.size(), "pictures of one shape");
-    for (std::size_t i = 0; i < sum.light.size(); ++i) {
-      sum.light[i] += colour.light[i];
-      sum.variance[i] += colour.variance[i];
-    }
-  }
-  return sum;
+Blocks block_means(const BandedPicture& picture, std::size_t height, std::size_t width) {
+  if (height > 1 || width > 1) return block_means(std::span(&picture, 1), height, width);
+  return {picture.frames * picture.rows,
+          picture.columns,
+          {picture.light.begin(), picture.light.end()},
+          {picture.variance.begin(), picture.variance.end()}};
 }
 
 std::vector<double> means_of_rows(std::span<const double> row_light, std::size_t rows, std::size_t count) {

@@ -12,10 +12,9 @@ namespace ocisac {
 
 constexpr std::size_t kEnoughPixels = 1U << 17U;  // for what is estimated once or varies slowly
 
-// The sums of several colours.
-Blocks sum_of(std::span<const BandedPicture> colours);
-
-// Means of the known ones of `height` × `width` pixels; the last blocks have what is left.
+// Means of the known ones of `height` × `width` pixels of the sum of several colours; the last blocks have what is
+// left.
+Blocks block_means(std::span<const BandedPicture> colours, std::size_t height, std::size_t width);
 Blocks block_means(const BandedPicture& picture, std::size_t height, std::size_t width);
 
 // Means of the unsaturated pixels of `merged` neighbouring columns. `stored`: one frame, each value below the table's

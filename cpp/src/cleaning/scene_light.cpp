@@ -240,7 +240,8 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
 }
 
 SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
-                            std::span<const ColourLights> given, const EarlierFrames& earlier) {
+                            std::span<const ColourLights> given, const EarlierFrames& earlier,
+                            const std::string& no_other) {
   if (given.empty() && has_equal_rows(scene)) return left_alone(scene, objection_to(CleaningVerdict{}));
   std::vector<SlowLight> slow;
   if (given.empty() && (model == RowModel::automatic || model == RowModel::tone))
@@ -252,6 +253,13 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
   // The shares of faster tones vary with the place where pairs of rows show it.
   if (slow_found && slow.front().common.front().cycles * kSlowestRows < static_cast<double>(scene.rows()))
     return *std::move(slow_found);
+  const auto none_but = [&](const std::string& reason) {
+    SceneLight found = left_alone(scene, reason);
+    tell_slow_bands(slow, found);
+    found.slow = std::move(slow);
+    return found;
+  };
+  if (!no_other.empty() && !slow_found) return none_but(no_other);
   std::vector<ColourLights> lights =
       given.empty() ? lights_of(scene, model) : std::vector<ColourLights>(given.begin(), given.end());
   const bool is_curved = camera.tone_curve.kind != ToneCurve::Kind::linear;
@@ -259,12 +267,8 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
     if (find_toe(scene) > 0) lights = lights_of(scene, RowModel::chips);
   }
   const RowModel main = lights.front().of(0).model;
-  if (model == RowModel::automatic && main == RowModel::rows && !slow_found && given.empty()) {
-    SceneLight found = left_alone(scene, "no tone and no chips: the rows may be the picture's own");
-    tell_slow_bands(slow, found);
-    found.slow = std::move(slow);
-    return found;
-  }
+  if (model == RowModel::automatic && main == RowModel::rows && !slow_found && given.empty())
+    return none_but("no tone and no chips: the rows may be the picture's own");
   SceneLight found = with_shares(scene, std::move(lights));
   const CleaningVerdict mean = mean_verdict(found.verdicts);
   if (given.empty()) found.unchanged = objection_to(mean);

@@ -39,14 +39,13 @@ CommonCourse course_of(const CommonCourse& course, std::size_t group) {
 
 // The tones of each colour: those of all, and what the colour's course differs by; less than a cycle of that is like a
 // shade of the colour.
-std::vector<std::vector<SlowTone>> tones_of_colours(std::span<const CommonCourse> courses,
+std::vector<std::vector<SlowTone>> tones_of_colours(std::span<const BandedPicture> colours, const CommonCourse& all,
                                                     const std::vector<SlowTone>& tones) {
-  const std::span<const CommonCourse> colours = courses.subspan(1);
   if (colours.size() == 1 || tones.front().cycles < 1) return std::vector(colours.size(), tones);
-  const CommonCourse& all = courses.front();
   const std::vector<double> common = modes_of_light(tones, all.modes.size());
   std::vector<std::vector<SlowTone>> found;
-  for (CommonCourse own : colours) {
+  for (const BandedPicture& colour : colours) {
+    CommonCourse own = common_course(std::span(&colour, 1), &all);
     for (std::size_t k = 0; k < own.modes.size(); ++k) {
       own.modes[k] += common[k] - all.modes[k];
       own.variance[k] += all.variance[k];
@@ -92,15 +91,6 @@ SlowVerdict agreement_of_groups(std::span<const CommonCourse> courses, const std
 std::string objection_to(const SlowVerdict& verdict, bool is_even) {
   if (verdict.level < kMinLevel) return "slow bands that tilt or curve";
   return is_even && verdict.worse > kMaxWorse ? "slow bands of a light on some of the columns" : "";
-}
-
-// The course of all colours, then of each.
-std::vector<CommonCourse> courses_of(const std::vector<BandedPicture>& colours) {
-  require(!colours.empty(), "colours", 0, "at least one");
-  std::vector<CommonCourse> courses{common_course(sum_of(colours).picture())};
-  for (const BandedPicture& colour : colours)
-    courses.push_back(colours.size() == 1 ? courses.front() : common_course(colour, &courses.front()));
-  return courses;
 }
 
 std::vector<SlowTone> in_frame(std::vector<SlowTone> tones, std::ptrdiff_t frame) {
@@ -189,12 +179,9 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
   require(!frames.empty(), "frames", 0, "at least one");
   const std::size_t rows = frames.front().empty() ? 0 : frames.front().front().rows;
   std::vector<CommonCourse> courses = earlier.courses;
-  std::vector<std::vector<CommonCourse>> of_colours;
   for (const std::vector<BandedPicture>& colours : frames) {
-    std::vector<CommonCourse> found = courses_of(colours);
-    found.front().place = earlier.next + static_cast<std::ptrdiff_t>(of_colours.size());
-    courses.push_back(found.front());
-    of_colours.push_back(std::move(found));
+    courses.push_back(common_course(colours));
+    courses.back().place = earlier.next + static_cast<std::ptrdiff_t>(courses.size() - 1 - earlier.courses.size());
   }
   for (const CommonCourse& course : courses)
     require(course.modes.size() == courses.back().modes.size(), "earlier", course.modes.size(),
@@ -205,6 +192,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
   std::vector<SlowTone> first;
   SlowVerdict verdict;
   std::vector<double> shares;
+  bool is_sure = false;
   // Two frames differ alike where a light moves and where it is switched.
   const std::size_t most = courses.size() == 2 ? 1 : kMostSlowFrames;
   std::vector<SlowLight> result;
@@ -215,8 +203,9 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     if (compared != start) {
       const auto these = std::span<const CommonCourse>(courses).subspan(start, std::min(most, courses.size() - start));
       first = find_slow_tones(these, rows, in_frame(known, these.front().place - place_of_known));
-      verdict = agreement_of_groups(these, first);
-      shares = slow_shares(these, first, rows);
+      is_sure = std::ranges::all_of(first, &SlowTone::is_sure);
+      verdict = is_sure ? agreement_of_groups(these, first) : SlowVerdict{};
+      shares = is_sure ? slow_shares(these, first, rows) : std::vector<double>{};
       known = first;
       std::erase_if(known, [](const SlowTone& tone) { return !tone.is_sure(); });
       place_of_known = these.front().place;
@@ -224,10 +213,11 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     }
     const std::vector<SlowTone> tones = in_frame(first, courses[frame].place - courses[start].place);
     const SlowTone& main = tones.front();
-    const bool is_sure = std::ranges::all_of(tones, [](const SlowTone& tone) { return tone.is_sure(); });
-    const bool is_other = are_others(std::span<const CommonCourse>(courses).subspan(start, frame - start + 1), first);
-    result.push_back({tones_of_colours(of_colours[frame - earlier.courses.size()], tones), tones, courses[frame],
-                      main.log_odds > std::log(kLikely) ? main.amplitude() : 0, verdict,
+    const std::vector<BandedPicture>& colours = frames[frame - earlier.courses.size()];
+    const bool is_other =
+        is_sure && are_others(std::span<const CommonCourse>(courses).subspan(start, frame - start + 1), first);
+    result.push_back({is_sure ? tones_of_colours(colours, courses[frame], tones) : std::vector(colours.size(), tones),
+                      tones, courses[frame], main.log_odds > std::log(kLikely) ? main.amplitude() : 0, verdict,
                       !is_sure   ? kNotSure
                       : is_other ? kDisagrees
                                  : objection_to(verdict, shares.empty()),
@@ -241,13 +231,12 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
 }
 
 SlowLight slow_light_before(const std::vector<BandedPicture>& colours, const SlowLight& later, std::ptrdiff_t ago) {
-  std::vector<CommonCourse> found = courses_of(colours);
-  CommonCourse& all = found.front();
+  CommonCourse all = common_course(colours);
   require(all.modes.size() == later.course.modes.size(), "colours", colours.front().rows, "as many rows");
   all.place = later.course.place - ago;
   SlowLight light = later;
   light.common = in_frame(later.common, -ago);
-  light.tones = tones_of_colours(found, light.common);
+  light.tones = tones_of_colours(colours, all, light.common);
   if (!difference_of(all, later.course, light.common, all.place).is_less()) light.objection = kDisagrees;
   light.course = std::move(all);
   return light;

@@ -251,7 +251,7 @@ SlowTone compared(SlowTone tone, const OfCycles& equations, const Frames& frames
       changing[change] += moving.transpose() * equations.changing[change] * moving;
       pulls[change] += moving.transpose() * equations.pulls[change].col(static_cast<Index>(frame));
     }
-  std::vector<double> evidence;
+  std::vector<double> exponents, factors;  // of the evidence
   std::vector<Vector2d> terms;
   for (std::size_t k = 0; k < none.still.size(); ++k) {
     const Matrix2d normal = still.transpose() * equations.still[k] * still;
@@ -263,16 +263,21 @@ SlowTone compared(SlowTone tone, const OfCycles& equations, const Frames& frames
         const Vector2d right = pull + pulls[change];
         const Vector2d solution((all(1, 1) * right[0] - all(0, 1) * right[1]) / determinant,
                                 (all(0, 0) * right[1] - all(1, 0) * right[0]) / determinant);
-        evidence.push_back(none.still[k] + none.changing[change] + 0.5 * right.dot(solution) -
-                           0.5 * std::log(determinant) - 2 * std::log(size) -
-                           std::log(static_cast<double>(kSizes.size())));
+        exponents.push_back(none.still[k] + none.changing[change] + 0.5 * right.dot(solution));
+        factors.push_back(1 / (std::sqrt(determinant) * size * size * static_cast<double>(kSizes.size())));
         terms.push_back(solution);
       }
   }
-  const double sum = log_sum(evidence);
-  for (std::size_t k = 0; k < terms.size(); ++k)
-    for (Index i = 0; i < 2; ++i) tone.terms[static_cast<std::size_t>(i)] += std::exp(evidence[k] - sum) * terms[k][i];
-  tone.log_odds += sum;
+  const double most = *std::ranges::max_element(exponents);
+  double sum = 0;
+  Vector2d mean = Vector2d::Zero();
+  for (std::size_t k = 0; k < terms.size(); ++k) {
+    const double evidence = factors[k] * std::exp(exponents[k] - most);
+    sum += evidence;
+    mean += evidence * terms[k];
+  }
+  tone.terms = {mean[0] / sum, mean[1] / sum};
+  tone.log_odds += most + std::log(sum);
   return tone;
 }
 

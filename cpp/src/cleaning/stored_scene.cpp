@@ -136,7 +136,12 @@ void StoredScene::set_toe(double toe) {
   variance_ = light_;
   for (std::size_t colour = 0; colour < colours_.size(); ++colour)
     for (std::size_t frame = 0; frame < frames_; ++frame) {
-      const Blocks found = converted(frame, colour);
+      Blocks found = converted(frame, colour);
+      if (frames_ == 1) {
+        light_[colour] = std::move(found.light);
+        variance_[colour] = std::move(found.variance);
+        continue;
+      }
       light_[colour].insert(light_[colour].end(), found.light.begin(), found.light.end());
       variance_[colour].insert(variance_[colour].end(), found.variance.begin(), found.variance.end());
     }

@@ -1,6 +1,7 @@
 #include "ocisac/cleaning/stream_cleaner.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numeric>
 #include <utility>
@@ -129,7 +130,10 @@ StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours, std
     leave_room(*since - 1);
   else
     forget_slow();
-  if (unlit_ >= kMostSlowFrames && unlit_ % kFramesOfSearch >= kSearchedFrames) {
+  const bool is_for_slow = unlit_ < kMostSlowFrames || unlit_ % kFramesOfSearch < kSearchedFrames;
+  const bool is_for_all =  // the second of two shows chips
+      std::has_single_bit(unlit_) || unlit_ % kFramesOfSearch < 2 || (was_lit_ && unlit_ < kMostSlowFrames);
+  if (!is_for_slow && !is_for_all) {
     ++unlit_;
     leave_room(1);
     StoredScene stored(std::move(colours), camera_.tone_curve, options_.noise, 0, false);
@@ -138,8 +142,10 @@ StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours, std
   }
   std::optional<Frame> found = followed(colours);
   if (!found) found = slowly(colours);
-  if (!found) found = alone(colours);
-  unlit_ = found->light.unchanged.empty() ? 0 : unlit_ + 1;
+  if (!found) found = alone(colours, is_for_all ? std::string() : unchanged_);
+  unchanged_ = found->light.unchanged;
+  unlit_ = unchanged_.empty() ? 0 : unlit_ + 1;
+  was_lit_ = was_lit_ || unlit_ == 0;
   return *std::move(found);
 }
 
@@ -164,6 +170,7 @@ void StreamCleaner::forget() {
   forget_slow();
   chips_.clear();
   unlit_ = 0;
+  was_lit_ = false;
   time_.reset();
   frame_time_ = camera_.frame_time;
   frames_ = 0;
@@ -197,10 +204,11 @@ void StreamCleaner::leave_room(double missing) {
   });
 }
 
-StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colours) {
+StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colours, const std::string& no_other) {
   StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
   if (!compares_with(stored.rows())) earlier_ = {};
-  SceneLight light = find_scene_light(stored, camera_, options_.model, options_.toe.has_value(), {}, earlier_);
+  SceneLight light =
+      find_scene_light(stored, camera_, options_.model, options_.toe.has_value(), {}, earlier_, no_other);
   keep_chips(light, stored);
   before_.reset();
   if (!light.slow.empty()) {
@@ -306,20 +314,18 @@ ColourLights StreamCleaner::followed_lights(const StoredScene& stored) const {
     std::vector<BandedPicture> colours;
     for (std::size_t colour = first; colour < before.of_colour.size(); ++colour)
       if (before.of_colour[colour] == light) colours.push_back(stored.picture(0, colour));
-    const Blocks sum = sum_of(colours);
-    const BandedPicture picture = sum.picture();
     if (!own.tone) {
-      found.lights.push_back(find_row_light(ColumnBundles(picture), own.model));
+      found.lights.push_back(find_row_light(ColumnBundles(colours), own.model));
       continue;
     }
     const BlockShares& shares = before_->shares[first];
     const std::size_t across = blocks_of(stored.columns(), shares.block_columns), down = shares.share.size() / across;
-    Values of_columns(picture.columns);
+    Values of_columns(colours.front().columns);
     for (std::size_t k = 0; k < of_columns.size(); ++k)
       for (std::size_t n = 0; n < down; ++n)
         of_columns[k] +=
             shares.share[n * across + k * stored.merged() / shares.block_columns] / static_cast<double>(down);
-    ToneLight tone = refined_tone_light(ColumnBundles(picture, of_columns), Values(picture.rows, 1.0), *own.tone);
+    ToneLight tone = refined_tone_light(ColumnBundles(colours, of_columns), Values(stored.rows(), 1.0), *own.tone);
     const double weight = 1 / static_cast<double>(std::min(before_->frames, kMostFrequencies) + 2);
     tone.frequency = std::lerp(own.tone->frequency, tone.frequency, weight);
     tone.second = std::lerp(own.tone->second, tone.second, weight);

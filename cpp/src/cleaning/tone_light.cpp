@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "cleaning/merged_blocks.hpp"
 #include "cleaning/row_basis.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -147,10 +148,17 @@ std::optional<ToneLight> find_tone_light(const ColumnBundles& picture, const Row
 
 ToneLight refined_tone_light(const ColumnBundles& picture, std::span<const double> light, ToneLight tone) {
   require(tone.frequency > 0 && tone.frequency < 0.5, "frequency", tone.frequency, "above 0 and below 0.5");
+  require(light.size() == picture.rows(), "light", light.size(), "one value a row");
   const std::size_t harmonics = harmonics_of(tone).size();
-  const Eigen::MatrixXd design = design_of(picture.rows(), tone, 0, 1);
-  const RowLight refined = picture.refined(light, {.basis = span_of(design)}, kSteps);
-  const Eigen::VectorXd terms = coefficients_of(design, vector_of(refined.light));
+  const double fastest = std::max(tone.frequency * static_cast<double>(harmonics + 1), tone.second);
+  const std::size_t height = picture.rows_of_means(static_cast<std::size_t>(kQuarter / fastest));
+  const Values basis = means_of_rows(span_of(design_of(picture.rows(), tone, 0, 1)), picture.rows(), height);
+  const Values start = means_of_rows(light, picture.rows(), height);
+  const Values refined = picture.of_rows(height).refined(start, {.basis = basis}, kSteps).light;
+  const auto rows_of_basis = static_cast<Eigen::Index>(refined.size());
+  const Eigen::Map<const Eigen::MatrixXd> design(basis.data(), rows_of_basis,
+                                                 static_cast<Eigen::Index>(basis.size()) / rows_of_basis);
+  const Eigen::VectorXd terms = coefficients_of(design, vector_of(refined));
   std::vector<double*> lamps{&tone.frequency};
   if (tone.second > 0) lamps.push_back(&tone.second);
   Eigen::VectorXd waves(2 * (lamps.size() + harmonics));  // without the polynomials, which move the frequencies

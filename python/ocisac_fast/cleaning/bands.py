@@ -44,7 +44,7 @@ class CleanedFrames(Result):
         marks: :class:`Mark` of each pixel, uint8, of the shape of ``frames``.
         light: (rows,), (frames, rows) or (frames, rows, colours): the estimated or given light of each row, mean 1.
         share: share of the modulated light in a pixel's mean light, float32, of the shape of ``frames``; one for all
-            pixels of a colour where shares by pixel explain no more than they do by chance.
+            pixels of a colour where shares by pixel explain no more than they do by chance. May be read-only.
         model: for each frame ``"tone"``, ``"chips"``, ``"rows"``, or ``"given"``.
         frequency: (frames,) of the tone, or the chip rate, Hz; NaN for rows and given light.
         toe: (frames,) toe of the tone curve, as share of white; mostly 0.
@@ -184,11 +184,15 @@ def remove_bands(
     return collected(done, camera, np.ndim(frames))
 
 
+def _joined(arrays: list[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+
+
 def collected(done: list[Done], camera: Camera, dimensions: int) -> CleanedFrames:
     """The results of all scenes, for an argument of ``dimensions`` dimensions."""
-    pictures = np.concatenate([one.pictures for one in done])
-    marks = np.concatenate([one.marks for one in done])
-    shares = np.concatenate([one.shares for one in done])
+    pictures, marks, shares = (
+        _joined(list(each)) for each in zip(*((one.pictures, one.marks, one.shares) for one in done), strict=True)
+    )
     found = [of_frame for one in done for of_frame in one.lights]
     verdicts = [verdict for one in done for verdict in one.verdicts]
     rows = np.stack([np.stack([own.light for own in of_frame], axis=-1) for of_frame in found])
@@ -344,13 +348,27 @@ def finished(found: Estimate, camera: Camera, task: Task) -> Done:
     stack, light = found.stack, found.light
     if light.unchanged:
         return _left_alone(found, camera, task)
-    pictures, marks = np.empty_like(stack), np.empty(stack.shape, np.uint8)
-    each = np.empty(stack.shape, np.float32)
+    pictures, marks = np.empty_like(stack), _planes(stack.shape, np.uint8)
+    is_one = all(np.ptp(own.share) == 0 for own in found.shares)
+    shares = (
+        _of_colours([own.share[0, 0] for own in found.shares], stack) if is_one else _planes(stack.shape, np.float32)
+    )
     for colour, own in enumerate(found.shares):
         for k, of_frame in enumerate(light.lights):
-            out = Restored(pictures[k, ..., colour], marks[k, ..., colour], each[k, ..., colour])
+            each = None if is_one else shares[k, ..., colour]
+            out = Restored(pictures[k, ..., colour], marks[k, ..., colour], each)
             _restore(found, k, colour, own, of_frame[colour], camera, task, out)
-    return Done(pictures, marks, each, light.lights, found.scene.toe, light.verdicts, light.unchanged)
+    return Done(pictures, marks, shares, light.lights, found.scene.toe, light.verdicts, light.unchanged)
+
+
+def _planes(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    """An array (frames, rows, columns, colours), each colour in memory of its own."""
+    return np.moveaxis(np.empty((shape[3], *shape[:3]), dtype), 0, -1)
+
+
+def _of_colours(shares: list[float], stack: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+    """One share for all pixels of a colour, in no memory of its own."""
+    return np.broadcast_to(np.array(shares, np.float32), stack.shape)
 
 
 def _left_alone(found: Estimate, camera: Camera, task: Task) -> Done:
@@ -361,17 +379,18 @@ def _left_alone(found: Estimate, camera: Camera, task: Task) -> Done:
         pictures = stack.copy()
     else:
         pictures = np.broadcast_to(stored_values(np.zeros(1), camera, stack.dtype), stack.shape).copy()
-    marks = np.where(saturated, np.uint8(Mark.SATURATED), np.uint8(Mark.RESTORED))
-    shares = np.zeros(stack.shape, np.float32)
-    return Done(pictures, marks, shares, light.lights, found.scene.toe, light.verdicts, light.unchanged)
+    shares = _of_colours([0.0] * stack.shape[3], stack)
+    return Done(
+        pictures, saturated.view(np.uint8), shares, light.lights, found.scene.toe, light.verdicts, light.unchanged
+    )
 
 
 class Restored(NamedTuple):
-    """Views (rows, columns) of one colour of one frame: stored values, marks, and the share of each pixel."""
+    """Views (rows, columns) of one colour of one frame: stored values, marks, and shares where they differ."""
 
     picture: npt.NDArray[Any]
     marks: npt.NDArray[np.uint8]
-    share: npt.NDArray[np.float32]
+    share: npt.NDArray[np.float32] | None
 
 
 def _restore(
@@ -399,7 +418,8 @@ def _restore(
     gain = (1 + share * (level - 1)) / np.maximum(1 + share * (rows[:, None] - 1), 1e-9)
     dark = (gain > max_gain) & ~saturated
     out.marks[:] = np.where(saturated, Mark.SATURATED, np.where(dark, Mark.DARK, Mark.RESTORED))
-    out.share[:] = share
+    if out.share is not None:
+        out.share[:] = share
     gain = np.minimum(gain, max_gain)
 
     def stored_of(values: FloatArray) -> npt.NDArray[Any]:

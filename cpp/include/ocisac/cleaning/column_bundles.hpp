@@ -18,8 +18,15 @@ constexpr std::size_t slow_terms(std::size_t rows) { return 2 * rows / kSlowestR
 // One frame in at most 192 bundles of neighbouring columns, since all columns of a row have the same light.
 class ColumnBundles {
  public:
-  // picture.frames is 1; `share`: of the light in each column, where it is known.
-  explicit ColumnBundles(const BandedPicture& picture, std::span<const double> share = {});
+  // Of the sum of some colours of one frame; `share`: of the light in each column, where it is known.
+  explicit ColumnBundles(std::span<const BandedPicture> colours, std::span<const double> share = {});
+  explicit ColumnBundles(const BandedPicture& picture, std::span<const double> share = {})
+      : ColumnBundles(std::span(&picture, 1), share) {}
+
+  // Means of `height` rows, which show a light as well as each row does where it changes little over them.
+  [[nodiscard]] ColumnBundles of_rows(std::size_t height) const;
+  // Rows of such means of a light that changes over `lag` rows; 1 in small pictures.
+  [[nodiscard]] std::size_t rows_of_means(std::size_t lag) const;
 
   // Refines a row light of mean 1, with its scale kept (refine_row_light). The information of a row is at most 1.
   [[nodiscard]] RowLight refined(std::span<const double> rows, const RowLightPrior& model = {}, int steps = 6) const;
@@ -38,6 +45,8 @@ class ColumnBundles {
   [[nodiscard]] std::vector<double> share_of_columns(std::span<const double> rows) const;
   [[nodiscard]] RowLight refined_with(std::span<const double> share, std::span<const double> rows,
                                       const RowLightPrior& model, int steps) const;
+
+  ColumnBundles() = default;
 
   Blocks bundles_;
   std::vector<double> share_;  // of each bundle, where it is known

@@ -29,9 +29,10 @@ struct SceneLight {
 };
 
 // Estimates the light. `scene`: its toe is set to the one found, unless `toe_is_known`. `given`: the light of each
-// frame, which is not searched then; empty: none.
+// frame, which is not searched then; empty: none. `no_other`: why faster lights are searched only beside a slow one.
 SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel model, bool toe_is_known,
-                            std::span<const ColourLights> given = {}, const EarlierFrames& earlier = {});
+                            std::span<const ColourLights> given = {}, const EarlierFrames& earlier = {},
+                            const std::string& no_other = {});
 
 // The frames stay as they are, for a reason.
 SceneLight left_alone(const StoredScene& scene, std::string reason);

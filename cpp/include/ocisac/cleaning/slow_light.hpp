@@ -31,7 +31,7 @@ struct CommonCourse {
 
 // Differences of blocks of pixels along the rows are fitted with a redescending weight, since edges are few. `of_all`:
 // for one of several colours the course of all of them, from which its own starts and whose variance it has.
-CommonCourse common_course(const BandedPicture& picture, const CommonCourse* of_all = nullptr);
+CommonCourse common_course(std::span<const BandedPicture> colours, const CommonCourse* of_all = nullptr);
 
 // Number of modes: those up to one and a half times the fastest slow tone.
 std::size_t mode_count(std::size_t rows);

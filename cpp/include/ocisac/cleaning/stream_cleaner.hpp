@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "ocisac/camera/camera.hpp"
@@ -21,8 +22,9 @@ struct StreamOptions {
 // from frame to frame, and gets its phase from the frame; other lights are found in each frame. Shares move with the
 // picture, and become the mean of several estimates. A slow tone is compared with up to 7 frames before, in which the
 // picture stays and the phase advances; time stamps tell how many frames are missing among them. A frame for which that
-// fails, such as the first of another scene, is cleaned as a picture again. After eight frames without a light three of
-// every 32 are searched.
+// fails, such as the first of another scene, is cleaned as a picture again. Where none has a
+// light, the first eight and three of every 32 are searched for slow ones, and the first, second, third, fifth, ninth,
+// .. and two of every 32 for others; after a light all of eight are.
 class StreamCleaner {
  public:
   struct Frame {
@@ -61,7 +63,7 @@ class StreamCleaner {
   [[nodiscard]] bool compares_with(std::size_t rows) const;
   std::optional<Frame> followed(const std::vector<AnyFramesView>& colours);
   std::optional<Frame> slowly(const std::vector<AnyFramesView>& colours);
-  Frame alone(const std::vector<AnyFramesView>& colours);
+  Frame alone(const std::vector<AnyFramesView>& colours, const std::string& no_other);
   void keep_slow(const SceneLight& light);
   ColourLights followed_lights(const StoredScene& stored) const;
 
@@ -72,6 +74,8 @@ class StreamCleaner {
   std::vector<double> chips_;                // light of the rows of the last frame that seemed to be of chips
   std::optional<SlowLight> slow_;            // of the frame before, where it is removed
   std::size_t unlit_ = 0;                    // frames without a light since the last one with it
+  bool was_lit_ = false;                     // some frame had a light
+  std::string unchanged_;                    // why the last frame that was searched is
   std::optional<double> time_, frame_time_;  // of the last frame, and from frame to frame, s
   double frames_ = 0;                        // that frame_time_ is the mean of, where the camera's is unknown
 };
