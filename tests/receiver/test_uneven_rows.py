@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ocisac_fast import Camera, Chips, Flag, integrate_exposure, receive
+from ocisac_fast import Camera, Chips, Flag, Receiver, integrate_exposure, receive, transmit
 
 ROWS, ROW_TIME = 900, 20e-6
 
@@ -62,3 +62,28 @@ def test_defective_rows_make_no_faster_chips(seed):
     picture = light[:, None] + random.normal(0, 2, (ROWS, 16))
     (found,) = receive(np.clip(np.rint(picture), 0, 255).astype(np.uint8)[None], camera)
     assert found.flags or abs(found.rows_per_chip / rows_per_chip - 1) < 0.01
+
+
+@pytest.mark.parametrize(("ratio", "later", "first"), [(2, 0, 0), (4, 37, 1), (8, -15, 2), (3, 60, 3)])
+def test_rows_of_two_exposures_in_turns_are_read(ratio, later, first):
+    """Two rows of the whole exposure, two of a shorter one that ends `later` rows later, as of HDR."""
+    random = np.random.default_rng(ratio)
+    camera = Camera(ROW_TIME, 0.6e-3, frame_time=0.03)
+    payload = bytes(random.integers(0, 256, 30, dtype=np.uint8))
+    sent = np.asarray(transmit(payload).chips)
+    chips = Chips(np.tile(sent, 40), 8e3)
+    is_long = (np.arange(ROWS) - first) % 4 < 2
+    receiver = Receiver(camera, chip_rate=8e3)
+    for number in range(16):
+        start = 0.02 + number * camera.frame_time
+        long = integrate_exposure(chips, camera, ROWS, start=start)
+        short = Camera(ROW_TIME, camera.exposure / ratio)
+        short = integrate_exposure(chips, short, ROWS, start=start + later * ROW_TIME)
+        light = 30 + 120 * np.where(is_long, long, short)[:, None]
+        picture = light + random.normal(0, 1, (ROWS, 16)) * np.where(is_long, 1, ratio)[:, None]
+        found = receiver.push(np.clip(np.rint(picture), 0, 255).astype(np.uint8))
+        assert not found.flags & Flag.MODEL_MISFIT
+        assert found.exposure == pytest.approx(camera.exposure, rel=0.02)
+        if found.stretch and found.stretch.payload is not None:
+            break
+    assert found.stretch.payload.data == payload

@@ -90,7 +90,10 @@ void ChannelEquations::expose(const ChipClock& clock, RowRange range) {
   use_rows(range);
   if (!box_.has_shape_of(clock)) box_ = ChipBox(chips_, clock);
   const auto first = static_cast<double>(range.begin), origin = static_cast<double>(origin_);
-  if (box_.is_at_once()) {
+  weights_.clear();
+  for (std::size_t n = 0; n < range.size() && clock.shorter != 1; ++n)
+    weights_.push_back(clock.share_at(static_cast<std::ptrdiff_t>(range.begin + n)));
+  if (box_.is_at_once() && clock.shorter == 1) {
     kernels::expose_rows({box_.targets().data(), box_.sums().data(), box_.targets().size()},
                          {first, origin - box_.first(), clock.phase, clock.rows_per_chip, clock.exposure_rows}, padded_,
                          {exposed(0), by_clock(0), by_clock(1), by_clock(2)});
@@ -131,6 +134,12 @@ NormalProducts& ChannelEquations::multiply(const double* explained, std::size_t 
   for (std::size_t k = 0; k < swing_size; ++k) columns[count++] = exposed(k);
   const std::size_t first = with_clock ? count : 0;
   for (std::size_t k = 0; k < clock_size_ && with_clock; ++k) columns[count++] = scaled_clock(k);
+  weighted_.assign(weights_.empty() ? 0 : count * padded_, 0.0);
+  for (std::size_t k = 0; k < count && !weights_.empty(); ++k) {
+    double* const weighted = &weighted_[k * padded_];
+    std::ranges::transform(weights_, std::span(columns[k], weights_.size()), weighted, std::multiplies{});
+    columns[k] = weighted;
+  }
   kernels::inner_products({columns.data(), count}, first, padded_, products_.data(), NormalProducts::kStride);
   return products_;
 }
@@ -147,7 +156,8 @@ std::optional<Levels> ChannelEquations::fit_levels(std::size_t dark_size, std::s
 double ChannelEquations::squares_left(const Levels& levels, std::size_t dark_size) {
   subtract(levels, dark_size);
   double squares = 0;
-  for (std::size_t n = 0; n < rows_.size(); ++n) squares += left()[n] * left()[n];
+  for (std::size_t n = 0; n < rows_.size(); ++n)
+    squares += std::pow((weights_.empty() ? 1.0 : weights_[n]) * left()[n], 2);
   return squares;
 }
 

@@ -123,6 +123,7 @@ std::vector<double> channel_residual(std::span<const double> signal, const Known
   for (std::size_t n = 0; n < left.size(); ++n) {
     const auto row = static_cast<double>(n);
     left[n] = signal[n] - channel.dark_at(row, left.size()) - channel.swing_at(row, left.size()) * left[n];
+    left[n] *= channel.clock.share_at(static_cast<std::ptrdiff_t>(n));
   }
   return left;
 }

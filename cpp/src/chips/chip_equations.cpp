@@ -56,15 +56,16 @@ ChipEquations::ChipEquations(const ChipQuestion& question, double longest)
 
 void ChipEquations::add_rows(const ChipQuestion& question) {
   const ChipClock& clock = question.clock;
-  const double length = length_of(clock), last = static_cast<double>(count_ - 1);
+  const double last = static_cast<double>(count_ - 1);
   std::vector<double> seen(seen_ + 1);  // [j]: weight of the chip j before the newest
   // Rows that begin or end between an edge's place and the clock's see a part of the displacement, not J·e: the mean
   // square of that for normal e, with an edge at 3 of 4 chips, is ½·E|e|³/length².
-  const double curved = 0.8 * std::pow(clock.edge_std, 3) / (length * length);
+  const double curved = 0.8 * std::pow(clock.edge_std, 3) / std::pow(length_of(clock), 2);
   EdgeNoise edges(clock.edge_std > 0 ? count_ : 0, seen_, clock.edge_std);
   for (std::size_t row = 0; row < question.rows.size(); ++row) {
+    const double length = length_of(clock) * clock.share_at(static_cast<std::ptrdiff_t>(row));
     const double scale = 1 / (question.noise_of(row) * question.noise_of(row) + curved);
-    const double end = (static_cast<double>(row) + 0.5 * clock.exposure_rows - clock.phase) / clock.rows_per_chip -
+    const double end = (clock.end_at(static_cast<std::ptrdiff_t>(row)) - clock.phase) / clock.rows_per_chip -
                        static_cast<double>(question.first);
     // The first and the last chip extend: a row beyond them by rounding belongs to them.
     const double newest = std::clamp(std::floor(end), 0.0, last), begin = end - length;

@@ -88,8 +88,7 @@ std::optional<FoundChips> detect_rows(const IterationContext& context, const Cha
     rows.push_back((signal[n] - channel.dark_at(held(n), signal.size())) / swing);
     if (!(swing > 0) || !std::isfinite(rows.back())) return std::nullopt;
   }
-  ChipClock clock = channel.clock;
-  clock.phase -= static_cast<double>(range.begin);
+  const ChipClock clock = channel.clock.from_row(static_cast<std::ptrdiff_t>(range.begin));
   if (!(clock.exposure_rows + static_cast<double>(range.size()) - 1 < kMaxChips * clock.rows_per_chip))
     return std::nullopt;
   const ChipGrid grid = affecting_chips(clock, range.size());

@@ -28,7 +28,8 @@ constexpr std::size_t kMaxPatterns = 2 * 16;
 struct RowView {
   double value, scale;  // scale: 1/(2σ²)
   double end, begin;
-  std::size_t back;
+  double length;
+  std::size_t back, newest;
 };
 
 // A row whose oldest chip lies `back` chips before the newest depends only on the newest, the oldest and the number of
@@ -142,32 +143,32 @@ class Trellis {
 
   // Adds a row's squared residual over 2σ² to all histories.
   void add_slow_row(const RowView& row) {
-    const double before = row.back == 0 ? row.end - length_ : 1 - row.begin;
+    const double before = row.back == 0 ? row.end - row.length : 1 - row.begin;
     kernels::add_slow_row(
         {lights_.front().view(), lights_[row.back].view(), static_cast<float>(row.end), static_cast<float>(before),
          settled(row.end), settled(before), row.back == 0 ? 0.0F : 1.0F, static_cast<float>(row.value),
-         static_cast<float>(1 / length_), static_cast<float>(row.scale)},
+         static_cast<float>(1 / row.length), static_cast<float>(row.scale)},
         2 * states_, costs_.data());
   }
 
   // Groups rows by their newest chip: those of chip k are rows_[begin_of_chip_[k]] … rows_[begin_of_chip_[k + 1]].
   void find_rows() {
     const ChipClock& clock = question_.clock;
-    std::size_t chip = 0;
     begin_of_chip_.assign(question_.count + 1, 0);
     rows_.reserve(question_.rows.size());
-    for (std::size_t row = 0; row < question_.rows.size(); ++row) {
-      const double end = (static_cast<double>(row) + 0.5 * clock.exposure_rows - clock.phase) / clock.rows_per_chip -
-                         static_cast<double>(question_.first);
+    for (std::size_t n = 0; n < question_.rows.size(); ++n) {
+      const auto row = static_cast<std::ptrdiff_t>(n);
+      const double end = (clock.end_at(row) - clock.phase) / clock.rows_per_chip - static_cast<double>(question_.first);
       const double newest = std::clamp(std::floor(end), 0.0, static_cast<double>(question_.count - 1));
-      for (; chip < static_cast<std::size_t>(newest); ++chip) begin_of_chip_[chip + 1] = rows_.size();
-      const double begin = end - newest - length_;
-      const double whole = std::min(std::floor(begin), 0.0);
-      const double noise = question_.noise_of(row);
-      rows_.push_back({question_.rows[row], 0.5 / (noise * noise), end - newest, 1 - (begin - whole),
-                       std::min(static_cast<std::size_t>(-whole), reach_)});
+      const double length = length_ * clock.share_at(row), begin = end - newest - length;
+      const double whole = std::min(std::floor(begin), 0.0), noise = question_.noise_of(n);
+      const auto chip = static_cast<std::size_t>(newest);
+      ++begin_of_chip_[chip + 1];
+      rows_.push_back({question_.rows[n], 0.5 / (noise * noise), end - newest, 1 - (begin - whole), length,
+                       std::min(static_cast<std::size_t>(-whole), reach_), chip});
     }
-    for (; chip < question_.count; ++chip) begin_of_chip_[chip + 1] = rows_.size();
+    for (std::size_t chip = 0; chip < question_.count; ++chip) begin_of_chip_[chip + 1] += begin_of_chip_[chip];
+    if (clock.shorter < 1) std::ranges::stable_sort(rows_, {}, &RowView::newest);
   }
 
   // Squared residuals over 2σ², added up over the rows whose oldest chip lies `back` before the newest. In chips, a
@@ -176,13 +177,13 @@ class Trellis {
     double squares = 0, linear[2][2] = {}, constant[2][2] = {};  // of the newest and the oldest chip
     for (const RowView& row : rows) {
       if (row.back != back) continue;
-      const double of_newest = back == 0 ? length_ : row.end, of_oldest = back == 0 ? 0 : row.begin;
-      const double weight = row.scale / (length_ * length_);
+      const double of_newest = back == 0 ? row.length : row.end, of_oldest = back == 0 ? 0 : row.begin;
+      const double weight = row.scale / (row.length * row.length);
       squares += weight;
       for (std::size_t newest = 0; newest < 2; ++newest)
         for (std::size_t oldest = 0; oldest < 2; ++oldest) {
           const double at_ends = static_cast<double>(newest) * of_newest + static_cast<double>(oldest) * of_oldest;
-          const double off = length_ * row.value - at_ends;
+          const double off = row.length * row.value - at_ends;
           linear[newest][oldest] += weight * off;
           constant[newest][oldest] += weight * off * off;
         }

@@ -15,7 +15,8 @@ constexpr double kLowestHum = 90, kSameTone = 0.2;  // Hz; spectral lines of a f
 constexpr double kMinSlow = 2e-3;                   // min fraction of a signal's variance for slow light
 constexpr double kHighestTone = 0.45;               // cycles per chip
 constexpr std::array kExposureFactors{0.8, 1.2, 0.9, 1.1, 0.7, 1.35};  // of an exposure that is not right any more
-constexpr std::size_t kSearchedFactors = 2;                            // in a frame, the next ones in another
+constexpr double kPairErrors = 25;           // of the ratio of two pairs of rows, over 1 / the root of all rows
+constexpr std::size_t kSearchedFactors = 2;  // in a frame, the next ones in another
 
 // All rows, each frame's less its slow light.
 std::vector<double> without_slow_light(std::span<const std::span<const double>> frames, double slow) {
@@ -29,6 +30,19 @@ std::vector<double> without_slow_light(std::span<const std::span<const double>> 
 double highest_tone(const LightState& state) { return kHighestTone / state.rows_per_chip.value_or(1 / kHighestTone); }
 
 }  // namespace
+
+std::optional<std::ptrdiff_t> longer_rows(const FrameRows& frame) {
+  std::array<double, 4> changes{};
+  for (std::size_t n = 0; n + 4 < frame.signal.size(); ++n)
+    changes[(frame.first_row + n) % 4] += std::pow(frame.signal[n + 4] - frame.signal[n], 2);
+  const auto of_pair = [&](std::size_t k) { return changes[k % 4] + changes[(k + 1) % 4]; };
+  std::size_t least = 0;
+  for (std::size_t k = 1; k < 4; ++k)
+    if (of_pair(k) < of_pair(least)) least = k;
+  const double by_chance = kPairErrors / std::sqrt(static_cast<double>(frame.signal.size()));
+  if (!(of_pair(least + 2) > (1 + by_chance) * of_pair(least))) return std::nullopt;
+  return static_cast<std::ptrdiff_t>(least);
+}
 
 StrongestTone RowReader::prominent_tone(std::span<const double> signals, std::size_t rows,
                                         const LightState& state) const {
@@ -78,13 +92,15 @@ std::vector<RowNuisance> RowReader::other_nuisances(const FrameRows& frame, cons
 
 // Alternative models of the rows: slow light, a tone, another exposure.
 std::vector<SignalModel> RowReader::other_models(const FrameRows& frame, const LightState& state, bool searches) const {
-  const SignalModel given = given_model(state.exposure), &last = state.model;
+  SignalModel given = given_model(state.exposure);
+  given.long_row = longer_rows(frame);
+  const SignalModel& last = state.model;
   std::vector<SignalModel> models;
   const auto another_exposure = [&](std::optional<double> rows) {
-    models.push_back({.nuisance = last.nuisance, .exposure_rows = rows});
+    models.push_back({.nuisance = last.nuisance, .exposure_rows = rows, .long_row = given.long_row});
   };
   if (!last.nuisance.empty() || last.exposure_known != given.exposure_known || last.slow_light || last.loose_edges ||
-      last.warped || last.pause)
+      last.warped || last.pause || last.long_row != given.long_row)
     models.push_back(given);
   for (RowNuisance& nuisance : other_nuisances(frame, state)) {
     models.push_back(given);

@@ -9,13 +9,14 @@ namespace ocisac {
 
 namespace {
 
-constexpr int kNuisanceRounds = 6;
+constexpr int kRounds = 6;                 // of nuisance, two exposures and the light's shape
 constexpr double kNuisanceSettled = 0.95;  // relative to the noise of the last round
-constexpr int kToneSteps = 8;
+constexpr int kGoldenSteps = 8;
+constexpr double kMostOctaves = 4;                            // of the longer over the shorter of two exposures
 constexpr double kSlowest = 2;                                // chips, of rise and fall
 constexpr double kShapeStep = 0.02, kLargestShapeMove = 0.5;  // chips
 constexpr double kMinShapeGain = 1e-3;                        // relative fall of the noise, for another step
-constexpr int kShapeSteps = 6, kShapeHalvings = 3, kShapeRounds = 4;
+constexpr int kShapeHalvings = 3, kShapeRounds = 4;
 constexpr double kWarpMean = 0.25, kWarpSlope = 1.5;  // of a warp, rows and rows per frame, over its root mean square
 constexpr int kWarpRounds = 25, kWarpPatience = 4;    // rounds without a gain, while more than noise is left
 constexpr double kWarpSettled = 0.99;                 // ratio of the noise to the best so far
@@ -23,20 +24,13 @@ constexpr double kMaxWarpLeft = 0.8;                  // of the residual's squar
 
 }  // namespace
 
-// Golden-section search about the tone's frequency, within a quarter of a frame's spectral line.
-static void move_tone(std::span<const double> signal, std::span<const double> exposed, RowNuisance& nuisance,
-                      double& tone) {
+// Golden-section search for where `left_at` is least.
+template <typename LeftAt>
+static double least_between(double low, double high, const LeftAt& left_at) {
   constexpr double kGolden = 0.6180339887498949;
-  const auto left_at = [&](double frequency) {
-    tone = frequency;
-    const auto fit = remove_nuisance(signal, nuisance, exposed);
-    return fit ? fit->residual_energy : std::numeric_limits<double>::infinity();
-  };
-  const double reach = kToneReach / static_cast<double>(signal.size());
-  double low = tone - reach, high = tone + reach;
   double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
   double at_a = left_at(a), at_b = left_at(b);
-  for (int step = 0; step < kToneSteps; ++step) {
+  for (int step = 0; step < kGoldenSteps; ++step) {
     if (at_a < at_b) {
       high = std::exchange(b, a);
       at_b = at_a;
@@ -47,12 +41,23 @@ static void move_tone(std::span<const double> signal, std::span<const double> ex
       at_b = left_at(b = low + kGolden * (high - low));
     }
   }
-  tone = 0.5 * (low + high);
+  return 0.5 * (low + high);
+}
+
+// Within a quarter of a frame's spectral line about the tone's frequency.
+static void move_tone(std::span<const double> signal, std::span<const double> exposed, RowNuisance& nuisance,
+                      double& tone) {
+  const double reach = kToneReach / static_cast<double>(signal.size());
+  tone = least_between(tone - reach, tone + reach, [&](double frequency) {
+    tone = frequency;
+    const auto fit = remove_nuisance(signal, nuisance, exposed);
+    return fit ? fit->residual_energy : std::numeric_limits<double>::infinity();
+  });
 }
 
 std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance nuisance,
                                             bool exposure_known, SearchEffort* effort) {
-  for (int round = 0; round < kNuisanceRounds; ++round) {
+  for (int round = 0; round < kRounds; ++round) {
     const auto exposed = exposed_rows(reading, signal.size());
     for (double& tone : nuisance.tones) move_tone(signal, exposed, nuisance, tone);
     const auto fit = remove_nuisance(signal, nuisance, exposed);
@@ -67,6 +72,43 @@ std::optional<FrameReading> refine_nuisance(std::span<const double> signal, Fram
   return reading;
 }
 
+std::optional<FrameReading> refine_turns(std::span<const double> signal, const FrameReading& reading,
+                                         std::ptrdiff_t long_row, bool exposure_known, SearchEffort* effort) {
+  ChannelEstimate channel = reading.channel;
+  ChipClock& clock = channel.clock;
+  clock.long_row = long_row;
+  const auto chips = hard_chips(reading);
+  const std::size_t reach = signal.size() / 8;
+  const auto left_at = [&](double octaves, double later) {
+    clock.shorter = std::exp2(-octaves);
+    clock.later = later;
+    const auto left = channel_residual(signal, {chips, reading.first}, channel);
+    double squares = 0;
+    for (std::size_t n = reach; n + reach < left.size(); ++n)
+      if (!clock.is_long(static_cast<std::ptrdiff_t>(n))) squares += std::pow(left[n] / clock.shorter, 2);
+    return squares;
+  };
+  const auto scan = [](double low, double high, double step, const auto& left) {
+    double best = low, least = left(low);
+    for (double at = low + step; at <= high; at += step)
+      if (const double squares = left(at); squares < least) {
+        least = squares;
+        best = at;
+      }
+    return best;
+  };
+  const double farthest = static_cast<double>(reach), step = 0.25 * clock.rows_per_chip, half = kMostOctaves / 8;
+  double later = scan(-farthest, farthest, step, [&](double at) { return left_at(0.5 * kMostOctaves, at); });
+  double octaves = scan(half, kMostOctaves, half, [&](double at) { return left_at(at, later); });
+  for (int round = 0; round < kRounds; ++round) {
+    later = least_between(later - step, later + step, [&](double at) { return left_at(octaves, at); });
+    octaves = least_between(octaves - half, octaves + half, [&](double at) { return left_at(at, later); });
+  }
+  clock.shorter = std::exp2(-std::max(octaves, half));
+  clock.later = later;
+  return read_frame(signal, channel, exposure_known, effort);
+}
+
 // Gauss–Newton on rise and fall with known chips; all other unknowns are fitted anew at each (variable projection).
 static ChannelEstimate fit_shape(std::span<const double> signal, const KnownChips& chips, ChannelEstimate best,
                                  bool exposure_known) {
@@ -77,7 +119,7 @@ static ChannelEstimate fit_shape(std::span<const double> signal, const KnownChip
     clock.fall = std::clamp(fall, 0.0, kSlowest);
     return fit_channel(signal, chips, clock, model);
   };
-  for (int step = 0; step < kShapeSteps; ++step) {
+  for (int step = 0; step < kRounds; ++step) {
     const double rise = best.clock.rise, fall = best.clock.fall;
     const auto riser = fitted_at(rise + kShapeStep, fall), faller = fitted_at(rise, fall + kShapeStep);
     if (!riser || !faller) break;

@@ -22,9 +22,8 @@ constexpr double kBrighter = 0.08;         // relative, of the mean from frame t
 constexpr double kMinVariance = 0.25;      // of a frame's rows over that of the last one with the same light
 constexpr double kNarrowTolerance = 2e-3;  // relative, of a rate estimated from frames
 constexpr double kWideTolerance = 0.02;    // relative, of a nominal rate
-constexpr double kMaxNoiseRatio = 2;       // ratio to the last frame
+constexpr double kMaxRatio = 2;            // of the noise to the last frame's; of an exposure to a stated one
 constexpr double kLittleNoise = 0.06;      // relative to the swing: excludes a lost clock in any part
-constexpr double kMaxWrongExposure = 2;    // ratio; a stated one is believed so far
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 7000;
 constexpr double kMaxSearchRows = 2048;      // rows that count for the bound of the search
 constexpr double kPreambleShare = 0.3;       // of the effort, for an exposure that a preamble shows
@@ -91,6 +90,30 @@ std::optional<FrameReading> loosened(std::span<const double> signal, FrameReadin
   return refine_nuisance(signal, std::move(reading), std::move(nuisance), exposure_known, effort);
 }
 
+// The rows of the longer of two exposures, and straight lines between them.
+std::vector<double> with_long_rows(std::span<const double> signal, std::ptrdiff_t long_row) {
+  std::vector<double> rows(signal.begin(), signal.end());
+  const ChipClock turns{.shorter = 0.5, .long_row = long_row};
+  const auto last = std::ssize(signal) - 1;
+  for (std::ptrdiff_t n = 0; n <= last; ++n) {
+    if (turns.is_long(n)) continue;
+    std::ptrdiff_t before = n, after = n;
+    while (before >= 0 && !turns.is_long(before)) --before;
+    while (after <= last && !turns.is_long(after)) ++after;
+    if (before < 0) before = after;
+    if (after > last) after = before;
+    const double part =
+        static_cast<double>(n - before) / static_cast<double>(std::max<std::ptrdiff_t>(after - before, 1));
+    const auto at = [&](std::ptrdiff_t row) { return signal[static_cast<std::size_t>(row)]; };
+    rows[static_cast<std::size_t>(n)] = std::lerp(at(before), at(after), part);
+  }
+  return rows;
+}
+
+std::ptrdiff_t row_of_pairs(const SignalModel& model, const FrameRows& frame) {
+  return model.long_row.value_or(0) - static_cast<std::ptrdiff_t>(frame.first_row);
+}
+
 }  // namespace
 
 RowReader::RowReader(const Camera& camera, ChipOptions options) : camera_(camera), options_(std::move(options)) {
@@ -131,6 +154,7 @@ LightState RowReader::restarted(const LightState& state) const {
   LightState fresh = first_state(state.tracker);
   fresh.exposure = state.exposure;
   fresh.model = given_model(state.exposure);
+  fresh.model.long_row = state.model.long_row;
   fresh.rows_per_chip = state.rows_per_chip;
   return fresh;
 }
@@ -204,11 +228,18 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
     start.clock = predicted->clock;
     start.clock.rise = state.channel->clock.rise;
     start.clock.fall = state.channel->clock.fall;
+    start.clock.shorter = state.channel->clock.shorter;
+    start.clock.later = state.channel->clock.later;
     start.clock.phase -= static_cast<double>(frame.first_row);
     start.errors = predicted->errors;
   }
   if (!model.slow_light) start.clock.rise = start.clock.fall = 0;
   start.clock.edge_std = model.loose_edges ? kEdgeStd : 0;
+  if (!model.long_row) {
+    start.clock.shorter = 1;
+    start.clock.later = 0;
+  }
+  start.clock.long_row = row_of_pairs(model, frame);
   if (model.exposure_rows) start.clock.exposure_rows = *model.exposure_rows;
   const double chip = start.clock.rows_per_chip;
   const double longer = (start.clock.exposure_rows - state.channel->clock.exposure_rows) / chip;
@@ -234,12 +265,12 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
   }
   if (!best || beside) return std::nullopt;
   const double as_before =
-      std::max(kAsNoisy * state.relative_noise, std::min(kMaxNoiseRatio * state.relative_noise, kLittleNoise));
+      std::max(kAsNoisy * state.relative_noise, std::min(kMaxRatio * state.relative_noise, kLittleNoise));
   if (best->relative_noise < as_before && keeps_clock(*best)) return best;
   if (shows_no_light(signal, frame, state)) return std::nullopt;
   auto extended = extend_reading(signal, best->channel, model.exposure_known, &frame.effort, {}, model.warped);
   if (extended && model.warped) extended = refine_warp(signal, *extended, model.exposure_known, &frame.effort);
-  if (has_rate(extended) && extended->relative_noise < kMaxNoiseRatio * state.relative_noise &&
+  if (has_rate(extended) && extended->relative_noise < kMaxRatio * state.relative_noise &&
       extended->trust != Trust::unsound)
     return extended;
   return std::nullopt;
@@ -302,6 +333,14 @@ std::optional<FrameReading> RowReader::search_slow(std::span<const double> signa
   return best;
 }
 
+// As search, of the rows of the longer exposure, then of both.
+std::optional<FrameReading> RowReader::search_turns(std::span<const double> signal, const SignalModel& model,
+                                                    FrameRows& frame, const LightState& state) const {
+  const std::ptrdiff_t long_row = row_of_pairs(model, frame);
+  const auto reading = search(with_long_rows(signal, long_row), model, frame, state);
+  return reading ? refine_turns(signal, *reading, long_row, model.exposure_known, &frame.effort) : std::nullopt;
+}
+
 // Searches from several exposures: the chips of a line code, exposed for some, may be others exposed for fewer. The
 // least residual decides.
 std::optional<FrameReading> RowReader::search_exposures(std::span<const double> signal,
@@ -349,13 +388,15 @@ std::optional<FrameReading> RowReader::read_with(const SignalModel& model, Frame
   if (!reading) {
     const auto fit = model.nuisance.empty() ? std::nullopt : remove_nuisance(frame.signal, model.nuisance);
     const std::span<const double> rest = fit ? fit->rest : frame.signal;
-    const bool has_shape =
-        frame.may_follow && state.channel && (state.channel->clock.rise > 0 || state.channel->clock.fall > 0);
-    if (!model.slow_light || has_shape) reading = follow(rest, model, frame, state);
+    const bool may_follow = frame.may_follow && state.channel;
+    const bool has_shape = may_follow && (state.channel->clock.rise > 0 || state.channel->clock.fall > 0);
+    const bool has_turns = may_follow && state.channel->clock.shorter < 1;
+    if ((!model.slow_light || has_shape) && (!model.long_row || has_turns)) reading = follow(rest, model, frame, state);
     frame.may_search = frame.may_search && (reading || !shows_no_light(rest, frame, state));
     if (!reading && frame.may_search)
-      reading =
-          model.slow_light && !has_shape ? search_slow(rest, model, frame, state) : search(rest, model, frame, state);
+      reading = model.long_row                   ? search_turns(rest, model, frame, state)
+                : model.slow_light && !has_shape ? search_slow(rest, model, frame, state)
+                                                 : search(rest, model, frame, state);
     if (!model.nuisance.empty() && reading)
       reading = refine_nuisance(frame.signal, std::move(*reading), model.nuisance, model.exposure_known, &frame.effort);
     if (model.slow_light && reading && reading->trust < Trust::sure) {
@@ -363,6 +404,7 @@ std::optional<FrameReading> RowReader::read_with(const SignalModel& model, Frame
       if (shaped && shaped->relative_noise < reading->relative_noise) reading = std::move(shaped);
     }
   }
+  if (reading && !model.long_row && longer_rows(frame)) reading->trust = std::min(reading->trust, Trust::misfit);
   if (reading && !state.exposure) return with_shortest_exposure(std::move(*reading), &frame.effort);
   return reading;
 }
@@ -384,8 +426,7 @@ void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) cons
     if (!other || (best.reading && other->relative_noise > kBetter * best.reading->relative_noise)) continue;
     if (model.loose_edges && other->trust != Trust::fits) continue;  // they take up a part of any misfit
     const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
-    if (state.exposure && std::max(exposure / *state.exposure, *state.exposure / exposure) > kMaxWrongExposure)
-      continue;
+    if (state.exposure && std::max(exposure / *state.exposure, *state.exposure / exposure) > kMaxRatio) continue;
     if (!model.nuisance.empty()) model.nuisance = other->nuisance;
     best.reading = std::move(other);
     best.state.model = std::move(model);
@@ -394,17 +435,30 @@ void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) cons
   }
 }
 
-void RowReader::try_pause(FrameRows& frame, RowsRead& best) const {
+// A model, if its reading is trusted at least so far.
+void RowReader::try_model(SignalModel model, FrameRows tried, const LightState& state, Trust least,
+                          RowsRead& best) const {
+  auto reading = read_with(model, tried, state);
+  if (!reading || reading->trust < least) return;
+  best.reading = std::move(reading);
+  best.state.model = std::move(model);
+  best.is_new_model = true;
+}
+
+void RowReader::try_pause(const FrameRows& frame, RowsRead& best) const {
   SignalModel model = given_model(best.state.exposure);
   model.pause = find_pause(frame, best.state);
   if (!model.pause) return;
   FrameRows tried = frame;
   tried.effort = frame.effort_of_others;
-  auto about = read_about(*model.pause, model, tried, restarted(best.state));
-  if (!about || about->trust != Trust::fits) return;
-  best.reading = std::move(about);
-  best.state.model = std::move(model);
-  best.is_new_model = true;
+  try_model(std::move(model), std::move(tried), restarted(best.state), Trust::fits, best);
+}
+
+// Where the rows show two exposures no even model is right.
+void RowReader::try_turns(const FrameRows& frame, RowsRead& best) const {
+  SignalModel model = given_model(best.state.exposure);
+  model.long_row = longer_rows(frame);
+  if (model.long_row) try_model(std::move(model), frame, best.state, Trust::misfit, best);
 }
 
 RowsRead RowReader::read(FrameRows& frame, LightState before) const {
@@ -415,10 +469,11 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   const double exposure_rows = model.exposure_rows.value_or(0.0);
   if (exposure_rows > kLongExposure && has_spikes(frame.signal))
     frame.signal = without_spikes(frame.signal, exposure_rows);
-  reading = read_with(model, frame, state);
-  if (reading && !model.nuisance.empty()) model.nuisance = reading->nuisance;
   const auto fits = [&best] { return best.reading && best.reading->trust == Trust::fits; };
-  is_new_model = reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
+  if (!model.long_row && frame.may_search) try_turns(frame, best);
+  if (!reading) reading = read_with(model, frame, state);
+  if (reading && !model.nuisance.empty()) model.nuisance = reading->nuisance;
+  is_new_model |= reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
   state.other_models.pass_frame();
   if (fits() || (reading ? !state.other_models.is_due() : !frame.may_search)) return best;
   const bool sure = reading && reading->trust == Trust::sure;

@@ -21,7 +21,9 @@ ChipGrid whole_chips(const ChipClock& clock, std::size_t rows) {
 
 ChipGrid affecting_chips(const ChipClock& clock, std::size_t rows) {
   const double half = 0.5 * clock.exposure_rows, last_row = static_cast<double>(rows) - 1;
-  const std::ptrdiff_t first = chip_at(-half, clock), last = chip_at(last_row + half, clock);
+  const double of_shorter = clock.shorter * half;
+  const std::ptrdiff_t first = chip_at(std::min(-half, clock.later - of_shorter), clock);
+  const std::ptrdiff_t last = chip_at(last_row + std::max(half, clock.later + of_shorter), clock);
   return {clock, first, static_cast<std::size_t>(last - first + 1)};
 }
 
@@ -57,8 +59,10 @@ void expose_chips(const KnownChips& chips, const ChipClock& clock, std::span<dou
 RowRange rows_of(const KnownChips& chips, const ChipClock& clock, std::size_t rows) {
   const auto first = static_cast<double>(chips.first), count = static_cast<double>(chips.levels.size());
   const double settling = std::max(clock.rise, clock.fall) * std::log(1 / kUnsettled);
-  const double begin = clock.phase + (first + settling) * clock.rows_per_chip + 0.5 * clock.exposure_rows;
-  const double end = clock.phase + (first + count) * clock.rows_per_chip - 0.5 * clock.exposure_rows;
+  const double half = 0.5 * clock.exposure_rows, of_shorter = clock.shorter * half;
+  const double begin =
+      clock.phase + (first + settling) * clock.rows_per_chip + std::max(half, of_shorter - clock.later);
+  const double end = clock.phase + (first + count) * clock.rows_per_chip - std::max(half, of_shorter + clock.later);
   const double limit = static_cast<double>(rows);
   const double low = std::clamp(std::ceil(begin), 0.0, limit), high = std::clamp(std::floor(end) + 1, low, limit);
   return {static_cast<std::size_t>(low), static_cast<std::size_t>(high)};

@@ -46,18 +46,20 @@ class ChipBox {
 
   // With clock.phase that of chip `origin`.
   [[nodiscard]] Exposed at(double row, const ChipClock& clock, double origin) const {
-    const double half = 0.5 * clock.exposure_rows, per_row = 1 / clock.exposure_rows;
-    const double chips_begin = (row - half - clock.phase) / clock.rows_per_chip;
-    const double chips_end = (row + half - clock.phase) / clock.rows_per_chip;
+    const auto n = static_cast<std::ptrdiff_t>(row);
+    const double share = clock.share_at(n), exposure = share * clock.exposure_rows, half = 0.5 * exposure;
+    const double middle = clock.is_long(n) ? row : row + clock.later, per_row = 1 / exposure;
+    const double chips_begin = (middle - half - clock.phase) / clock.rows_per_chip;
+    const double chips_end = (middle + half - clock.phase) / clock.rows_per_chip;
     const Place begin = place(chips_begin + origin - first_), end = place(chips_end + origin - first_);
     // ∫ chips, in chips: differences of cumulative sums are exact for whole chips.
     const double area = begin.chip == end.chip && starts_.empty()
-                            ? end.level * clock.exposure_rows / clock.rows_per_chip
+                            ? end.level * exposure / clock.rows_per_chip
                             : (sums_[end.chip] - sums_[begin.chip]) + end.integral - begin.integral;
     const double value = clock.rows_per_chip * per_row * area;
     return {value, per_row * (begin.level - end.level),
             per_row * (area - end.level * chips_end + begin.level * chips_begin),
-            per_row * (0.5 * (begin.level + end.level) - value)};
+            share * per_row * (0.5 * (begin.level + end.level) - value)};
   }
 
  private:

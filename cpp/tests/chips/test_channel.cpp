@@ -1,6 +1,7 @@
 #include <doctest/doctest.h>
 
 #include <array>
+#include <cmath>
 #include <random>
 #include <vector>
 
@@ -45,4 +46,33 @@ TEST_CASE("a channel is the same to the last bit on every SIMD target") {
     CHECK(fit() == expected);
   }
   ocisac::force_simd_target("");
+}
+
+TEST_CASE("two exposures in turns are those of two even clocks, and fitted together") {
+  const auto chips = random_chips(7, 170);
+  const ocisac::KnownChips known{chips, -9};
+  ocisac::ChipClock clock{5.63, 20.2, 27.0};
+  clock.shorter = 0.3;
+  clock.later = -21.4;
+  clock.long_row = 3;
+  const ocisac::ChipClock longer{5.63, 20.2, 27.0}, shorter{5.63, 20.2 + 21.4, 0.3 * 27.0};
+  std::vector<double> rows(720), of_longer(720), of_shorter(720);
+  ocisac::expose_chips(known, clock, rows);
+  ocisac::expose_chips(known, longer, of_longer);
+  ocisac::expose_chips(known, shorter, of_shorter);
+  for (std::size_t n = 0; n < rows.size(); ++n)
+    CHECK(rows[n] == doctest::Approx((n + 1) % 4 < 2 ? of_longer[n] : of_shorter[n]).epsilon(1e-9));
+  std::mt19937 random(3);
+  std::normal_distribution<double> noise(0, 0.4);
+  for (std::size_t n = 0; n < rows.size(); ++n)
+    rows[n] = 10 + 40 * rows[n] + noise(random) / clock.share_at(static_cast<std::ptrdiff_t>(n));
+  ocisac::ChipClock start = clock;
+  start.phase += 0.7;
+  start.exposure_rows = 25;
+  const auto found = ocisac::fit_channel(rows, known, start, {1, 0, false});
+  REQUIRE(found);
+  CHECK(found->noise == doctest::Approx(0.4).epsilon(0.1));
+  CHECK(std::abs(found->clock.exposure_rows - 27) < 4 * found->errors.exposure_rows_std());
+  CHECK(std::abs(found->clock.rows_per_chip - 5.63) < 4 * found->errors.rows_per_chip_std());
+  CHECK(found->errors.exposure_rows_std() < 0.1);
 }

@@ -16,8 +16,11 @@ struct Frame {
   std::vector<double> chips, rows;
   ocisac::ChipQuestion question;
 
-  Frame(double rows_per_chip, double exposure, double noise, std::size_t count, unsigned seed)
+  Frame(double rows_per_chip, double exposure, double noise, std::size_t count, unsigned seed, double shorter = 1)
       : question{{}, {rows_per_chip, -0.5 * exposure - 0.37, exposure}, std::max(noise, 1e-3), 0, count} {
+    question.clock.shorter = shorter;
+    question.clock.later = shorter < 1 ? 4.3 : 0;
+    question.clock.long_row = 1;
     std::mt19937 random(seed);
     for (std::size_t k = 0; k < count; ++k) chips.push_back(static_cast<double>(random() & 1U));
     rows.resize(static_cast<std::size_t>(static_cast<double>(count) * rows_per_chip - exposure - 0.37));
@@ -31,7 +34,8 @@ double squares_of(const Frame& frame, const std::vector<double>& chips) {
   std::vector<double> rows(frame.rows.size());
   ocisac::expose_chips({chips, 0}, frame.question.clock, rows);
   double squares = 0;
-  for (std::size_t n = 0; n < rows.size(); ++n) squares += std::pow(frame.rows[n] - rows[n], 2);
+  for (std::size_t n = 0; n < rows.size(); ++n)
+    squares += std::pow(frame.question.clock.share_at(static_cast<std::ptrdiff_t>(n)) * (frame.rows[n] - rows[n]), 2);
   return squares;
 }
 
@@ -43,7 +47,7 @@ TEST_CASE("the likelihood ratios are those of all sequences, known chips counted
   for (const bool some_known : {false, true})
     for (const double exposure : {0.0, 1.3, 2.0, 7.7, 12.2})
       for (unsigned seed = 0; seed < 5; ++seed) {
-        Frame frame(3.3, exposure, 0.1, kChips, seed);
+        Frame frame(3.3, exposure, 0.1, kChips, seed, seed % 2 == 0 ? 1.0 : 0.4);
         if (some_known) frame.question.known = {known, 4};
         CAPTURE(some_known);
         CAPTURE(exposure);

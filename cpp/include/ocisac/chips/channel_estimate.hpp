@@ -52,7 +52,7 @@ struct ChannelEstimate {
   [[nodiscard]] bool has_other_rate(double rows_per_chip, double tolerance) const;
 };
 
-// Residual of each row: the signal less the channel's response to the chips.
+// Residual of each row: the signal less the channel's response to the chips, as noisy as that of a whole exposure.
 std::vector<double> channel_residual(std::span<const double> signal, const KnownChips& chips,
                                      const ChannelEstimate& channel);
 

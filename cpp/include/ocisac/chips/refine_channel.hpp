@@ -27,7 +27,9 @@ struct ChipQuestion {
   // (rows) standard deviation of each; empty: `noise`. `inverse` uses `noise` alone.
   std::span<const double> row_noise{};
 
-  [[nodiscard]] double noise_of(std::size_t row) const { return row_noise.empty() ? noise : row_noise[row]; }
+  [[nodiscard]] double noise_of(std::size_t row) const {
+    return (row_noise.empty() ? noise : row_noise[row]) / clock.share_at(static_cast<std::ptrdiff_t>(row));
+  }
 };
 
 // One level (0 or 1) per chip.

@@ -116,6 +116,11 @@ std::optional<FrameReading> refine_shape(std::span<const double> signal, FrameRe
 FrameReading refine_warp(std::span<const double> signal, FrameReading reading, bool exposure_known,
                          SearchEffort* effort = nullptr);
 
+// A reading of the rows of the longer of two exposures again, of all rows, from the share of the shorter one on that
+// explains most. Absent as read_frame.
+std::optional<FrameReading> refine_turns(std::span<const double> signal, const FrameReading& reading,
+                                         std::ptrdiff_t long_row, bool exposure_known, SearchEffort* effort = nullptr);
+
 // Rows of a light that rises and falls with a time constant of `rows`, as if it did so at once: y + rows·dy/dn, by
 // central differences. The light of equal rise and fall L obeys chips = L + τ·dL/dt, which the exposure keeps.
 std::vector<double> sharpened(std::span<const double> signal, double rows);

@@ -33,6 +33,7 @@ struct SignalModel {
   bool loose_edges = false;               // edges lie off the clock
   bool warped = false;                    // rows are displaced
   std::optional<RowPause> pause{};
+  std::optional<std::ptrdiff_t> long_row{};  // of the picture; two exposures in turns (ChipClock)
 };
 
 // State after the frames read so far, which predicts the next one.
@@ -72,6 +73,10 @@ struct FrameRows {
   bool may_follow = true;                         // the clock of earlier frames is worth a try
   std::optional<bool> is_noise{};                 // the rows show no light; absent: not examined
 };
+
+// The first, from row 0 of the picture on, of two rows whose light changes by much less from pair to pair than that of
+// the next two: these are exposed for less time.
+std::optional<std::ptrdiff_t> longer_rows(const FrameRows& frame);
 
 struct RowsRead {
   std::optional<FrameReading> reading{};
@@ -127,7 +132,9 @@ class RowReader {
   [[nodiscard]] std::vector<SignalModel> other_models(const FrameRows& frame, const LightState& state,
                                                       bool searches) const;
   void try_models(FrameRows& frame, bool searches, RowsRead& best) const;
-  void try_pause(FrameRows& frame, RowsRead& best) const;
+  void try_model(SignalModel model, FrameRows tried, const LightState& state, Trust least, RowsRead& best) const;
+  void try_pause(const FrameRows& frame, RowsRead& best) const;
+  void try_turns(const FrameRows& frame, RowsRead& best) const;
   std::optional<FrameReading> follow(std::span<const double> signal, const SignalModel& model, FrameRows& frame,
                                      const LightState& state, const RowsBeside* beside = nullptr) const;
   std::optional<FrameReading> follow_beside(const SignalModel& model, FrameRows& frame, const LightState& state) const;
@@ -135,6 +142,8 @@ class RowReader {
                                      const LightState& state) const;
   std::optional<FrameReading> search_slow(std::span<const double> signal, const SignalModel& model, FrameRows& frame,
                                           const LightState& state) const;
+  std::optional<FrameReading> search_turns(std::span<const double> signal, const SignalModel& model, FrameRows& frame,
+                                           const LightState& state) const;
   std::optional<FrameReading> search_exposures(std::span<const double> signal, const FrameSearch& wanted) const;
 
   Camera camera_;

@@ -18,6 +18,23 @@ struct ChipClock {
   // level at the beginning of the first known chip is its own.
   double rise = 0, fall = 0;
   double edge_std = 0;  // chips, by which edges of the light lie off the clock; 0: not at all. For detection alone
+  // Two exposures in turns, as of HDR in pairs of rows: from `long_row` on, two rows of the whole one, then two of the
+  // share `shorter` of it, whose middle is `later` rows later; stored as bright, they have 1/shorter times the noise.
+  double shorter = 1, later = 0;
+  std::ptrdiff_t long_row = 0;
+
+  [[nodiscard]] bool is_long(std::ptrdiff_t row) const { return shorter == 1 || ((row - long_row) & 2) == 0; }
+  [[nodiscard]] double share_at(std::ptrdiff_t row) const { return is_long(row) ? 1.0 : shorter; }
+  // The end of a row's exposure.
+  [[nodiscard]] double end_at(std::ptrdiff_t row) const {
+    return static_cast<double>(row) + (is_long(row) ? 0.5 * exposure_rows : later + 0.5 * shorter * exposure_rows);
+  }
+  [[nodiscard]] ChipClock from_row(std::ptrdiff_t row) const {  // of the rows from there on
+    ChipClock clock = *this;
+    clock.phase -= static_cast<double>(row);
+    clock.long_row -= row;
+    return clock;
+  }
 };
 
 inline constexpr double kUnsettled = 0.05;  // fraction of a step at which the light of earlier chips is neglected
