@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 import stored
 from chip_frames import make_frame
+from cleaning import clouds
 from closed_forms import CHIP_LEVELS, ClosedForms
 from peers import PEERS
 from processors import FEWEST_ROUNDS, RoundsOnTwo, arithmetic_on_two, at_mean_rate, two_processors
@@ -49,6 +50,8 @@ from ocisac_fast import (
     tone_gain,
     varying_tone_gain,
 )
+from ocisac_fast.camera.linear_light import stored_values
+from ocisac_fast.cleaning import VideoCleaner
 from studies.chart.measuring import POOL_BYTES, Timing, in_blocks, in_turn, seconds_of
 
 ROWS, COLUMNS, ROW_TIME = 1080, 1920, 22.2e-6
@@ -427,6 +430,32 @@ def exposure_choice(seconds: float) -> Iterator[Figure]:
     yield Figure("best_exposure exact from arrays", 1e-6 * f_comm.size / timing.seconds, "M/s", 1.0, at_most=False)
 
 
+def films() -> Iterator[Figure]:
+    """Processor time of a frame of 1080x1920 bytes in three colours that is cleaned, ms: the first and the later ones
+    of films under bands, and all but the first of ten seconds without a light.
+    """
+    random, rows = np.random.default_rng(6), np.arange(ROWS)[:, None, None]
+    texture = 90 * np.exp(0.3 * clouds(ROWS, COLUMNS, random))[..., None] * (1.0, 0.8, 0.6)
+    texture[:, 600:900] *= 0.5
+    camera = Camera(ROW_TIME, frame_time=1 / 30, tone_curve="srgb")
+    for period, count, limit in ((90.0, 20, 50.0), (370.0, 20, 50.0), (None, 300, 15.0)):
+        cleaner, took, frames = VideoCleaner(camera), list[float](), list[np.ndarray]()
+        for k in range(20):
+            angle = 0.0 if period is None else 2 * np.pi * (rows + k / (30 * ROW_TIME)) / period
+            values = stored_values(texture * (1 + 0.3 * np.sin(angle)), camera, np.dtype(np.uint8)).astype(float)
+            values += random.normal(0, 1.5, values.shape)
+            frames.append(np.clip(np.rint(values), 0, 255).astype(np.uint8)[None])
+        for k in range(count):
+            begun = time.process_time()
+            done = cleaner.push(frames[k % len(frames)])
+            took.append(1e3 * (time.process_time() - begun))
+            if bool(done.unchanged[0]) != (period is None):
+                raise SystemExit(f"speed.py: cleaning, {period} rows a cycle: frame {k}: {done.unchanged}; not timed")
+        name = "no light" if period is None else f"{period:g} rows a cycle"
+        yield Figure(f"cleaning a film, {name}, first frame", took[0], "ms", 400.0)
+        yield Figure(f"cleaning a film, {name}, mean of the later frames", float(np.mean(took[1:])), "ms", limit)
+
+
 def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
     """All figures."""
     groups = [
@@ -441,6 +470,7 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
         integration(seconds),
         sequences(seconds),
         exposure_choice(seconds),
+        films(),
     ]
     yield from beside_two_threads(groups, seconds)
 

@@ -83,7 +83,7 @@ struct NormalEquations {
         weight[n] += weights[at];
         pull[n] += weights[at] * all.change[at];
       }
-    matrix = transposed_product(all.design, Eigen::MatrixXd(weight.asDiagonal() * all.design));
+    matrix = gram(Eigen::MatrixXd(all.design.transpose() * weight.cwiseSqrt().asDiagonal()));
     right = all.design.transpose() * pull;
   }
 
@@ -136,11 +136,14 @@ void compare_groups(const Differences& all, const Values& weights, CommonCourse&
 }  // namespace
 
 Eigen::MatrixXd slow_modes(std::size_t places, std::size_t count) {
+  const std::size_t steps = 4 * places;  // of a turn
+  Values cosine(steps);
+  for (std::size_t k = 0; k < steps; ++k)
+    cosine[k] = std::cos(2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(steps));
   Eigen::MatrixXd modes(static_cast<Eigen::Index>(places), static_cast<Eigen::Index>(count));
-  for (Eigen::Index n = 0; n < modes.rows(); ++n)
-    for (Eigen::Index k = 0; k < modes.cols(); ++k)
-      modes(n, k) = std::cos(std::numbers::pi * (static_cast<double>(n) + 0.5) / static_cast<double>(places) *
-                             static_cast<double>(k + 1));
+  for (std::size_t k = 0; k < count; ++k)
+    for (std::size_t n = 0; n < places; ++n)
+      modes(static_cast<Eigen::Index>(n), static_cast<Eigen::Index>(k)) = cosine[(2 * n + 1) * (k + 1) % steps];
   return modes;
 }
 
@@ -155,7 +158,8 @@ std::size_t mode_count(std::size_t rows) {
 CommonCourse common_course(std::span<const BandedPicture> colours, const CommonCourse* of_all) {
   require(!colours.empty(), "colours", 0, "at least one");
   const BandedPicture& picture = colours.front();
-  for (const BandedPicture& colour : colours) check(colour, Values(picture.rows, 1.0));
+  for (const BandedPicture& colour : colours)
+    if (of_all == nullptr) check(colour, Values(picture.rows, 1.0));  // else it has been
   require(picture.frames == 1 && picture.rows >= 4, "rows", picture.rows, "4 or more, of one frame");
   const std::size_t count = mode_count(picture.rows);
   const std::size_t height = std::max<std::size_t>(1, picture.rows / (4 * count));

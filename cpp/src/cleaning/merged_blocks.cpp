@@ -28,13 +28,18 @@ Blocks block_means(std::span<const BandedPicture> colours, std::size_t height, s
         light[i] += colour.light[n * columns + i];
         variance[i] += colour.variance[n * columns + i];
       }
-    for (std::size_t block = 0, at = n / height * to.columns; block < to.columns; ++block, ++at)
+    for (std::size_t block = 0, at = n / height * to.columns; block < to.columns; ++block, ++at) {
+      double count = known[at], sum = to.light[at], spread = to.variance[at];
       for (std::size_t i = block * width; i < std::min((block + 1) * width, columns); ++i) {
         const bool is_known = std::isfinite(variance[i]);
-        known[at] += is_known ? 1 : 0;
-        to.light[at] += is_known ? light[i] : 0;
-        to.variance[at] += is_known ? variance[i] : 0;
+        count += is_known ? 1 : 0;
+        sum += is_known ? light[i] : 0;
+        spread += is_known ? variance[i] : 0;
       }
+      known[at] = count;
+      to.light[at] = sum;
+      to.variance[at] = spread;
+    }
   }
   for (std::size_t i = 0; i < known.size(); ++i) {
     to.light[i] /= std::max(known[i], 1.0);

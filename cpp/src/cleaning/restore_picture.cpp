@@ -122,6 +122,7 @@ void restore_picture(const FramesView<const Sample>& stored, const BlockShares& 
   for (std::size_t column = 0; column < columns; ++column)
     places.push_back(place_in_blocks(column, shares.block_columns, across));
   const bool is_one = shares.is_one() && table.light.size() <= columns;
+  const bool has_shares = !is_one || result.share.data != nullptr;
   std::vector<std::pair<Sample, PixelMark>> of_value(is_one ? table.light.size() : 0);
   std::vector<double> line(across), share(columns), of_column(is_one ? 0 : columns);  // shares; gains
   for (std::size_t row = 0; row < rows; ++row) {
@@ -134,18 +135,24 @@ void restore_picture(const FramesView<const Sample>& stored, const BlockShares& 
     const auto gain_of = [&](double own) { return (1 + own * rise) / std::max(1 + own * swing, kMinLeft); };
     for (std::size_t value = 0; value < of_value.size(); ++value)
       of_value[value] = pixels(static_cast<Sample>(value), gain_of(line[0]));
-    for (std::size_t column = 0; column < columns; ++column) {
+    for (std::size_t column = 0; has_shares && column < columns; ++column) {
       const BetweenBlocks& at = places[column];
       share[column] = line[at.before] + at.weight * (line[at.after] - line[at.before]);
     }
     for (std::size_t column = 0; column < of_column.size(); ++column) of_column[column] = gain_of(share[column]);
-    for (std::size_t column = 0; column < columns; ++column) {
-      const Sample value = stored(0, row, column);
-      const auto [restored, mark] = is_one ? of_value[value] : pixels(value, of_column[column]);
-      result.picture(0, row, column) = restored;
-      if (result.marks.data != nullptr) result.marks(0, row, column) = static_cast<std::uint8_t>(mark);
-      if (result.share.data != nullptr) result.share(0, row, column) = static_cast<float>(share[column]);
-    }
+    const auto write = [&](const auto& restored_of) {
+      for (std::size_t column = 0; column < columns; ++column) {
+        const auto [restored, mark] = restored_of(stored(0, row, column), column);
+        result.picture(0, row, column) = restored;
+        if (result.marks.data != nullptr) result.marks(0, row, column) = static_cast<std::uint8_t>(mark);
+      }
+    };
+    if (is_one)
+      write([&](Sample value, std::size_t) { return of_value[value]; });
+    else
+      write([&](Sample value, std::size_t column) { return pixels(value, of_column[column]); });
+    for (std::size_t column = 0; result.share.data != nullptr && column < columns; ++column)
+      result.share(0, row, column) = static_cast<float>(share[column]);
   }
 }
 

@@ -90,13 +90,13 @@ void solve(RowEquations& equations, std::size_t rows) {
 RowEquations row_equations(const BandedPicture& picture, std::span<const double> share, std::span<const double> light,
                            int step, Cleaned& cleaned) {
   const std::size_t rows = picture.rows, columns = picture.columns;
-  std::vector<double> change(rows);
-  for (std::size_t n = 0; n < rows; ++n) change[n] = light[n] - 1;
-  for (std::size_t row = 0; row < rows; ++row) {
-    clean_row(picture, 0, row, change, share, cleaned);
-    for (std::size_t i = row * columns; i < (row + 1) * columns; ++i)
-      cleaned.slope[i] = share[i] / light_left(share[i], change[row]);
-  }
+  for (std::size_t row = 0, i = 0; row < rows; ++row)
+    for (const double change = light[row] - 1; i < (row + 1) * columns; ++i) {
+      const double gain = 1 / light_left(share[i], change);
+      cleaned.light[i] = picture.light[i] * gain;
+      cleaned.slope[i] = share[i] * gain;
+      cleaned.variance[i] = picture.variance[i] * gain * gain;
+    }
   RowEquations equations{std::vector<double>(rows * kBand), std::vector<double>(rows)};
   const double texture = kRowTextures[std::min(static_cast<std::size_t>(step), kRowTextures.size() - 1)];
   for (const std::size_t lag : kLags)

@@ -209,6 +209,7 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
   if (!compares_with(stored.rows())) earlier_ = {};
   SceneLight light =
       find_scene_light(stored, camera_, options_.model, options_.toe.has_value(), {}, earlier_, no_other);
+  noise_ = stored.noise();
   keep_chips(light, stored);
   before_.reset();
   if (!light.slow.empty()) {
@@ -223,7 +224,6 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
                      guide_of(blocks, light.lights.front(), light.shares),
                      stored.columns(),
                      stored.toe(),
-                     stored.noise(),
                      light.verdicts.front().slow_bands,
                      0,
                      Values(light.shares.front().share.size(), 1.0)};
@@ -257,7 +257,7 @@ bool StreamCleaner::compares_with(std::size_t rows) const {
 
 std::optional<StreamCleaner::Frame> StreamCleaner::slowly(const std::vector<AnyFramesView>& colours) {
   if (!slow_ || !compares_with(shape_of(colours.front()).rows)) return {};
-  StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
+  StoredScene stored(colours, camera_.tone_curve, noise_, options_.toe.value_or(0));
   if (has_equal_rows(stored)) return {};
   const std::vector<std::vector<BandedPicture>> frame{stored.colours_of(0)};
   std::vector<SlowLight> slow = find_slow_lights(frame, earlier_, slow_->common);
@@ -273,7 +273,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   if (!before_ || before_->lights.of_colour.size() != colours.size() || before_->columns != shape.columns ||
       before_->lights.of(0).light.size() != shape.rows)
     return {};
-  StoredScene stored(colours, camera_.tone_curve, before_->noise, before_->toe);
+  StoredScene stored(colours, camera_.tone_curve, noise_, before_->toe);
   Before now = *before_;
   ++now.frames;
   now.lights = followed_lights(stored);

@@ -51,7 +51,7 @@ class StreamCleaner {
     std::vector<BlockShares> shares;
     Blocks guide;                   // logarithm of the cleaned picture, in large blocks
     std::size_t columns;            // of the camera
-    double toe, noise, slow_bands;  // in the last frame that was cleaned alone
+    double toe, slow_bands;         // in the last frame that was cleaned alone
     std::size_t frames;             // since the first
     std::vector<double> estimates;  // number of them in each block's share
   };
@@ -75,6 +75,7 @@ class StreamCleaner {
   std::optional<SlowLight> slow_;            // of the frame before, where it is removed
   std::size_t unlit_ = 0;                    // frames without a light since the last one with it
   bool was_lit_ = false;                     // some frame had a light
+  std::optional<double> noise_;              // of the last frame that was searched
   std::string unchanged_;                    // why the last frame that was searched is
   std::optional<double> time_, frame_time_;  // of the last frame, and from frame to frame, s
   double frames_ = 0;                        // that frame_time_ is the mean of, where the camera's is unknown
