@@ -40,6 +40,7 @@ def random_frames(shape, dtype, seed=0):
             (".tif", (np.uint8, np.uint16), [(1, 47, 65), (4, 47, 65), (1, 47, 65, 3)]),
             (".tiff", (np.float32,), [(3, 47, 65)]),
             (".mkv", (np.uint8, np.uint16), [(1, 47, 65), (5, 47, 65), (3, 47, 65, 3), (2, 1, 1)]),
+            (".MKV", (np.uint8,), [(2, 47, 65)]),
             (".mp4", (np.uint8,), [(5, 48, 64), (3, 47, 65)]),
             (".npy", (np.uint8, np.uint16, np.float32, np.float64), [(1, 47, 65), (3, 47, 65), (3, 47, 65, 3)]),
         ]
@@ -556,6 +557,73 @@ def test_a_truncated_video_gives_its_whole_frames_and_a_warning(tmp_path, suffix
         recording = read_frames(path)
     assert 3 <= len(recording.frames) <= 6
     assert np.array_equal(recording.frames, frames[: len(recording.frames)])
+
+
+def film_of(path, form, codec, pixels):
+    """20 frames of noise, encoded for any container."""
+    with av.open(str(path), "w", format=form) as container:
+        stream = container.add_stream(codec, rate=30)
+        stream.width, stream.height, stream.pix_fmt = 160, 120, pixels
+        for k, luma in enumerate(random_frames((20, 120, 160), np.uint8)):
+            frame = av.VideoFrame.from_ndarray(luma, format="gray").reformat(format=pixels)
+            frame.pts, frame.time_base = k, Fraction(1, 30)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+
+
+FILMS = {
+    "matroska": ("ffv1", "gray"),
+    "mjpeg": ("mjpeg", "yuvj420p"),
+    "avi": ("mjpeg", "yuvj420p"),
+    "h264": ("libx264", "yuv420p"),
+    "mpegts": ("libx264", "yuv420p"),
+    "nut": ("ffv1", "gray"),
+}
+
+
+@pytest.fixture(scope="module", params=["y4m", *FILMS])
+def film(request, tmp_path_factory):
+    """A film of each kind, and its frames."""
+    path = tmp_path_factory.mktemp("film") / "whole"
+    if request.param == "y4m":
+        planes = random_frames((20, 160 * 120 * 3 // 2), np.uint8)
+        head = b"YUV4MPEG2 W160 H120 F30:1 Ip A1:1 C420jpeg\n"
+        path.write_bytes(head + b"".join(b"FRAME\n" + each.tobytes() for each in planes))
+    else:
+        film_of(path, request.param, *FILMS[request.param])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # of a whole film nothing is said
+        return path, read_frames(path).frames
+
+
+@pytest.mark.parametrize("cut", [150, 600, 1000, 4000, 9000])
+def test_a_film_cut_anywhere_gives_frames_of_the_whole_and_a_warning(tmp_path, film, cut):
+    path, frames = film
+    (tmp_path / "cut").write_bytes(path.read_bytes()[:-cut])
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        left = read_frames(tmp_path / "cut").frames
+    whole = {frame.tobytes() for frame in frames}
+    assert len(left)
+    assert {frame.tobytes() for frame in left} <= whole
+    if len(left) < len(frames):
+        assert re.search(rf"truncated or damaged video: {len(left)}( of 20)? frames are whole", str(said[0].message))
+
+
+@pytest.mark.parametrize("kind", ["y4m", "matroska"])
+def test_a_film_cut_by_a_byte_is_noticed_through_a_pipe_too(tmp_path, kind):
+    path = tmp_path / "film"
+    if kind == "y4m":
+        path.write_bytes(b"YUV4MPEG2 W8 H8 F30:1 Ip A1:1 Cmono\n" + (b"FRAME\n" + bytes(64)) * 5)
+    else:
+        film_of(path, kind, *FILMS[kind])
+    count = len(read_frames(path).frames)
+    code = "from ocisac_fast.files import read_frames; print(len(read_frames('-').frames))"
+    for cut, warned in ((0, False), (1, True)):
+        data = path.read_bytes()[: path.stat().st_size - cut]
+        done = subprocess.run([sys.executable, "-c", code], input=data, capture_output=True, check=True)
+        assert (b"truncated or damaged video" in done.stderr) == warned
+        assert int(done.stdout) == count - (warned and kind == "y4m")
 
 
 @pytest.mark.parametrize("suffix", [".npy", ".png", ".tif", ".mkv", ".mp4"])

@@ -123,6 +123,17 @@ def test_sound_that_the_kind_of_file_cannot_hold_is_named(tmp_path: Path) -> Non
     assert sound_of(tmp_path / "out.mp4") == []
 
 
+def test_sound_is_the_films_own_whatever_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make_video(tmp_path / "12:30.mkv", "yuv420p", BT709, LIMITED, "aac")
+    make_video(tmp_path / "b.mkv", "yuv420p", BT709, LIMITED, "aac", 3)
+    (tmp_path / "file:b.mkv").write_bytes((tmp_path / "12:30.mkv").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    for name in ("12:30.mkv", "file:b.mkv"):
+        with open_recording(name, colour=True) as stream:
+            write_frames("out.mkv", iter(stream), like=stream)
+        assert sound_of(tmp_path / "out.mkv") == sound_of(tmp_path / "12:30.mkv")
+
+
 def test_the_first_frames_come_with_their_sound(tmp_path: Path) -> None:
     source, target = tmp_path / "in.mp4", tmp_path / "out.mp4"
     make_video(source, "yuv420p", BT709, LIMITED, "aac")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import Any, BinaryIO
 
 from ocisac_fast.files.recording import FileError
 
@@ -23,6 +23,11 @@ def pillow() -> Any:
 def pyav() -> Any:
     """``av``."""
     return _library("av", "av")
+
+
+def opened_video(file: BinaryIO, container: str | None = None) -> Any:
+    """A container of FFmpeg, which gets bytes and never a name: it would read one as a URL, and open others itself."""
+    return pyav().open(file, format=container, options={"protocol_whitelist": ""})
 
 
 def fsspec() -> Any:

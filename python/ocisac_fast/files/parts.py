@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+import os
+from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from typing import Any
 
 from ocisac_fast.files.recording import FileError, Frame, KeyFrames, Part
 
 _INTRA = 1  # FFmpeg's AV_PICTURE_TYPE_I
+JPEGS = "mjpeg"  # FFmpeg's container of JPEGs one after the other; it states no time
+HEAD_BYTES = 4096
+_JPEG_END, _AFTER_JPEG = b"\xff\xd9", 1024  # bytes that may follow it
+_SEGMENT = b"\x18\x53\x80\x67"
+_FRAME_A_PACKET = ("h264", "hevc", "mpeg2video", "mjpeg", "ffv1")  # unlike VP8, which has frames that are not shown
+_UNBOUNDED, _MOST_HELD = ("h264", "mpegts", "nut"), 256  # kinds whose last packet may be cut; packets
 _SEEK_BACK = (0, 2, 10)  # seconds; some containers seek by other time stamps than those shown
 
 
@@ -34,7 +41,7 @@ def parts_between(key_frames: KeyFrames, max_frames: int) -> list[Part] | None:
     return parts if len(parts) > 1 else None
 
 
-def video_key_frames(container: Any, stream: Any, max_frames: int) -> KeyFrames | None:
+def video_key_frames(container: Any, stream: Any, ending: Ending, max_frames: int) -> KeyFrames | None:
     """Key frames from the packets of an open video, which is read to its end; None: short, damaged, not to be cut."""
     if 0 < stream.frames <= max_frames or _seconds(container) * float(stream.average_rate or math.inf) <= max_frames:
         return None
@@ -51,21 +58,136 @@ def video_key_frames(container: Any, stream: Any, max_frames: int) -> KeyFrames 
     stamps.sort()
     if not stamps or stamps[0] not in keys or len(set(stamps)) < len(stamps):
         return None
-    if (0 < stream.frames != len(stamps)) or ends_early(container, stream, len(stamps), stamps[-1] * stream.time_base):
+    if (0 < stream.frames != len(stamps)) or ending.is_early(len(stamps), stamps[-1] * stream.time_base):
         return None
     indices = [index for index, stamp in enumerate(stamps) if stamp in keys]
     return KeyFrames(indices, [stamps[index] for index in indices], len(stamps))
 
 
-def ends_early(container: Any, stream: Any, count: int, end: Any) -> bool:
-    """Return True if there were fewer frames than the file announces, by their number or else by its duration."""
-    if stream.frames:
-        return bool(count < stream.frames)
-    if container.duration is None or end is None or not stream.average_rate:
-        return False
-    begin = (container.start_time or 0) * 1e-6
-    announced = min(_seconds(container), _own_seconds(stream))  # the file's: of its longest stream, as sound
-    return bool(end - begin < announced - 2.5 / float(stream.average_rate))
+class Ending:
+    """The packets of a video to its end, and whether that is the end that was written.
+
+    A container says that a packet is cut where it states sizes (AVI, MP4, FLV). Else the bytes of the file are compared
+    with the size of Matroska's segment, of a frame of Y4M and of a packet of a transport stream, and the number of
+    frames with that of packets. Only HEVC without a container can be cut in its last frame unnoticed.
+    """
+
+    def __init__(self, container: Any, stream: Any, file: Any) -> None:
+        """``file``: what the container reads, which can be rewound, or a `Prefixed`."""
+        self._container, self._stream, self._file = container, stream, file
+        self._codec = stream.codec_context.codec.name
+        self._packets = self._frames = self._cut = self._end = 0
+        self._has_marks = False  # the JPEGs end as they should
+
+    def decoded(self) -> Iterator[Any]:
+        """The frames, in the order of display, of the packets that are whole."""
+        packets = self._container.demux(self._stream)
+        is_unbounded = self._codec == "h264" and self._container.format.name in _UNBOUNDED
+        for packet in self._without_cut_end(packets) if is_unbounded and self._file.seekable() else packets:
+            if packet.size and not self._is_whole(packet):
+                self._cut += 1
+                continue
+            self._packets += packet.size > 0 and not packet.is_discard
+            for frame in packet.decode():
+                self._frames += 1
+                yield frame
+
+    def _without_cut_end(self, packets: Iterator[Any]) -> Iterator[Any]:
+        """The packets, a group of pictures later, less the last one if its frame has errors.
+
+        Of H.264 the decoder notices them, but several threads may give a frame before.
+        """
+        held: list[Any] = []
+        for packet in packets:
+            if packet.is_keyframe or len(held) == _MOST_HELD:
+                yield from held
+                held = []
+            if packet.size:
+                held.append(packet)
+        if held and not self._ends_whole(held):
+            self._cut += 1
+            held.pop()
+        yield from held
+        yield packet  # which ends the decoding
+
+    def _ends_whole(self, packets: list[Any]) -> bool:
+        """Decode packets again, by one thread: the last one's frame is there, without an error."""
+        if not packets[0].is_keyframe:  # too long a group
+            return True
+        context = self._stream.codec_context.codec.create()
+        context.extradata, context.thread_count = self._stream.codec_context.extradata, 1
+        stamps = [packet.pts for packet in packets]
+        good = set()
+        for k, packet in enumerate([*packets, None]):
+            if packet is not None:
+                packet.pts = k
+            good |= {frame.pts for frame in context.decode(packet) if not frame.is_corrupt}
+        for packet, stamp in zip(packets, stamps, strict=True):
+            packet.pts = stamp
+        return len(packets) - 1 in good
+
+    def _is_whole(self, packet: Any) -> bool:
+        self._end = (packet.pos or 0) + packet.size
+        if packet.is_corrupt or self._container.format.name != JPEGS:
+            return not packet.is_corrupt
+        ends = _JPEG_END in bytes(memoryview(packet)[-_AFTER_JPEG:])
+        self._has_marks |= ends
+        return ends or not self._has_marks
+
+    def is_early(self, count: int, end: Any) -> bool:
+        """Return True if frames are missing after ``count`` of them, the last one at ``end``, s."""
+        if self._cut or (self._codec in _FRAME_A_PACKET and self._frames < self._packets):
+            return True
+        if self._stream.frames:
+            return bool(count < self._stream.frames)
+        return self._is_file_cut() or self._is_short(end)
+
+    def _is_file_cut(self) -> bool:
+        kind, head = self._container.format.name, self._head()
+        if kind == "matroska,webm":
+            announced = _segment_end(head)
+            return announced is not None and self._size(announced) < announced
+        if kind == "mpegts" and b"G" in (head[:1], head[4:5]):  # a time stamp before each packet, of a disc or camera
+            return self._size() % (188 if head[:1] == b"G" else 192) > 0
+        return kind == "yuv4mpegpipe" and self._size() > self._end
+
+    def _head(self) -> bytes:
+        return bytes(self._at(0, os.SEEK_SET, self._file.read) if self._file.seekable() else self._file.first)
+
+    def _size(self, wanted: int = 0) -> int:
+        """Bytes of the file; of a pipe, at the end of what the container wants, those read, or ``wanted`` if it has them."""
+        if self._file.seekable():
+            return int(self._at(0, os.SEEK_END, lambda _: self._file.tell()))
+        while self._file.count < wanted and self._file.read(HEAD_BYTES):
+            pass
+        return int(self._file.count)
+
+    def _at(self, offset: int, whence: int, found: Callable[[int], Any]) -> Any:
+        place = self._file.tell()
+        try:
+            self._file.seek(offset, whence)
+            return found(HEAD_BYTES)
+        finally:
+            self._file.seek(place)
+
+    def _is_short(self, end: Any) -> bool:
+        """By the duration that the file states."""
+        if self._container.duration is None or end is None or not self._stream.average_rate:
+            return False
+        begin = (self._container.start_time or 0) * 1e-6
+        # The file's duration is that of its longest stream, such as sound.
+        announced = min(_seconds(self._container), _own_seconds(self._stream))
+        return bool(end - begin < announced - 2.5 / float(self._stream.average_rate))
+
+
+def _segment_end(head: bytes) -> int | None:
+    """Where the segment of a Matroska file ends (RFC 8794, 9559); None: not stated, as in a live stream."""
+    at = head.find(_SEGMENT) + len(_SEGMENT)
+    if at < len(_SEGMENT) or at >= len(head) or head[at] == 0:
+        return None
+    length = 9 - head[at].bit_length()
+    value = int.from_bytes(head[at : at + length], "big") - (1 << 7 * length)  # less the mark of the length
+    return None if value == (1 << 7 * length) - 1 else at + length + value
 
 
 def _seconds(container: Any) -> float:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ocisac_fast.files.extras import pillow, pyav
+from ocisac_fast.files.extras import opened_video, pillow, pyav
 from ocisac_fast.files.profiles import response_of_picture
 from ocisac_fast.files.recording import FileError, Frame, LightResponse, PictureFormat, RecordingStream
 from ocisac_fast.files.remote import RemotePath
@@ -229,7 +229,7 @@ def _is_deep_colour(image: Image, data: bytes) -> bool:
 def _deep_colour(data: bytes) -> Frame:
     av = pyav()
     try:
-        with av.open(io.BytesIO(data)) as container:
+        with opened_video(io.BytesIO(data)) as container:
             frame = next(container.decode(video=0))
             has_alpha = frame.format.name.startswith(("ya", "rgba"))
             values = np.ascontiguousarray(frame.to_ndarray(format="rgba64le" if has_alpha else "rgb48le"))

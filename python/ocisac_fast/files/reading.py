@@ -12,12 +12,12 @@ from typing import BinaryIO
 
 from ocisac_fast.core.checks import checked
 from ocisac_fast.files.arrays import MAGIC, open_array, stream_arrays
-from ocisac_fast.files.parts import parts_between
+from ocisac_fast.files.parts import JPEGS, parts_between
 from ocisac_fast.files.pictures import JPEG, are_jpegs, is_picture, next_jpeg, open_picture
 from ocisac_fast.files.raw import RawFormat, open_raw
 from ocisac_fast.files.recording import FileError, Frame, Part, Recording, RecordingStream
 from ocisac_fast.files.remote import RemotePath, is_remote
-from ocisac_fast.files.videos import JPEGS, Prefixed, open_video
+from ocisac_fast.files.videos import Prefixed, open_video
 
 STANDARD_INPUT = "-"
 _HEAD, _PIECE = 16, 1 << 16

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from ocisac_fast.files.colours import Conversion
-from ocisac_fast.files.extras import pyav
+from ocisac_fast.files.extras import opened_video, pyav
 from ocisac_fast.files.recording import FileError, FileWarning, Frame, RecordingStream, VideoFormat
-from ocisac_fast.files.remote import RemotePath
 
 CODECS = {".mkv": "ffv1", ".mp4": "libx264", ".mov": "libx264"}
 USUAL_CRF = 10.0  # no difference can be seen
@@ -35,10 +34,12 @@ def write_video(
     if crf is not None and not 0 <= crf <= 51:
         raise FileError(f"crf: got {crf}, allowed: 0 to 51")
     source = None if like is None else like.video
-    codec = CODECS[path.suffix]
+    codec = CODECS[path.suffix.lower()]
     if source is not None and (codec != "ffv1" or crf is not None):
         codec = "libx265" if source.codec == "hevc" else "libx264"
-    index_first = {} if path.suffix == ".mkv" else {"movflags": "+faststart"}  # readable from a pipe or if truncated
+    index_first = (
+        {} if path.suffix.lower() == ".mkv" else {"movflags": "+faststart"}
+    )  # readable from a pipe or if truncated
     with av.open(str(path), "w", options=index_first) as container, contextlib.ExitStack() as opened:
         writer: _Writer | None = None
         sound: Iterator[Any] = iter(())
@@ -167,8 +168,7 @@ def _sound(av: Any, container: Any, like: RecordingStream | None, opened: contex
     if like is None or like.video is None or like.video.path is None:
         return iter(())
     path = like.video.path
-    file = opened.enter_context(path.open("rb")) if isinstance(path, RemotePath) else str(path)
-    original = opened.enter_context(av.open(file, options={"protocol_whitelist": "file"}))
+    original = opened.enter_context(opened_video(opened.enter_context(path.open("rb"))))
     container.metadata.update({k: v for k, v in original.metadata.items() if k.lower() not in _FILE_TAGS})
     copies = {}
     for audio in original.streams.audio:

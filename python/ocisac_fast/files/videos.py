@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import re
 import shutil
@@ -18,8 +19,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ocisac_fast.files.colours import Conversion, rgb_format, rgb_white
-from ocisac_fast.files.extras import pyav
-from ocisac_fast.files.parts import decoded_part, ends_early, video_key_frames
+from ocisac_fast.files.extras import opened_video, pyav
+from ocisac_fast.files.parts import HEAD_BYTES, JPEGS, Ending, decoded_part, video_key_frames
 from ocisac_fast.files.profiles import response_of_video, transfer_of
 from ocisac_fast.files.recording import (
     FileError,
@@ -41,7 +42,6 @@ _INTERLACED = (
     "interlaced: the rows of a frame are of two times, allowed: progressive frames (ffmpeg -vf separatefields: each "
     "field a frame of twice the row time; -vf setfield=prog: where the mark is wrong)"
 )
-JPEGS = "mjpeg"  # FFmpeg's container of JPEGs one after the other; it states no time
 _UNKNOWN = "not a picture, a video or a .npy array, or damaged beyond reading"
 _MAX_PIXELS = 1 << 28
 _decoder_threads: ContextVar[int] = ContextVar("decoder_threads", default=0)  # 0: one for each processor
@@ -79,7 +79,14 @@ def open_video(
     try:
         if not is_path and not file.seekable():
             file = _seekable_where_needed(file)
-        opened = av.open(file, format=container, options={"protocol_whitelist": ""})
+        try:
+            opened = opened_video(file, container)
+        except OSError as error:
+            if isinstance(error, av.FFmpegError) or error.errno != errno.EINVAL or not file.seekable():
+                raise
+            file.seek(0)  # a cut file was asked for a place before its begin, where an index should be
+            file = Prefixed(b"", file)
+            opened = opened_video(file, container)
         return _stream(av, opened, file, name, colour, part, source if is_path else None)
     except FileError:
         file.close()
@@ -102,17 +109,29 @@ def _seekable_where_needed(file: BinaryIO) -> BinaryIO:
 
 
 class Prefixed:
-    """A stream whose first bytes have been read already."""
+    """A stream whose first bytes have been read already.
+
+    Attributes:
+        count: number of bytes read.
+        first: the first of them.
+    """
 
     def __init__(self, head: bytes, rest: BinaryIO) -> None:
+        self.count, self.first = 0, b""
         self._head = io.BytesIO(head)
         self._rest = rest
 
     def read(self, size: int = -1) -> bytes:
         head = self._head.read(size)
         if size < 0:
-            return head + self._rest.read()
-        return head or self._rest.read(size)
+            return self._noted(head + self._rest.read())
+        return self._noted(head or self._rest.read(size))
+
+    def _noted(self, data: bytes) -> bytes:
+        self.count += len(data)
+        if len(self.first) < HEAD_BYTES:
+            self.first += data[: HEAD_BYTES - len(self.first)]
+        return data
 
     def seekable(self) -> bool:
         return False
@@ -148,14 +167,15 @@ def _stream(
     rate = float(stream.average_rate) if stream.average_rate and timed else None
     stamps: list[int | None] = []
     form = _format(pixel_format, context, stream.time_base, path)
+    ending = Ending(container, stream, file)
     return RecordingStream(
-        _frames(av, container, stream, name, values, part, form, stamps if timed else []),
+        _frames(av, container, stream, name, values, part, form, ending, stamps if timed else []),
         "video",
         response,
         rate,
         stream.frames or None,
         close=close,
-        key_frames=lambda max_frames: video_key_frames(container, stream, max_frames) if timed else None,
+        key_frames=lambda max_frames: video_key_frames(container, stream, ending, max_frames) if timed else None,
         video=form,
         stamps=stamps,
     )
@@ -230,6 +250,7 @@ def _frames(
     values: Callable[[Any], Frame],
     part: Part | None,
     form: VideoFormat,
+    ending: Ending,
     stamps: list[int | None],
 ) -> Iterator[Frame]:
     if part is not None:
@@ -237,7 +258,7 @@ def _frames(
         return
     count = damaged = 0
     try:
-        for frame in container.decode(stream):
+        for frame in ending.decoded():
             if frame.is_corrupt:
                 damaged += 1
                 continue
@@ -256,7 +277,7 @@ def _frames(
         raise FileError("no frame that can be decoded")
     last = next((stamp for stamp in reversed(stamps) if stamp is not None), None)
     end = None if last is None or stream.time_base is None else float(last * stream.time_base)
-    if damaged or ends_early(container, stream, count, end):
+    if damaged or ending.is_early(count, end):
         announced = f" of {stream.frames}" if stream.frames else ""
         message = f"{name}: truncated or damaged video: {count}{announced} frames are whole"
         warnings.warn(message, FileWarning, stacklevel=2)
