@@ -176,6 +176,7 @@ ExitCode run(const Settings& settings, double began) {
   catch_stop_signals();
   std::optional<Timestamps> times;
   if (settings.timestamps) times.emplace(*settings.timestamps);
+  if (stop_requested()) return kDone;
   ByteInput input(settings.input);
   const double ready = seconds_now() - began;
   const auto bytes = input.remaining();

@@ -1,5 +1,9 @@
 #include "timestamps.hpp"
 
+#include <fcntl.h>
+#include <poll.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
@@ -33,28 +37,52 @@ Timestamps::Timestamps(const std::string& path) : path_(path) {
   if (std::filesystem::is_fifo(path)) open();  // its writer waits for a reader
 }
 
+Timestamps::~Timestamps() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
 void Timestamps::open() {
-  file_.open(path_);
-  if (!file_) throw std::system_error(errno, std::generic_category(), path_);
+  descriptor_ = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);  // a FIFO waits for its writer, or a signal
+  if (descriptor_ < 0 && !stop_requested()) throw std::system_error(errno, std::generic_category(), path_);
 }
 
 // A camera that still writes the file may be later with a line than with its frame, and write it in parts.
 bool Timestamps::read_line(std::string& line) {
-  line.clear();
-  std::string part;
-  for (auto waited = kPause * 0; !stop_requested(); waited += kPause) {
-    const bool whole = std::getline(file_, part) && !file_.eof();
-    line += part;
-    if (whole) return true;
-    if (waited >= kLongestWait) break;
-    file_.clear();
-    std::this_thread::sleep_for(kPause);
+  const auto first = bytes_.begin();
+  const auto until = std::chrono::steady_clock::now() + kLongestWait;
+  for (;;) {
+    const auto last = first + static_cast<std::ptrdiff_t>(end_), newline = std::find(first, last, '\n');
+    if (newline != last) {
+      line.assign(first, newline);
+      end_ = static_cast<std::size_t>(std::copy(newline + 1, last, first) - first);
+      return true;
+    }
+    require(end_ < bytes_.size(), "--timestamps", path_, "a file with lines of fewer than 4096 characters");
+    if (!wait(until)) break;
+    const auto got = ::read(descriptor_, bytes_.data() + end_, bytes_.size() - end_);
+    if (got > 0)
+      end_ += static_cast<std::size_t>(got);
+    else if (got == 0)
+      std::this_thread::sleep_for(kPause);
+    else if (errno != EINTR && errno != EAGAIN)
+      throw std::system_error(errno, std::generic_category(), path_);
   }
-  return !line.empty();
+  line.assign(first, first + static_cast<std::ptrdiff_t>(end_));
+  end_ = 0;
+  return !line.empty() && !stop_requested();
+}
+
+// Waits for bytes or the end of what is written; false on a stop signal, and after the time.
+bool Timestamps::wait(std::chrono::steady_clock::time_point until) const {
+  const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - std::chrono::steady_clock::now());
+  if (stop_requested() || left.count() <= 0) return false;
+  std::array<pollfd, 2> waiting{{{descriptor_, POLLIN, 0}, {stop_descriptor(), POLLIN, 0}}};
+  const int ready = ::poll(waiting.data(), waiting.size(), static_cast<int>(left.count()));
+  return !stop_requested() && ready != 0;
 }
 
 std::optional<double> Timestamps::next(std::optional<double> frame_time) {
-  if (!file_.is_open()) open();
+  if (descriptor_ < 0) open();
   std::string line;
   do {
     if (!read_line(line)) return std::nullopt;

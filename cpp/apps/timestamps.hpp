@@ -1,8 +1,10 @@
 // Times of raw frames from a file of one time a line, ms, as `rpicam-vid --save-pts` writes it.
 #pragma once
 
+#include <array>
+#include <chrono>
+#include <cstddef>
 #include <cstdint>
-#include <fstream>
 #include <optional>
 #include <string>
 
@@ -12,10 +14,13 @@ class Timestamps {
  public:
   // A FIFO is opened at once, a file for the first frame, when a camera that was started at the same time has made it.
   explicit Timestamps(const std::string& path);
+  ~Timestamps();
+  Timestamps(const Timestamps&) = delete;
+  Timestamps& operator=(const Timestamps&) = delete;
 
-  // Time of the next frame in s; absent if no further line comes within two seconds. `frame_time`: s, to count lost
-  // frames; absent: the shortest interval so far. Throws std::invalid_argument for other text, and for times that do
-  // not ascend; std::system_error for a file that cannot be read.
+  // Time of the next frame in s; absent if no further line comes within two seconds, or on a stop signal.
+  // `frame_time`: s, to count lost frames; absent: the shortest interval so far. Throws std::invalid_argument for other
+  // text, and for times that do not ascend; std::system_error for a file that cannot be read.
   std::optional<double> next(std::optional<double> frame_time);
 
   // Frames that the times show to be lost, up to the last frame.
@@ -24,9 +29,12 @@ class Timestamps {
  private:
   void open();
   bool read_line(std::string& line);
+  bool wait(std::chrono::steady_clock::time_point until) const;
 
   std::string path_;
-  std::ifstream file_;
+  int descriptor_ = -1;
+  std::array<char, 4096> bytes_{};  // of the file, up to `end_` after the line that was read last; no line is longer
+  std::size_t end_ = 0;
   std::optional<double> shortest_, last_;  // interval of frames and the last time, s
   std::int64_t lost_ = 0;
 };

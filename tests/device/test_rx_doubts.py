@@ -1,7 +1,10 @@
 """ocisac-rx where a result is missing or the stream may not be what was stated: why, on standard error."""
 
+import contextlib
 import json
 import os
+import resource
+import signal
 import subprocess
 import time
 
@@ -108,6 +111,52 @@ def test_times_without_meaning_are_refused(receiver, packets, tmp_path, times, m
     assert done.returncode == 2
     assert message in done.stderr.decode()
     assert run(receiver, packets, *PACKETS, "--timestamps", str(tmp_path / "none")).returncode == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("has_writer", [False, True])
+def test_a_signal_ends_the_wait_for_times(receiver, packets, tmp_path, has_writer, number):
+    path = tmp_path / "times"
+    os.mkfifo(path)
+    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--timestamps", str(path)]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=_heed
+    ) as program:
+        program.stdin.write(packets[: ROWS * COLUMNS])
+        program.stdin.flush()
+        with path.open("w") if has_writer else contextlib.nullcontext():
+            time.sleep(0.5)
+            program.send_signal(number)
+            _, err = program.communicate(timeout=10)
+    assert (program.returncode, err) == (0, b"")
+
+
+def _heed():
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs ignore it
+
+
+def test_a_silent_writer_of_times_is_an_error_after_a_while(receiver, packets, tmp_path):
+    os.mkfifo(tmp_path / "times")
+    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--timestamps", str(tmp_path / "times")]
+    with (
+        subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as program,
+        (tmp_path / "times").open("w"),
+    ):
+        _, err = program.communicate(packets[: ROWS * COLUMNS], timeout=10)
+    assert program.returncode == 2
+    assert b"fewer times than frames" in err
+
+
+def test_a_file_of_times_without_lines_takes_no_memory(receiver, packets):
+    done = subprocess.run(
+        [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--timestamps", "/dev/zero"],
+        input=packets[: ROWS * COLUMNS],
+        capture_output=True,
+        timeout=20,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30)),
+    )
+    message = b"ocisac-rx: --timestamps: got /dev/zero, allowed: a file with lines of fewer than 4096 characters\n"
+    assert (done.returncode, done.stderr) == (2, message)
 
 
 # Why there is nothing
