@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
 import signal
+import subprocess
 import sys
 from collections import Counter, deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection, Pipe, wait
 from typing import Any
 
 from ocisac_fast.batch.jobs import ClusterError, Jobs, Report, VersionError, Work
@@ -74,18 +73,21 @@ class _Worker:
     """A process and its pipe."""
 
     def __init__(self, work: Work) -> None:
-        context = multiprocessing.get_context("spawn")
         self.jobs: Jobs = ()
         self._has_started = False
-        self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs, work), daemon=True)
-        resource_tracker.ensure_running()  # it would be started below, and unblocks signals
+        self.connection, theirs = Pipe()
+        # Its modules are those of this process: the working folder, which Python puts first, may hold anything.
+        program = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve({theirs.fileno()})"
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C, which reaches it too, is ours
         try:
-            self.process.start()
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", program], stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()]
+            )
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         theirs.close()
+        with contextlib.suppress(OSError):  # it died: `answer` notices
+            self.connection.send(work)
 
     def begin(self, jobs: Jobs) -> None:
         self.jobs = jobs
@@ -99,10 +101,7 @@ class _Worker:
         except (EOFError, OSError):
             if self._has_started:
                 raise EOFError from None
-            raise ClusterError(
-                "workers: a process ended as it started (a program that starts workers does so below "
-                "`if __name__ == '__main__':`, since they import it)"
-            ) from None
+            raise ClusterError("workers: a process ended as it started") from None
         self._has_started = True
         if isinstance(answer, Exception):
             raise answer
@@ -112,14 +111,18 @@ class _Worker:
     def end(self) -> None:
         """Close its pipe, at which it ends; a process that does not is killed."""
         self.connection.close()
-        self.process.join(_SECONDS_TO_END)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(_SECONDS_TO_END)
         self.process.kill()
-        self.process.join()
+        self.process.wait()
 
 
-def _serve(connection: Connection, work: Work) -> None:
+def serve(descriptor: int) -> None:
+    """Answer jobs that arrive on a connection, after the work to be done with each, until it is closed."""
+    connection = Connection(descriptor)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # unwinding removes incomplete files
     with contextlib.suppress(EOFError, OSError):  # the process that started it has ended
+        work: Work = connection.recv()
         connection.send(None)
         while True:
             connection.send(_answer(work, connection.recv()))
