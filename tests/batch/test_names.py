@@ -1,6 +1,7 @@
 """Names, kinds and places of recordings: each file is measured, or named as a failure; none ends the others."""
 
 import contextlib
+import errno
 import http.server
 import json
 import os
@@ -51,11 +52,51 @@ def test_a_path_that_exists_is_no_pattern(tmp_path):
     assert measured(wild) == {str(wild)}
 
 
+def test_links_to_folders_are_not_followed_but_where_they_are_named(tmp_path):
+    wanted, other = save(tmp_path / "r" / "a.npy"), save(tmp_path / "elsewhere" / "b.npy")
+    os.symlink(tmp_path / "elsewhere", tmp_path / "r" / "link")
+    os.symlink(tmp_path / "r", tmp_path / "r" / "loop")
+    linked = tmp_path / "r" / "link" / other.name
+    assert {one.path for one in find_recordings(tmp_path / "r")} == {str(wanted)}
+    for pattern in ("**", "**/*.npy", "*.npy"):
+        assert {one.path for one in find_recordings(tmp_path / "r" / pattern)} == {str(wanted)}
+    for named in ("link", "link/*.npy", "l?nk/*.npy", "link/b.npy"):
+        assert {one.path for one in find_recordings(tmp_path / "r" / named)} == {str(linked)}
+
+
+@pytest.mark.parametrize("pattern", ["", "*/*.npy", "**/*.npy", "c*/*.npy"])
+def test_a_folder_that_cannot_be_read_is_a_failure(tmp_path, monkeypatch, pattern):
+    """Whoever runs the tests may read every folder: the system's call refuses this one."""
+    wanted, closed = save(tmp_path / "r" / "campaign" / "a.npy"), tmp_path / "r" / "closed"
+    save(closed / "b.npy")
+    listed = os.scandir
+
+    def scandir(path="."):
+        if os.fspath(path) == str(closed):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), path)
+        return listed(path)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    done = measure_recordings(tmp_path / "r" / pattern, GAIN)
+    assert set(done.table["path"].to_pylist()) == {str(wanted)}
+    assert done.failures.to_pylist() == [{"path": str(closed), "message": "Permission denied"}]
+
+
+def test_a_recording_may_have_the_name_of_a_command(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    save(tmp_path / "clean" / "a.npy")
+    words = ["-o", "r", "--workers", "0", "gain", "--frequency", "500Hz", "--row-time", str(ROW_TIME)]
+    assert main(["batch", "clean", *words]) == 0
+    assert [one.path for one in summarize("r").recordings] == [str(tmp_path / "clean" / "a.npy")]
+    assert main(["batch", "clean", "-o", "c", "--workers", "0", "clean", "--row-time", str(ROW_TIME)]) == 0
+    assert main(["batch", "clean/*.npy", "-o", "d", "clean", "--row-time", str(ROW_TIME)]) == 0
+
+
 def test_names_of_any_bytes(tmp_path, capsys):
     """A name that is not UTF-8 is measured or listed as a failure like any other, in a first run and in a second."""
     names = [
         b"caf\xe9.npy",
-        b"caf\xea.npy",
+        b"caf\xea.npy",  # two recordings of the table too
         b"a\nb.npy",
         b"\x1b]0;x\x07.npy",
         b"~root.npy",
@@ -70,7 +111,7 @@ def test_names_of_any_bytes(tmp_path, capsys):
         assert (done.finished, done.skipped, done.failed) == (len(names), skipped, 1)
     assert read_results(results).num_rows == SHORT * len(names)
     assert [one.path for one in summarize(results).recordings] == sorted(map(str, sources))
-    assert read_failures(results)["path"].to_pylist() == [str(tmp_path / "r" / "bad\ufffd.npy")]
+    assert read_failures(results)["path"].to_pylist() == [str(tmp_path / "r" / "bad\\xff.npy")]
     assert main(["batch", "--summary", str(results), "--json"]) == 0
     capsys.readouterr()
     assert main(["batch", "--summary", str(results)]) == 0

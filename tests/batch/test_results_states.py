@@ -1,6 +1,8 @@
 """States of the results folder: what is ours is resumed or mended, what is not stays and is named."""
 
+import errno
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -124,6 +126,41 @@ def test_again_in_a_new_folder_and_after_cleaning(sources, tmp_path):
 
 
 # Damage
+
+
+@pytest.mark.parametrize("damage", ["missing", "empty", "longer"])
+def test_a_cleaned_file_that_is_not_as_written_is_made_again(sources, tmp_path, damage):
+    cleaning = Task("clean", {"row_time": ROW_TIME})
+    measure_recordings(sources, cleaning, output=tmp_path / "c")
+    victim = min((tmp_path / "c" / "cleaned").iterdir())
+    data = victim.read_bytes()
+    victim.unlink() if damage == "missing" else victim.write_bytes(data + b"more" if damage == "longer" else b"")
+    again = measure_recordings(sources, cleaning, output=tmp_path / "c").progress
+    assert (again.finished, again.skipped) == (COUNT, COUNT - 1)
+    assert victim.read_bytes() == data
+    assert measure_recordings(sources, cleaning, output=tmp_path / "c").progress.skipped == COUNT
+
+
+@pytest.mark.parametrize("name", ["task.json", "manifest.json"])
+@pytest.mark.parametrize("again", [False, True])
+def test_a_pipe_in_the_folder_is_not_waited_for(sources, results, name, again):
+    (results / name).unlink()
+    os.mkfifo(results / name)
+    with pytest.raises(ResultsError, match=f"{name}(, and no| is a pipe or a device; allowed: another folder)"):
+        measure_recordings(sources, GAIN, output=results, again=again)
+
+
+def test_a_full_disk_is_no_failure_of_a_recording(sources, tmp_path, monkeypatch):
+    def full(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(np, "save", full)
+    with pytest.raises(ResultsError, match="c: No space left on device"):
+        measure_recordings(sources, Task("clean", {"row_time": ROW_TIME}), output=tmp_path / "c")
+    monkeypatch.undo()
+    assert (
+        measure_recordings(sources, Task("clean", {"row_time": ROW_TIME}), output=tmp_path / "c").progress.failed == 0
+    )
 
 
 @pytest.mark.parametrize("damage", ["missing", "empty", "cut", "foreign"])

@@ -123,6 +123,8 @@ class Work:
 
     def _measured(self, job: Job, results: Results | None) -> Report:
         path = job.entry.path
+        if not is_remote(path) and os.path.isdir(path):
+            os.scandir(path).close()  # the reason why it was not searched
         if not is_remote(path) and os.path.exists(path) and not os.path.isfile(path):
             raise FileError("a pipe, device or folder, allowed: a file")  # opening it could wait for ever
         if job.part is None and job.is_cut:

@@ -6,7 +6,6 @@ import contextlib
 import hashlib
 import os
 from collections.abc import Iterable, Iterator
-from glob import glob
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,6 +35,8 @@ def find_recordings(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[s
 
     Args:
         paths: files, folders (all files below) and patterns (``campaign/**/*.mkv``), also of fsspec's file systems.
+            Below a folder, and by ``**``, links to folders are not followed. A folder that cannot be read is an entry,
+            which cannot be measured.
 
     Raises:
         ValueError: a pattern or a folder without a file.
@@ -61,17 +62,41 @@ def _local(path: str) -> Iterator[Entry]:
     whole = os.path.abspath(path)
     names: Iterable[str] = [whole]
     if os.path.isdir(whole):
-        names = (os.path.join(folder, name) for folder, _, files in os.walk(whole) for name in files)
+        names = _below(whole)
     elif _is_pattern(path) and not os.path.lexists(whole):
-        root = next(str(folder) for folder in Path(whole).parents if folder.is_dir())
-        matching = glob(os.path.relpath(whole, root), root_dir=root, recursive=True, include_hidden=True)
-        names = (name for name in (os.path.join(root, each) for each in matching) if not os.path.isdir(name))
+        names = _like(whole)
     for name in names:
         status: dict[str, Any] = {"size": None}
         with contextlib.suppress(OSError):  # of one that is gone: measuring it names the failure
             there = os.stat(name)
             status = {"size": there.st_size, "mtime": there.st_mtime}
         yield _entry(name, status)
+
+
+def _below(folder: str) -> Iterator[str]:
+    """Files below a folder, and folders there that cannot be read."""
+    closed: list[str] = []
+    for place, _, files in os.walk(folder, onerror=lambda error: closed.append(error.filename)):
+        yield from (os.path.join(place, name) for name in files)
+    yield from closed
+
+
+def _like(pattern: str) -> Iterator[str]:
+    """Files like a pattern, and folders in which there may be some, but that cannot be read."""
+    root = next(folder for folder in Path(pattern).parents if folder.is_dir())
+    parts = Path(pattern).relative_to(root).parts
+    parts = (*parts, "*") if parts[-1] == "**" else parts
+    folders = {root, *(each for k in range(1, len(parts)) for each in root.glob("/".join((*parts[:k], ""))))}
+    yield from (str(folder) for folder in folders if folder.is_dir() and not _can_be_listed(folder))
+    yield from (str(name) for name in root.glob("/".join(parts)) if not name.is_dir())
+
+
+def _can_be_listed(folder: Path) -> bool:
+    try:
+        os.scandir(folder).close()
+    except OSError:
+        return False
+    return True
 
 
 def _remote(path: str) -> Iterator[Entry]:

@@ -46,7 +46,9 @@ _OURS = re.compile(  # names of files that runs write
 )
 _SAVING = 20.0  # the manifest is saved so seldom that it takes a twentieth of the time
 _MOST_NAMED = 5
+_NO_FILE = "other"  # type of pipes and devices, which could be waited for, for ever
 _WHOLE = "all"
+_KEY = 16  # characters of a recording's key
 _MAX_STEM = 200  # bytes, of the 255 that file systems allow
 _PICTURES = {".png": ".png", ".jpg": ".png", ".jpeg": ".png", ".tif": ".tif", ".tiff": ".tif", ".npy": ".npy"}
 
@@ -167,7 +169,8 @@ class Results:
             return {}
         found = self._system.find(self._path(folder), detail=True)
         start = len(self._path(""))
-        return {name[start:]: entry.get("size") for name, entry in sorted(found.items())}
+        files = ((name, entry) for name, entry in sorted(found.items()) if entry.get("type") != _NO_FILE)
+        return {name[start:]: entry.get("size") for name, entry in files}
 
     def contains(self, path: str) -> bool:
         """True for this folder, which may be in the campaign's, and for a path in it, through any links."""
@@ -192,15 +195,22 @@ class Results:
         return [PurePosixPath(place).name for place in self._listed(kind)]
 
     def checked_names(self, task: Task) -> dict[str, bool]:
-        """Names of the files of rows; True for those as long as in the manifest, or, after a killed run, whole."""
+        """Names of the files of rows; True for those as long as in the manifest, as is what was cleaned, or whole."""
+        lost = self._lost_keys()
         checked = {}
         for place, length in self._listed("rows").items():
             name = PurePosixPath(place).name
             held = None if self._lengths.get(place) == length else self.holds(name, task)
             if held is not None:
                 self.note(held[1])
-            checked[name] = self._lengths.get(place) == length
+            checked[name] = self._lengths.get(place) == length and key_of(name) not in lost
         return checked
+
+    def _lost_keys(self) -> set[str]:
+        """Keys of recordings of which the cleaned file is not as it was written."""
+        written = {name: length for name, length in self._lengths.items() if name.startswith("cleaned/")}
+        found = self._found("cleaned") if written else {}
+        return {PurePosixPath(name).name[:_KEY] for name, length in written.items() if found.get(name) != length}
 
     def _listed(self, kind: str) -> dict[str, int]:
         with self._errors():
@@ -249,14 +259,22 @@ class Results:
             self._system.makedirs(self._path("cleaned"), exist_ok=True)
         written: dict[str, int] = {}
         if self.is_local:
-            yield self._path(name), self._path(name), written
-            written[name] = Path(self._path(name)).stat().st_size
+            place = self._path(name)
+            try:
+                yield place, place, written
+            except OSError as error:
+                if error.filename != place:
+                    raise
+                raise ResultsError(f"{self.folder}: {error.strerror}") from error
+            if os.path.exists(place):  # else every frame stays as it is
+                written[name] = os.stat(place).st_size
             return
         with tempfile.TemporaryDirectory() as folder:
             local = str(Path(folder) / PurePosixPath(name).name)
             yield local, self._system.unstrip_protocol(self._path(name)), written
             with self._errors():
-                written[name] = self._write(name, Path(local).read_bytes())
+                if os.path.exists(local):
+                    written[name] = self._write(name, Path(local).read_bytes())
 
     def every_part(self) -> Iterator[tuple[dict[str, Any], Any]]:
         """Facts and rows of each file of rows of the folder's task, in the order of names."""
@@ -279,7 +297,8 @@ class Results:
             return pyarrow("pyarrow.parquet").read_table(io.BytesIO(data))
         except (OSError, ValueError) as error:
             raise ResultsError(
-                f"{self.folder}/{name}: no whole Parquet file; the same `ocisac batch` measures its recording again"
+                f"{self.folder}/{name}: no whole Parquet file; the same `ocisac batch` measures its recording again, "
+                "once it is removed"
             ) from error
 
     def _write_table(self, name: str, rows: Any) -> int:
@@ -291,6 +310,7 @@ class Results:
     def _write(self, name: str, data: bytes) -> int:
         """Write a file, whole or not at all; its length."""
         path = self._path(name)
+        self._require_file(name)
         self._system.makedirs(self._system._parent(path), exist_ok=True)
         if self.is_local:
             with atomic_path(path) as temporary:
@@ -312,11 +332,17 @@ class Results:
 
     def _read_json(self, name: str) -> dict[str, Any]:
         """The object of a file; empty where it is another program's or damaged."""
+        self._require_file(name)
         try:
             found = json.loads(self._system.cat_file(self._path(name)))
         except (FileNotFoundError, ValueError, RecursionError):
             return {}
         return found if isinstance(found, dict) else {}
+
+    def _require_file(self, name: str) -> None:
+        with contextlib.suppress(FileNotFoundError):
+            if self._system.info(self._path(name)).get("type") == _NO_FILE:
+                raise ResultsError(f"{self.folder}: {name} is a pipe or a device; allowed: another folder")
 
     def _path(self, name: str) -> str:
         return f"{self._root.rstrip('/')}/{name}"
