@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import re
-from collections.abc import Iterator
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +18,8 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.results import Result
-from ocisac_fast.files import RecordingStream, read_frames, write_frames
+from ocisac_fast.files import FileError, RecordingStream, atomic_path, read_frames, write_frames
+from ocisac_fast.files.writing import new_files
 from ocisac_fast.light.response import exposure_response
 from ocisac_fast.light.waveforms import Chips, Constant, SquareWave, Tone, Waveform, integrate_exposure
 from ocisac_fast.packets.transmission import transmit
@@ -132,25 +136,54 @@ def settings() -> list[Setting]:
     ]
 
 
-def run(directory: str | os.PathLike[str]) -> Demonstration:
+def run(directory: str | os.PathLike[str], *, force: bool = False) -> Demonstration:
     """Write ``testbed.mkv`` (one frame per setting) and ``chips.png`` to the directory, read and decode them.
 
     ``lamp.mkv``, ``video.mkv`` and ``banded.png`` are recordings for first steps, as README and docs use them.
+    Files that show the same stay, as an earlier run left them.
+
+    Raises:
+        FileError: another file has one of these names, and ``force`` is False.
     """
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
-    write_frames(folder / "testbed.mkv", _testbed_frames(), frame_rate=1 / FRAME_TIME)
     light = Chips(MARKER + to_bits(MESSAGE), CHIP_RATE, repeat=True)
-    write_frames(folder / "chips.png", _simulated(light, CHIP_CAMERA, start=1.7e-3))
-    write_frames(folder / "lamp.mkv", lamp_frames(), frame_rate=FRAMES_PER_SECOND)
-    write_frames(folder / "video.mkv", video_frames(), frame_rate=FRAMES_PER_SECOND)
-    write_frames(folder / "banded.png", [banded_picture()], like=RecordingStream.linear())
+    recordings: dict[str, tuple[Iterable[npt.NDArray[Any]], dict[str, Any]]] = {
+        "testbed.mkv": (_testbed_frames(), {"frame_rate": 1 / FRAME_TIME}),
+        "chips.png": (_simulated(light, CHIP_CAMERA, start=1.7e-3), {}),
+        "lamp.mkv": (lamp_frames(), {"frame_rate": FRAMES_PER_SECOND}),
+        "video.mkv": (video_frames(), {"frame_rate": FRAMES_PER_SECOND}),
+        "banded.png": ([banded_picture()], {"like": RecordingStream.linear()}),
+    }
+    for name, (pictures, options) in recordings.items():
+        with _placed(folder / name, force) as path:
+            write_frames(path, pictures, **options)
 
     frames = read_frames(folder / "testbed.mkv").frames
     measurements = [_measure(setting, frame) for setting, frame in zip(settings(), frames, strict=True)]
     chips = read_frames(folder / "chips.png").frames
     received = receive(chips, CHIP_CAMERA)[0]
     return Demonstration(measurements, frames, chips[0], received, *message_in(received.bits))
+
+
+@contextlib.contextmanager
+def _placed(target: Path, force: bool) -> Iterator[Path]:
+    """A path for a picture or video that becomes ``target``, unless that shows the same."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / target.name
+        yield made
+        if not force and target.is_file():
+            if not _show_the_same(made, target):
+                raise FileError(f"{target}: not of the demo, allowed: another --directory, or --force to replace it")
+            return
+        with new_files(() if force else (target,)), atomic_path(target) as temporary:
+            shutil.copyfile(made, temporary)
+
+
+def _show_the_same(made: Path, other: Path) -> bool:
+    with contextlib.suppress(FileError):
+        return np.array_equal(read_frames(made).frames, read_frames(other).frames)
+    return False
 
 
 def lamp_frames() -> Iterator[npt.NDArray[Any]]:
@@ -228,11 +261,11 @@ def model_rows(measurement: Measurement) -> npt.NDArray[np.float64]:
     return DARK_LEVEL + integrate_exposure(light, setting.camera, ROWS)
 
 
-def draw(demonstration: Demonstration, path: str | os.PathLike[str]) -> None:
+def draw(demonstration: Demonstration, path: str | os.PathLike[str], *, force: bool = False) -> None:
     """Draw the demo: strips of the recording, a column with its fit, gains and theory, received bits."""
     from ocisac_fast import plots
 
-    with plots.picture(path, 11.0, 7.6) as figure:
+    with _placed(Path(path), force) as made, plots.picture(made, 11.0, 7.6) as figure:
         axes = figure.subplots(2, 2, width_ratios=(1.0, 1.25))
         _draw_strips(axes[0, 0], demonstration)
         _draw_gains(axes[0, 1], demonstration.measurements)

@@ -118,8 +118,9 @@ def test_unchanged_frames_are_coded_as_they_were_decoded(tmp_path):
     np.testing.assert_array_equal(*planes)
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("keep", [False, True])
-def test_a_run_that_is_stopped_leaves_nothing_or_a_film_that_plays(tmp_path, keep):
+def test_a_run_that_is_stopped_leaves_nothing_or_a_film_that_plays(tmp_path, keep, number):
     source, target = tmp_path / "in.mp4", tmp_path / "out.mp4"
     write_film(source, count=400)
     command = [sys.executable, "-m", "ocisac_fast.cli", "clean", str(source), str(target), *CLEAN, "--json"]
@@ -128,9 +129,9 @@ def test_a_run_that_is_stopped_leaves_nothing_or_a_film_that_plays(tmp_path, kee
     ) as process:
         first = [process.stdout.readline() for _ in range(3)]  # lines come as frames are done
         assert [json.loads(line)["frame"] for line in first] == [0, 1, 2]
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         rest, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
+    assert process.returncode == 128 + number, err
     done = 3 + len(rest.splitlines())
     assert done < 400
     assert [path.name for path in Path(tmp_path).iterdir() if path.name.startswith(".")] == []

@@ -1,8 +1,13 @@
 """The command line: units, geometry, what each command prints, and how it refuses."""
 
+import importlib
+import io
 import json
 import math
 import os
+import pathlib
+import re
+import resource
 import signal
 import subprocess
 import sys
@@ -18,7 +23,9 @@ pytest.importorskip("PIL.Image")
 pytest.importorskip("av")
 
 from ocisac_fast.chips import DETECTORS
+from ocisac_fast.cli.application import ocisac
 from ocisac_fast.cli.output import plain, quantity, with_spread
+from ocisac_fast.cli.outputs import InputFile, OutputFile
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures, select
 from ocisac_fast.cli.units import Quantity
 from ocisac_fast.core import Region
@@ -427,6 +434,21 @@ def test_the_demo_decodes_its_recordings_in_time(facts, tmp_path):
     assert sorted(os.listdir(tmp_path / "demo")) == recordings
 
 
+def test_the_demo_keeps_what_is_not_its_own(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    os.mkdir("demo")
+    mine = pathlib.Path("demo/video.mkv")
+    mine.write_text("mine")
+    assert run("demo") == (
+        2, [], ["ocisac: demo/video.mkv: not of the demo, allowed: another --directory, or --force to replace it"]
+    )  # fmt: skip
+    assert mine.read_text() == "mine"
+    assert run("demo", "--force")[0] == 0
+    before = {name: os.stat(f"demo/{name}").st_ino for name in os.listdir("demo")}
+    assert (len(before), run("demo")[0]) == (6, 0)  # twice in a row
+    assert {name: os.stat(f"demo/{name}").st_ino for name in os.listdir("demo")} == before
+
+
 def test_the_demo_ends_with_commands_that_run(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, out, err = run("demo")
@@ -477,6 +499,145 @@ def test_files_are_replaced_only_when_asked(run, square, tmp_path):
     assert other.read_bytes() == b"mine"
     assert run(*plot, "--force")[0] == 0
     assert other.read_bytes().startswith(b"\x89PNG")
+
+
+OUTPUT_OF_INPUT = {
+    "the sent bits": ("receive", "s.png", *TESTBED, "--sent", "b.csv", "--table", "b.csv"),
+    "lights": ("locate", "b.csv", "s.png", "--focal", "100", "--centre", "1,1", "--table", "b.csv"),
+    "lights that are seen": ("locate", "s.png", "b.csv", "--focal", "100", "--centre", "1,1", "--csv", "b.csv"),
+    "recordings": ("batch", ".", "-o", "r", "--table", "b.csv", "gain", "--frequency", "500", *TESTBED),
+    "a pattern": ("batch", "*.csv", "-o", "r", "--table", "b.csv", "gain", "--frequency", "500", *TESTBED),
+    "a scene": ("simulate", "b.csv", "-o", "b.csv"),
+    "a payload by a link": ("transmit", "b.csv", "-o", "link.csv"),
+}
+
+
+@pytest.mark.parametrize("words", OUTPUT_OF_INPUT.values(), ids=OUTPUT_OF_INPUT)
+def test_what_is_read_is_never_written(run, square, tmp_path, monkeypatch, words):
+    square("s.png")
+    monkeypatch.chdir(tmp_path)
+    pathlib.Path("b.csv").write_text("mine")
+    os.symlink("b.csv", "link.csv")
+    words = (*words[:1], "--force", *words[1:])
+    code, _, err = run(*words)
+    assert code == 2
+    assert err[-1].endswith(".csv, which is read, allowed: another file")
+    assert pathlib.Path("b.csv").read_text() == "mine"
+
+
+TWO_OUTPUTS = {
+    "marks": ("clean", "s.png", "m.png", "--marks", "m.png", *TESTBED),
+    "a table": ("transmit", "--text", "hello", "-o", "t.csv", "--table", "t.csv"),
+    "another spelling": ("transmit", "--text", "hello", "-o", "t.csv", "--table", "./t.csv"),
+    "a link": (
+        "gain",
+        "s.png",
+        *TESTBED,
+        *DARK,
+        "--frequency",
+        "500",
+        "--plot",
+        "link.svg",
+        "--table",
+        "t.csv",
+        "--force",
+    ),
+}
+
+
+@pytest.mark.parametrize("words", TWO_OUTPUTS.values(), ids=TWO_OUTPUTS)
+def test_two_outputs_are_two_files(run, square, tmp_path, monkeypatch, words):
+    square("s.png")
+    monkeypatch.chdir(tmp_path)
+    os.symlink("t.csv", "link.svg")
+    code, out, err = run(*words)
+    assert (code, out) == (2, [])
+    assert re.fullmatch(r"ocisac: --\w+: got \S+, which \S+ writes too, allowed: another file", err[-1])
+    assert sorted(os.listdir()) == ["link.svg", "s.png"]
+
+
+@pytest.mark.parametrize("has_links", [True, False])
+def test_a_file_that_appears_meanwhile_is_kept(run, tmp_path, monkeypatch, has_links):
+    module = importlib.import_module("ocisac_fast.cli.simulate")
+    simulated = module.simulate_frames
+
+    def frames(*arguments, **options):
+        (tmp_path / "o.mkv").write_text("my only copy")
+        yield from simulated(*arguments, **options)
+
+    def no_link(*_):
+        raise PermissionError
+
+    monkeypatch.setattr(module, "simulate_frames", frames)
+    if not has_links:
+        monkeypatch.setattr(os, "link", no_link)
+    words = ("simulate", "--frequency", "500", *TESTBED, "--rows", 32, "--columns", 32, "-o", tmp_path / "o.mkv")
+    code, out, err = run(*words)
+    assert (code, out) == (2, [])
+    assert err[-1].endswith("o.mkv: appeared during this run, and is kept")
+    assert (tmp_path / "o.mkv").read_text() == "my only copy"
+    assert os.listdir(tmp_path) == ["o.mkv"]
+    assert run(*words, "--force")[0] == 0
+    assert (tmp_path / "o.mkv").stat().st_size > 500
+    (tmp_path / "o.mkv").unlink()
+    monkeypatch.setattr(module, "simulate_frames", simulated)
+    assert run(*words)[0] == 0
+    assert os.listdir(tmp_path) == ["o.mkv"]
+
+
+ENDLESS = {
+    "sent bits": ("receive", "s.png", *TESTBED, "--sent", "/dev/zero"),
+    "a payload": ("transmit", "/dev/zero"),
+    "a scene": ("simulate", "/dev/zero", "-o", "o.png"),
+    "places of lights": ("locate", "/dev/zero", "s.png", "--focal", "100", "--centre", "1,1"),
+    "a picture": ("detect", "large.png", *TESTBED),
+    "a piped picture": ("detect", "pipe", *TESTBED),
+}
+
+
+@pytest.mark.parametrize("words", ENDLESS.values(), ids=ENDLESS)
+def test_files_without_end_are_refused(run, square, tmp_path, monkeypatch, words):
+    from ocisac_fast.files import pictures
+
+    monkeypatch.setattr(pictures, "_MOST_BYTES", 64 << 20)
+    square("s.png")
+    monkeypatch.chdir(tmp_path)
+    head = pathlib.Path("s.png").read_bytes()[:40]
+    pathlib.Path("large.png").write_bytes(head)
+    os.truncate("large.png", 3 << 30)  # sparse
+    os.mkfifo("pipe")
+    writer = subprocess.Popen(["sh", "-c", "cat s.png /dev/zero > pipe"], stderr=subprocess.DEVNULL)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    code, out, err = run(*words)
+    writer.kill()
+    writer.wait()
+    assert (code, out) == (2, [])
+    assert err[-1].endswith(": more than 64 MiB, allowed: at most these")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400 << 10
+
+
+def test_standard_input_is_read_once(run, square, monkeypatch):
+    data = square("s.npy").read_bytes()
+
+    class Standard:
+        buffer = io.BytesIO(data)
+
+    monkeypatch.setattr(sys, "stdin", Standard())
+    code, _, err = run("receive", "-", "-", *TESTBED)
+    assert (code, err[-1]) == (3, "ocisac: standard input: was read before, allowed: once")
+
+
+def test_every_path_of_a_command_is_declared():
+    """Checks follow from the types of parameters, so each path has one that says whether it is read or written."""
+    import click
+
+    context = click.Context(ocisac)
+    for name in ocisac.list_commands(context):
+        for param in ocisac.get_command(context, name).params:
+            if isinstance(param.type, click.Path):
+                assert isinstance(param.type, (InputFile, OutputFile)) or (name, param.name) == ("demo", "directory")
+            else:
+                assert not {"file", "files", "source", "target", "recordings"} & {param.name}
 
 
 def test_of_several_files_the_bad_ones_are_named(run, square, tmp_path):
@@ -618,8 +779,8 @@ def test_a_file_name_that_is_no_utf8_leaves_json_valid(tmp_path):
     command, environment = command_line("receive", "--row-time", "22.2us", "--json", PYTHONUTF8="1")
     done = subprocess.run([*command, name, name], env=environment, capture_output=True, check=True)
     lines = done.stdout.decode("utf-8").splitlines()  # strict
-    assert [json.loads(line)["file"] for line in lines] == [f"{tmp_path}/lamp\ufffd.png"] * 2
-    assert plain({"file\udcff": ["\udcff"]}) == {"file\ufffd": ["\ufffd"]}
+    assert [json.loads(line)["file"] for line in lines] == [f"{tmp_path}/lamp\\xff.png"] * 2
+    assert plain({"file\udcff": ["\udcff"]}) == {"file\\xff": ["\\xff"]}
     command, environment = command_line(
         "gain", name.decode("utf-8", "surrogateescape") + "\x1b[2J", "--row-time", "1us", "--frequency", "1Hz"
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import shlex
 import time
 from collections.abc import Iterator, Sequence
@@ -15,16 +16,18 @@ from ocisac_fast.batch.campaign import MAX_FRAMES, Outcome, Progress, measure_re
 from ocisac_fast.batch.engines import cluster
 from ocisac_fast.batch.fields import FIELDS
 from ocisac_fast.batch.jobs import ClusterError, VersionError
+from ocisac_fast.batch.recordings import find_recordings
 from ocisac_fast.batch.results import Results
 from ocisac_fast.batch.summary import Summary, summarize
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, with_spread
-from ocisac_fast.cli.outputs import writes
+from ocisac_fast.cli.outputs import OUTPUT, InputFile, writes
 from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import ParameterType
 
+_SUMMARY = "summary.png"  # in the folder of the results
 _MAX_LINES = 40  # of recordings and of failures in a summary
 
 
@@ -33,6 +36,22 @@ class _TaskWords(ParameterType):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         return value if isinstance(value, Task) else Task.from_words(shlex.split(value))
+
+
+class _Recordings(InputFile):
+    def files(self, path: str | os.PathLike[str]) -> Iterator[str]:
+        with contextlib.suppress(ValueError):  # none there, which is said later
+            yield from (entry.path for entry in find_recordings(path))
+
+
+class _Folder(InputFile):
+    def files(self, path: str | os.PathLike[str]) -> Iterator[str]:
+        """The results below a folder."""
+        for folder, _, names in os.walk(path):
+            yield from (os.path.join(folder, name) for name in names if name != _SUMMARY)
+
+
+_RECORDINGS, _RESULTS = _Recordings(readable=False), _Folder(readable=False)
 
 
 class _BatchCommand(click.Command):
@@ -61,14 +80,15 @@ class _BatchCommand(click.Command):
 
 def _split(words: Sequence[str], with_values: set[str]) -> tuple[list[str], list[str]]:
     """Words of ``batch``, and from the first name of a command on those of the task."""
-    for place, word in enumerate(words):
-        if word in FIELDS and (place == 0 or words[place - 1] not in with_values):
+    places = [k for k, word in enumerate(words) if word in FIELDS and (k == 0 or words[k - 1] not in with_values)]
+    for place in places:
+        if place == places[-1] or not os.path.exists(words[place]):  # else a recording of this name
             return list(words[:place]), list(words[place:])
     return list(words), []
 
 
 @click.command(cls=_BatchCommand, short_help="One command for many recordings, on all processors or a cluster.")
-@click.argument("recordings", nargs=-1, metavar="RECORDINGS...")
+@click.argument("recordings", nargs=-1, metavar="RECORDINGS...", type=_RECORDINGS)
 @click.option("-o", "--output", metavar="FOLDER", help="Results; what is finished there is skipped.")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler (tcp://host:8786) or its file (.json).")
 @click.option("--workers", type=click.IntRange(0), help="Processes on this machine  [default: its processors]")
@@ -80,10 +100,15 @@ def _split(words: Sequence[str], with_values: set[str]) -> tuple[list[str], list
     help="Longer recordings are cut into stretches for gain and detect; 0: never.",
 )
 @click.option("--again", is_flag=True, help="Discard the results in FOLDER.")
-@click.option("--summary", metavar="FOLDER", help="Print and draw what came out, and measure nothing.")
-@click.option("--plot", type=click.Path(dir_okay=False), help="Picture of the summary  [default: FOLDER/summary.png]")
+@click.option(
+    "--summary",
+    metavar="FOLDER",
+    type=_RESULTS,
+    help="Print and draw what came out, and measure nothing.",
+)
+@click.option("--plot", type=OUTPUT, help="Picture of the summary  [default: FOLDER/summary.png]")
 @click.option("--task", type=_TaskWords(), hidden=True)
-@writes("plot")
+@writes
 @json_option
 def batch(
     recordings: tuple[str, ...],
@@ -168,7 +193,7 @@ def _emit(done: Outcome, output: str, as_json: bool) -> None:
 
 def _summarize(folder: str, plot: str | None, as_json: bool) -> None:
     found = summarize(folder)
-    path = plot or (f"{folder.rstrip('/')}/summary.png" if Results(folder).is_local else None)
+    path = plot or (f"{folder.rstrip('/')}/{_SUMMARY}" if Results(folder).is_local else None)
     if path is not None:
         _draw(found, path)
     if as_json:

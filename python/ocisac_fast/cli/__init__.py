@@ -22,6 +22,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from ocisac_fast.cli.application import run
 
         return run(sys.argv[1:] if arguments is None else list(arguments))
+    except KeyboardInterrupt:  # while modules are imported
+        return 130
     except ModuleNotFoundError as error:
         library = str(error.name).partition(".")[0]
         if library not in ("click", "rich"):

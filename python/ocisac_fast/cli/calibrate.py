@@ -13,9 +13,8 @@ from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cli.columns import frequency_waveform, one_colour, some_columns
 from ocisac_fast.cli.doubts import warn_of_calibration, warn_of_texture
 from ocisac_fast.cli.output import emit_facts, emit_json, facts_of, flag_names, number, quantity, with_spread
-from ocisac_fast.cli.outputs import writes
+from ocisac_fast.cli.outputs import INPUT, writes
 from ocisac_fast.cli.pictures import (
-    FILE_PATH,
     PictureOptions,
     frame_rate_option,
     json_option,
@@ -28,12 +27,12 @@ from ocisac_fast.files.recording import FileError
 
 
 @click.command(short_help="Row time of a camera, from a light of known frequency.")
-@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=FILE_PATH)
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=INPUT)
 @click.option("--frequency", type=FREQUENCY, required=True, help="Frequency of the light, below half the row rate.")
 @click.option("--pulses", type=SHARES, help="Duty of a lamp lit once per frame, one for each FILE: 5%,10%.")
 @picture_options
 @frame_rate_option
-@writes()
+@writes
 @json_option
 def calibrate(
     files: tuple[str, ...],

@@ -14,8 +14,8 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, number, progress, rate
-from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import FILE_PATH, PictureOptions, cropped, json_option, picture_options, select, stack
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, writes
+from ocisac_fast.cli.pictures import PictureOptions, cropped, json_option, picture_options, select, stack
 from ocisac_fast.cli.units import RATE, Quantity
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import KEPT_FRAMES, FileError, Frame, RecordingStream
@@ -33,8 +33,8 @@ _HEADER = (
 
 
 @click.command(short_help="The picture without the light's bands, or the bands alone.")
-@click.argument("source", metavar="IN", type=FILE_PATH)
-@click.argument("target", metavar="OUT", type=FILE_PATH)
+@click.argument("source", metavar="IN", type=INPUT)
+@click.argument("target", metavar="OUT", type=OUTPUT)
 @click.option("--keep", type=click.Choice(["picture", "bands"]), default="picture", show_default=True)
 @click.option(
     "--model",
@@ -62,9 +62,9 @@ _HEADER = (
 )
 @click.option("--crf", type=click.FloatRange(0, 51), help=f"Quality of H.264 and HEVC; default: {USUAL_CRF:g}.")
 @click.option("--keep-partial", is_flag=True, help="After Ctrl-C keep OUT with the frames done, instead of nothing.")
-@click.option("--marks", type=click.Path(dir_okay=False), help="Picture of the marks: 0, saturated 128, too dark 255.")
+@click.option("--marks", type=OUTPUT, help="Picture of the marks: 0, saturated 128, too dark 255.")
 @picture_options
-@writes("target", "marks")
+@writes
 @json_option
 def clean(
     source: str,
@@ -104,6 +104,8 @@ def clean(
             crf = USUAL_CRF
         with contextlib.suppress(_Unchanged), _naming(source):
             write_frames(target, frames, frame_rate=stream.frame_rate or 30.0, like=stream, crf=crf)
+    if not cleaner.facts and stop:
+        signal.raise_signal(stop[0])
     if marks is not None:
         write_frames(marks, cleaner.marks)
     if not cleaner.facts:
@@ -114,11 +116,11 @@ def clean(
     if cleaner.reasons or len(cleaner.facts) > 1:
         emit_summary(cleaner.summary(target), as_json)
     if stop:
-        raise KeyboardInterrupt
+        signal.raise_signal(stop[0])  # whose handler is the usual one again
 
 
 class _Unchanged(Exception):
-    """No frame changed: there is nothing to write."""
+    """No frame was changed: there is nothing to write."""
 
 
 @contextlib.contextmanager
@@ -180,7 +182,7 @@ class _Cleaner:
         for raw in stored:
             if self._stop:
                 if not self.facts:
-                    raise KeyboardInterrupt
+                    raise _Unchanged
                 break
             self._crop_opacity()
             camera = camera or self._picture.camera_for(self._stream, raw, usual={"PNG": "srgb"})

@@ -23,15 +23,16 @@ from ocisac_fast.cli.pictures import json_option
     show_default=True,
     help="Folder of the recordings and the picture.",
 )
-@writes()
+@writes
 @json_option
 def demo(directory: Path, as_json: bool) -> None:
     """Record the paper's testbed (simulated, as video), read it back, and compare gains with theory and bits."""
     from ocisac_fast import demo as testbed
 
     picture = directory / "demo.png"
-    result = testbed.run(directory)
-    testbed.draw(result, picture)
+    force = click.get_current_context().params["force"]
+    result = testbed.run(directory, force=force)
+    testbed.draw(result, picture, force=force)
     if as_json:
         emit_json(
             {

@@ -11,9 +11,8 @@ import click
 import numpy as np
 
 from ocisac_fast.cli.output import emit_json, emit_table, facts_of, number, progress, quantity, rate
-from ocisac_fast.cli.outputs import writes
+from ocisac_fast.cli.outputs import INPUT, writes
 from ocisac_fast.cli.pictures import (
-    FILE_PATH,
     PictureOptions,
     frame_rate_option,
     grey_of,
@@ -39,7 +38,7 @@ _KEYS = (
 
 
 @click.command(short_help="Modulated lights in a recording.")
-@click.argument("file", type=FILE_PATH)
+@click.argument("file", type=INPUT)
 @click.option(
     "--false-alarms",
     type=float,
@@ -58,7 +57,7 @@ _KEYS = (
 @picture_options
 @frame_rate_option
 @plot_option("the first frame with the boxes of its lights")
-@writes("plot")
+@writes
 @json_option
 def detect(
     file: str,

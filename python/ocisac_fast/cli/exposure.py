@@ -8,7 +8,7 @@ import click
 
 from ocisac_fast.cli.lights import LIGHTS_TO_AVOID, light_name
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
-from ocisac_fast.cli.outputs import writes
+from ocisac_fast.cli.outputs import OUTPUT, writes
 from ocisac_fast.cli.pictures import json_option, plot_option
 from ocisac_fast.cli.units import RATE, SHARE, TIME, Quantity, Several
 
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 @click.option("--near", type=TIME, help="Find the nearest to it instead of the shortest.")
 @click.option("--keep", type=SHARE, help="Min. gain of the communication tone.")
 @plot_option("the exposures")
-@click.option("--front", type=click.Path(dir_okay=False), metavar="FILE", help="Draw communication over sensing.")
-@writes("plot", "front")
+@click.option("--front", type=OUTPUT, metavar="FILE", help="Draw communication over sensing.")
+@writes
 @json_option
 def exposure(
     comm: Quantity | None,

@@ -26,7 +26,7 @@ _NAMES = ("modulation_index", "detection_index", "mitigation_probability", "miss
 @click.option("--contrast", type=SHARE, default="10%", help="Contrast at which a lamp is detected; default 10%.")
 @click.option("--tolerance", type=SHARE, default="10%", help="Deviation from the mean that is mitigated; default 10%.")
 @plot_option("the indices over the exposure")
-@writes("plot")
+@writes
 @json_option
 def flicker(
     lights: tuple[FlickeringLight, ...],

@@ -29,9 +29,8 @@ from ocisac_fast.cli.output import (
     rate,
     with_spread,
 )
-from ocisac_fast.cli.outputs import writes
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, writes
 from ocisac_fast.cli.pictures import (
-    FILE_PATH,
     PictureOptions,
     frame_rate_option,
     json_option,
@@ -46,21 +45,21 @@ from ocisac_fast.light.response import exposure_response
 
 
 @click.command(short_help="Gain of a tone in a recording, and its theoretical value.")
-@click.argument("file", type=FILE_PATH)
+@click.argument("file", type=INPUT)
 @click.option("--frequency", type=FREQUENCY_OR_AUTO, required=True, help="Frequency of the light; auto: estimated.")
 @click.option("--method", type=click.Choice(["fit", "robust", "dft"]), default="fit", show_default=True)
 @click.option("--background", type=float, help="Light of other origin, in stored values above dark.")
 @click.option("--threads", type=int, default=1, show_default=True)
 @click.option(
     "--per-column",
-    type=click.Path(dir_okay=False),
+    type=OUTPUT,
     metavar="FILE",
     help="Write the gain of every column and frame to a CSV file.",
 )
 @picture_options
 @frame_rate_option
 @plot_option("the spectrum with the fitted tone, and the column before and after equalisation")
-@writes("plot", "per_column")
+@writes
 @json_option
 def gain(
     file: str,

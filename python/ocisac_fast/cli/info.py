@@ -18,7 +18,7 @@ _LIBRARIES = ("numpy", "pillow", "av", "matplotlib", "click", "rich")
 
 
 @click.command(short_help="Versions, build and processor features.")
-@writes()
+@writes
 @json_option
 def info(as_json: bool) -> None:
     """Show the data for a problem report: versions, build of the core, SIMD target in use."""

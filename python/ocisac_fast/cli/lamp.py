@@ -26,7 +26,7 @@ from ocisac_fast.cli.units import FREQUENCY, SHARE, TIMES, Quantity, Several
 @click.option("--spread", type=SHARE, default="0", help="Tolerance of each exposure, +-; default 0.")
 @click.option("--frequency", type=FREQUENCY, help="Frequency of PWM: print its min. duty instead.")
 @plot_option("the modulation over frequency and duty")
-@writes("plot")
+@writes
 @json_option
 def lamp(
     exposures: tuple[float, ...],

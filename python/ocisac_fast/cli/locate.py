@@ -9,11 +9,11 @@ from typing import Any
 import click
 
 from ocisac_fast.cli.output import emit_facts, emit_json
-from ocisac_fast.cli.outputs import writes
+from ocisac_fast.cli.outputs import InputFile, read_input, writes
 from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.core.checks import shown
 
-_File = click.Path(exists=True, dir_okay=False, path_type=Path)
+_File = InputFile(exists=True, dir_okay=False, path_type=Path)
 
 
 def _numbers(_: click.Context, parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:
@@ -35,7 +35,7 @@ def _numbers(_: click.Context, parameter: click.Parameter, text: str | None) -> 
     "--noise", type=float, default=1.0, show_default=True, help="Standard error of a light's position, pixels."
 )
 @click.option("--inside", callback=_numbers, help="Bounds XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX of the position, metres.")
-@writes()
+@writes
 @json_option
 def locate(
     lights: Path,
@@ -97,7 +97,7 @@ def locate(
 def _read(path: Path, names: tuple[str, ...]) -> dict[Any, tuple[float, ...]]:
     """Coordinates by light; the middle of a box if width and height are given."""
     result: dict[Any, tuple[float, ...]] = {}
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(read_input(path).decode().splitlines(), 1):
         if not line.strip():
             continue
         try:

@@ -28,10 +28,14 @@ _csv: ContextVar[list[Any] | None] = ContextVar("csv", default=None)
 _printed: ContextVar[bool] = ContextVar("printed", default=True)
 
 
+def _escaped(surrogate: re.Match[str]) -> str:
+    return f"\\x{ord(surrogate[0]) & 0xFF:02x}"
+
+
 def plain(value: Any) -> Any:
     """Convert a value to JSON types: NumPy types to Python's, numbers that are not finite to None.
 
-    Bytes of a file name that are not UTF-8 become U+FFFD.
+    Bytes of a file name that are not UTF-8 become escapes, such as \\xff.
     """
     kind = type(value)
     if kind is float:
@@ -39,7 +43,7 @@ def plain(value: Any) -> Any:
     if kind in _AS_THEY_ARE:
         return value
     if kind is str:
-        return value if value.isascii() else _SURROGATES.sub("\ufffd", value)
+        return value if value.isascii() else _SURROGATES.sub(_escaped, value)
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         return plain(value.item())
     if isinstance(value, Mapping):

@@ -1,50 +1,110 @@
-"""Files that commands write: never over an input, and over other files only with ``--force``."""
+"""Files that commands read and write: inputs never replaced, and other files only with ``--force``."""
 
 from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import click
 
-_INPUTS = ("file", "files", "source", "scene", "unlit")
+from ocisac_fast.files import FileError
+from ocisac_fast.files.raw import read_whole
+from ocisac_fast.files.writing import new_files
+
+_STANDARD = "-"  # input or output
+_MOST_BYTES = 64 << 20
 
 
-def writes(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add ``--force`` to a command whose parameters ``names``, and tables, are files that it writes."""
+class InputFile(click.Path):
+    """A file that a command reads; checked where it is opened."""
 
-    def decorated(function: Callable[..., Any]) -> Callable[..., Any]:
-        @functools.wraps(function)
-        def wrapped(*, force: bool, **arguments: Any) -> Any:
-            for name in (*names, "csv", "table"):
-                if arguments[name] is not None:
-                    _check(name, arguments[name], list(_inputs(arguments)), force)
+    def files(self, path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
+        """The files that a path stands for."""
+        return (path,)
+
+
+class OutputFile(click.Path):
+    """A file that a command with `writes` writes."""
+
+
+INPUT, OUTPUT = InputFile(readable=False), OutputFile(dir_okay=False, readable=False)
+
+
+def read_input(path: str | os.PathLike[str]) -> bytes:
+    """All of a file that is no recording, or of standard input.
+
+    Raises:
+        FileError: more than `_MOST_BYTES`.
+    """
+    is_standard = os.fspath(path) == _STANDARD
+    try:
+        if is_standard:
+            return read_whole(sys.stdin.buffer, _MOST_BYTES)
+        with open(path, "rb") as file:
+            return read_whole(file, _MOST_BYTES)
+    except FileError as error:
+        raise FileError(f"{'standard input' if is_standard else os.fspath(path)}: {error}") from error
+
+
+def writes(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--force`` to a command.
+
+    Its parameters of the type `OutputFile` are checked against each other, against those of the type `InputFile` and
+    against what is there, and again where they are written.
+    """
+
+    @functools.wraps(function)
+    def wrapped(*, force: bool, **arguments: Any) -> Any:
+        context = click.get_current_context()
+        outputs = [(param, path) for param, path in _paths(context, OutputFile) if not _is_special(path)]
+        for k, (param, path) in enumerate(outputs):
+            _check(param, path, outputs[:k], context, force)
+        with new_files([] if force else [path for _, path in outputs]):
             return function(**arguments)
 
-        return click.option("--force", is_flag=True, help="Replace files that exist.")(wrapped)
-
-    return decorated
+    return click.option("--force", is_flag=True, help="Replace files that exist.")(wrapped)
 
 
-def _inputs(arguments: dict[str, Any]) -> Iterator[str]:
-    for name in _INPUTS:
-        value = arguments.get(name)
-        yield from value if isinstance(value, tuple) else () if value is None else (value,)
+def _paths(context: click.Context, kind: type[click.Path]) -> Iterator[tuple[click.Parameter, Any]]:
+    """Parameters of a type, with each of their paths."""
+    for param in context.command.params:
+        value = context.params.get(str(param.name))
+        if isinstance(param.type, kind) and value is not None:
+            yield from ((param, path) for path in (value if isinstance(value, tuple) else (value,)))
 
 
-def _check(name: str, path: str, inputs: list[str], force: bool) -> None:
-    if not os.path.isfile(path):  # devices and pipes are written to
+def _is_special(path: str) -> bool:
+    """True for standard output, devices and pipes, which are written to."""
+    return path == _STANDARD or (os.path.exists(path) and not os.path.isfile(path))
+
+
+def _check(
+    param: click.Parameter, path: str, before: list[tuple[click.Parameter, str]], context: click.Context, force: bool
+) -> None:
+    refused = f"{_label(param)}: got {path}, which"
+    for other, written in before:
+        if _is_same(path, written):
+            raise click.UsageError(f"{refused} {_label(other)} writes too, allowed: another file")
+    if not os.path.isfile(path):
         return
-    if any(os.path.isfile(one) and os.path.samefile(one, path) for one in inputs):
-        raise click.UsageError(f"{_label(name)}: got {path}, which is read, allowed: another file")
+    for other, given in _paths(context, InputFile):
+        if isinstance(other.type, InputFile) and any(_is_same(path, each) for each in other.type.files(given)):
+            raise click.UsageError(f"{refused} is read, allowed: another file")
     if not force:
-        raise click.UsageError(f"{_label(name)}: got {path}, which exists, allowed: a new file, or --force")
+        raise click.UsageError(f"{refused} exists, allowed: a new file, or --force")
 
 
-def _label(name: str) -> str:
+def _is_same(path: str, other: str | os.PathLike[str]) -> bool:
+    """True for one file by any two names or links; the other one may be standard input."""
+    try:
+        return os.path.samestat(os.stat(path), os.stat(0 if other == _STANDARD else other))
+    except (OSError, ValueError):
+        return other != _STANDARD and os.path.realpath(path) == os.path.realpath(other)
+
+
+def _label(param: click.Parameter) -> str:
     """The parameter as it is written: ``--plot``, or ``OUT``."""
-    command = click.get_current_context().command
-    param = next(param for param in command.params if param.name == name)
     return str(param.metavar) if isinstance(param, click.Argument) else param.opts[-1]

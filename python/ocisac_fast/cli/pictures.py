@@ -18,6 +18,7 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_note, is_collected, table_of_objects
+from ocisac_fast.cli.outputs import OUTPUT
 from ocisac_fast.cli.units import RATE, ROW_TIME, TIME, ParameterType, Quantity
 from ocisac_fast.core.arrays import as_frames
 from ocisac_fast.core.checks import one_of, shown
@@ -44,7 +45,6 @@ class _Region(ParameterType):
 
 
 REGION = _Region()
-FILE_PATH = click.Path(readable=False)  # for shell completion; checked where it is opened
 
 
 class _ToneCurve(ParameterType):
@@ -426,7 +426,7 @@ def json_option(function: Callable[..., Any]) -> Callable[..., Any]:
         with table_of_objects(paths, as_json):
             return function(as_json=as_json or bool(paths), **arguments)
 
-    a_file: Any = {"type": click.Path(dir_okay=False), "metavar": "FILE", "callback": _table_path}
+    a_file: Any = {"type": OUTPUT, "metavar": "FILE", "callback": _table_path}
     what = "Write it as .csv, .parquet or .mat; -: print CSV."
     wrapped = click.option("--table", **a_file, help=what)(wrapped)
     wrapped = click.option("--csv", **a_file, hidden=True)(wrapped)  # --table, with .csv alone
@@ -437,4 +437,4 @@ def json_option(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def plot_option(what: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Add ``--plot FILE``."""
-    return click.option("--plot", type=click.Path(dir_okay=False), help=f"Draw {what} (PNG, PDF or SVG).")
+    return click.option("--plot", type=OUTPUT, help=f"Draw {what} (PNG, PDF or SVG).")

@@ -11,10 +11,9 @@ import click
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, facts_of, number, progress, quantity
-from ocisac_fast.cli.outputs import writes
+from ocisac_fast.cli.outputs import INPUT, writes
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import (
-    FILE_PATH,
     REGION,
     PictureOptions,
     json_option,
@@ -32,7 +31,7 @@ from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 
 
 @click.command(short_help="Bits of the lights in a recording.")
-@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=FILE_PATH)
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=INPUT)
 @click.option("--chip-rate", type=FREQUENCY, help="Chips per second; default: estimated in every frame.")
 @click.option("--line-code", type=click.Choice(LINE_CODES), help="Line code of packets  [default: manchester]")
 @click.option(
@@ -48,10 +47,10 @@ from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 @click.option("--fsk", type=FREQUENCIES, help="Tones of CM-FSK, one per frame, such as 1kHz,1.2kHz.")
 @click.option("--gain", is_flag=True, help="Measure the gain of each light's tone too.")
 @click.option("--frequency", type=FREQUENCY, help="Frequency of that tone; default: estimated at detection.")
-@click.option("--sent", type=FILE_PATH, help="Bits that are sent over and over (.txt, .npy): count the errors.")
+@click.option("--sent", type=INPUT, help="Bits that are sent over and over (.txt, .npy): count the errors.")
 @picture_options
 @plot_option("the combined column of the first frame with its chips")
-@writes("plot")
+@writes
 @json_option
 def receive(
     files: tuple[str, ...],

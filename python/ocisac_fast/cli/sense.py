@@ -22,9 +22,8 @@ from ocisac_fast.cli.output import (
     rate,
     with_spread,
 )
-from ocisac_fast.cli.outputs import writes
+from ocisac_fast.cli.outputs import INPUT, writes
 from ocisac_fast.cli.pictures import (
-    FILE_PATH,
     PictureOptions,
     grey_of,
     json_option,
@@ -54,7 +53,7 @@ _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 
 
 @click.command(short_help="Moving textures and lights in a recording: gain, motion, speed.")
-@click.argument("file", type=FILE_PATH)
+@click.argument("file", type=INPUT)
 @click.option(
     "--frames", type=click.IntRange(1), default=8, show_default=True, help="Number of successive frames used."
 )
@@ -69,11 +68,11 @@ _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 @click.option("--speed", type=float, help="Speed of the texture, m/s.")
 @click.option("--depth", type=float, default=1.0, show_default=True, help="Contrast of the texture itself.")
 @click.option("--background", type=float, help="Background of the light in --region, stored values above dark.")
-@click.option("--unlit", type=click.Path(dir_okay=False), help="Recording of the same view without the lights.")
+@click.option("--unlit", type=INPUT, help="Recording of the same view without the lights.")
 @click.option("--beside", is_flag=True, help="Measure the lights' background beside them.")
 @picture_options
 @plot_option("the first frame with its regions")
-@writes("plot")
+@writes
 @json_option
 def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, frames: int, **options: Any) -> None:
     """Measure moving textures and modulated lights in FILE (a picture, a video, a .npy array, or -).

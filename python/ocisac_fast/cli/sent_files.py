@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.cli.output import emit_facts
+from ocisac_fast.cli.outputs import read_input
 from ocisac_fast.packets.fsk import FskTransmission
 from ocisac_fast.packets.transmission import Transmission
 
@@ -18,10 +19,9 @@ from ocisac_fast.packets.transmission import Transmission
 def read_bits(path: str) -> npt.NDArray[np.int64]:
     """The bits of a .txt of ``transmit`` (0 and 1, and white space) or a .npy."""
     if path.lower().endswith(".npy"):
-        values = np.asarray(np.load(path, allow_pickle=False)).ravel()
+        values = np.asarray(np.load(io.BytesIO(read_input(path)), allow_pickle=False)).ravel()
     else:
-        with open(path, "rb") as file:
-            values = np.frombuffer(b"".join(file.read().split()), np.uint8) - np.uint8(ord("0"))
+        values = np.frombuffer(b"".join(read_input(path).split()), np.uint8) - np.uint8(ord("0"))
     if values.size == 0 or not np.isin(values, (0, 1)).all():
         raise ValueError(f"--sent: got {path}, allowed: a .txt of 0 and 1, or a .npy of them")
     return values.astype(np.int64)

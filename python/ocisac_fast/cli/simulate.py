@@ -12,8 +12,8 @@ from click.core import ParameterSource
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
-from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import FILE_PATH, json_option
+from ocisac_fast.cli.outputs import OUTPUT, InputFile, writes
+from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.units import FREQUENCY, RATE, ROW_TIME, TIME
 from ocisac_fast.files import RecordingStream, write_frames
 from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, TriangleWave, Waveform
@@ -24,7 +24,7 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 
 
 @click.command(short_help="Simulate a recording of a modulated light, or of a scene.")
-@click.argument("scene", required=False, type=click.Path(exists=True, dir_okay=False))
+@click.argument("scene", required=False, type=InputFile(exists=True, dir_okay=False))
 @click.option(
     "--waveform", type=click.Choice(["tone", "square", "triangle", "chips"]), default="tone", show_default=True
 )
@@ -57,9 +57,9 @@ _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 @click.option("--tolerance", type=float, default=0.5, show_default=True, help="Scene: largest error in DN.")
 @click.option("--noise-off", is_flag=True, help="Scene: without the sensor's noise.")
 @click.option(
-    "-o", "--output", required=True, type=FILE_PATH, help=".png, .tif, .mkv (FFV1), .mp4 (lossless H.264) or .npy."
+    "-o", "--output", required=True, type=OUTPUT, help=".png, .tif, .mkv (FFV1), .mp4 (lossless H.264) or .npy."
 )
-@writes("output")
+@writes
 @json_option
 def simulate(
     scene: str | None,

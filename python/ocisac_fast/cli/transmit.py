@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
 import click
 
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
-from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import FILE_PATH, json_option
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, read_input, writes
+from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.sent_files import SUFFIXES, Sent, sent_chips, sent_tones
 from ocisac_fast.cli.units import FREQUENCIES, RATE, Quantity
+from ocisac_fast.files import atomic_path
 from ocisac_fast.packets.fsk import fsk_transmit
 from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat, transmit as transmit_payload
 
 
 @click.command(short_help="Chips that carry a payload.")
-@click.argument("file", required=False, metavar="[FILE]", type=FILE_PATH)
+@click.argument("file", required=False, metavar="[FILE]", type=INPUT)
 @click.option("--text", help="The payload, instead of a file's bytes.")
 @click.option("--line-code", type=click.Choice(LINE_CODES), default="manchester", show_default=True)
 @click.option("--code-table", metavar="WORDS", help="Custom line code: 2, 4, 16 or 256 words, such as 01,10.")
@@ -29,9 +29,9 @@ from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat, transmit 
 @click.option("--fsk", type=FREQUENCIES, help="Tones instead of chips, one per frame, such as 1kHz,1.2kHz (CM-FSK).")
 @click.option("--frame-rate", type=RATE, help="With --fsk: for the times in a .csv and a note in a .h.")
 @click.option(
-    "-o", "--output", type=FILE_PATH, help=".txt, .npy, .csv (chip or time, level) or .h (C, eight chips per byte)."
+    "-o", "--output", type=OUTPUT, help=".txt, .npy, .csv (chip or time, level) or .h (C, eight chips per byte)."
 )
-@writes("output")
+@writes
 @json_option
 def transmit(
     file: str | None,
@@ -112,7 +112,8 @@ def _write(
     sent: Sent, facts: dict[str, Any], size: str, rate: float | None, output: str | None, suffix: str, as_json: bool
 ) -> None:
     if output is not None:
-        Path(output).write_bytes(sent.file(suffix, rate))
+        with atomic_path(output) as temporary:
+            temporary.write_bytes(sent.file(suffix, rate))
     if as_json:
         shown = {"levels": sent.text} if sent.name == "chips" else {"sequence": sent.array.tolist()}
         emit_json({"file": output, **facts, **({} if output is not None else shown)})
@@ -135,4 +136,4 @@ def _payload(file: str | None, text: str | None) -> bytes:
         raise click.UsageError("needs FILE or --text, and not both")
     if text is not None:
         return text.encode()
-    return sys.stdin.buffer.read() if file == "-" else Path(str(file)).read_bytes()
+    return read_input(str(file))

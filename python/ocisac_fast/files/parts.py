@@ -155,7 +155,7 @@ class Ending:
         return bytes(self._at(0, os.SEEK_SET, self._file.read) if self._file.seekable() else self._file.first)
 
     def _size(self, wanted: int = 0) -> int:
-        """Bytes of the file; of a pipe, at the end of what the container wants, those read, or ``wanted`` if it has them."""
+        """Bytes of the file; of a pipe those read, up to ``wanted`` if it has more than the container has taken."""
         if self._file.seekable():
             return int(self._at(0, os.SEEK_END, lambda _: self._file.tell()))
         while self._file.count < wanted and self._file.read(HEAD_BYTES):

@@ -17,6 +17,7 @@ import numpy as np
 
 from ocisac_fast.files.extras import opened_video, pillow, pyav
 from ocisac_fast.files.profiles import response_of_picture
+from ocisac_fast.files.raw import read_whole
 from ocisac_fast.files.recording import FileError, Frame, LightResponse, PictureFormat, RecordingStream
 from ocisac_fast.files.remote import RemotePath
 
@@ -30,6 +31,7 @@ JPEG = b"\xff\xd8\xff"
 _NEXT_JPEG = re.compile(rb"\xff\xd9\0*\xff\xd8\xff")  # an end, which compressed data cannot contain, and a beginning
 _TIFF_BITS_PER_SAMPLE = 258
 _BAND_PIXELS = 1 << 20
+_MOST_BYTES, _MOST_TIFF_BYTES = 1 << 30, 4 << 30
 ORIENTATION = 0x0112  # EXIF
 _STORED = {2: "FLIP_LEFT_RIGHT", 3: "ROTATE_180", 4: "FLIP_TOP_BOTTOM", 5: "TRANSPOSE", 6: "ROTATE_90", 7: "TRANSVERSE"}
 _STORED[8] = "ROTATE_270"
@@ -44,6 +46,11 @@ def is_picture(head: bytes) -> bool:
         or (head[:1] == b"P" and head[1:2] in b"123456" and head[2:3] in b" \t\r\n#")
         or (head[:4] == b"RIFF" and head[8:12] == b"WEBP")
     )
+
+
+def most_bytes(head: bytes) -> int:
+    """The most bytes of a picture that begins with ``head``; a TIFF may have many pages."""
+    return _MOST_TIFF_BYTES if head.startswith((b"II", b"MM")) else _MOST_BYTES
 
 
 def next_jpeg(data: bytes | bytearray, start: int = 0) -> int | None:
@@ -68,7 +75,8 @@ def grey_levels(path: Path, max_pixels: int) -> Frame:
     Raises:
         FileError: no such picture, or more than ``max_pixels``.
     """
-    data = path.read_bytes()
+    with path.open("rb") as file:
+        data = read_whole(file, _MOST_BYTES)
     with _refusals(), pillow().open(io.BytesIO(data), formats=FORMATS) as image:
         if image.width * image.height > max_pixels:
             raise FileError(f"picture of {image.width} x {image.height}, allowed: at most {max_pixels} pixels")

@@ -78,6 +78,21 @@ def _frames(file: BinaryIO, form: RawFormat) -> Iterator[Frame]:
         raise FileError("empty")
 
 
+def read_whole(file: BinaryIO, most: int) -> bytes:
+    """All bytes of a file, a pipe or a device.
+
+    Raises:
+        FileError: more than ``most``.
+    """
+    size = file.seek(0, os.SEEK_END) if file.seekable() else 0  # 0 too of a device, which may have no end
+    if size:
+        file.seek(0)
+    data = b"" if size > most else file.read(size) if size else bytes(read_bytes(file, most + 1))
+    if max(size, len(data)) > most:
+        raise FileError(f"more than {most >> 20} MiB, allowed: at most these")
+    return data
+
+
 def read_bytes(file: BinaryIO, count: int) -> bytearray:
     """Read ``count`` bytes, or fewer at the end of the stream."""
     data = bytearray()

@@ -13,8 +13,8 @@ from typing import BinaryIO
 from ocisac_fast.core.checks import checked
 from ocisac_fast.files.arrays import MAGIC, open_array, stream_arrays
 from ocisac_fast.files.parts import JPEGS, parts_between
-from ocisac_fast.files.pictures import JPEG, are_jpegs, is_picture, next_jpeg, open_picture
-from ocisac_fast.files.raw import RawFormat, open_raw
+from ocisac_fast.files.pictures import JPEG, are_jpegs, is_picture, most_bytes, next_jpeg, open_picture
+from ocisac_fast.files.raw import RawFormat, open_raw, read_whole
 from ocisac_fast.files.recording import FileError, Frame, Part, Recording, RecordingStream
 from ocisac_fast.files.remote import RemotePath, is_remote
 from ocisac_fast.files.videos import Prefixed, open_video
@@ -22,6 +22,7 @@ from ocisac_fast.files.videos import Prefixed, open_video
 STANDARD_INPUT = "-"
 _HEAD, _PIECE = 16, 1 << 16
 _MARKS = 64  # bytes that an end, padding and a beginning take together
+_FIRST_JPEGS = 64 << 20  # bytes in which a second one begins
 _MAX_BYTES = 4 << 30
 
 
@@ -68,10 +69,10 @@ def open_recording(
     form = None if raw is None else RawFormat.parse(raw)
     with _named(name):
         if form is not None:
-            file = sys.stdin.buffer if os.fspath(path) == STANDARD_INPUT else _place(path).open("rb")
+            file = _standard_input() if os.fspath(path) == STANDARD_INPUT else _place(path).open("rb")
             stream = open_raw(file, form, part)
         elif os.fspath(path) == STANDARD_INPUT:
-            stream = _of_stream(sys.stdin.buffer, name, colour)
+            stream = _of_stream(_standard_input(), name, colour)
         else:
             stream = _of_file(_place(path), name, colour, part)
     return stream.map_frames(lambda frames: _named_frames(name, frames))
@@ -95,6 +96,12 @@ def cut_recording(path: str | os.PathLike[str], max_frames: int, *, raw: str | N
     return None if key_frames is None else parts_between(key_frames, max_frames)
 
 
+def _standard_input() -> BinaryIO:
+    if sys.stdin.buffer.closed:
+        raise FileError("was read before, allowed: once")
+    return sys.stdin.buffer
+
+
 def _place(path: str | os.PathLike[str]) -> Path | RemotePath:
     return RemotePath(os.fspath(path)) if is_remote(os.fspath(path)) else Path(path)
 
@@ -103,17 +110,21 @@ def _of_file(path: Path | RemotePath, name: str, colour: bool, part: Part | None
     if isinstance(path, Path):
         mode = path.stat().st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a pipe or a device cannot be rewound
-            return _of_stream(path.open("rb"), name, colour)
+            with contextlib.ExitStack() as opened:
+                stream = _of_stream(opened.enter_context(path.open("rb")), name, colour)
+                opened.pop_all()
+                return stream
     with path.open("rb") as file:
         head = file.read(_HEAD)
-    if not head:
-        raise FileError("empty file")
-    if head.startswith(MAGIC):
-        return open_array(path, part)
-    if not is_picture(head):
-        return open_video(path, name, colour, part)
-    data = path.read_bytes()
-    return open_video(path, name, colour, part, container=JPEGS) if are_jpegs(data) else open_picture(data)
+        if not head:
+            raise FileError("empty file")
+        if head.startswith(MAGIC):
+            return open_array(path, part)
+        if not is_picture(head):
+            return open_video(path, name, colour, part)
+        if head.startswith(JPEG) and are_jpegs(head + file.read(_FIRST_JPEGS)):
+            return open_video(path, name, colour, part, container=JPEGS)
+        return open_picture(read_whole(file, most_bytes(head)))
 
 
 def _of_stream(file: BinaryIO, name: str, colour: bool) -> RecordingStream:
@@ -134,6 +145,8 @@ def _of_pictures(head: bytes, file: BinaryIO, name: str, colour: bool) -> Record
         data += piece
         if data.startswith(JPEG) and next_jpeg(data, searched) is not None:
             return open_video(Prefixed(bytes(data), file), name, colour, container=JPEGS)  # type: ignore[arg-type]
+        if len(data) > most_bytes(head):
+            raise FileError(f"more than {most_bytes(head) >> 20} MiB, allowed: at most these")
         searched = max(len(data) - _MARKS, 0)
     return open_picture(bytes(data))
 

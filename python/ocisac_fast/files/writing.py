@@ -13,6 +13,7 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Iterable, Iterator
+from contextvars import ContextVar
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ from ocisac_fast.files.video_writing import CODECS, check_frame, write_video
 _PICTURES = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".jpg": "JPEG", ".jpeg": "JPEG"}
 _JPEG: dict[str, Any] = {"quality": 95, "subsampling": 0}
 _PNG_HEADER = 33  # bytes of the signature and of IHDR
+_new: ContextVar[frozenset[str]] = ContextVar("new", default=frozenset())
 _MAX_SUFFIX = 16  # bytes; no supported kind of file has a longer one
 
 
@@ -37,7 +39,8 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path with the suffix of ``path``; it replaces ``path`` on success and is removed on an error.
 
     Links are followed. An existing file keeps its mode and, where permitted, its owner; a file without write permission
-    is rejected. A target that is not a regular file, such as a FIFO or a device, receives all bytes at the end.
+    is rejected, and one of `new_files`. A target that is not a regular file, such as a FIFO or a device, receives all
+    bytes at the end.
     """
     target = Path(os.path.realpath(path))
     there = _status(Path(path))
@@ -46,6 +49,9 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     if there is not None and not os.access(path, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), os.fspath(path))
     is_file = there is None or stat.S_ISREG(there.st_mode)
+    is_new = is_file and os.fspath(target) in _new.get()
+    if is_new and there is not None:
+        raise _appeared(path)
     folder = target.parent if is_file else Path(tempfile.gettempdir())
     if not folder.is_dir():
         raise FileNotFoundError(errno.ENOENT, "no such directory to write to", str(Path(path).parent))
@@ -64,12 +70,45 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
                 os.chown(temporary, there.st_uid, there.st_gid)
             temporary.chmod(stat.S_IMODE(there.st_mode))
         os.fsync(descriptor)  # before its name: no crash leaves a name without its bytes
-        temporary.replace(target)
+        if is_new:
+            _name_new(temporary, target, path)
+        else:
+            temporary.replace(target)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
     finally:
         os.close(descriptor)
+
+
+@contextlib.contextmanager
+def new_files(paths: Iterable[str | os.PathLike[str]]) -> Iterator[None]:
+    """Inside, `atomic_path` makes files of these names and replaces none, also if it appears while one is written."""
+    token = _new.set(_new.get() | {os.path.realpath(path) for path in paths})
+    try:
+        yield
+    finally:
+        _new.reset(token)
+
+
+def _name_new(temporary: Path, target: Path, path: str | os.PathLike[str]) -> None:
+    """Give a file its name, unless the name is taken."""
+    try:
+        try:
+            os.link(temporary, target)
+        except FileExistsError:
+            raise
+        except OSError:  # a file system without links: the name is taken first
+            os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
+            temporary.replace(target)
+            return
+    except FileExistsError as error:
+        raise _appeared(path) from error
+    temporary.unlink()
+
+
+def _appeared(path: str | os.PathLike[str]) -> FileExistsError:
+    return FileExistsError(errno.EEXIST, "appeared during this run, and is kept", os.fspath(path))
 
 
 def _temporary(folder: Path, name: str, suffix: str, mode: int) -> tuple[Path, int]:

@@ -17,6 +17,8 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import checked, shown
+from ocisac_fast.files import FileError
+from ocisac_fast.files.raw import read_whole
 from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, TriangleWave
 from ocisac_fast.scene.description import Ambient, Sensor
 from ocisac_fast.scene.geometry import Disc, Pinhole, Pose, Rectangle, Ring
@@ -26,6 +28,7 @@ from ocisac_fast.scene.scene import Scene
 Kinds = Mapping[str, Callable[..., Any]]
 Keys = tuple[str | int, ...]
 
+_MOST_BYTES = 64 << 20
 _MAX_PICTURE_PIXELS = 1 << 26  # 512 MiB as float64
 
 _SHAPES: Kinds = {"rectangle": Rectangle, "disc": Disc, "ring": Ring}
@@ -96,7 +99,11 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
         SceneFileError: a ValueError: not TOML, unknown or missing keys, bad values; names the file, line and key.
         OSError: the file cannot be read.
     """
-    data = Path(path).read_bytes()
+    with open(path, "rb") as file:
+        try:
+            data = read_whole(file, _MOST_BYTES)
+        except FileError as error:
+            raise SceneFileError(f"{os.fspath(path)}: {error}") from error
     try:
         text = data.decode("utf-8")
         _check_keys(text)
