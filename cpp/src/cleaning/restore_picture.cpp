@@ -36,13 +36,14 @@ class RestoredPixels {
  public:
   RestoredPixels(const StoredTable& table, double max_gain)
       : light_(table.light), bounds_(table.bounds), max_gain_(max_gain), starts_(kCells) {
+    bounds_.push_back(std::numeric_limits<double>::quiet_NaN());  // which no light reaches
     for (const double variance : table.variance) is_saturated_.push_back(std::isfinite(variance) ? 0 : 1);
     const auto brightest = static_cast<std::size_t>(std::ranges::find(is_saturated_, 1) - is_saturated_.begin());
     highest_ = brightest - std::min<std::size_t>(brightest, 1);
     const double width = std::max(light_.back() - light_.front(), 1e-300) / static_cast<double>(kCells);
     scale_ = 1 / width;
     for (std::size_t k = 0, value = 0; k < kCells; ++k) {
-      while (value < bounds_.size() && light_.front() + width * static_cast<double>(k) >= bounds_[value]) ++value;
+      while (light_.front() + width * static_cast<double>(k) >= bounds_[value]) ++value;
       starts_[k] = static_cast<std::uint32_t>(value);
     }
   }
@@ -57,12 +58,14 @@ class RestoredPixels {
   std::size_t value_of(double light) const {
     const double place = std::clamp((light - light_.front()) * scale_, 0.0, static_cast<double>(kCells - 1));
     std::size_t value = starts_[static_cast<std::size_t>(place)];
+    value += light >= bounds_[value] ? 1 : 0;                 // without a branch: as good as random
     while (value > 0 && light < bounds_[value - 1]) --value;  // rounding of the cell's edge
-    while (value < bounds_.size() && light >= bounds_[value]) ++value;
+    while (light >= bounds_[value]) ++value;
     return value;
   }
 
-  std::span<const double> light_, bounds_;
+  std::span<const double> light_;
+  std::vector<double> bounds_;  // of each value: below the next one
   double max_gain_, scale_;
   std::vector<std::uint32_t> starts_;
   std::vector<std::uint8_t> is_saturated_;
