@@ -8,7 +8,8 @@ import pytest
 
 from ocisac_fast import Camera, Chips, integrate_exposure
 from ocisac_fast.packets import PacketFormat, transmit
-from ocisac_fast.receiver import MultiReceiver
+from ocisac_fast.receiver import MultiReceiver, Receiver
+from ocisac_fast.scene.simulation import texture as reflectance_of
 
 ROWS, COLUMNS, ROW_TIME, FRAME_TIME, CHIP_RATE = 1080, 160, 22.2e-6, 1 / 30, 8e3
 CAMERA = Camera(ROW_TIME, 5 / CHIP_RATE, FRAME_TIME)
@@ -91,3 +92,20 @@ def test_a_change_is_noticed_and_costs_no_payload(change):
     fresh = next(payload_frames(frame for frame in filmed(change, seed=1) if frame[0] >= CHANGED))
     after = next(number for number in carried if number >= CHANGED + OLDER)
     assert after <= fresh + LATER
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_daylight_that_rises_and_falls_is_a_level_of_each_frame(seed):
+    """It fills the rows of a lit texture, whose profile is learned, with as much as the lamp or none."""
+    random = np.random.default_rng(seed)
+    light = integrate_exposure(Chips(SENT.chips, CHIP_RATE, repeat=True), CAMERA, ROWS, frames=np.arange(FRAMES))
+    reflectance = reflectance_of(ROWS, 64, 0.1, seed=seed)
+    receiver = Receiver(CAMERA, chip_rate=CHIP_RATE, format=SENT.format)
+    for number in range(FRAMES):
+        daylight = 60 * (1 + 0.5 * np.sin(2 * np.pi * number / (10 + seed)))
+        picture = reflectance * (daylight + 80 * light[number][:, None]) + random.normal(0, 2, (ROWS, 64))
+        got = receiver.push(np.clip(np.rint(picture), 0, 255).astype(np.uint8))
+        if got.payload is not None:
+            break
+    assert got.payload.data == PAYLOAD
+    assert number < 24

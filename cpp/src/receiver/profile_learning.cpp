@@ -207,7 +207,17 @@ bool start_slow_light(LightState& state) {
 std::optional<RowProfile> fitted_profile(const std::deque<KeptFrame>& frames, std::span<const double> shape,
                                          const LightState& state, double weight) {
   std::vector<ProfileFrame> known;
-  for (const KeptFrame& kept : frames) known.push_back({kept.lamp, kept.exposed});
+  std::vector<double> mean(shape.size());
+  double count = 0;
+  for (const KeptFrame& kept : frames) count += !kept.exposed.empty();
+  for (const KeptFrame& kept : frames)
+    for (std::size_t n = 0; n < kept.exposed.size(); ++n) mean[n] += kept.level[n] / count;
+  std::vector<std::vector<double>> lights;
+  for (const KeptFrame& kept : frames) {
+    auto& light = lights.emplace_back(kept.exposed);
+    for (std::size_t n = 0; n < light.size(); ++n) light[n] += kept.level[n] - mean[n];
+    known.push_back({kept.lamp, light});
+  }
   return fit_profile(known, shape, smoothing(state), weight);
 }
 
@@ -277,6 +287,12 @@ void KeptFrame::expose(const FrameReading& reading, const LearnedProfile& learne
   const auto light = exposed_rows(reading, learned.rows.size());
   exposed.assign(signal.size(), 0.0);
   std::ranges::copy(light, exposed.begin() + begin);
+  level.assign(signal.size(), 0.0);
+  for (std::size_t n = 0; n < light.size(); ++n) {
+    const auto row = static_cast<double>(n);
+    level[learned.rows.begin + n] =
+        reading.channel.dark_at(row, light.size()) / reading.channel.swing_at(row, light.size());
+  }
   lamp = signal;
   if (reading.nuisance.empty()) return;
   const auto rest = without_profile(signal, learned.profile, learned.rows);

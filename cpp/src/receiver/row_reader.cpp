@@ -247,9 +247,13 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
       predicted && predicted->errors.phase_std(0) < kSurePrediction * chip && std::abs(longer) < kSameExposure;
   start.clock.phase += 0.5 * longer * chip;  // the phase is in the middle of the exposure
   const double brighter = state.brightness_ratio(signal);
-  if (std::abs(brighter - 1) > kBrighter && variance_of(signal) > kMinVariance * brighter * brighter * state.variance)
+  const double change = state.mean != 0 ? mean_of(signal) - state.mean : 0;  // of other light, where it is not the gain
+  if (std::abs(brighter - 1) > kBrighter && variance_of(signal) > kMinVariance * brighter * brighter * state.variance) {
     for (auto* levels : {&start.dark, &start.swing})
       for (double& level : *levels) level *= brighter;
+  } else if (std::abs(change) > kBrighter * start.swing[0] && variance_of(signal) > kMinVariance * state.variance) {
+    start.dark[0] += change;
+  }
   const auto has_rate = [&](const std::optional<FrameReading>& reading) {
     return reading && reading->has_rate(state.rows_per_chip.value_or(chip));
   };

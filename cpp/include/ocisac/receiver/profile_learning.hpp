@@ -31,6 +31,7 @@ struct KeptFrame {
   std::vector<double> signal, exposed{};
   std::vector<double> before{};  // the signal of the frame before; empty: none
   std::vector<double> lamp{};    // the signal less slow light and tones beside the chips
+  std::vector<double> level{};   // (rows) of the still light in its reading, over the swing: daylight changes it
   bool bright = false;           // its columns show a common light
   bool counted = false;          // its place in the stream is stated
   bool repeats = false;          // the frame before it, given twice
