@@ -219,14 +219,13 @@ std::optional<FrameReading> search_frame(std::span<const double> signal, const F
   const double chips = static_cast<double>(search.preamble.size());
   const double seen = chips - search.exposure_rows.value_or(0.0) / search.rows_per_chip;
   if (seen >= kMinChipsSeen) {
-    auto matches = find_preamble(signal, search.preamble,
-                                 {.rows_per_chip = search.rows_per_chip,
-                                  .tolerance = search.tolerance,
-                                  .exposure_rows = search.exposure_rows,
-                                  .max_exposure_chips = std::min(kLongestPreambleExposure, chips - kMinChipsSeen),
-                                  .max_matches = kPreamblesTried});
-    for (auto& match : matches) {
-      match.channel.clock.edge_std = search.edge_std;
+    const auto matches = find_preamble(signal, search.preamble,
+                                       {.rows_per_chip = search.rows_per_chip,
+                                        .tolerance = search.tolerance,
+                                        .exposure_rows = search.exposure_rows,
+                                        .max_exposure_chips = std::min(kLongestPreambleExposure, chips - kMinChipsSeen),
+                                        .max_matches = kPreamblesTried});
+    for (const auto& match : matches) {
       if (auto reading = acceptable(extend_reading(signal, match.channel, exposure_known, search.effort,
                                                    {search.preamble, 0}, search.warped)))
         return reading;

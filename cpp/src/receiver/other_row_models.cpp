@@ -110,7 +110,7 @@ std::vector<SignalModel> RowReader::other_models(const FrameRows& frame, const L
     models.push_back(last);
     models.back().slow_light = true;
   }
-  if (!last.loose_edges) {
+  if (!last.loose_edges && !last.long_row) {
     models.push_back(last);
     models.back().slow_light = false;
     models.back().loose_edges = true;

@@ -85,11 +85,12 @@ std::vector<double> residual_excess(std::span<const double> left, const FrameRea
   return excess;
 }
 
-// More is left than white noise: log-likelihood ratios count correlated rows as independent ones. Edges off the clock
-// take up much of what is in no model, so that little left means nothing.
+// Edges off the clock take up much of what is in no model, so that little left means nothing.
+bool takes_up_misfits(const FrameReading& reading) { return reading.channel.clock.edge_std > 0; }
+
+// More is left than white noise: log-likelihood ratios count correlated rows as independent ones.
 bool is_correlated(const FrameReading& reading) {
-  const bool takes_up = reading.channel.clock.edge_std > 0;
-  return reading.correlation > kMaxCorrelation && (takes_up || reading.relative_noise > kNoResidual);
+  return reading.correlation > kMaxCorrelation && (takes_up_misfits(reading) || reading.relative_noise > kNoResidual);
 }
 
 }  // namespace
@@ -108,7 +109,7 @@ void judge(FrameReading& reading) {
   const auto inner = inner_chips(reading.llr, channel.clock);
   reading.error_rate = inner.empty() ? 1.0 : expected_errors(inner, 1) / static_cast<double>(inner.size());
   const bool white = !is_correlated(reading);
-  const bool even = is_even(residual_windows(left, channel), channel.clock);
+  const bool even = !takes_up_misfits(reading) && is_even(residual_windows(left, channel), channel.clock);
   if (!(reading.relative_noise < kMaxRelativeNoise && reading.error_rate < (even ? kMaxErrorsIfEven : kMaxErrors)))
     reading.trust = Trust::unsound;
   else if (white)

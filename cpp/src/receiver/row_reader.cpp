@@ -79,15 +79,24 @@ std::vector<double> without_spikes(std::span<const double> signal, double exposu
   return smooth;
 }
 
-// A reading again, with edges that lie off the clock.
-std::optional<FrameReading> loosened(std::span<const double> signal, FrameReading reading, bool exposure_known,
+// A reading again, with edges that lie off the clock, which may be wrong by a part of a chip: without its nuisance, or
+// else with it.
+std::optional<FrameReading> loosened(std::span<const double> signal, const FrameReading& reading, bool exposure_known,
                                      SearchEffort* effort) {
-  ChipClock& clock = reading.channel.clock;
+  if (reading.channel.clock.shorter != 1) return std::nullopt;
+  FrameReading start = reading;
+  ChipClock& clock = start.channel.clock;
   clock.edge_std = kEdgeStd;
   clock.rise = clock.fall = 0;
-  if (reading.nuisance.empty()) return read_frame(signal, reading.channel, exposure_known, effort);
-  RowNuisance nuisance = reading.nuisance;
-  return refine_nuisance(signal, std::move(reading), std::move(nuisance), exposure_known, effort);
+  for (const double chips : {0.0, 0.25, -0.25}) {
+    clock.phase = reading.channel.clock.phase + chips * clock.rows_per_chip;
+    auto loose = read_frame(signal, start.channel, exposure_known, effort);
+    if (loose && loose->trust == Trust::fits) return loose;
+  }
+  if (reading.nuisance.empty()) return std::nullopt;
+  clock.phase = reading.channel.clock.phase;
+  auto loose = refine_nuisance(signal, std::move(start), reading.nuisance, exposure_known, effort);
+  return loose && loose->trust == Trust::fits ? std::move(loose) : std::nullopt;  // they take up a part of any misfit
 }
 
 // The rows of the longer of two exposures, and straight lines between them.
@@ -300,9 +309,7 @@ std::optional<FrameReading> RowReader::search(std::span<const double> signal, co
                          .exposure_rows = model.exposure_rows,
                          .preamble = preamble_,
                          .effort = &frame.effort,
-                         .warped = model.warped,
-                         .blind = !model.loose_edges,
-                         .edge_std = model.loose_edges ? kEdgeStd : 0};
+                         .warped = model.warped};
   const bool as_told = options_.chip_rate && *state.rows_per_chip == 1 / (*options_.chip_rate * camera_.row_time);
   const auto with_row_time = [&](std::optional<FrameReading> found) {
     if (!as_told || (found && found->trust == Trust::fits)) return found;
@@ -424,14 +431,13 @@ void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) cons
     tried.is_noise.reset();
     if (!searches) tried.effort.rows *= kFollowedEffort;
     if (model.warped) tried.effort.rows *= kWarpEffort;
-    auto other = model.loose_edges && best.reading
-                     ? loosened(frame.signal, *best.reading, model.exposure_known, &tried.effort)
-                     : read_with(model, tried, state);
+    auto other = !model.loose_edges ? read_with(model, tried, state)
+                 : best.reading     ? loosened(frame.signal, *best.reading, model.exposure_known, &tried.effort)
+                                    : std::nullopt;
     if (!other || (best.reading && other->relative_noise > kBetter * best.reading->relative_noise)) continue;
-    if (model.loose_edges && other->trust != Trust::fits) continue;  // they take up a part of any misfit
     const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
     if (state.exposure && std::max(exposure / *state.exposure, *state.exposure / exposure) > kMaxRatio) continue;
-    if (!model.nuisance.empty()) model.nuisance = other->nuisance;
+    if (!model.nuisance.empty() || model.loose_edges) model.nuisance = other->nuisance;
     best.reading = std::move(other);
     best.state.model = std::move(model);
     best.is_new_model = true;

@@ -84,7 +84,6 @@ struct FrameSearch {
   SearchEffort* effort = nullptr;       // nullptr: no limit
   bool warped = false;                  // the rows may be displaced
   bool blind = true;                    // without a preamble, too
-  double edge_std = 0;                  // chips, by which edges lie off the clock
 };
 
 // Searches with a preamble, then blind with the rate. Absent without a reliable result.
