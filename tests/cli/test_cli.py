@@ -616,6 +616,17 @@ def test_files_without_end_are_refused(run, square, tmp_path, monkeypatch, words
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400 << 10
 
 
+def test_ctrl_c_while_modules_are_imported_is_no_traceback(run, monkeypatch):
+    class Interrupted:
+        def find_spec(self, name, *_):
+            if name == "ocisac_fast.cli.application":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "ocisac_fast.cli.application")
+    monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
+    assert run("info") == (130, [], [])
+
+
 def test_standard_input_is_read_once(run, square, monkeypatch):
     data = square("s.npy").read_bytes()
 

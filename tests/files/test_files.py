@@ -1,6 +1,7 @@
 """Recordings as files: every kind there and back, what a file says of itself, and what is refused."""
 
 import contextlib
+import errno
 import io
 import os
 import re
@@ -9,6 +10,7 @@ import stat
 import struct
 import subprocess
 import sys
+import types
 import warnings
 import zlib
 from concurrent.futures import ThreadPoolExecutor
@@ -608,6 +610,27 @@ def test_a_film_cut_anywhere_gives_frames_of_the_whole_and_a_warning(tmp_path, f
     assert {frame.tobytes() for frame in left} <= whole
     if len(left) < len(frames):
         assert re.search(rf"truncated or damaged video: {len(left)}( of 20)? frames are whole", str(said[0].message))
+
+
+def test_without_memory_a_film_is_not_called_damaged(tmp_path, monkeypatch):
+    from ocisac_fast.files import parts, video_writing
+
+    def without_memory(*_):
+        av.error.err_check(-errno.ENOMEM)
+
+    film_of(tmp_path / "film", "matroska", *FILMS["matroska"])
+    monkeypatch.setattr(parts.Ending, "decoded", without_memory)
+    with pytest.raises(FileError, match="read it frame by frame"):
+        read_frames(tmp_path / "film")
+    with open_recording(tmp_path / "film") as stream, pytest.raises(MemoryError):
+        next(iter(stream))
+
+    def picture(writer, *_):
+        writer.stream = types.SimpleNamespace(encode=without_memory)
+
+    monkeypatch.setattr(video_writing._Writer, "picture", picture)
+    with pytest.raises(MemoryError):
+        write_frames(tmp_path / "out.mkv", random_frames((2, 8, 8), np.uint8))
 
 
 @pytest.mark.parametrize("kind", ["y4m", "matroska"])

@@ -53,6 +53,8 @@ def write_video(
             picture = writer.picture(frame, count, time)
             try:
                 packets = writer.stream.encode(picture)
+            except MemoryError:
+                raise
             except av.FFmpegError as error:
                 rows, columns = frame.shape[:2]
                 raise FileError(f"{codec} cannot hold frames of {columns} x {rows} pixels") from error

@@ -88,7 +88,7 @@ def open_video(
             file = Prefixed(b"", file)
             opened = opened_video(file, container)
         return _stream(av, opened, file, name, colour, part, source if is_path else None)
-    except FileError:
+    except (FileError, MemoryError):  # PyAV's MemoryError is one of FFmpeg's errors too
         file.close()
         raise
     except (av.FFmpegError, UnicodeDecodeError, ValueError) as error:
@@ -269,6 +269,8 @@ def _frames(
                 form.display_matrix = struct.unpack("=9i", bytes(turn))
             form.decoded.append((values(frame), frame))
             yield form.decoded[-1][0]
+    except MemoryError:
+        raise
     except av.FFmpegError as error:
         if count == 0:
             raise FileError("no frame that can be decoded") from error
@@ -288,6 +290,8 @@ def _part_frames(av: Any, container: Any, stream: Any, values: Callable[[Any], F
         for frame in decoded_part(container, stream, part):
             _require_progressive(frame)
             yield values(frame)
+    except MemoryError:
+        raise
     except av.FFmpegError as error:
         raise FileError("a stretch that cannot be decoded") from error
 
