@@ -90,6 +90,18 @@ def test_a_stretch_that_lacks_frames_is_refused(frames, tmp_path):
         joined(path, parts)
 
 
+def test_films_of_y4m_are_cut_unless_they_are_truncated(frames, tmp_path):
+    rows, columns = frames.shape[1:]
+    path = tmp_path / "frames.y4m"
+    head = f"YUV4MPEG2 W{columns} H{rows} F30:1 Ip A1:1 Cmono\n".encode()
+    path.write_bytes(head + b"".join(b"FRAME\n" + frame.tobytes() for frame in frames))
+    parts = cut_recording(path, 20)
+    assert len(parts) > 1
+    assert np.array_equal(joined(path, parts), frames)
+    path.write_bytes(path.read_bytes()[:-1])
+    assert cut_recording(path, 20) is None
+
+
 def test_a_truncated_or_fortran_ordered_recording_is_not_cut(frames, tmp_path):
     video = tmp_path / "frames.mp4"
     write_frames(video, frames)

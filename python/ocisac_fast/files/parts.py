@@ -47,7 +47,7 @@ def video_key_frames(container: Any, stream: Any, ending: Ending, max_frames: in
         return None
     stamps: list[int] = []
     keys: set[int] = set()
-    for packet in container.demux(stream):
+    for packet in ending.packets():
         if packet.dts is None and packet.size == 0:  # the end
             continue
         if packet.pts is None or packet.is_corrupt or packet.is_discard:
@@ -79,9 +79,15 @@ class Ending:
         self._packets = self._frames = self._cut = self._end = 0
         self._has_marks = False  # the JPEGs end as they should
 
+    def packets(self) -> Iterator[Any]:
+        """All packets, in the order of decoding."""
+        for packet in self._container.demux(self._stream):
+            self._end = max(self._end, (packet.pos or 0) + packet.size)
+            yield packet
+
     def decoded(self) -> Iterator[Any]:
         """The frames, in the order of display, of the packets that are whole."""
-        packets = self._container.demux(self._stream)
+        packets = self.packets()
         is_unbounded = self._codec == "h264" and self._container.format.name in _UNBOUNDED
         for packet in self._without_cut_end(packets) if is_unbounded and self._file.seekable() else packets:
             if packet.size and not self._is_whole(packet):
@@ -127,7 +133,6 @@ class Ending:
         return len(packets) - 1 in good
 
     def _is_whole(self, packet: Any) -> bool:
-        self._end = (packet.pos or 0) + packet.size
         if packet.is_corrupt or self._container.format.name != JPEGS:
             return not packet.is_corrupt
         ends = _JPEG_END in bytes(memoryview(packet)[-_AFTER_JPEG:])
