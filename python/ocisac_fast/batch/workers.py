@@ -77,7 +77,8 @@ class _Worker:
         self._has_started = False
         self.connection, theirs = Pipe()
         # Its modules are those of this process: the working folder, which Python puts first, may hold anything.
-        program = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import serve; serve({theirs.fileno()})"
+        path = [str(each) for each in sys.path]
+        program = f"import sys; sys.path[:] = {path!r}; from {__name__} import serve; serve({theirs.fileno()})"
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C, which reaches it too, is ours
         try:
             self.process = subprocess.Popen(
