@@ -37,6 +37,19 @@ def rms_bound(frequency, rows, amplitude, sigma, trend_degree):
     return sigma * np.sqrt(np.mean(1 / (rest**2).sum(axis=0)))
 
 
+def test_a_jump_of_the_phase_is_flagged():
+    """Lost or repeated rows; a lamp that fades along the rows has none."""
+    camera = Camera(22.2e-6, 300e-6)
+    light = 200 * oc.integrate_exposure(oc.Tone(1500.0, phase=0.3), camera, 720)[:, np.newaxis]
+    pixels = (light + np.random.default_rng(2).normal(0, 1, (720, 60))).clip(0, 255).round()
+    fading = pixels * np.linspace(1, 0.2, 720)[:, np.newaxis]
+    for whole in (pixels, fading):
+        assert oc.calibrate(whole, 1500.0).flags == 0
+    for broken in (np.delete(pixels, [300, 301], 0), np.concatenate([pixels[:300], pixels[297:]])):
+        assert oc.find_frequency(broken, camera).flags & oc.Flag.MODEL_MISFIT
+        assert oc.calibrate(broken, 1500.0).flags & oc.Flag.MODEL_MISFIT
+
+
 # --- real pictures ---------------------------------------------------------------------------------------------------
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ocisac_fast as ocisac
-from ocisac_fast import Camera, Flag, SquareWave, integrate_exposure
+from ocisac_fast import Camera, Flag, SquareWave, Tone, integrate_exposure
 
 ROW_TIME, ROWS, FREQUENCY, EXPOSURE = 22.2e-6, 1080, 500.0, 622e-6
 CAMERA = Camera(ROW_TIME, exposure=EXPOSURE, dark_level=16)
@@ -84,7 +84,7 @@ def test_harmonics_of_a_light_fitted_as_a_tone_are_no_tones_beside_it():
     random = np.random.default_rng(5)
     pixels = stored(lamp(random), random)
     found = ocisac.tone_gain(pixels, CAMERA, FREQUENCY, method="robust")
-    assert not found.flags.any()
+    assert (found.flags == Flag.MODEL_MISFIT).all()
     np.testing.assert_allclose(found.gain * np.pi / 4, THEORY, rtol=0.02)
 
 
@@ -144,3 +144,37 @@ def test_what_is_wrong_with_some_rows_is_flagged_and_nothing_else(kind):
         if kind != "streaks":
             pooled = square_gain(stored(read_unevenly(kind, random), random), pooled=True)
             assert pooled.flags & Flag.MODEL_MISFIT or abs(pooled.gain - THEORY) < 3 * pooled.gain_std
+
+
+def test_light_that_no_tone_of_this_exposure_makes_is_flagged():
+    """A threshold, coarse steps, a curve that was not stated, a square wave, rows in a wrong order."""
+    camera = Camera(22.2e-6, 300e-6)
+    random = np.random.default_rng(3)
+    noise = random.normal(0, 1, (720, 24))
+    light = 200 * integrate_exposure(Tone(1500.0, phase=0.3), camera, 720)[:, None]
+    square = 200 * integrate_exposure(SquareWave(1500.0), camera, 720)[:, None]
+    tone = (light + noise).clip(0, 255).round().astype(np.uint8)
+    assert not ocisac.tone_gain(tone, camera, 1500.0, method="robust").flags.any()
+    beyond = [tone > 100, tone // 64 * 64, (255 * ((light + noise).clip(0) / 255) ** 1.3).round(), square + noise]
+    for pixels in beyond:
+        for method in ("fit", "robust"):
+            for pooled in (False, True):
+                found = ocisac.tone_gain(pixels, camera, 1500.0, method=method, pooled=pooled)
+                assert (found.flags & np.uint32(Flag.MODEL_MISFIT)).all()
+    gamma = 255 * ((light + noise).clip(0) / 255) ** 0.45
+    swapped = tone.reshape(360, 2, 24)[:, ::-1].reshape(720, 24)
+    for pixels in (gamma, swapped):
+        for pooled in (False, True):
+            found = ocisac.tone_gain(pixels, camera, 1500.0, method="robust", pooled=pooled)
+            assert (found.flags == Flag.MODEL_MISFIT).all()
+    assert (ocisac.tone_gain(tone // 64 * 64, camera, 1500.0).flags & np.uint32(Flag.QUANTISED)).all()
+
+
+def test_a_dark_level_at_which_columns_have_no_light_is_flagged_in_their_mean():
+    camera = Camera(22.2e-6, 300e-6)
+    light = 200 * integrate_exposure(Tone(1500.0, phase=0.3), camera, 720)[:, None]
+    pixels = (light + np.random.default_rng(1).normal(0, 1, (720, 60))).clip(0, 255).round() - light.mean()
+    single, pooled = (ocisac.tone_gain(pixels, camera, 1500.0, pooled=pooled) for pooled in (False, True))
+    assert (single.flags & np.uint32(Flag.NO_LIGHT)).any()
+    assert (single.flags & np.uint32(Flag.MODEL_MISFIT)).all()
+    assert int(pooled.flags) & (Flag.MODEL_MISFIT | Flag.NO_LIGHT)

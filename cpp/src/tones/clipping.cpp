@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <type_traits>
 #include <utility>
 
@@ -118,6 +119,22 @@ Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t col
         const auto below =
             std::ranges::count_if(samples, [least](T sample) { return static_cast<double>(sample) < least; });
         return Piles{lowest(samples, 1), lowest(samples, -1), static_cast<std::size_t>(below) >= kFewest};
+      },
+      frames);
+}
+
+double step_of_integers(const AnyFramesView& frames) {
+  return std::visit(
+      [&]<class T>(const FramesView<const T>& view) {
+        if constexpr (std::is_integral_v<T>) {
+          const std::int64_t first = *view.at(0, 0, view.columns / 2);
+          std::int64_t step = 0;
+          for_some(view, 0, view.columns / 2, 16, [&](T sample) {
+            if (step != 1) step = std::gcd(step, std::int64_t{sample} - first);
+          });
+          return step > 0 ? static_cast<double>(step) : 1.0;
+        }
+        return 0.0;
       },
       frames);
 }

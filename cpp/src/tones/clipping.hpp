@@ -24,6 +24,9 @@ struct Piles {
 };
 Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t column, double least);
 
+// The largest step of which differences of 64 rows of 16 columns are multiples; 1 where samples do not differ.
+double step_of_integers(const AnyFramesView& frames);
+
 // The least of 64 rows of four columns.
 double least_of_some(const AnyFramesView& frames, std::size_t frame, std::size_t column);
 

@@ -17,8 +17,10 @@
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
+#include "rows/fit.hpp"
 #include "rows/verdict.hpp"
 #include "tones/spectral_votes.hpp"
+#include "tones/surroundings.hpp"
 #include "tones/tone_combination.hpp"
 
 namespace ocisac {
@@ -406,6 +408,26 @@ bool stands_out_of_rows(const ColumnBlocks& blocks, const Signals& signals, cons
   return is_significant(fit_of(less_last_row(signals, correlation)), final.model, signals.rows - 1, signals.count());
 }
 
+// Largest RMS deviation of the tone's phase along a signal, rad; 0 where it is not significant. Rows after lost or
+// repeated ones have another phase.
+double wander(const Signals& signals, const FittedModel& final) {
+  std::vector<double> frequencies;
+  for (const std::size_t order : final.model.harmonics)
+    frequencies.push_back(static_cast<double>(order) * final.fit.frequency);
+  const std::size_t rows = signals.rows, count = signals.count();
+  const auto design = tone_design(centred_rows(rows), frequencies, final.model.trend_degree);
+  const Eigen::Map<const Eigen::MatrixXd> all(signals.samples.data(), static_cast<Eigen::Index>(rows),
+                                              static_cast<Eigen::Index>(count));
+  const Eigen::MatrixXd left = beside(orthogonal_factors(design).basis, all);
+  double largest = 0;
+  for (std::size_t s = 0; s < count; ++s) {
+    const std::complex<double> level{final.fit.amplitudes[s], -final.fit.amplitudes[count + s]};
+    const double* const first = left.data() + s * rows;
+    largest = std::max(largest, phase_deviation({first, rows}, final.fit.frequency, level));
+  }
+  return largest;
+}
+
 struct Sighting {
   double frequency;
   bool in_parts, in_sum;  // significance of the tone
@@ -473,7 +495,9 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);
   if (final.fit.frequency <= range.lower || final.fit.frequency >= range.upper) flags |= flag::at_bound;
   if ((!sighting.in_parts && !sighting.in_sum) || !stands_out_of_rows(blocks, signals, final)) flags |= flag::no_tone;
-  if (has_weak_fundamental(signals, final.fit.frequency, range)) flags |= flag::model_misfit;
+  constexpr double kJump = 0.075;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
+  if (has_weak_fundamental(signals, final.fit.frequency, range) || wander(signals, final) > kJump)
+    flags |= flag::model_misfit;
   const double noise = final.noise_power * rows * static_cast<double>(signals.count());
   return {final.fit.frequency,          std,   sum(final.fit.periodic_energy) / noise,
           final.model.harmonics.back(), flags, std::move(columns)};

@@ -70,11 +70,14 @@ std::vector<double> find_tones(const VectorXd& column, const MatrixXd& basis) {
 }
 
 // True for the sidebands of a light that varies along the rows: f + d with d, or f + d with f − d; a gradient has them
-// at f itself.
+// at f itself. Rows in a wrong order, or of other exposures, by two or four have them at a quarter of the row rate or a
+// half beside f.
 bool modulates(const std::vector<double>& tones, double cycles_per_row, double rows) {
   constexpr double kSame = 0.6, kSlow = 3, kOnLight = 0.3;  // cycles in the frame
   for (std::size_t i = 0; i < tones.size(); ++i) {
     const double side = (tones[i] - cycles_per_row) * rows;
+    for (const double image : {tones[i] - cycles_per_row, tones[i] + cycles_per_row})
+      if (std::abs(side) > 1 && std::abs(std::remainder(image, 0.25)) * rows < kSame) return true;
     for (const double slow : tones)
       if (slow * rows < kSlow && (std::abs(std::abs(side) - slow * rows) < kSame || std::abs(side) < kOnLight))
         return true;
@@ -93,8 +96,9 @@ double harmonic_ratio(int order, double exposure_cycles, double duty) {
          sinc(order * exposure_cycles) / std::abs(sinc(exposure_cycles));
 }
 
+// `tones`: others, beside which harmonics are fitted.
 double distortion_of(const VectorXd& column, const FittedLight& light, const std::vector<double>& harmonics,
-                     const MatrixXd& steady) {
+                     const MatrixXd& steady, const std::vector<double>& tones) {
   std::vector<double> cycles;
   std::vector<HarmonicLine> lines;
   const auto rows = static_cast<double>(column.size());
@@ -104,6 +108,7 @@ double distortion_of(const VectorXd& column, const FittedLight& light, const std
       lines.push_back({h, {}});
     }
   if (lines.size() < 2) return 0;
+  cycles.insert(cycles.end(), tones.begin(), tones.end());
   const VectorXd levels =
       coefficients_of(tone_design(centred_rows(static_cast<std::size_t>(column.size())), cycles), column);
   for (std::size_t k = 0; k < lines.size(); ++k) {
@@ -120,9 +125,13 @@ double distortion_of(const VectorXd& column, const FittedLight& light, const std
 double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLine> lines, double variance) {
   constexpr double kTolerance = 0.1;  // of the exposure
   const double size = lines.empty() ? 0 : std::abs(lines[0].level);
-  if (light.duty == 0 || !(light.exposure_cycles >= 0) || std::abs(sinc(light.exposure_cycles)) < kNearNull ||
-      lines.size() < 2 || lines[0].order != 1 || !(size > 0))
-    return 0;
+  if (lines.size() < 2 || lines[0].order != 1 || !(size > 0)) return 0;
+  if (light.duty == 0) {
+    double energy = 0;
+    for (const HarmonicLine& line : lines.subspan(1)) energy += std::norm(line.level);
+    return is_significant(energy / variance, 2 * static_cast<double>(lines.size() - 1)) ? std::sqrt(energy) / size : 0;
+  }
+  if (!(light.exposure_cycles >= 0) || std::abs(sinc(light.exposure_cycles)) < kNearNull) return 0;
   const double start = std::arg(lines[0].level) + (sinc(light.exposure_cycles) < 0 ? std::numbers::pi : 0);
   // Harmonics above half the row rate fold onto these: their RMS, from the envelope of the first of them.
   const double beyond = 0.5 / light.cycles_per_row;
@@ -191,9 +200,27 @@ std::pair<double, double> deviation_from_share(const std::vector<PartOfRows>& pa
   return {misfit, std::sqrt(energy / static_cast<double>(parts.size()))};
 }
 
+// The same of what their tones deviate from one phase.
+std::pair<double, double> deviation_from_phase(const std::vector<PartOfRows>& parts) {
+  Level direction = 0;
+  for (const PartOfRows& part : parts) direction += part.tone / part.variance;
+  direction = std::polar(1.0, -std::arg(direction));
+  double misfit = 0, energy = 0;
+  for (const PartOfRows& part : parts) {
+    const double across = std::pow((direction * part.tone).imag(), 2);
+    misfit += across / part.variance;
+    energy += across;
+  }
+  return {misfit, std::sqrt(energy / static_cast<double>(parts.size()))};
+}
+
 }  // namespace
 
-double unevenness(std::span<const double> left, double cycles_per_row, double mean, Level level) {
+namespace {
+
+// RMS deviation of parts, in pairs of rows and every other row too if they are shares of a mean, over the tone.
+double deviation_of_parts(std::span<const double> left, double cycles_per_row, double mean, Level level,
+                          bool is_phase) {
   constexpr double kCyclesOfPart = 1.5, kMostParts = 8, kLeastPivot = 0.01;
   const std::size_t rows = left.size();
   const auto along =
@@ -223,14 +250,25 @@ double unevenness(std::span<const double> left, double cycles_per_row, double me
           {mean + levels(0), level + Level(levels(1), -levels(2)), 2 * squares / ((of_rows - 3) * of_rows)});
       if (!(parts.back().variance > 0)) return;
     }
-    const auto [misfit, deviation] = deviation_from_share(parts);
-    if (is_significant(misfit, 2 * static_cast<double>(count - 1)))
+    const auto [misfit, deviation] = is_phase ? deviation_from_phase(parts) : deviation_from_share(parts);
+    if (is_significant(misfit, (is_phase ? 1 : 2) * static_cast<double>(count - 1)))
       worst = std::max(worst, deviation / std::abs(level));
   };
   if (along > 1) compare(along, [](std::size_t cell) { return cell / 4; });
+  if (is_phase) return worst;
   compare(2, [](std::size_t cell) { return cell / 2 % 2; });
   compare(2, [](std::size_t cell) { return cell % 2; });
   return worst;
+}
+
+}  // namespace
+
+double unevenness(std::span<const double> left, double cycles_per_row, double mean, Level level) {
+  return deviation_of_parts(left, cycles_per_row, mean, level, false);
+}
+
+double phase_deviation(std::span<const double> left, double cycles_per_row, Level level) {
+  return deviation_of_parts(left, cycles_per_row, 0, level, true);
 }
 
 Surroundings surroundings(std::span<const double> column, std::span<const FittedLight> lights) {
@@ -242,11 +280,14 @@ Surroundings surroundings(std::span<const double> column, std::span<const Fitted
   const Eigen::Map<const VectorXd> given(column.data(), static_cast<Index>(column.size()));
   const VectorXd centred = given.array() - given.mean();
   const auto steady = basis_of(harmonics, column.size());
-  for (const FittedLight& light : lights)
-    result.distortion = std::max(result.distortion, distortion_of(centred, light, harmonics, *steady));
   const auto rows = static_cast<double>(column.size());
-  const auto tones = find_tones(centred, *steady);
-  if (std::ranges::any_of(cycles_per_row, [&](double c) { return modulates(tones, c, rows); })) return result;
+  auto tones = find_tones(centred, *steady);
+  // A harmonic of a tone may be another one.
+  const bool modulated = std::ranges::any_of(cycles_per_row, [&](double c) { return modulates(tones, c, rows); });
+  if (modulated) tones.clear();
+  for (const FittedLight& light : lights)
+    if (light.duty > 0 || lights.size() == 1)
+      result.distortion = std::max(result.distortion, distortion_of(centred, light, harmonics, *steady, tones));
   for (const double tone : tones)
     for (const double cycles : cycles_per_row) result.inseparable |= std::abs(tone - cycles) * rows < 1;
   result.tones = tones;

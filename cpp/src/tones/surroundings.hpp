@@ -38,6 +38,9 @@ double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLin
 // own.
 double unevenness(std::span<const double> left, double cycles_per_row, double mean, std::complex<double> level);
 
+// The same along the rows alone of its phase, rad, which light that varies along the rows keeps.
+double phase_deviation(std::span<const double> left, double cycles_per_row, std::complex<double> level);
+
 // `column`: linear light of one frame. A tone is accepted only if at most three of them leave white noise, so that a
 // light that varies along the rows, whose sidebands are no tones, has none.
 Surroundings surroundings(std::span<const double> column, std::span<const FittedLight> lights);

@@ -50,7 +50,7 @@ struct Context {
   const Camera* camera;
   const ToneGainOptions* options;
   Shape shape;
-  bool whole_numbers;            // samples are light in steps of 1
+  double step;                   // between samples, which are light; 0: they have fractions
   std::vector<double> others{};  // cycles per row of tones that are fitted too, without a result
 };
 
@@ -105,13 +105,13 @@ void take_off(const Context& context, std::size_t frame, std::size_t first, doub
 
 // True if the amplitude error of column i by rounding may exceed that by noise. From a noise variance of 1 on it is
 // below 10⁻⁸ of a step.
-bool is_quantised(const kernels::FittedTone& estimates, std::size_t i, double amplitude,
+bool is_quantised(const kernels::FittedTone& estimates, std::size_t i, double amplitude, double step,
                   const Recurrences& recurrences) {
-  const double noise = estimates.noise_variance[i];
+  const double noise = estimates.noise_variance[i] / (step * step);
   const double cosine = estimates.cosine[i] * estimates.cosine[i];
   const double sine = estimates.sine[i] * estimates.sine[i];
   const double radial = noise * (cosine * estimates.variance_cosine + sine * estimates.variance_sine) / (cosine + sine);
-  return rounding_pull(amplitude, noise, recurrences) > std::sqrt(radial);
+  return noise < 1 && rounding_pull(amplitude / step, noise, recurrences) > std::sqrt(radial);
 }
 
 // Writes gain, standard error, phase, mean, snr and flags of one tone for the columns from `first` of the result on;
@@ -127,9 +127,9 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
                                                      &result.mean[first], &result.snr[first], remarks.data()});
   for (std::size_t i = 0; i < count; ++i)
     result.flags[first + i] = tone.flags | (tops[i] >= level ? flag::saturated : 0);
-  if (!any && !(tone.flags & flag::unresolvable)) return;
+  if (!any && context.step <= 1 && !(tone.flags & flag::unresolvable)) return;
   Recurrences recurrences;
-  if (context.whole_numbers) recurrences = recurrences_of(tone.cycles_per_row, context.shape.rows);
+  if (context.step > 0) recurrences = recurrences_of(tone.cycles_per_row, context.shape.rows);
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t index = first + i;
     Flags& flags = result.flags[index];
@@ -138,8 +138,9 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
       mark_unknown(result, index);
     else if (remarks[i] == kernels::kWeakTone)
       flags |= flag::weak;
-    else if (remarks[i] == kernels::kLittleNoise && context.whole_numbers &&
-             is_quantised(estimates, i, result.gain[index] * context.ratio * estimates.mean[i], recurrences))
+    else if (context.step > 0 && (remarks[i] == kernels::kLittleNoise || context.step > 1) &&
+             is_quantised(estimates, i, result.gain[index] * context.ratio * estimates.mean[i], context.step,
+                          recurrences))
       flags |= flag::quantised;
   }
 }
@@ -261,13 +262,13 @@ Context make_context(const AnyFramesView& frames, const Camera& camera, std::spa
                      const ToneGainOptions& options) {
   check(camera);
   check_shape(frames);
-  const bool integers = holds_integers(frames);
+  const bool is_light = holds_integers(frames) && camera.tone_curve.kind == ToneCurve::Kind::linear;
   Context context{{},
                   full_depth_ratio(options.waveform, options.duty),
                   &camera,
                   &options,
                   shape_of(frames),
-                  integers && camera.tone_curve.kind == ToneCurve::Kind::linear};
+                  is_light ? step_of_integers(frames) : 0};
   check_options(options, context.shape);
   require(!frequencies.empty(), "frequency", "no values", "at least one frequency");
   for (const double frequency : frequencies) {
@@ -416,7 +417,9 @@ void flag_clipped(const AnyFramesView& frames, const Context& context, std::size
     const double least = least_light(frames, *context.camera) - kernels::kSure * noise_of(result, start + column);
     return find_piles(frames, frame, column, least);
   };
-  const std::size_t brightest = place_of_extreme(tops, 1), darkest = place_of_extreme(means, -1);
+  // Noise is known where there is light above dark.
+  const std::size_t top = place_of_extreme(tops, 1), darkest = place_of_extreme(means, -1),
+                    brightest = std::isnan(result.gain[start + top]) ? place_of_extreme(means, 1) : top;
   Piles piles = piles_at(brightest);
   for (std::size_t k = 0; piles.negative && k < context.tones.size(); ++k)
     for (Flags& flags : result.flags.subspan(index_of(context, k, frame), tops.size())) flags |= flag::model_misfit;
@@ -870,10 +873,10 @@ void untie_harmonics(const Context& context, const ToneGainView& result) {
   }
 }
 
-// Gains beyond that of a square wave of full depth contradict the exposure.
-void flag_wrong_exposure(const Context& context, const ToneGainView& result) {
+// Gains beyond that of light of full depth contradict exposure, waveform or dark level.
+void flag_impossible(const Context& context, const ToneGainView& result) {
   constexpr double kBeyond = 0.01;
-  if (context.options->waveform != WaveformShape::square || !exposure_cycles_of(context)) return;
+  if (!context.camera->exposure) return;
   const std::size_t each = result.gain.size() / context.tones.size();
   for (std::size_t i = 0; i < result.gain.size(); ++i) {
     const double full_depth = std::abs(sinc(context.tones[i / each].frequency * *context.camera->exposure));
@@ -903,7 +906,7 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
     for_each_block(context.shape.frames, options.threads,
                    [&](std::size_t frame) { check_frame(frames, context, frame, result); });
   untie_harmonics(context, result);
-  flag_wrong_exposure(context, result);
+  flag_impossible(context, result);
 }
 
 ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
@@ -917,7 +920,7 @@ ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<
 void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                       const ToneGainOptions& options, const ToneGainView& result) {
   Context context = make_context(frames, camera, frequencies, options);
-  context.whole_numbers = false;  // a mean of columns has fractions
+  context.step = 0;  // a mean of columns has fractions
   check_samples(frames);
   const std::size_t each = context.shape.frames;
   check_room(result, frequencies.size() * each);
@@ -953,7 +956,7 @@ void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::sp
       flag_misfit(around, k * context.shape.frames + frame, 1, result);
   });
   untie_harmonics(context, result);
-  flag_wrong_exposure(context, result);
+  flag_impossible(context, result);
 }
 
 ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,

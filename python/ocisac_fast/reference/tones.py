@@ -84,7 +84,7 @@ def _tone_gain(
                 biased,
                 _TiedHarmonics(light.shape[1], harmonics_of(cycles), tied, cycles, duty, exposure_cycles),
             )
-    if waveform == "square" and camera.exposure is not None:  # more than a light of full depth has
+    if camera.exposure is not None:  # more than a light of full depth has
         full_depth = np.abs(np.sinc(tones * camera.exposure))[:, np.newaxis, np.newaxis]
         with np.errstate(invalid="ignore"):
             arrays[-1][arrays[0] - 4.0 * arrays[1] > full_depth + 0.01] |= np.uint32(Flag.MODEL_MISFIT)

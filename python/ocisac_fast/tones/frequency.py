@@ -51,7 +51,8 @@ class FoundFrequency(Result):
             with fewer than 8 rows), ``FEW_CYCLES`` (less than two in the frame: gradients and harmonics resemble parts
             of the tone, an error that the standard error excludes), ``AT_BOUND``, ``SATURATED`` (more than a tenth of
             the selected pixels, and no better columns exist), ``MODEL_MISFIT`` (half or a third of the frequency shows
-            as well, with less than half of the amplitude: it may be the fundamental).
+            as well, with less than half of the amplitude: it may be the fundamental; or the phase jumps along the rows,
+            as where rows are lost or repeated).
     """
 
     frequency: float
