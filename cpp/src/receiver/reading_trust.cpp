@@ -110,7 +110,10 @@ void judge(FrameReading& reading) {
   reading.error_rate = inner.empty() ? 1.0 : expected_errors(inner, 1) / static_cast<double>(inner.size());
   const bool white = !is_correlated(reading);
   const bool even = !takes_up_misfits(reading) && is_even(residual_windows(left, channel), channel.clock);
-  if (!(reading.relative_noise < kMaxRelativeNoise && reading.error_rate < (even ? kMaxErrorsIfEven : kMaxErrors)))
+  const bool has_clock =
+      std::ranges::all_of(channel.errors.covariance, [](double value) { return std::isfinite(value); });
+  if (!(has_clock && reading.relative_noise < kMaxRelativeNoise &&
+        reading.error_rate < (even ? kMaxErrorsIfEven : kMaxErrors)))
     reading.trust = Trust::unsound;
   else if (white)
     reading.trust = Trust::fits;
