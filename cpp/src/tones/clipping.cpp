@@ -127,11 +127,14 @@ double step_of_integers(const AnyFramesView& frames) {
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
         if constexpr (std::is_integral_v<T>) {
-          const std::int64_t first = *view.at(0, 0, view.columns / 2);
+          // A few samples tell the step 1, which is that of nearly all frames.
+          const std::size_t width = std::min<std::size_t>(16, view.columns), left = (view.columns - width) / 2,
+                            count = std::min(view.rows, kRows);
+          const std::int64_t first = *view.at(0, 0, left);
           std::int64_t step = 0;
-          for_some(view, 0, view.columns / 2, 16, [&](T sample) {
-            if (step != 1) step = std::gcd(step, std::int64_t{sample} - first);
-          });
+          for (std::size_t i = 0; i < count && step != 1; ++i)
+            for (std::size_t c = 0; c < width && step != 1; ++c)
+              step = std::gcd(step, std::int64_t{view(0, i * view.rows / count, left + c)} - first);
           return step > 0 ? static_cast<double>(step) : 1.0;
         }
         return 0.0;

@@ -17,7 +17,6 @@
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
-#include "rows/fit.hpp"
 #include "rows/verdict.hpp"
 #include "tones/spectral_votes.hpp"
 #include "tones/surroundings.hpp"
@@ -408,22 +407,14 @@ bool stands_out_of_rows(const ColumnBlocks& blocks, const Signals& signals, cons
   return is_significant(fit_of(less_last_row(signals, correlation)), final.model, signals.rows - 1, signals.count());
 }
 
-// Largest RMS deviation of the tone's phase along a signal, rad; 0 where it is not significant. Rows after lost or
-// repeated ones have another phase.
-double wander(const Signals& signals, const FittedModel& final) {
-  std::vector<double> frequencies;
-  for (const std::size_t order : final.model.harmonics)
-    frequencies.push_back(static_cast<double>(order) * final.fit.frequency);
-  const std::size_t rows = signals.rows, count = signals.count();
-  const auto design = tone_design(centred_rows(rows), frequencies, final.model.trend_degree);
-  const Eigen::Map<const Eigen::MatrixXd> all(signals.samples.data(), static_cast<Eigen::Index>(rows),
-                                              static_cast<Eigen::Index>(count));
-  const Eigen::MatrixXd left = beside(orthogonal_factors(design).basis, all);
+// Largest RMS deviation of the tone's phase along a signal, rad, by what the model leaves; 0 where it is not
+// significant. Rows after lost or repeated ones have another phase.
+double wander(const std::vector<double>& residual, std::size_t rows, const FittedModel& final) {
+  const std::size_t count = residual.size() / rows;
   double largest = 0;
   for (std::size_t s = 0; s < count; ++s) {
     const std::complex<double> level{final.fit.amplitudes[s], -final.fit.amplitudes[count + s]};
-    const double* const first = left.data() + s * rows;
-    largest = std::max(largest, phase_deviation({first, rows}, final.fit.frequency, level));
+    largest = std::max(largest, phase_deviation({&residual[s * rows], rows}, final.fit.frequency, level));
   }
   return largest;
 }
@@ -490,13 +481,15 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const double coarse = fundamental_of(signals, sighting.frequency, range);
   if (std::abs(coarse - sighting.frequency) * rows > 1) signals = combined(coarse);
   const FittedModel final = final_fit(PeriodicSignals(signals.samples, signals.rows), coarse, range);
-  const double std = frequency_std(signals.samples, signals.rows, per_frame, final.model, final.fit.frequency);
+  std::vector<double> residual;
+  const double std =
+      frequency_std(signals.samples, signals.rows, per_frame, final.model, final.fit.frequency, &residual);
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);
   if (final.fit.frequency <= range.lower || final.fit.frequency >= range.upper) flags |= flag::at_bound;
   if ((!sighting.in_parts && !sighting.in_sum) || !stands_out_of_rows(blocks, signals, final)) flags |= flag::no_tone;
   constexpr double kJump = 0.075;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
-  if (has_weak_fundamental(signals, final.fit.frequency, range) || wander(signals, final) > kJump)
+  if (has_weak_fundamental(signals, final.fit.frequency, range) || wander(residual, signals.rows, final) > kJump)
     flags |= flag::model_misfit;
   const double noise = final.noise_power * rows * static_cast<double>(signals.count());
   return {final.fit.frequency,          std,   sum(final.fit.periodic_energy) / noise,

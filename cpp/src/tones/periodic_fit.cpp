@@ -442,7 +442,7 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel&
 }
 
 double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
-                     double frequency) {
+                     double frequency, std::vector<double>* residual_values) {
   if (rows <= model.parameters() + 1) return kNaN;
   const Signals y = as_matrix(signals, rows);
   const auto members = static_cast<Index>(group);
@@ -460,6 +460,7 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   const MatrixXd q = solve_upper_transposed(triangle, matrix.transpose()).transpose();
   const MatrixXd coordinates = transposed_product(q, y);
   const MatrixXd residual = y - product(q, coordinates);
+  if (residual_values) residual_values->assign(residual.data(), residual.data() + residual.size());
   const MatrixXd slopes = slope_matrix(model, matrix);
   MatrixXd derivative = product(slopes, slope_coefficients(model, solve_upper(triangle, coordinates)));
   derivative = beside(q, derivative);

@@ -878,10 +878,10 @@ void flag_impossible(const Context& context, const ToneGainView& result) {
   constexpr double kBeyond = 0.01;
   if (!context.camera->exposure) return;
   const std::size_t each = result.gain.size() / context.tones.size();
-  for (std::size_t i = 0; i < result.gain.size(); ++i) {
-    const double full_depth = std::abs(sinc(context.tones[i / each].frequency * *context.camera->exposure));
-    if (result.gain[i] - kernels::kSure * result.gain_std[i] > full_depth + kBeyond)
-      result.flags[i] |= flag::model_misfit;
+  for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
+    const double most = std::abs(sinc(context.tones[tone].frequency * *context.camera->exposure)) + kBeyond;
+    for (std::size_t i = tone * each; i < (tone + 1) * each; ++i)
+      if (result.gain[i] - kernels::kSure * result.gain_std[i] > most) result.flags[i] |= flag::model_misfit;
   }
 }
 

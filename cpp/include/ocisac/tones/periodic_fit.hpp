@@ -72,8 +72,9 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel&
 
 // Standard error at the minimum, from the residual, by the sandwich estimate. It allows for noise that is common to the
 // signals of a group (the `group` neighbouring signals of one frame), increases with the light, or is correlated from
-// row to row (Newey and West 1987, Bartlett weights; lag by Andrews 1991). NaN without degrees of freedom.
+// row to row (Newey and West 1987, Bartlett weights; lag by Andrews 1991). NaN without degrees of freedom. `residual`:
+// of the signals, if it is wanted.
 double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
-                     double frequency);
+                     double frequency, std::vector<double>* residual = nullptr);
 
 }  // namespace ocisac
