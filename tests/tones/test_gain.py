@@ -161,7 +161,7 @@ def test_float32_loses_nothing_that_its_rounding_left(noise):
 def test_a_sample_that_is_not_finite_is_refused_in_every_row(dtype, value, efficiency, row):
     """Also in the last rows, which sums of eight leave out; large ones whose squares are numbers are not refused."""
     pixels = tone_columns(1083, 0.01, 70).astype(dtype)
-    pixels[row, 37] = min(np.finfo(dtype).max, 1e99)
+    pixels[row, 37] = min(float(np.finfo(dtype).max), 1e99)
     ocisac.tone_gain(pixels, Camera(1.0), 0.01, efficiency=efficiency)
     pixels[row, 37] = value
     with pytest.raises(ValueError, match=f"columns: got {str(value).lower()}"):
