@@ -413,3 +413,14 @@ def test_changes_from_frame_to_frame_tell_a_light_of_few_cycles_over_a_still_pic
         still = np.clip(np.rint(texture + 2 * random.standard_normal((8, rows, 40))), 0, 255).astype(np.uint8)
         assert oc.find_frequency(still, Camera(row_time, frame_time=frame_time)).flags
     assert np.sqrt(np.mean(np.square(errors))) < 2
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(8, 8), (8, 1), (5, 9)])
+def test_blocks_of_compression_are_no_tone(rows, columns):
+    """Random blocks have noise that is strong at low frequencies in every part of the picture."""
+    found = 0
+    for seed in range(20):
+        blocks = np.random.default_rng(seed).normal(0, 25, (720 // rows, 960 // columns))
+        picture = np.clip(128 + np.kron(blocks, np.ones((rows, columns))), 0, 255).astype(np.uint8)
+        found += not oc.find_frequency(picture, PER_ROW).flags
+    assert found <= 2

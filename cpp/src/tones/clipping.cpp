@@ -127,6 +127,7 @@ double step_of_integers(const AnyFramesView& frames) {
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
         if constexpr (std::is_integral_v<T>) {
+          if (view.frames == 0) return 1.0;
           // A few samples tell the step 1, which is that of nearly all frames.
           const std::size_t width = std::min<std::size_t>(16, view.columns), left = (view.columns - width) / 2,
                             count = std::min(view.rows, kRows);

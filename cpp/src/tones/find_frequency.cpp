@@ -16,7 +16,9 @@
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
+#include "ocisac/rows/basis.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
+#include "rows/fit.hpp"
 #include "rows/verdict.hpp"
 #include "tones/spectral_votes.hpp"
 #include "tones/surroundings.hpp"
@@ -321,51 +323,70 @@ FoundFrequency nothing_found(const ColumnBlocks& blocks) {
           0,    flag::no_tone, {std::vector<std::uint8_t>(blocks.columns, 1), std::vector<double>(blocks.columns)}};
 }
 
+constexpr std::size_t kSomeSignals = 16;  // that tell the noise about a tone
+
+// Bins about a frequency, in cycles per row, of which the nearest may show the tone itself or the trend.
+std::vector<double> bins_about(double frequency, std::size_t row_count) {
+  constexpr int kNearest = 2, kBins = 16;
+  const auto rows = static_cast<double>(row_count);
+  std::vector<double> bins;
+  for (int bin = -kBins; bin <= kBins; ++bin)
+    if (const double cycles = frequency * rows + bin;
+        std::abs(bin) >= kNearest && cycles >= kNearest && cycles <= 0.5 * rows)
+      bins.push_back(cycles / rows);
+  return bins;
+}
+
+// Power of the noise at these bins over its mean power: that of the residual of a tone with harmonics, each signal's in
+// its own mean.
+double noise_about(const Signals& signals, double frequency, const std::vector<double>& bins) {
+  const std::size_t each = (signals.count() + kSomeSignals - 1) / kSomeSignals;
+  std::vector<double> some, residual, waves;
+  for (std::size_t s = 0; s < signals.count(); s += each)
+    some.insert(some.end(), &signals.samples[s * signals.rows], &signals.samples[s * signals.rows] + signals.rows);
+  // Harmonics that leak into the bins.
+  const double reach = 1 + 1.5 * (bins.back() - frequency) / frequency;
+  const auto removed = static_cast<std::size_t>(std::clamp(reach, 1.0, static_cast<double>(kMaxHarmonics)));
+  frequency_std(some, signals.rows, 1, periodic_model(frequency, signals.rows, removed), frequency, &residual);
+  const auto height = static_cast<Eigen::Index>(signals.rows);
+  const RowSampling sampling = centred_rows(signals.rows);
+  append_tones(waves, sampling, bins);
+  const Eigen::Map<const Eigen::MatrixXd> left(residual.data(), height,
+                                               static_cast<Eigen::Index>(residual.size()) / height);
+  const Eigen::MatrixXd lines = transposed_product(matrix_of(waves, sampling), left);
+  double power = 0, count = 0;
+  for (Eigen::Index s = 0; s < left.cols(); ++s) {
+    const double energy = left.col(s).squaredNorm();
+    if (!(energy > 0)) continue;
+    power += lines.col(s).squaredNorm() / energy;
+    count += static_cast<double>(bins.size());
+  }
+  return count > 0 ? power / count : 1;
+}
+
 // Significance test: with an individual noise level per signal, (rows − p)·log(1 + periodic/residual) of a model of
-// given frequency is a sum of squared standard normal variables, two for each harmonic. `count`: of all signals,
-// constant ones included.
-bool is_significant(const PeriodicFit& fit, const PeriodicModel& model, std::size_t rows, std::size_t count) {
-  const auto spare = static_cast<double>(rows - model.parameters());
+// given frequency is a sum of squared standard normal variables, two for each harmonic, times the power of the noise
+// about it, which is not white of texture, of blocks of compression and of rows. `count`: of all signals, constant ones
+// included.
+bool is_significant(const Signals& signals, const PeriodicFit& fit, const PeriodicModel& model, std::size_t count) {
+  const auto spare = static_cast<double>(signals.rows - model.parameters());
   double evidence = 0;
   for (std::size_t s = 0; s < fit.periodic_energy.size(); ++s)
     if (fit.periodic_energy[s] > 0) evidence += spare * std::log1p(fit.periodic_energy[s] / fit.residual_energy[s]);
-  return evidence > chance_energy(2 * count * model.harmonics.size());
+  const double chance = chance_energy(2 * count * model.harmonics.size());
+  if (!(evidence > chance)) return false;
+  const std::vector<double> bins = bins_about(fit.frequency, signals.rows);
+  if (bins.empty()) return true;
+  // The tail of F, of noise that is estimated itself.
+  const double freedom = static_cast<double>(2 * bins.size() * std::min(signals.count(), kSomeSignals)),
+               least = freedom * std::expm1(chance / freedom);
+  const double most = 0.5 * static_cast<double>(signals.rows) / static_cast<double>(bins.size());  // all noise is there
+  return evidence > most * least || evidence > least * std::max(noise_about(signals, fit.frequency, bins), 1.0);
 }
 
 bool shows_tone(const UnitSignals& signals, std::size_t count, double frequency) {
-  const std::size_t rows = signals.signals().rows;
-  const auto model = periodic_model(frequency, rows, 1);
-  return is_significant(fit_periodic(signals.prepared(), model, frequency, false), model, rows, count);
-}
-
-// Each row minus `share` of the one before.
-Signals less_last_row(const Signals& signals, double share) {
-  Signals out{{}, signals.rows - 1};
-  out.samples.reserve(signals.count() * out.rows);
-  for (std::size_t n = 0; n < signals.samples.size(); ++n)
-    if (n % signals.rows > 0) out.samples.push_back(signals.samples[n] - share * signals.samples[n - 1]);
-  return out;
-}
-
-// Correlation of neighbouring rows of first-order autoregressive noise, by restricted maximum likelihood: of the rows
-// that the model of p columns leaves, min (rows − p)·ln R(a) + ln |XᵀX|, of rows and model less a times the last row.
-double correlation_of_rows(const FittedModel& final, std::size_t rows, double residual, double of_changes) {
-  constexpr int kSteps = 200;
-  const auto parameters = static_cast<double>(final.model.parameters());
-  std::vector<double> cosines;
-  for (const std::size_t order : final.model.harmonics)
-    cosines.push_back(std::cos(2 * std::numbers::pi * static_cast<double>(order) * final.fit.frequency));
-  double best = 0, least = kInfinity;
-  for (int step = 0; step < kSteps; ++step) {
-    const double a = static_cast<double>(step) / kSteps;
-    double root = std::pow(1 - a, static_cast<double>(final.model.trend_degree + 1));
-    for (const double cosine : cosines) root *= 1 - 2 * a * cosine + a * a;
-    const double determinant = 2 * std::log(root);
-    const double left = (1 - a) * (1 - a) * residual + a * of_changes;
-    const double cost = (static_cast<double>(rows) - parameters) * std::log(left) + determinant;
-    if (cost < least) best = a, least = cost;
-  }
-  return best;
+  const auto model = periodic_model(frequency, signals.signals().rows, 1);
+  return is_significant(signals.signals(), fit_periodic(signals.prepared(), model, frequency, false), model, count);
 }
 
 // Sum of each frame's signals.
@@ -377,34 +398,6 @@ std::vector<double> summed(const ColumnBlocks& blocks) {
     for (std::size_t n = 0; n < blocks.rows; ++n) to[n] += from[n];
   }
   return sums;
-}
-
-// True if columns differ by noise alone that is white along the rows: what they have in common may be noise of the
-// rows.
-bool are_alike(const ColumnBlocks& blocks) {
-  constexpr double kWhite = 0.1;  // correlation
-  std::vector<double> differences = blocks.signals;
-  const std::vector<double> sums = summed(blocks);
-  const double share = 1 / static_cast<double>(blocks.blocks);
-  for (std::size_t signal = 0; signal < blocks.frames * blocks.blocks; ++signal) {
-    double* const own = &differences[signal * blocks.rows];
-    const double* const sum = &sums[signal / blocks.blocks * blocks.rows];
-    for (std::size_t n = 0; n < blocks.rows; ++n) own[n] -= share * sum[n];
-  }
-  return product_at_lag(differences, 1) < kWhite * product_at_lag(differences, 0);
-}
-
-// True if the model stands out of the noise that the columns share, white or, where rows may be noise, first-order
-// autoregressive.
-bool stands_out_of_rows(const ColumnBlocks& blocks, const Signals& signals, const FittedModel& final) {
-  if (!is_significant(final.fit, final.model, signals.rows, signals.count())) return false;
-  if (!are_alike(blocks)) return true;
-  const auto fit_of = [&](const Signals& of) {
-    return fit_periodic(PeriodicSignals(of.samples, of.rows), final.model, final.fit.frequency, false);
-  };
-  const double changes = fit_of(less_last_row(signals, 1)).total_residual();
-  const double correlation = correlation_of_rows(final, signals.rows, final.fit.total_residual(), changes);
-  return is_significant(fit_of(less_last_row(signals, correlation)), final.model, signals.rows - 1, signals.count());
 }
 
 // Largest RMS deviation of the tone's phase along a signal, rad, by what the model leaves; 0 where it is not
@@ -487,7 +480,8 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);
   if (final.fit.frequency <= range.lower || final.fit.frequency >= range.upper) flags |= flag::at_bound;
-  if ((!sighting.in_parts && !sighting.in_sum) || !stands_out_of_rows(blocks, signals, final)) flags |= flag::no_tone;
+  if ((!sighting.in_parts && !sighting.in_sum) || !is_significant(signals, final.fit, final.model, signals.count()))
+    flags |= flag::no_tone;
   constexpr double kJump = 0.075;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
   if (has_weak_fundamental(signals, final.fit.frequency, range) || wander(residual, signals.rows, final) > kJump)
     flags |= flag::model_misfit;
