@@ -2,6 +2,7 @@
 
 import csv
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -111,6 +112,14 @@ def test_tables_of_other_kinds_are_refused(run, option, name, allowed, tmp_path)
     assert line.startswith(f"ocisac: {option}: got ")
     assert line.endswith(f"allowed: a name that ends with {allowed}")
     assert not (tmp_path / name).exists()
+
+
+def test_the_library_of_a_table_is_missed_before_the_work(run, square, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "scipy.io", None)
+    made = ("--plot", tmp_path / "p.png", "--table", tmp_path / "t.mat")
+    code, out, (line,) = run("flicker", "--lights", "mains", "--exposures", "1ms,2ms", *made)
+    assert (code, out, "scipy" in line) == (2, [], True)
+    assert list(tmp_path.glob("[pt].*")) == []
 
 
 def test_tables_fit_into_a_narrow_terminal(run, square, monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -79,6 +80,7 @@ def test_python_takes_the_camera_of_the_command_line(path, run):
     assert (code, err[: len(err) - wrong]) == (0, [] if taken is None else [said])
     assert ("contradicts --exposure, --waveform or --dark-level" in err[-1] if err else False) == wrong
     assert camera.tone_curve == (taken or {"hlg.mp4": "hlg", "pq.mov": "pq"}.get(path.name, "linear")).split(":")[0]
+    assert recording.camera(**TIMING, dark_level=7.5) == dataclasses.replace(camera, dark_level=7.5)
     assert camera.frame_time == (1 / recording.frame_rate if recording.frame_rate else None)
     gain = tone_gain(recording.frames, camera, 500.0, pooled=True).gain.mean()
     assert json.loads(out[0])["gain"] == pytest.approx(gain, abs=2e-4)

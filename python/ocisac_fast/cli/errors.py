@@ -15,4 +15,4 @@ def error_text(error: Exception) -> str:
     if isinstance(error, OSError):
         name = f"{error.filename}: " if error.filename is not None else ""
         return name + (error.strerror or str(error))
-    return str(error)
+    return str(error).removesuffix(" or None")  # an option is left out

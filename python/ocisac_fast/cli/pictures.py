@@ -24,6 +24,7 @@ from ocisac_fast.core.arrays import as_frames
 from ocisac_fast.core.checks import one_of, shown
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files import Part, RecordingStream, open_recording
+from ocisac_fast.files.extras import pyarrow, savemat
 from ocisac_fast.files.recording import Frame, gathered
 
 _RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
@@ -409,11 +410,14 @@ def frame_rate_option(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _table_path(ctx: click.Context, param: click.Parameter, path: str | None) -> str | None:
-    """The path of a table, of a kind that can be written."""
+    """The path of a table, of a kind that can be written: its library is there before any work is done."""
     allowed = [".csv"] if param.name == "csv" else [".csv", ".parquet", ".mat"]
-    if path not in (None, "-") and os.path.splitext(str(path))[1].lower() not in allowed:
+    suffix = os.path.splitext(str(path))[1].lower()
+    if path not in (None, "-") and suffix not in allowed:
         option = "" if param.name != "csv" else " (--table writes .parquet and .mat)"
         raise click.UsageError(f"--{param.name}: got {path}, allowed: a name that ends with {one_of(allowed)}{option}")
+    if suffix in (".parquet", ".mat"):
+        pyarrow() if suffix == ".parquet" else savemat()
     return path
 
 

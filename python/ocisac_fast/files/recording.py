@@ -62,7 +62,9 @@ class _Recorded:
     frame_rate: float | None
 
     @checked
-    def camera(self, *, row_time: float | None = None, exposure: float | None = None) -> Camera:
+    def camera(
+        self, *, row_time: float | None = None, exposure: float | None = None, dark_level: float | None = None
+    ) -> Camera:
         """The camera: range, tone curve, levels and frame rate of the file, with what no file states.
 
         ``dataclasses.replace(camera, tone_curve="srgb")`` changes a value. Where the file states no tone curve
@@ -71,6 +73,7 @@ class _Recorded:
         Args:
             row_time: time from one row to the next, s, above 0; None: unknown, rates are per row.
             exposure: exposure time of a row, s, 0 or above; None: unknown.
+            dark_level: stored value of no light; None: that of the file.
 
         Raises:
             ValueError: a value outside its range.
@@ -82,7 +85,7 @@ class _Recorded:
             frame_time=1.0 / self.frame_rate if self.frame_rate and row_time is not None else None,
             tone_curve=response.tone_curve,
             gamma=response.gamma,
-            dark_level=response.dark_level,
+            dark_level=response.dark_level if dark_level is None else dark_level,
             white_level=response.white_level,
         )
 
