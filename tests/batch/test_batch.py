@@ -455,6 +455,22 @@ def test_the_command_and_its_exit_codes(campaign, truth, tmp_path, run):
     assert "skipped" in out
 
 
+def test_a_recording_that_is_replaced_meanwhile_is_a_failure(tmp_path, monkeypatch, run):
+    from ocisac_fast.cli import gain
+
+    path, measured = tmp_path / "a.npy", gain.frame_gains
+    np.save(path, lamp(SHORT, 0))
+
+    def replaced(*given, **options):
+        found = measured(*given, **options)
+        np.save(path, lamp(SHORT + 1, 1))
+        return found
+
+    monkeypatch.setattr(gain, "frame_gains", replaced)
+    code, _, err = run(path, "-o", tmp_path / "r", "--workers", 0, *GAIN)
+    assert (code, err) == (3, [f"ocisac: failed: {path}: changed while it was measured"])
+
+
 def test_the_summary_prints_and_draws(campaign, tmp_path, run):
     results = tmp_path / "results"
     (tmp_path / "bad.mkv").write_bytes(b"")
@@ -465,6 +481,12 @@ def test_the_summary_prints_and_draws(campaign, tmp_path, run):
     assert "38 with results, 1 failed" in out
     assert "empty file" in out
     assert (results / "summary.png").stat().st_size > 5000
+    (results / "summary.png").unlink()
+    (tmp_path / "mine.txt").write_text("mine")
+    (results / "summary.png").symlink_to(tmp_path / "mine.txt")
+    code, _, err = run("--summary", results)
+    assert (code, (tmp_path / "mine.txt").read_text()) == (2, "mine")
+    assert err[-1].endswith("which is no picture of it, allowed: --plot FILE")
     code, out, _ = run("--summary", results, "--plot", tmp_path / "other.svg", "--json")
     objects = [json.loads(line) for line in out.splitlines()]
     assert len(objects) == 39

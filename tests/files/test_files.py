@@ -886,3 +886,22 @@ def test_a_phone_still_says_that_it_is_srgb(recordings):
     recording = read_frames(recordings / "luxapose_rig_a.jpg")
     assert recording.frames.shape == (1, 4352, 7712, 3)
     assert (recording.response.tone_curve, recording.response.stated_by) == ("srgb", "EXIF ColorSpace")
+
+
+def test_an_array_that_does_not_fit_is_no_success(tmp_path):
+    """Files of at most 65,536 bytes; the array has 65,663 with its header."""
+    code = (
+        "import resource, numpy as np; from ocisac_fast.files import write_frames;"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (65536, 65536));"
+        f"write_frames({str(tmp_path / 'a.npy')!r}, [np.zeros((255, 257), np.uint8)])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, "File too large" in done.stderr) == (1, True)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("scheme", ["file://", "local://", "simplecache::file://"])
+def test_a_file_of_this_machine_has_one_name(tmp_path, scheme):
+    write_frames(tmp_path / "a.npy", [np.zeros((9, 9), np.uint8)])
+    with pytest.raises(FileError, match="without file://"):
+        read_frames(f"{scheme}{tmp_path / 'a.npy'}")

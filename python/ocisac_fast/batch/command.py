@@ -191,10 +191,21 @@ def _emit(done: Outcome, output: str, as_json: bool) -> None:
     emit_facts("", {"results": output, **{name: str(value) for name, value in facts.items()}})
 
 
+def _is_drawn(path: str) -> bool:
+    """True for a file that may be an earlier picture of a summary."""
+    if os.path.islink(path) or not os.path.isfile(path):
+        return False
+    with open(path, "rb") as file:
+        begin = file.read(256)
+    return begin.startswith(b"\x89PNG") and b"Matplotlib" in begin
+
+
 def _summarize(folder: str, plot: str | None, as_json: bool) -> None:
     found = summarize(folder)
     path = plot or (f"{folder.rstrip('/')}/{_SUMMARY}" if Results(folder).is_local else None)
     if path is not None:
+        if plot is None and os.path.lexists(path) and not _is_drawn(path):
+            raise click.UsageError(f"--summary: got {path}, which is no picture of it, allowed: --plot FILE")
         _draw(found, path)
     if as_json:
         for one in found.recordings:

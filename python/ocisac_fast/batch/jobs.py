@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from ocisac_fast.batch.measuring import Measurement, Start, build, start_of
-from ocisac_fast.batch.recordings import Entry
+from ocisac_fast.batch.recordings import Entry, local_entry
 from ocisac_fast.batch.results import Results, ResultsError, rows_name
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.text import one_line
@@ -141,6 +141,8 @@ class Work:
                 found = replace(found, table=_with_cleaned(found.table, final))
         else:
             found = Measurement.of(path, self.task, part=job.part, start=job.start)
+        if not is_remote(path) and local_entry(path).state != job.entry.state:
+            raise FileError("changed while it was measured")
         frames = found.facts["frames"] or 0
         if results is None:
             return Report(job, frames=frames, table=found.table)

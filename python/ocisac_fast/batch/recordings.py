@@ -65,12 +65,16 @@ def _local(path: str) -> Iterator[Entry]:
         names = _below(whole)
     elif _is_pattern(path) and not os.path.lexists(whole):
         names = _like(whole)
-    for name in names:
-        status: dict[str, Any] = {"size": None}
-        with contextlib.suppress(OSError):  # of one that is gone: measuring it names the failure
-            there = os.stat(name)
-            status = {"size": there.st_size, "mtime": there.st_mtime}
-        yield _entry(name, status)
+    yield from map(local_entry, names)
+
+
+def local_entry(name: str) -> Entry:
+    """A file of this machine as it is now."""
+    status: dict[str, Any] = {"size": None}
+    with contextlib.suppress(OSError):  # of one that is gone: measuring it names the failure
+        there = os.stat(name)
+        status = {"size": there.st_size, "mtime": there.st_mtime}
+    return _entry(name, status)
 
 
 def _below(folder: str) -> Iterator[str]:

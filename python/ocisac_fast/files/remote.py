@@ -15,13 +15,22 @@ from ocisac_fast.files.extras import fsspec
 from ocisac_fast.files.recording import FileError
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+(::|://)")
+_OF_THIS_MACHINE = re.compile(r"(.*::)?(file|local)://")
 _WHOLE = 64 << 20  # bytes; smaller files are fetched by one request
 _PIECE = 8 << 20
 
 
 def is_remote(path: str) -> bool:
-    """Return True for a path that names its file system: ``s3://…``, ``memory://…``, ``zip::…``, and no local file."""
-    return bool(_URL.match(path)) and not os.path.lexists(path)
+    """Return True for a path that names its file system: ``s3://…``, ``memory://…``, ``zip::…``, and no local file.
+
+    Raises:
+        FileError: ``file://``: what is read, and what is not to be overwritten, has one name.
+    """
+    if not _URL.match(path) or os.path.lexists(path):
+        return False
+    if _OF_THIS_MACHINE.match(path):
+        raise FileError(f"path: got {path}, allowed: the path of a file of this machine, without file://")
+    return True
 
 
 def file_system(path: str) -> tuple[Any, str]:

@@ -12,6 +12,7 @@ import secrets
 import shutil
 import stat
 import tempfile
+import types
 from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
 from fractions import Fraction
@@ -186,7 +187,9 @@ def write_frames(
             with _naming(path, None):
                 if suffix == ".npy":
                     with temporary.open("wb") as file:
-                        np.save(file, every[0] if single else np.stack(every), allow_pickle=False)
+                        # Through Python's file: tofile() says nothing of the last bytes that a disk does not take.
+                        as_stream = types.SimpleNamespace(write=file.write)
+                        np.save(as_stream, every[0] if single else np.stack(every), allow_pickle=False)
                 else:
                     _write_picture(temporary, every, _PICTURES[suffix], None if like is None else like.picture)
         else:
