@@ -86,8 +86,8 @@ class ChannelEquations {
   std::size_t frame_rows_, clock_size_, dark_size_, swing_size_, basis_size_;
   RowRange rows_{};         // exposed
   std::size_t padded_ = 0;  // a multiple of what kernels ask for; beyond the rows all columns that are multiplied are 0
-  std::vector<double> weights_,
-      weighted_;  // of the exposed rows, empty: 1; the columns that are multiplied times these
+  std::vector<double> weights_;   // of the exposed rows; empty: 1
+  std::vector<double> weighted_;  // columns that are multiplied, times the weights
   AlignedMemory<double> memory_;
   double* columns_ = nullptr;
   NormalProducts products_;

@@ -16,31 +16,6 @@ constexpr int kPlaceRounds = 4;
 
 }  // namespace
 
-void BandedFactors::factor() {
-  for (std::size_t row = 0; row < size_; ++row)
-    for (std::size_t back = std::min(band_, row) + 1; back-- > 0;) {
-      const std::size_t column = row - back;
-      double sum = at(row, back);
-      for (std::size_t further = back + 1; further <= std::min(band_, row); ++further)
-        sum -= at(row, further) * at(column, further - back);
-      at(row, back) = back > 0 ? sum / at(column, 0) : std::sqrt(sum);
-    }
-}
-
-void BandedFactors::forward(std::span<double> x, std::size_t first) const {
-  for (std::size_t k = 0; k < x.size(); ++k) {
-    for (std::size_t back = 1; back <= std::min(band_, k); ++back) x[k] -= value(first + k, back) * x[k - back];
-    x[k] /= value(first + k, 0);
-  }
-}
-
-void BandedFactors::backward(std::span<double> x) const {
-  for (std::size_t k = x.size(); k-- > 0;) {
-    x[k] /= value(k, 0);
-    for (std::size_t back = 1; back <= std::min(band_, k); ++back) x[k - back] -= value(k, back) * x[k];
-  }
-}
-
 EdgeNoise::EdgeNoise(std::size_t chips, std::size_t seen, double edge_std)
     : chips_(chips), seen_(seen), normal_(chips, seen), cross_(chips * (2 * seen + 1), 0.0), right_(chips, 0.0) {
   for (std::size_t edge = 0; edge < chips; ++edge) normal_.at(edge, 0) = 1 / (edge_std * edge_std);
@@ -150,8 +125,7 @@ class Edges {
       return columns.middleRows(static_cast<Index>(rows.begin), static_cast<Index>(rows.size()));
     };
     const MatrixXd of_others = seen(others).transpose() * seen(others) - shared.transpose() * shared;
-    const VectorXd steps =
-        of_others.ldlt().solve(seen(others).transpose() * seen(left) - shared.transpose() * right.col(0));
+    VectorXd steps = of_others.ldlt().solve(seen(others).transpose() * seen(left) - shared.transpose() * right.col(0));
     VectorXd moves = right.col(0) - shared * steps;
     normal.backward({moves.data(), count()});
     for (std::size_t k = 0; k < count(); ++k)

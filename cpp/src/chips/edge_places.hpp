@@ -7,27 +7,9 @@
 #include <vector>
 
 #include "ocisac/chips/channel_estimate.hpp"
+#include "rows/banded_factors.hpp"
 
 namespace ocisac {
-
-// Cholesky factors LLᵀ of a positive definite matrix with `band` diagonals beside the main one.
-class BandedFactors {
- public:
-  BandedFactors(std::size_t size, std::size_t band) : size_(size), band_(band), values_(size * (band + 1), 0.0) {}
-
-  // Of the matrix, after factor() of L: (row, row − back).
-  [[nodiscard]] double& at(std::size_t row, std::size_t back) { return values_[row * (band_ + 1) + back]; }
-  void factor();
-  // x becomes L⁻¹x, its first element being that of row `first`, before which it is 0.
-  void forward(std::span<double> x, std::size_t first = 0) const;
-  void backward(std::span<double> x) const;  // (size) L⁻ᵀx
-
- private:
-  [[nodiscard]] double value(std::size_t row, std::size_t back) const { return values_[row * (band_ + 1) + back]; }
-
-  std::size_t size_, band_;
-  std::vector<double> values_;
-};
 
 // J of ChipEquations: gathers JᵀJ, JᵀH and Jᵀ(rows − ½) over σ² row by row, then takes what they explain off A and b.
 class EdgeNoise {

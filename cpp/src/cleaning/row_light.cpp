@@ -9,6 +9,7 @@
 #include "core/linear_algebra.hpp"
 #include "ocisac/cleaning/light_share.hpp"
 #include "ocisac/core/require.hpp"
+#include "rows/banded_factors.hpp"
 
 namespace ocisac {
 
@@ -17,11 +18,11 @@ namespace {
 constexpr std::array<std::size_t, 5> kLags{1, 2, 4, 8, 16};
 constexpr double kEvidenceOfColumns = 0.1;  // the texture of neighbouring columns is correlated
 constexpr double kMaxChange = 0.5;          // of a row in one step
-constexpr std::size_t kBand = 17;           // diagonals of the normal equations
 
-// Normal equations of the row light: H·δ = b, H[n·band + k] between rows n and n + k.
+// Normal equations of the row light: H·δ = b.
 struct RowEquations {
-  std::vector<double> matrix, right;
+  BandedFactors matrix;
+  std::vector<double> right;
 };
 
 constexpr std::size_t kLanes = 8;  // independent sums, which a compiler keeps in vector registers
@@ -61,30 +62,11 @@ void add_pair(const Cleaned& frame, std::size_t columns, std::size_t a, std::siz
     add_columns<kLanes>(frame, a * columns + column, b * columns + column, texture * texture, sums);
   for (; column < columns; ++column)
     add_columns<1>(frame, a * columns + column, b * columns + column, texture * texture, sums);
-  equations.matrix[a * kBand] += sum_of(sums.aa);
-  equations.matrix[b * kBand] += sum_of(sums.bb);
-  equations.matrix[a * kBand + (b - a)] -= sum_of(sums.ab);
+  equations.matrix.at(a, 0) += sum_of(sums.aa);
+  equations.matrix.at(b, 0) += sum_of(sums.bb);
+  equations.matrix.at(b, b - a) -= sum_of(sums.ab);
   equations.right[a] += sum_of(sums.pull_a);
   equations.right[b] += sum_of(sums.pull_b);
-}
-
-// Band Cholesky solve; the solution replaces `equations.right`.
-void solve(RowEquations& equations, std::size_t rows) {
-  std::vector<double>& h = equations.matrix;
-  std::vector<double>& x = equations.right;
-  for (std::size_t n = 0; n < rows; ++n) {
-    const double pivot = h[n * kBand];
-    const std::size_t reach = std::min(kBand, rows - n);
-    for (std::size_t i = 1; i < reach; ++i) {
-      const double factor = h[n * kBand + i] / pivot;
-      for (std::size_t j = i; j < reach; ++j) h[(n + i) * kBand + (j - i)] -= factor * h[n * kBand + j];
-      x[n + i] -= factor * x[n];
-    }
-  }
-  for (std::size_t n = rows; n-- > 0;) {
-    for (std::size_t i = 1; i < std::min(kBand, rows - n); ++i) x[n] -= h[n * kBand + i] * x[n + i];
-    x[n] /= h[n * kBand];
-  }
 }
 
 RowEquations row_equations(const BandedPicture& picture, std::span<const double> share, std::span<const double> light,
@@ -97,7 +79,7 @@ RowEquations row_equations(const BandedPicture& picture, std::span<const double>
       cleaned.slope[i] = share[i] * gain;
       cleaned.variance[i] = picture.variance[i] * gain * gain;
     }
-  RowEquations equations{std::vector<double>(rows * kBand), std::vector<double>(rows)};
+  RowEquations equations{{rows, kLags.back()}, std::vector<double>(rows)};
   const double texture = kRowTextures[std::min(static_cast<std::size_t>(step), kRowTextures.size() - 1)];
   for (const std::size_t lag : kLags)
     for (std::size_t n = 0; n + lag < rows; ++n)
@@ -113,9 +95,9 @@ std::vector<double> solve_in(std::span<const double> basis, const RowEquations& 
   Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(terms, b.rows());  // (H·B)ᵀ
   const Eigen::MatrixXd turned = b.transpose();
   for (std::size_t n = 0; n < rows; ++n)
-    for (std::size_t k = 0; k < std::min(kBand, rows - n); ++k) {
+    for (std::size_t k = 0; k <= std::min(kLags.back(), rows - 1 - n); ++k) {
       const auto one = static_cast<Eigen::Index>(n), other = static_cast<Eigen::Index>(n + k);
-      const double value = equations.matrix[n * kBand + k];
+      const double value = equations.matrix.at(n + k, k);
       moved.col(one) += value * turned.col(other);
       if (k > 0) moved.col(other) += value * turned.col(one);
     }
@@ -128,11 +110,10 @@ std::vector<double> solve_in(std::span<const double> basis, const RowEquations& 
 
 // Adds a Gaussian prior of the given deviation about the start.
 void hold_to(std::span<const double> start, std::span<const double> light, double deviation, RowEquations& equations) {
-  const double hold = 1 / (deviation * deviation);
-  for (double& value : equations.matrix) value *= kEvidenceOfColumns;
+  const double hold = 1 / (kEvidenceOfColumns * deviation * deviation);
   for (std::size_t n = 0; n < start.size(); ++n) {
-    equations.matrix[n * kBand] += hold;
-    equations.right[n] = kEvidenceOfColumns * equations.right[n] + hold * (start[n] - light[n]);
+    equations.matrix.at(n, 0) += hold;
+    equations.right[n] += hold * (start[n] - light[n]);
   }
 }
 
@@ -158,7 +139,7 @@ RowLight refine_row_light(const BandedPicture& picture, std::span<const double> 
     check_interrupt();
     RowEquations equations = row_equations(picture, share, result.light, step, cleaned);
     double most = 0;
-    for (std::size_t n = 0; n < rows; ++n) most = std::max(most, result.information[n] = equations.matrix[n * kBand]);
+    for (std::size_t n = 0; n < rows; ++n) most = std::max(most, result.information[n] = equations.matrix.at(n, 0));
     if (!(most > 0)) break;
     if (!model.basis.empty()) {
       const std::vector<double> change = solve_in(model.basis, equations, rows);
@@ -170,8 +151,10 @@ RowLight refine_row_light(const BandedPicture& picture, std::span<const double> 
     if (std::isfinite(model.deviation))
       hold_to(row_light, result.light, model.deviation, equations);
     else
-      for (std::size_t n = 0; n < rows; ++n) equations.matrix[n * kBand] += 1e-4 * most;  // for rows without pairs
-    solve(equations, rows);
+      for (std::size_t n = 0; n < rows; ++n) equations.matrix.at(n, 0) += 1e-4 * most;  // for rows without pairs
+    equations.matrix.factor();
+    equations.matrix.forward(equations.right);
+    equations.matrix.backward(equations.right);
     for (std::size_t n = 0; n < rows; ++n)
       result.light[n] = std::max(0.0, result.light[n] + std::clamp(equations.right[n], -kMaxChange, kMaxChange));
   }
