@@ -22,8 +22,9 @@ constexpr double kBrighter = 0.08;         // relative, of the mean from frame t
 constexpr double kMinVariance = 0.25;      // of a frame's rows over that of the last one with the same light
 constexpr double kNarrowTolerance = 2e-3;  // relative, of a rate estimated from frames
 constexpr double kWideTolerance = 0.02;    // relative, of a nominal rate
-constexpr double kMaxRatio = 2;            // of the noise to the last frame's; of an exposure to a stated one
+constexpr double kMaxNoiseRatio = 2;       // ratio to the last frame
 constexpr double kLittleNoise = 0.06;      // relative to the swing: excludes a lost clock in any part
+constexpr double kMaxWrongExposure = 2;    // ratio; a stated one is believed so far
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 7000;
 constexpr double kMaxSearchRows = 2048;      // rows that count for the bound of the search
 constexpr double kPreambleShare = 0.3;       // of the effort, for an exposure that a preamble shows
@@ -278,12 +279,12 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
   }
   if (!best || beside) return std::nullopt;
   const double as_before =
-      std::max(kAsNoisy * state.relative_noise, std::min(kMaxRatio * state.relative_noise, kLittleNoise));
+      std::max(kAsNoisy * state.relative_noise, std::min(kMaxNoiseRatio * state.relative_noise, kLittleNoise));
   if (best->relative_noise < as_before && keeps_clock(*best)) return best;
   if (shows_no_light(signal, frame, state)) return std::nullopt;
   auto extended = extend_reading(signal, best->channel, model.exposure_known, &frame.effort, {}, model.warped);
   if (extended && model.warped) extended = refine_warp(signal, *extended, model.exposure_known, &frame.effort);
-  if (has_rate(extended) && extended->relative_noise < kMaxRatio * state.relative_noise &&
+  if (has_rate(extended) && extended->relative_noise < kMaxNoiseRatio * state.relative_noise &&
       extended->trust != Trust::unsound)
     return extended;
   return std::nullopt;
@@ -436,7 +437,8 @@ void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) cons
                                     : std::nullopt;
     if (!other || (best.reading && other->relative_noise > kBetter * best.reading->relative_noise)) continue;
     const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
-    if (state.exposure && std::max(exposure / *state.exposure, *state.exposure / exposure) > kMaxRatio) continue;
+    if (state.exposure && std::max(exposure / *state.exposure, *state.exposure / exposure) > kMaxWrongExposure)
+      continue;
     if (!model.nuisance.empty() || model.loose_edges) model.nuisance = other->nuisance;
     best.reading = std::move(other);
     best.state.model = std::move(model);

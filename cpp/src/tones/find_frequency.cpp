@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "core/spectrum.hpp"
-#include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/constants.hpp"

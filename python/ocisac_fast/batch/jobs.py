@@ -123,9 +123,10 @@ class Work:
 
     def _measured(self, job: Job, results: Results | None) -> Report:
         path = job.entry.path
-        if not is_remote(path) and os.path.isdir(path):
+        is_local = not is_remote(path)
+        if is_local and os.path.isdir(path):
             os.scandir(path).close()  # the reason why it was not searched
-        if not is_remote(path) and os.path.exists(path) and not os.path.isfile(path):
+        if is_local and os.path.exists(path) and not os.path.isfile(path):
             raise FileError("a pipe, device or folder, allowed: a file")  # opening it could wait for ever
         if job.part is None and job.is_cut:
             cut = start_of(path, self.task, self.max_frames)
@@ -141,7 +142,7 @@ class Work:
                 found = replace(found, table=_with_cleaned(found.table, final))
         else:
             found = Measurement.of(path, self.task, part=job.part, start=job.start)
-        if not is_remote(path) and local_entry(path).state != job.entry.state:
+        if is_local and local_entry(path).state != job.entry.state:
             raise FileError("changed while it was measured")
         frames = found.facts["frames"] or 0
         if results is None:

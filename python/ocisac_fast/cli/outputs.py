@@ -15,7 +15,6 @@ from ocisac_fast.files.raw import read_whole
 from ocisac_fast.files.writing import new_files
 
 _STANDARD = "-"  # input or output
-_MOST_BYTES = 64 << 20
 
 
 class InputFile(click.Path):
@@ -37,14 +36,14 @@ def read_input(path: str | os.PathLike[str]) -> bytes:
     """All of a file that is no recording, or of standard input.
 
     Raises:
-        FileError: more than `_MOST_BYTES`.
+        FileError: more than 64 MiB.
     """
     is_standard = os.fspath(path) == _STANDARD
     try:
         if is_standard:
-            return read_whole(sys.stdin.buffer, _MOST_BYTES)
+            return read_whole(sys.stdin.buffer)
         with open(path, "rb") as file:
-            return read_whole(file, _MOST_BYTES)
+            return read_whole(file)
     except FileError as error:
         raise FileError(f"{'standard input' if is_standard else os.fspath(path)}: {error}") from error
 

@@ -411,13 +411,14 @@ def frame_rate_option(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def _table_path(ctx: click.Context, param: click.Parameter, path: str | None) -> str | None:
     """The path of a table, of a kind that can be written: its library is there before any work is done."""
-    allowed = [".csv"] if param.name == "csv" else [".csv", ".parquet", ".mat"]
+    libraries = {".parquet": pyarrow, ".mat": savemat}
+    allowed = [".csv"] if param.name == "csv" else [".csv", *libraries]
     suffix = os.path.splitext(str(path))[1].lower()
     if path not in (None, "-") and suffix not in allowed:
         option = "" if param.name != "csv" else " (--table writes .parquet and .mat)"
         raise click.UsageError(f"--{param.name}: got {path}, allowed: a name that ends with {one_of(allowed)}{option}")
-    if suffix in (".parquet", ".mat"):
-        pyarrow() if suffix == ".parquet" else savemat()
+    if suffix in libraries:
+        libraries[suffix]()
     return path
 
 

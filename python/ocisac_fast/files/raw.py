@@ -19,6 +19,7 @@ from ocisac_fast.files.recording import FileError, FileWarning, Frame, KeyFrames
 _FORMATS: dict[str, np.dtype[Any]] = {"gray8": np.dtype("u1"), "gray16le": np.dtype("<u2")}
 _FORMAT = re.compile(r"(\d{1,6})x(\d{1,6})(?::(\w+))?")
 _PIECE = 1 << 24  # bytes per read: the announced size may be absurd
+MOST_BYTES = 64 << 20  # of a file that is no recording, and read whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +79,13 @@ def _frames(file: BinaryIO, form: RawFormat) -> Iterator[Frame]:
         raise FileError("empty")
 
 
-def read_whole(file: BinaryIO, most: int) -> bytes:
+def require_at_most(most: int, count: int) -> None:
+    """Raise FileError for more bytes of a file that is read whole than are allowed."""
+    if count > most:
+        raise FileError(f"more than {most >> 20} MiB, allowed: at most these")
+
+
+def read_whole(file: BinaryIO, most: int = MOST_BYTES) -> bytes:
     """All bytes of a file, a pipe or a device.
 
     Raises:
@@ -87,9 +94,9 @@ def read_whole(file: BinaryIO, most: int) -> bytes:
     size = file.seek(0, os.SEEK_END) if file.seekable() else 0  # 0 too of a device, which may have no end
     if size:
         file.seek(0)
-    data = b"" if size > most else file.read(size) if size else bytes(read_bytes(file, most + 1))
-    if max(size, len(data)) > most:
-        raise FileError(f"more than {most >> 20} MiB, allowed: at most these")
+    require_at_most(most, size)
+    data = file.read(size) if size else bytes(read_bytes(file, most + 1))
+    require_at_most(most, len(data))
     return data
 
 

@@ -14,7 +14,7 @@ from ocisac_fast.core.checks import checked
 from ocisac_fast.files.arrays import MAGIC, open_array, stream_arrays
 from ocisac_fast.files.parts import JPEGS, parts_between
 from ocisac_fast.files.pictures import JPEG, are_jpegs, is_picture, most_bytes, next_jpeg, open_picture
-from ocisac_fast.files.raw import RawFormat, open_raw, read_whole
+from ocisac_fast.files.raw import RawFormat, open_raw, read_whole, require_at_most
 from ocisac_fast.files.recording import FileError, Frame, Part, Recording, RecordingStream
 from ocisac_fast.files.remote import RemotePath, is_remote
 from ocisac_fast.files.videos import Prefixed, open_video
@@ -145,8 +145,7 @@ def _of_pictures(head: bytes, file: BinaryIO, name: str, colour: bool) -> Record
         data += piece
         if data.startswith(JPEG) and next_jpeg(data, searched) is not None:
             return open_video(Prefixed(bytes(data), file), name, colour, container=JPEGS)  # type: ignore[arg-type]
-        if len(data) > most_bytes(head):
-            raise FileError(f"more than {most_bytes(head) >> 20} MiB, allowed: at most these")
+        require_at_most(most_bytes(head), len(data))
         searched = max(len(data) - _MARKS, 0)
     return open_picture(bytes(data))
 

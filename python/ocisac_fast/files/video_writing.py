@@ -34,12 +34,11 @@ def write_video(
     if crf is not None and not 0 <= crf <= 51:
         raise FileError(f"crf: got {crf}, allowed: 0 to 51")
     source = None if like is None else like.video
-    codec = CODECS[path.suffix.lower()]
+    suffix = path.suffix.lower()
+    codec = CODECS[suffix]
     if source is not None and (codec != "ffv1" or crf is not None):
         codec = "libx265" if source.codec == "hevc" else "libx264"
-    index_first = (
-        {} if path.suffix.lower() == ".mkv" else {"movflags": "+faststart"}
-    )  # readable from a pipe or if truncated
+    index_first = {} if suffix == ".mkv" else {"movflags": "+faststart"}  # readable from a pipe or if truncated
     with av.open(str(path), "w", options=index_first) as container, contextlib.ExitStack() as opened:
         writer: _Writer | None = None
         sound: Iterator[Any] = iter(())

@@ -28,7 +28,6 @@ from ocisac_fast.scene.scene import Scene
 Kinds = Mapping[str, Callable[..., Any]]
 Keys = tuple[str | int, ...]
 
-_MOST_BYTES = 64 << 20
 _MAX_PICTURE_PIXELS = 1 << 26  # 512 MiB as float64
 
 _SHAPES: Kinds = {"rectangle": Rectangle, "disc": Disc, "ring": Ring}
@@ -101,7 +100,7 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
     """
     with open(path, "rb") as file:
         try:
-            data = read_whole(file, _MOST_BYTES)
+            data = read_whole(file)
         except FileError as error:
             raise SceneFileError(f"{os.fspath(path)}: {error}") from error
     try:

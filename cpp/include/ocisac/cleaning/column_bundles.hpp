@@ -18,7 +18,7 @@ constexpr std::size_t slow_terms(std::size_t rows) { return 2 * rows / kSlowestR
 // One frame in at most 192 bundles of neighbouring columns, since all columns of a row have the same light.
 class ColumnBundles {
  public:
-  // Of the sum of some colours of one frame; `share`: of the light in each column, where it is known.
+  // Adds the colours of one frame: frames is 1 in each. `share` is that of the light in each column, if it is known.
   explicit ColumnBundles(std::span<const BandedPicture> colours, std::span<const double> share = {});
   explicit ColumnBundles(const BandedPicture& picture, std::span<const double> share = {})
       : ColumnBundles(std::span(&picture, 1), share) {}

@@ -22,9 +22,9 @@ struct StreamOptions {
 // from frame to frame, and gets its phase from the frame; other lights are found in each frame. Shares move with the
 // picture, and become the mean of several estimates. A slow tone is compared with up to 7 frames before, in which the
 // picture stays and the phase advances; time stamps tell how many frames are missing among them. A frame for which that
-// fails, such as the first of another scene, is cleaned as a picture again. Where none has a
-// light, the first eight and three of every 32 are searched for slow ones, and the first, second, third, fifth, ninth,
-// .. and two of every 32 for others; after a light all of eight are.
+// fails, such as the first of another scene, is cleaned as a picture again. In a film without a light the first eight
+// frames and three of every 32 are searched for slow lights, and those after 0, 1, 2, 4, 8, … frames and two of every
+// 32 for others; after a light all of the next eight are searched for both.
 class StreamCleaner {
  public:
   struct Frame {
