@@ -150,6 +150,30 @@ def test_never_a_payload_out_of_noise_or_other_light():
         assert receiver.push(rows + 0.02 * random.standard_normal(1080)).payload is None
 
 
+@pytest.mark.parametrize("kind", ["tone", "mains", "random chips"])
+def test_light_that_violates_the_line_code_has_no_bits_without_a_flag(kind):
+    """Edges off the chip clock fit a tone as well; the words of Manchester code do not."""
+    camera, rows = Camera(22.2e-6, 622e-6, frame_time=1 / 30), 22.2e-6 * np.arange(1080)[:, np.newaxis]
+    read = 0
+    for seed in range(4):
+        random, receiver = np.random.default_rng([seed, 4]), Receiver(camera, chip_rate=8e3)
+        frequency, chips = random.uniform(300, 3000), random.integers(0, 2, 4000)
+        for k in range(15):
+            times = k / 30 + rows
+            light = {
+                "tone": 0.5 + 0.4 * np.sin(2 * np.pi * frequency * times),
+                "mains": 0.5 + 0.5 * np.abs(np.sin(2 * np.pi * 50 * times)),
+                "random chips": np.mean(
+                    [chips[(8e3 * (times - late)).astype(int)] for late in np.linspace(0, 622e-6, 51)], axis=0
+                ),
+            }[kind]
+            picture = 60 + 100 * light + random.normal(0, 2, (1080, 64))
+            frame = receiver.push(np.clip(np.rint(picture), 0, 255).astype(np.uint8))
+            read += bool(frame.bits)
+            assert frame.flags or not frame.bits
+    assert read > 0
+
+
 def test_a_stream_that_begins_anew_is_believed_after_eight_frames():
     """A count from 0 again, and another picture size: neither may leave the receiver deaf."""
     light = Light(b"anew", seed=9, noise=0.01)

@@ -41,7 +41,7 @@ constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, aft
 void describe(const FrameReading& reading, const FrameRows& rows, const RowReader& reader, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
   std::vector<double> llr = reliable_llr(reading);
-  agree_with_code(llr, reader.options().format);
+  const bool agrees = agree_with_code(llr, reader.options().format);
   const bool in_doubt = reading.pause && !reading.pause->is_sure();
   const ChipGrid whole = whole_chips(channel.clock, rows.signal.size());
   for (std::size_t k = 0; k < whole.count; ++k) {
@@ -61,7 +61,7 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   result.snr = std::min(std::pow(0.5 / std::max(reading.relative_noise, 1e-300), 2), kMaxSnr);
   result.error_rate = expected_errors(result.llr) / static_cast<double>(result.llr.size());
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
-  if (reading.trust != Trust::fits || in_doubt) result.flags |= flag::model_misfit;
+  if (reading.trust != Trust::fits || !agrees || in_doubt) result.flags |= flag::model_misfit;
   if (chip_period(whole_bits(reading, rows.signal.size()))) result.flags |= flag::periodic;
 }
 

@@ -142,10 +142,10 @@ std::vector<double> code_weights(const FrameReading& reading) {
   return weights;
 }
 
-void agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
+bool agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
   const LineCode& code = format.line_code;
   const std::size_t word = code.chips_per_word();
-  if (code.bits_per_word() == word || llr.size() < 2 * word) return;
+  if (code.bits_per_word() == word || llr.size() < 2 * word) return true;
   const std::size_t words_of_preamble = (preamble_chips(format.preamble).size() + word - 1) / word;
   const auto per_preamble = static_cast<double>(words_of_preamble);
   const double preambles = std::ceil(static_cast<double>(llr.size()) / static_cast<double>(block_chips(format)));
@@ -157,13 +157,14 @@ void agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
     std::ranges::transform(llr, turned.begin(), std::negate{});
     seen = std::min(seen, violations(turned, code) - allowed);  // the light may be dark for 1
   }
-  if (seen <= expected + kMinDeviations * std::sqrt(expected + 1)) return;
+  if (seen <= expected + kMinDeviations * std::sqrt(expected + 1)) return true;
   double low = 0, high = 1;
   for (int k = 0; k < kHalvings; ++k) {
     const double scale = 0.5 * (low + high);
     (expected_errors(llr, scale) > kWrongPerViolation * seen ? low : high) = scale;
   }
   for (double& value : llr) value *= high;
+  return false;
 }
 
 }  // namespace ocisac
