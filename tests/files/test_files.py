@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import io
+import math
 import os
 import re
 import select
@@ -294,6 +295,19 @@ with open_recording({str(path)!r}) as stream:
     assert re.search(r"a\.npy: truncated", last)
 
 
+@pytest.mark.parametrize(
+    ("shape", "fortran"), [((200_000, 200_000), False), ((3, 100_000, 50_000), False), ((3, 2, 9 << 30), True)]
+)
+def test_a_frame_of_many_gigabytes_is_refused_before_it_is_read(tmp_path, shape, fortran):
+    """Sparse: it takes no room on the disk, and all of the memory."""
+    path = tmp_path / "a.npy"
+    with open(path, "wb") as file:
+        np.lib.format.write_array_header_1_0(file, {"descr": "|u1", "fortran_order": fortran, "shape": shape})
+        file.truncate(file.tell() + math.prod(shape))
+    with open_recording(path) as stream, pytest.raises(FileError, match=r"a\.npy: more than 4096 MiB"):
+        next(iter(stream))
+
+
 PEAK = """
 import sys
 from ocisac_fast.files import FileError, read_frames
@@ -430,7 +444,7 @@ def damaged_files():
         "pgm without a size": (b"P5 abc\n", "damaged PNM header"),
         "pgm of nothing": (b"P5 0 100 255\n", "PNM picture of 0 x 100"),
         "half an array": (npy_bytes(picture)[:-9], "truncated"),
-        "absurd array": (absurd_array.getvalue(), "truncated"),
+        "absurd array": (absurd_array.getvalue(), "truncated|more than 4096 MiB"),
         "array header": (npy_bytes(picture)[:30], r"damaged \.npy file"),
         "objects": (npy_bytes(np.array([{}], dtype=object)), "array of object"),
         "strings": (npy_bytes(np.array(["a"])), "array of <U1"),

@@ -20,6 +20,7 @@ _FORMATS: dict[str, np.dtype[Any]] = {"gray8": np.dtype("u1"), "gray16le": np.dt
 _FORMAT = re.compile(r"(\d{1,6})x(\d{1,6})(?::(\w+))?")
 _PIECE = 1 << 24  # bytes per read: the announced size may be absurd
 MOST_BYTES = 64 << 20  # of a file that is no recording, and read whole
+_MOST_FRAME_BYTES = 4 << 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +81,7 @@ def _frames(file: BinaryIO, form: RawFormat) -> Iterator[Frame]:
 
 
 def require_at_most(most: int, count: int) -> None:
-    """Raise FileError for more bytes of a file that is read whole than are allowed."""
+    """Raise FileError for more bytes of a file or a frame that is read whole than are allowed."""
     if count > most:
         raise FileError(f"more than {most >> 20} MiB, allowed: at most these")
 
@@ -101,7 +102,12 @@ def read_whole(file: BinaryIO, most: int = MOST_BYTES) -> bytes:
 
 
 def read_bytes(file: BinaryIO, count: int) -> bytearray:
-    """Read ``count`` bytes, or fewer at the end of the stream."""
+    """Read ``count`` bytes, or fewer at the end of the stream.
+
+    Raises:
+        FileError: more than a frame may have.
+    """
+    require_at_most(_MOST_FRAME_BYTES, count)
     data = bytearray()
     while len(data) < count and (piece := file.read(min(count - len(data), _PIECE))):
         data += piece
