@@ -37,6 +37,22 @@ def rms_bound(frequency, rows, amplitude, sigma, trend_degree):
     return sigma * np.sqrt(np.mean(1 / (rest**2).sum(axis=0)))
 
 
+def test_columns_of_opposite_or_turning_phase_are_flagged():
+    """A chessboard and slanting stripes are periodic along the rows of each column; a lamp over texture is a light."""
+    camera = Camera(22.2e-6, 100e-6)
+    row, column = np.mgrid[:480, :640]
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        side, slope = rng.integers(5, 60), rng.uniform(0.06, 1)
+        chessboard = 30 + 180 * ((row // side + column // side) % 2)
+        stripes = 120 + 60 * np.sin((row + slope * column) / rng.uniform(3, 12))
+        texture = 120 + np.cumsum(rng.normal(0, 3, 640))
+        lamp = texture * (1 + 0.1 * np.sin(row / rng.uniform(1, 12)))
+        for pattern, expected in ((chessboard, Flag.MODEL_MISFIT), (stripes, Flag.MODEL_MISFIT), (lamp, 0)):
+            frame = (pattern + rng.normal(0, 2, row.shape)).clip(0, 255).astype(np.uint8)
+            assert oc.find_frequency(frame, camera).flags & (Flag.MODEL_MISFIT | Flag.NO_TONE) == expected
+
+
 def test_a_jump_of_the_phase_is_flagged():
     """Lost or repeated rows; a lamp that fades along the rows has none."""
     camera = Camera(22.2e-6, 300e-6)

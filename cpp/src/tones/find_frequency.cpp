@@ -461,6 +461,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   PeriodicFit all;
   std::vector<std::uint8_t> used;
   std::size_t per_frame = 1;
+  double coherence = 1;
   const auto combined = [&](double frequency) {
     const auto model = periodic_model(frequency, blocks.rows, kComparedHarmonics);
     all = parts.fit(model, frequency);
@@ -468,6 +469,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
                                                       : std::vector<std::uint8_t>(blocks.blocks, 1);
     CombinedTone tone = combined_signals(blocks, used, model, all);
     per_frame = tone.per_frame;
+    coherence = tone.coherence;
     return Signals{std::move(tone.signals), blocks.rows};
   };
   Signals signals = combined(sighting.frequency);
@@ -483,7 +485,9 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   if ((!sighting.in_parts && !sighting.in_sum) || !is_significant(signals, final.fit, final.model, signals.count()))
     flags |= flag::no_tone;
   constexpr double kJump = 0.075;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
-  if (has_weak_fundamental(signals, final.fit.frequency, range) || wander(residual, signals.rows, final) > kJump)
+  constexpr double kMinCoherence = 0.5;  // texture: below 0.1; stripes that slant by a cycle over the columns: 0.1
+  if (has_weak_fundamental(signals, final.fit.frequency, range) || wander(residual, signals.rows, final) > kJump ||
+      coherence < kMinCoherence)
     flags |= flag::model_misfit;
   const double noise = final.noise_power * rows * static_cast<double>(signals.count());
   return {final.fit.frequency,          std,   sum(final.fit.periodic_energy) / noise,

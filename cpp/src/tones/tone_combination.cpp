@@ -60,12 +60,16 @@ CombinedTone combine_by_tone(std::span<const double> signals, std::size_t rows, 
   const double noise = 2 / static_cast<double>(rows) * fit.total_residual() / spare;
   std::vector<Weights> weights;
   bool two = false;
+  double resultant = 0, lengths = 0;
   for (Index first = 0; first < y.cols(); first += members) {
-    weights.push_back(principal(shrunken(amplitudes.middleRows(first, members), noise)));
+    const MatrixX2d estimated = shrunken(amplitudes.middleRows(first, members), noise);
+    resultant += estimated.colwise().sum().norm();
+    lengths += estimated.rowwise().norm().sum();
+    weights.push_back(principal(estimated));
     two = two || (group > 1 && weights.back().energies(1) >
                                    std::max(chance_energy(group) * noise, 1e-9 * weights.back().energies(0)));
   }
-  CombinedTone out{{}, two ? 2U : 1U};
+  CombinedTone out{{}, two ? 2U : 1U, lengths > 0 ? resultant / lengths : 1};
   out.signals.resize(weights.size() * out.per_frame * rows);
   Eigen::Map<MatrixXd> combined(out.signals.data(), length, static_cast<Index>(weights.size() * out.per_frame));
   const auto kept = static_cast<Index>(out.per_frame);

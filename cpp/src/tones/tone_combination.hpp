@@ -12,6 +12,7 @@ namespace ocisac {
 struct CombinedTone {
   std::vector<double> signals;  // (frames · per_frame × rows)
   std::size_t per_frame;        // 1, or 2 where the columns differ in phase
+  double coherence;             // |Σ a| / Σ |a| over the amplitudes a of a frame's signals: 1 if all have one phase
 };
 
 // Weighted sums of the `group` neighbouring signals of each frame. The weights are the signals' amplitudes (of the

@@ -52,7 +52,8 @@ class FoundFrequency(Result):
             of the tone, an error that the standard error excludes), ``AT_BOUND``, ``SATURATED`` (more than a tenth of
             the selected pixels, and no better columns exist), ``MODEL_MISFIT`` (half or a third of the frequency shows
             as well, with less than half of the amplitude: it may be the fundamental; or the phase jumps along the rows,
-            as where rows are lost or repeated).
+            as where rows are lost or repeated; or the columns show as many phases as a chessboard, a cloth or lamps of
+            different phases).
     """
 
     frequency: float
