@@ -25,29 +25,28 @@ Instants::Instants(std::span<const double> x) : x_(x), first_(x.front()), last_(
   last_ = most;
 }
 
-CountedCycles Instants::counted(Count kind, DoubleDouble step, std::size_t first, std::size_t count) {
-  const auto is_asked = [&](const Table& table) { return table.kind == kind && table.step == step; };
+CountedCycles Instants::counted(bool fractions, DoubleDouble step, std::size_t first, std::size_t count) {
+  const auto is_asked = [&](const Table& table) { return table.fractions == fractions && table.step == step; };
   if (const auto known = std::ranges::find_if(tables_, is_asked); known != tables_.end()) return known->from(first);
   if ((tables_.size() + 1) * x_.size() <= kMostKept) {
-    Table table{kind, step, {}, {}};
+    Table table{fractions, step, {}, {}};
     count_all(x_, table);
     return tables_.emplace_back(std::move(table)).from(first);
   }
-  block_.kind = kind;
+  block_.fractions = fractions;
   block_.step = step;
   count_all(x_.subspan(first, count), block_);
   return block_.from(0);
 }
 
 void Instants::count_all(std::span<const double> x, Table& table) const {
-  const bool fractions = table.kind == Count::fractions;
   const double far = std::max(std::abs(first_), std::abs(last_)) * std::abs(table.step.high);
-  const double grid = std::ldexp(1.0, std::ilogb(fractions ? 0.5 : far + 2) - 50);
+  const double grid = std::ldexp(1.0, std::ilogb(table.fractions ? 0.5 : far + 2) - 50);
   const std::size_t length = x.size() + kernels::kMaxReadAhead;
   double *const coarse = table.memory.at_least(2 * length), *const fine = coarse + length;
   std::fill(coarse + x.size(), fine, 0.0);
   std::fill(fine + x.size(), fine + length, 0.0);
-  kernels::count_cycles(table.step, grid, fractions, x, coarse, fine);
+  kernels::count_cycles(table.step, grid, table.fractions, x, coarse, fine);
   table.cycles = {coarse, fine, grid};
 }
 

@@ -31,14 +31,13 @@ class Instants {
   // True if each x lies one step, 0 or more, after the previous one.
   bool is_even() const { return even_; }
 
-  enum class Count { cycles, fractions };
   // Counts the cycles of x[first] … x[first + count - 1], |x·step| < 2^50; the next call may overwrite them. Fractions
   // have a fine grid at any x; that of cycles grows with the largest count.
-  CountedCycles counted(Count kind, DoubleDouble step, std::size_t first, std::size_t count);
+  CountedCycles counted(bool fractions, DoubleDouble step, std::size_t first, std::size_t count);
 
  private:
   struct Table {
-    Count kind = Count::cycles;
+    bool fractions = false;
     DoubleDouble step;
     CountedCycles cycles;
     AlignedMemory<double> memory;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <utility>
 #include <vector>
 
@@ -17,37 +16,27 @@ namespace {
 constexpr std::int64_t kMaxRow = std::int64_t{1} << 52;  // numbers up to it are exact in double
 constexpr std::size_t kBlock = 2048;
 
-// A waveform prepared for integration: its steady light and its varying elements.
-class Light {
- public:
-  Light(const Waveform& waveform, const Exposures& exposures) {
-    for (const auto& term : waveform.terms()) {
-      if (term.factors.empty())
-        steady_ += term.coefficient;
-      else if (term.factors.size() == 1)
-        parts_.emplace_back(term.coefficient, term.factors.front()->mean_light(exposures));
-      else
-        parts_.emplace_back(term.coefficient, product_light(term.factors, exposures));
+// out[i]: mean light over exposure i.
+void fill(const Waveform& waveform, const Exposures& exposures, std::span<double> out) {
+  double steady = 0;
+  std::vector<std::pair<double, MeanLight>> parts;
+  for (const auto& [coefficient, factors] : waveform.terms()) {
+    if (factors.empty())
+      steady += coefficient;
+    else
+      parts.emplace_back(coefficient, factors.size() == 1 ? factors.front()->mean_light(exposures)
+                                                          : product_light(factors, exposures));
+  }
+  for (std::size_t first = 0; first < out.size(); first += kBlock) {
+    check_interrupt();
+    kernels::MeansOutput to{out.subspan(first, std::min(kBlock, out.size() - first)), false, steady};
+    if (parts.empty()) std::ranges::fill(to.means, steady);
+    for (const auto& [coefficient, part] : parts) {
+      part(first, coefficient, to);
+      to.adds = true;
     }
   }
-
-  // out[i]: exposure i.
-  void fill(std::span<double> out) const {
-    for (std::size_t first = 0; first < out.size(); first += kBlock) {
-      check_interrupt();
-      kernels::MeansOutput to{out.subspan(first, std::min(kBlock, out.size() - first)), false, steady_};
-      if (parts_.empty()) std::ranges::fill(to.means, steady_);
-      for (const auto& [coefficient, part] : parts_) {
-        part->write(first, coefficient, to);
-        to.adds = true;
-      }
-    }
-  }
-
- private:
-  double steady_ = 0;
-  std::vector<std::pair<double, std::unique_ptr<MeanLight>>> parts_;
-};
+}
 
 void require_one_each(std::size_t asked, std::size_t given) {
   require(asked == given, "out", given, "as many values as are asked for");
@@ -76,7 +65,7 @@ void require_exact(std::span<const std::int64_t> rows, const Instants& numbers) 
 void integrate(const Waveform& waveform, const Camera& camera, double start, std::int64_t frame, Instants& rows,
                std::span<double> out) {
   const TimeLine line{frame_start(camera, start, frame), camera.row_time};
-  Light(waveform, {line, known_exposure(camera, "the light that it collects"), rows}).fill(out);
+  fill(waveform, {line, known_exposure(camera, "the light that it collects"), rows}, out);
 }
 
 }  // namespace
@@ -113,7 +102,7 @@ void sample_waveform(const Waveform& waveform, std::span<const double> times, st
   if (times.empty()) return;
   for (double time : times) require_finite("times", time);
   Instants instants(times);
-  Light(waveform, {TimeLine{}, 0, instants}).fill(out);
+  fill(waveform, {TimeLine{}, 0, instants}, out);
 }
 
 }  // namespace ocisac

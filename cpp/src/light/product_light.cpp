@@ -80,22 +80,23 @@ std::vector<Step> merged_steps(const WaveformFactors& factors, const Stretch& st
 }
 
 // All rows from one set of pieces.
-class PiecesLight final : public MeanLight {
+class PiecesLight {
  public:
   PiecesLight(const WaveformFactors& factors, const Exposures& exposures, const Stretch& stretch)
       : exposure_(exposures.exposure),
         line_{exposures.line.origin - stretch.origin, exposures.line.step},
-        x_(exposures.instants.x()) {
+        x_(exposures.instants.x()),
+        pieces_(merged_steps(factors, stretch)) {
     for (const Cosine& cosine : cosines_of(factors)) {
       const CycleCounter counter(cosine.frequency, stretch.line(), cosine.turns);
       counter.require_countable(0, stretch.length, "frequency");
       const double frequency = cosine.frequency.value();
       cosines_.push_back({cosine.amplitude, frequency, sinc(frequency * exposure_), counter});
     }
-    add_up(merged_steps(factors, stretch), stretch.length);
+    add_up(stretch.length);
   }
 
-  void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
+  void operator()(std::size_t first, double scale, const kernels::MeansOutput& to) const {
     for (std::size_t i = 0; i < to.means.size(); ++i) to.put(i, scale * mean_before(line_.at(x_[first + i])));
   }
 
@@ -106,19 +107,14 @@ class PiecesLight final : public MeanLight {
     double exposure_gain;  // sinc over a whole exposure
     CycleCounter counter;
   };
-  struct Piece {
-    Step line;
-    DoubleDouble before;  // light·seconds of all earlier pieces
-  };
-
-  void add_up(const std::vector<Step>& lines, double length) {
-    pieces_.reserve(lines.size());
+  void add_up(double length) {
+    before_.reserve(pieces_.size());
     DoubleDouble total;
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-      pieces_.push_back({lines[i], total});
-      const DoubleDouble end = i + 1 < lines.size() ? lines[i + 1].begin : DoubleDouble{length, 0};
-      const double width = (end - lines[i].begin).value();
-      total = total + exact_product(width, mean(lines[i], lines[i].begin, width));
+    for (std::size_t i = 0; i < pieces_.size(); ++i) {
+      before_.push_back(total);
+      const DoubleDouble end = i + 1 < pieces_.size() ? pieces_[i + 1].begin : DoubleDouble{length, 0};
+      const double width = (end - pieces_[i].begin).value();
+      total = total + exact_product(width, mean(pieces_[i], pieces_[i].begin, width));
     }
   }
 
@@ -141,7 +137,7 @@ class PiecesLight final : public MeanLight {
   }
 
   std::size_t piece_at(DoubleDouble time) const {
-    const auto later = [](DoubleDouble at, const Piece& piece) { return at < piece.line.begin; };
+    const auto later = [](DoubleDouble at, const Step& piece) { return at < piece.begin; };
     const auto next = std::upper_bound(pieces_.begin() + 1, pieces_.end(), time, later);
     return static_cast<std::size_t>(next - pieces_.begin()) - 1;
   }
@@ -150,13 +146,12 @@ class PiecesLight final : public MeanLight {
     const DoubleDouble begin = end - DoubleDouble{exposure_, 0};
     const std::size_t first = piece_at(begin);
     const std::size_t last = piece_at(end);
-    if (first == last) return mean(pieces_[first].line, begin, exposure_);
-    const Piece& second = pieces_[first + 1];
-    const double head = (second.line.begin - begin).value();
-    const double tail = (end - pieces_[last].line.begin).value();
-    const double between = (pieces_[last].before - second.before).value();
-    return (head * mean(pieces_[first].line, begin, head) + between +
-            tail * mean(pieces_[last].line, pieces_[last].line.begin, tail)) /
+    if (first == last) return mean(pieces_[first], begin, exposure_);
+    const double head = (pieces_[first + 1].begin - begin).value();
+    const double tail = (end - pieces_[last].begin).value();
+    const double between = (before_[last] - before_[first + 1]).value();
+    return (head * mean(pieces_[first], begin, head) + between +
+            tail * mean(pieces_[last], pieces_[last].begin, tail)) /
            exposure_;
   }
 
@@ -164,31 +159,26 @@ class PiecesLight final : public MeanLight {
   TimeLine line_;  // counts from the stretch's origin
   std::span<const double> x_;
   std::vector<CountedCosine> cosines_;
-  std::vector<Piece> pieces_;
+  std::vector<Step> pieces_;
+  std::vector<DoubleDouble> before_;  // each: light·seconds of all earlier pieces
 };
 
 // Exposure 0: the product of the factors' values.
-class PointsLight final : public MeanLight {
- public:
-  PointsLight(const WaveformFactors& factors, const Exposures& exposures) {
-    for (const auto& factor : factors) lights_.push_back(factor->mean_light(exposures));
-  }
-
-  void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
+MeanLight light_of_points(const WaveformFactors& factors, const Exposures& exposures) {
+  std::vector<MeanLight> lights;
+  for (const auto& factor : factors) lights.push_back(factor->mean_light(exposures));
+  return [lights = std::move(lights)](std::size_t first, double scale, const kernels::MeansOutput& to) {
     for (std::size_t i = 0; i < to.means.size(); ++i) {
       double product = scale;
-      for (const auto& light : lights_) {
+      for (const MeanLight& light : lights) {
         double value = 0;
-        light->write(first + i, 1, {{&value, 1}});
+        light(first + i, 1, {{&value, 1}});
         product *= value;
       }
       to.put(i, product);
     }
-  }
-
- private:
-  std::vector<std::unique_ptr<MeanLight>> lights_;
-};
+  };
+}
 
 Stretch stretch_of(const Exposures& exposures) {
   const DoubleDouble origin = exposures.line.at(exposures.instants.first()) - DoubleDouble{exposures.exposure, 0};
@@ -202,35 +192,26 @@ double max_pieces(const WaveformFactors& factors, double length) {
 }
 
 // Rows far apart: the pieces of each row are counted separately.
-class SparseLight final : public MeanLight {
- public:
-  SparseLight(WaveformFactors factors, const Exposures& exposures)
-      : factors_(std::move(factors)), exposures_(exposures) {}
-
-  void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
+MeanLight sparse_light(const WaveformFactors& factors, const Exposures& exposures) {
+  return [factors, exposures](std::size_t first, double scale, const kernels::MeansOutput& to) {
     for (std::size_t i = 0; i < to.means.size(); ++i) {
       check_interrupt();
-      Instants instant(exposures_.instants.x().subspan(first + i, 1));
-      const Exposures one{exposures_.line, exposures_.exposure, instant};
-      PiecesLight(factors_, one, stretch_of(one)).write(0, scale, {to.means.subspan(i, 1), to.adds, to.steady});
+      Instants instant(exposures.instants.x().subspan(first + i, 1));
+      const Exposures one{exposures.line, exposures.exposure, instant};
+      PiecesLight(factors, one, stretch_of(one))(0, scale, {to.means.subspan(i, 1), to.adds, to.steady});
     }
-  }
-
- private:
-  WaveformFactors factors_;
-  Exposures exposures_;
-};
+  };
+}
 
 }  // namespace
 
-std::unique_ptr<MeanLight> product_light(const WaveformFactors& factors, const Exposures& exposures) {
-  if (exposures.exposure < kShortestExposure) return std::make_unique<PointsLight>(factors, exposures);
+MeanLight product_light(const WaveformFactors& factors, const Exposures& exposures) {
+  if (exposures.exposure < kShortestExposure) return light_of_points(factors, exposures);
   const Stretch stretch = stretch_of(exposures);
-  if (max_pieces(factors, stretch.length) <= kMaxPieces)
-    return std::make_unique<PiecesLight>(factors, exposures, stretch);
+  if (max_pieces(factors, stretch.length) <= kMaxPieces) return PiecesLight(factors, exposures, stretch);
   const double pieces = max_pieces(factors, exposures.exposure);
   require(pieces <= kMaxPieces, "exposure", std::to_string(pieces) + " edges of a product", "at most 2^22 edges");
-  return std::make_unique<SparseLight>(factors, exposures);
+  return sparse_light(factors, exposures);
 }
 
 }  // namespace ocisac

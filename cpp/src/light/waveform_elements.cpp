@@ -21,6 +21,10 @@ TimeLine delayed(TimeLine line, double delay) {
   return line;
 }
 
+Exposures delayed(const Exposures& exposures, double delay) {
+  return {delayed(exposures.line, delay), exposures.exposure, exposures.instants};
+}
+
 // Cycles of a set of exposures, counted as they are for one of them and as kernels need them for many.
 class CycleCounts {
  public:
@@ -32,8 +36,8 @@ class CycleCounts {
   Position at(std::size_t i) const { return counter_.at(instants_.x()[i]); }
   const CycleCounter& counter() const { return counter_; }
 
-  kernels::Cycles from(std::size_t first, std::size_t count, Instants::Count kind) const {
-    const CountedCycles counted = instants_.counted(kind, counter_.step(), first, count);
+  kernels::Cycles from(std::size_t first, std::size_t count, bool fractions) const {
+    const CountedCycles counted = instants_.counted(fractions, counter_.step(), first, count);
     return {counted.coarse, counted.fine, counter_.origin_rest(counted.grid)};
   }
 
@@ -51,29 +55,6 @@ class CycleCounts {
 
 // --- Tone: A/2·(1 + depth·sinc(f T_e)·cos(phase in mid-exposure)) ---
 
-class ToneLight final : public MeanLight {
- public:
-  ToneLight(const Tone& tone, Exposures exposures)
-      : half_amplitude_(tone.amplitude / 2),
-        swing_(tone.depth * sinc(cycles_of(tone.frequency, exposures.exposure, "frequency").value())),
-        in_mid_exposure_(counted(tone, exposures)) {}
-
-  void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
-    kernels::write_means(kernels::ToneMeans{scale * half_amplitude_, swing_},
-                         in_mid_exposure_.from(first, to.means.size(), Instants::Count::fractions), to);
-  }
-
- private:
-  static CycleCounts counted(const Tone& tone, Exposures exposures) {
-    exposures.line = delayed(exposures.line, exposures.exposure / 2);
-    return {tone.frequency, exposures, turns(tone.phase), "frequency"};
-  }
-
-  double half_amplitude_;
-  double swing_;
-  CycleCounts in_mid_exposure_;
-};
-
 class ToneElement final : public WaveformElement {
  public:
   explicit ToneElement(const Tone& tone) : tone_(tone) {
@@ -83,8 +64,15 @@ class ToneElement final : public WaveformElement {
     require(tone.depth >= 0 && tone.depth <= 1, "depth", tone.depth, "from 0 to 1");
   }
 
-  std::unique_ptr<MeanLight> mean_light(const Exposures& exposures) const override {
-    return std::make_unique<ToneLight>(tone_, exposures);
+  MeanLight mean_light(const Exposures& exposures) const override {
+    const double half = tone_.amplitude / 2;
+    const double swing = tone_.depth * sinc(cycles_of(tone_.frequency, exposures.exposure, "frequency").value());
+    const CycleCounts in_mid_exposure(tone_.frequency, delayed(exposures, exposures.exposure / 2), turns(tone_.phase),
+                                      "frequency");
+    return [=](std::size_t first, double scale, const kernels::MeansOutput& to) {
+      kernels::write_means(kernels::ToneMeans{scale * half, swing}, in_mid_exposure.from(first, to.means.size(), true),
+                           to);
+    };
   }
 
   double peak() const override { return std::abs(tone_.amplitude); }
@@ -100,47 +88,6 @@ class ToneElement final : public WaveformElement {
 
 // --- Square wave: each whole period adds the duty; the remainder of the exposure overlaps at most two pulses ---
 
-class SquareLight final : public MeanLight {
- public:
-  SquareLight(const SquareWave& wave, const Exposures& exposures)
-      : amplitude_(wave.amplitude),
-        duty_(wave.duty),
-        length_(cycles_of(wave.frequency, exposures.exposure, "frequency")),
-        whole_(std::floor(length_.value())),
-        part_(part_of(length_, whole_)),
-        // counts the cycles at the middle of the remaining part, for a point at its end
-        counts_(wave.frequency, exposures, turns(wave.phase) - part_ / 2, "frequency") {}
-
-  void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
-    if (is_point(length_)) return write_points(first, scale * amplitude_, to);
-    const DoubleDouble both = part_ + DoubleDouble{duty_, 0};
-    const double least = (both - DoubleDouble{1, 0}).value();
-    const kernels::SquareMeans means{scale * amplitude_, length_.value(),      whole_ * duty_,
-                                     both / 2,           std::max(least, 0.0), std::min(duty_, part_.value())};
-    kernels::write_means(means, counts_.from(first, to.means.size(), Instants::Count::fractions), to);
-  }
-
- private:
-  static DoubleDouble part_of(DoubleDouble length, double whole) {
-    const DoubleDouble part = length - DoubleDouble{whole, 0};
-    return part.high > 0 ? part : DoubleDouble{};
-  }
-
-  void write_points(std::size_t first, double level, const kernels::MeansOutput& to) const {
-    for (std::size_t i = 0; i < to.means.size(); ++i) {
-      const Position at = counts_.at(first + i);
-      const double rest = at.fraction < 0 ? -at.rest : at.rest;
-      to.put(i, duty_ / 2 - std::abs(at.fraction) - rest > 0 ? level : 0);
-    }
-  }
-
-  double amplitude_, duty_;
-  DoubleDouble length_;  // of the exposure, in cycles
-  double whole_;         // of those
-  DoubleDouble part_;    // what is left of it
-  CycleCounts counts_;
-};
-
 class SquareElement final : public WaveformElement {
  public:
   explicit SquareElement(const SquareWave& wave) : wave_(wave) {
@@ -150,8 +97,33 @@ class SquareElement final : public WaveformElement {
     require_finite("phase", wave.phase);
   }
 
-  std::unique_ptr<MeanLight> mean_light(const Exposures& exposures) const override {
-    return std::make_unique<SquareLight>(wave_, exposures);
+  MeanLight mean_light(const Exposures& exposures) const override {
+    const double duty = wave_.duty, amplitude = wave_.amplitude;
+    const DoubleDouble length = cycles_of(wave_.frequency, exposures.exposure, "frequency");
+    const double whole = std::floor(length.value());
+    const DoubleDouble rest = length - DoubleDouble{whole, 0}, part = rest.high > 0 ? rest : DoubleDouble{};
+    // counts the cycles at the middle of the remaining part, for a point at its end
+    const CycleCounts counts(wave_.frequency, exposures, turns(wave_.phase) - part / 2, "frequency");
+    if (is_point(length))
+      return [=](std::size_t first, double scale, const kernels::MeansOutput& to) {
+        for (std::size_t i = 0; i < to.means.size(); ++i) {
+          const Position at = counts.at(first + i);
+          const double further = at.fraction < 0 ? -at.rest : at.rest;
+          to.put(i, duty / 2 - std::abs(at.fraction) - further > 0 ? scale * amplitude : 0);
+        }
+      };
+    const DoubleDouble both = part + DoubleDouble{duty, 0};
+    const kernels::SquareMeans means{amplitude,
+                                     length.value(),
+                                     whole * duty,
+                                     both / 2,
+                                     std::max((both - DoubleDouble{1, 0}).value(), 0.0),
+                                     std::min(duty, part.value())};
+    return [=](std::size_t first, double scale, const kernels::MeansOutput& to) {
+      kernels::SquareMeans scaled = means;
+      scaled.level *= scale;
+      kernels::write_means(scaled, counts.from(first, to.means.size(), true), to);
+    };
   }
 
   double peak() const override { return std::abs(wave_.amplitude); }
@@ -232,11 +204,6 @@ struct Cells {
     before_low.back() = after.low;
   }
 
-  kernels::CellTables tables() const {
-    return {chain.data() + 1, has_slopes ? slopes.data() + 1 : nullptr, has_lows ? before_low.data() : nullptr,
-            count()};
-  }
-
   DoubleDouble before(std::int64_t k) const {
     const auto at = static_cast<std::size_t>(std::min(k, count()));
     return {chain[2 * at + 1], before_low[at]};
@@ -281,11 +248,11 @@ struct Cells {
   }
 };
 
-class CellsLight final : public MeanLight {
+class CellsLight {
  public:
   CellsLight(const Cells& cells, double amplitude, double rate, double start, const char* rate_name,
              const Exposures& exposures)
-      : cells_(cells), amplitude_(amplitude), counts_(counted(start, rate, rate_name, exposures)) {
+      : cells_(cells), amplitude_(amplitude), counts_(rate, delayed(exposures, start), {}, rate_name) {
     DoubleDouble length = cycles_of(rate, exposures.exposure, rate_name);
     point_ = is_point(length);
     length_ = length.value();
@@ -299,9 +266,8 @@ class CellsLight final : public MeanLight {
     fits_tables_ = length_ > kMinLength && cells.decays.empty() && (cells.repeat || is_inside(exposures.instants));
   }
 
-  void write(std::size_t first, double scale, const kernels::MeansOutput& to) const override {
-    if (fits_tables_)
-      return kernels::write_means(means(scale), counts_.from(first, to.means.size(), Instants::Count::cycles), to);
+  void operator()(std::size_t first, double scale, const kernels::MeansOutput& to) const {
+    if (fits_tables_) return kernels::write_means(means(scale), counts_.from(first, to.means.size(), false), to);
     cells_.decays.empty() ? write_means<false>(first, scale, to) : write_means<true>(first, scale, to);
   }
 
@@ -317,7 +283,10 @@ class CellsLight final : public MeanLight {
 
   kernels::CellMeans means(double scale) const {
     const double whole = std::floor(part_), origin = counts_.counter().origin_whole();
-    return {cells_.tables(),
+    return {cells_.chain.data() + 1,
+            cells_.has_slopes ? cells_.slopes.data() + 1 : nullptr,
+            cells_.has_lows ? cells_.before_low.data() : nullptr,
+            cells_.count(),
             static_cast<std::int64_t>(std::fmod(origin, static_cast<double>(cells_.count()))),
             counts_.are_even(),
             counts_.per_exposure(),
@@ -336,11 +305,6 @@ class CellsLight final : public MeanLight {
       const auto cell = static_cast<std::int64_t>(end.whole) - (below ? 1 : 0);
       to.put(i, scale * amplitude_ * mean_before<decays>(cells_.inside_round(cell), below ? offset + 1 : offset));
     }
-  }
-
-  static CycleCounts counted(double start, double rate, const char* rate_name, Exposures exposures) {
-    exposures.line = delayed(exposures.line, start);
-    return {rate, exposures, {}, rate_name};
   }
 
   // Mean light of the exposure that ends `offset` cells after the start of `cell`.
@@ -405,8 +369,8 @@ class CellsElement final : public WaveformElement {
     if (samples.repeat) cells_.append(values.back(), values.front() - values.back());
   }
 
-  std::unique_ptr<MeanLight> mean_light(const Exposures& exposures) const override {
-    return std::make_unique<CellsLight>(cells_, amplitude_, rate_, start_, rate_name_, exposures);
+  MeanLight mean_light(const Exposures& exposures) const override {
+    return CellsLight(cells_, amplitude_, rate_, start_, rate_name_, exposures);
   }
 
   double peak() const override { return peak_ * std::abs(amplitude_); }

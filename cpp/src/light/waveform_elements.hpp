@@ -2,8 +2,8 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -21,14 +21,9 @@ struct Exposures {
   Instants& instants;
 };
 
-// A waveform, or a part of one, prepared for a set of exposures.
-class MeanLight {
- public:
-  virtual ~MeanLight() = default;
-
-  // scale · mean light over exposure first + i for each of the means.
-  virtual void write(std::size_t first, double scale, const kernels::MeansOutput& to) const = 0;
-};
+// A waveform, or a part of one, prepared for a set of exposures: writes scale · mean light over exposure first + i for
+// each of the means.
+using MeanLight = std::function<void(std::size_t first, double scale, const kernels::MeansOutput& to)>;
 
 // amplitude·cos(2π·(frequency·t + turns)).
 struct Cosine {
@@ -56,7 +51,7 @@ class WaveformElement {
  public:
   virtual ~WaveformElement() = default;
 
-  virtual std::unique_ptr<MeanLight> mean_light(const Exposures& exposures) const = 0;
+  virtual MeanLight mean_light(const Exposures& exposures) const = 0;  // valid as long as the element
 
   // Upper bound of the magnitude.
   virtual double peak() const = 0;
@@ -72,7 +67,7 @@ class WaveformElement {
 using WaveformFactors = std::vector<std::shared_ptr<const WaveformElement>>;
 
 // The mean light of a product of several elements.
-std::unique_ptr<MeanLight> product_light(const WaveformFactors& factors, const Exposures& exposures);
+MeanLight product_light(const WaveformFactors& factors, const Exposures& exposures);
 
 std::shared_ptr<const WaveformElement> make_element(const Tone& tone);
 std::shared_ptr<const WaveformElement> make_element(const SquareWave& wave);

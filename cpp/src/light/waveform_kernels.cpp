@@ -122,7 +122,7 @@ struct CellPair {
 
   // From the first cell of a round on; where cells do not repeat, both are inside.
   static CellPair at(const CellMeans& own, double cell) {
-    const std::int64_t count = own.cells.count, end = (own.origin_cell + static_cast<std::int64_t>(cell)) % count;
+    const std::int64_t count = own.count, end = (own.origin_cell + static_cast<std::int64_t>(cell)) % count;
     const std::int64_t inside = end + (end < 0 ? count : 0), second = inside - own.part_whole;
     return {inside, second + (second < 0 ? count : 0)};
   }
@@ -135,22 +135,21 @@ struct CellPair {
 
 template <bool kSlopes, bool kLows>
 HWY_INLINE CellWindow<kSlopes> window_of(const CellMeans& own, const CellPair& cells) {
-  const CellTables& of = own.cells;
-  const double *const end = of.chain + 2 * cells.end, *const second = of.chain + 2 * cells.second;
+  const double *const end = own.chain + 2 * cells.end, *const second = own.chain + 2 * cells.second;
   const bool wraps = cells.end < cells.second;
   const double rest = own.part_rest, scale = own.scale;
-  double light = (end[0] - second[0]) + (wraps ? of.chain[2 * of.count] : 0.0);
+  double light = (end[0] - second[0]) + (wraps ? own.chain[2 * own.count] : 0.0);
   if constexpr (kLows)
-    light += (of.before_low[cells.end] - of.before_low[cells.second]) + (wraps ? of.before_low[of.count] : 0.0);
+    light += (own.before_low[cells.end] - own.before_low[cells.second]) + (wraps ? own.before_low[own.count] : 0.0);
   const double value = end[1], first_value = second[-1], later = value - second[1];
   if constexpr (!kSlopes)
     return {(own.whole_light + (light + rest * first_value)) * scale, (value - first_value) * scale, later * scale, 0,
             0};
-  const double slope = of.slopes[cells.end], first_slope = of.slopes[cells.second - 1];
+  const double slope = own.slopes[cells.end], first_slope = own.slopes[cells.second - 1];
   light += rest * (first_value + first_slope * (1 - rest / 2));
   return {(own.whole_light + light) * scale, (value - (first_value + first_slope * (1 - rest))) * scale,
           (later + slope * rest) * scale, (slope - first_slope) / 2 * scale,
-          (slope - of.slopes[cells.second]) / 2 * scale};
+          (slope - own.slopes[cells.second]) / 2 * scale};
 }
 
 // Where exposure i ends, in cells from the beginning of `cell`: right to half the last place of a small difference.
@@ -201,7 +200,7 @@ HWY_INLINE void means_of_cells(const CellMeans& own, const Cycles& at, std::size
     if (i == count) return;
     if (since(at, cell, i) >= 1 && since(at, cell, i) < 2) {
       cell += 1;
-      cells.step(own.cells.count);
+      cells.step(own.count);
     } else {
       cell = cell_at(at, cell, i);
       cells = CellPair::at(own, cell);
@@ -223,8 +222,8 @@ HWY_INLINE void write_cells(const CellMeans& own, const Cycles& at, const MeansO
 }
 
 void WriteCells(const CellMeans& light, const Cycles& at, const MeansOutput& to) {
-  const bool lows = light.cells.before_low != nullptr;
-  if (light.cells.slopes)
+  const bool lows = light.before_low != nullptr;
+  if (light.slopes)
     lows ? write_cells<true, true>(light, at, to) : write_cells<true, false>(light, at, to);
   else
     lows ? write_cells<false, true>(light, at, to) : write_cells<false, false>(light, at, to);

@@ -50,18 +50,15 @@ struct SquareMeans {
 
 // Cells, in each of which the light is value + slope·(cells since its beginning). Those of one round, if they repeat;
 // else no exposure begins before the second or ends after the last.
-struct CellTables {
+//
+// The mean is scale·(light of whole rounds + that of the remaining part of a round), cycles counted in cells at the end
+// of the exposure.
+struct CellMeans {
   const double* chain;   // (2·count + 1,) light of all cells before each, in cells, and its value, in turns
   const double* slopes;  // (count,); null if all are 0
   // Value and slope of the last cell lie before the first one of either.
   const double* before_low;  // (count + 1,) what the doubles of `chain` leave over; null if all are 0
   std::int64_t count;
-};
-
-// scale·(light of whole rounds + that of the remaining part of a round), cycles counted in cells at the end of the
-// exposure.
-struct CellMeans {
-  CellTables cells;
   std::int64_t origin_cell;   // of the table, before `cycles`
   bool even;                  // exposures follow each other in even steps
   double cells_per_exposure;  // such a step, 0 or more

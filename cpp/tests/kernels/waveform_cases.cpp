@@ -111,11 +111,18 @@ KernelCase cells_case(const std::shared_ptr<Exposures>& exposures, bool even, do
     std::fill_n(out, count, 0.5);
     const std::vector<double>& x = exposures->x();
     if (!plain) {
-      const kernels::CellTables tables{cells->chain.data() + 1, sloped ? cells->chain_slopes.data() + 1 : nullptr,
-                                       in_two ? cells->low.data() : nullptr, 11};
       const double per_exposure = count > 1 ? kStep * (x[1] - x[0]) : 0;
-      const kernels::CellMeans light{
-          tables, 0, even, per_exposure, scale, static_cast<int>(whole), part - whole, rounds * round_light};
+      const kernels::CellMeans light{cells->chain.data() + 1,
+                                     sloped ? cells->chain_slopes.data() + 1 : nullptr,
+                                     in_two ? cells->low.data() : nullptr,
+                                     11,
+                                     0,
+                                     even,
+                                     per_exposure,
+                                     scale,
+                                     static_cast<int>(whole),
+                                     part - whole,
+                                     rounds * round_light};
       return kernels::write_means(light, exposures->cycles(), {{out, count}});
     }
     for (std::size_t i = 0; i < count; ++i) {

@@ -18,15 +18,13 @@ TEST_CASE("counts of cycles keep their fraction") {
   CHECK(ocisac::turns(7.5 * std::numbers::pi).value() == doctest::Approx(3.75).epsilon(1e-15));
 }
 
-constexpr auto kCycles = ocisac::Instants::Count::cycles, kFractions = ocisac::Instants::Count::fractions;
-
 TEST_CASE("split counts of cycles add up without error") {
   std::vector<double> times;
   for (int i = 0; i < 3000; ++i) times.push_back(1e9 * std::sin(i));
   const ocisac::DoubleDouble step{1234.56789, 1e-14};
   ocisac::Instants few({times.data(), 10}), many(times);
   for (const auto& [instants, first] : {std::pair(&few, 3), std::pair(&many, 2990)}) {
-    const auto counted = instants->counted(kCycles, step, static_cast<std::size_t>(first), 7);
+    const auto counted = instants->counted(false, step, static_cast<std::size_t>(first), 7);
     for (std::size_t i = 0; i < 7; ++i) {
       const double x = instants->x()[static_cast<std::size_t>(first) + i];
       CHECK(std::remainder(counted.coarse[i], counted.grid) == 0);
@@ -36,7 +34,7 @@ TEST_CASE("split counts of cycles add up without error") {
       CHECK(std::abs(left.value()) < 1e-19);
     }
   }
-  const auto cycles = many.counted(kCycles, step, 0, 3000), fractions = many.counted(kFractions, step, 0, 3000);
+  const auto cycles = many.counted(false, step, 0, 3000), fractions = many.counted(true, step, 0, 3000);
   for (std::size_t i = 0; i < 3000; ++i) {
     CHECK(std::abs(fractions.coarse[i]) <= 0.5);
     CHECK(std::abs(fractions.fine[i]) <= 0x1p-50);
@@ -53,12 +51,12 @@ TEST_CASE("tables of counts have a bound, beyond which blocks are counted") {
   std::vector<double> rows(300'000);
   std::iota(rows.begin(), rows.end(), 0);
   ocisac::Instants instants(rows);
-  const double* const first = instants.counted(kCycles, {0.1, 0}, 1000, 10).coarse;
+  const double* const first = instants.counted(false, {0.1, 0}, 1000, 10).coarse;
   for (double step : {0.2, 0.3, 0.4, 0.5}) {
-    const auto counted = instants.counted(kCycles, {step, 0}, 1000, 10);
+    const auto counted = instants.counted(false, {step, 0}, 1000, 10);
     for (std::size_t i = 0; i < 10; ++i)
       CHECK(counted.coarse[i] + counted.fine[i] ==
             doctest::Approx(step * static_cast<double>(1000 + i)).epsilon(1e-15));
   }
-  CHECK(instants.counted(kCycles, {0.1, 0}, 1000, 10).coarse == first);
+  CHECK(instants.counted(false, {0.1, 0}, 1000, 10).coarse == first);
 }
