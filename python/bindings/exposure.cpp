@@ -55,9 +55,8 @@ ToneTable measured_tones(const Doubles& table) {
   ToneTable read;
   require(table.shape(0) <= static_cast<py::ssize_t>(kMaxWeightedTones), "tones", table.shape(0), "at most 32");
   for (py::ssize_t i = 0; i < table.shape(0); ++i)
-    read.tones[read.count++] = {table.at(i, 0), table.at(i, 1) != 0 ? ToneKind::sensing : ToneKind::communication,
-                                table.at(i, 2), table.at(i, 3),
-                                table.at(i, 4), table.at(i, 5)};
+    read.tones[read.count++] = {table.at(i, 0), table.at(i, 1) != 0, table.at(i, 2),
+                                table.at(i, 3), table.at(i, 4),      table.at(i, 5)};
   return read;
 }
 

@@ -20,6 +20,7 @@ namespace {
 
 using std::numbers::pi;
 using Tones = std::span<const WeightedTone>;
+using Bounds = ExposureDomain::Bounds;
 
 constexpr double kMostCycles = 1e15;      // of an exposure; beyond it phases are rounding errors
 constexpr double kMostMultiple = 0x1p53;  // of a step; beyond it neighbours do not differ
@@ -66,11 +67,22 @@ void check_domain(const ExposureDomain& domain) {
   if (domain.step) require_positive("step", *domain.step);
 }
 
-ExposureDomain::Bounds bounds_of(const ExposureDomain& domain, Tones tones) {
+Bounds bounds_of(const ExposureDomain& domain, Tones tones) {
   const auto [slowest, fastest] = std::ranges::minmax(tones, {}, &WeightedTone::frequency);
-  const auto bounds = domain.bounds.value_or(ExposureDomain::Bounds{0, 1 / slowest.frequency});
+  const auto bounds = domain.bounds.value_or(Bounds{0, 1 / slowest.frequency});
   require(bounds.high * fastest.frequency < kMostCycles, "bounds", bounds.high, "exposures of fewer than 1e15 cycles");
   return bounds;
+}
+
+// The first and the last multiple of the step within the bounds, as whole numbers. A bound equal to a multiple up to
+// rounding is included.
+Bounds multiples_of(double step, const Bounds& bounds) {
+  constexpr double kSlack = 8 * std::numeric_limits<double>::epsilon();
+  const Bounds found{std::max(std::ceil(bounds.low / step * (1 - kSlack)), 1.0),
+                     std::floor(bounds.high / step * (1 + kSlack))};
+  if (!(found.low <= found.high))
+    refuse("step", step, range_text("a step with a multiple between ", bounds.low, " and ", bounds.high));
+  return found;
 }
 
 void require_few(double candidates, const char* argument, const char* what) {
@@ -171,9 +183,9 @@ class Branching {
     if (window.step > 0) {
       require(window.high / window.step <= kMostMultiple, "step", window.step,
               "0 (any exposure), or at least the longest exposure over 2^53: multiples differ from each other");
-      const Multiples found = multiples_of(window.step, {window.low, window.high});
-      first_ = found.first;
-      last_ = found.last;
+      const Bounds found = multiples_of(window.step, {window.low, window.high});
+      first_ = found.low;
+      last_ = found.high;
     }
     for (std::size_t i = 0; i < tones.size(); ++i) zeros_[i] = std::floor(window.low * tones[i].frequency);
   }
@@ -300,13 +312,13 @@ class Branching {
   BestExposure best_{kInfinity, -1};
 };
 
-BestExposure best_multiple(Tones tones, const Multiples& multiples) {
-  const double count = multiples.last - multiples.first + 1;
+BestExposure best_multiple(Tones tones, double step, const Bounds& multiples) {
+  const double count = multiples.high - multiples.low + 1;
   require_few(count, "step", "multiples");
   BestExposure best{0, -1};
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
     if (i % 1024 == 0) check_interrupt();
-    const double exposure = (multiples.first + static_cast<double>(i)) * multiples.step;
+    const double exposure = (multiples.low + static_cast<double>(i)) * step;
     if (const double value = objective(tones, exposure); value > best.objective) best = {exposure, value};
   }
   return best;
@@ -330,8 +342,9 @@ BestExposure exact_of_lobes(Tones tones, const ExposureDomain& domain) {
   const auto bounds = bounds_of(domain, tones);
   const ExposureWindow window{bounds.low, bounds.high, domain.step.value_or(0)};
   if (domain.step) {
-    const Multiples multiples = multiples_of(*domain.step, bounds);
-    if (multiples.last - multiples.first + 1 <= lobes_of(tones, window)) return best_multiple(tones, multiples);
+    const Bounds multiples = multiples_of(*domain.step, bounds);
+    if (multiples.high - multiples.low + 1 <= lobes_of(tones, window))
+      return best_multiple(tones, *domain.step, multiples);
   }
   require_few(lobes_of(tones, window), "bounds", "lobes");
   std::vector<double> zeros(tones.size());
@@ -340,7 +353,7 @@ BestExposure exact_of_lobes(Tones tones, const ExposureDomain& domain) {
 
 BestExposure search(Tones tones, const ExposureDomain& domain, std::size_t points) {
   const auto bounds = bounds_of(domain, tones);
-  if (domain.step) return best_multiple(tones, multiples_of(*domain.step, bounds));
+  if (domain.step) return best_multiple(tones, *domain.step, multiples_of(*domain.step, bounds));
   BestExposure best{0, -1};
   const double spacing = (bounds.high - bounds.low) / static_cast<double>(points - 1);
   for (std::size_t j = 0; j < points; ++j) {
@@ -356,15 +369,6 @@ void check_points(std::size_t points) {
 }
 
 }  // namespace
-
-Multiples multiples_of(double step, ExposureDomain::Bounds bounds) {
-  constexpr double kSlack = 8 * std::numeric_limits<double>::epsilon();
-  const Multiples found{step, std::max(std::ceil(bounds.low / step * (1 - kSlack)), 1.0),
-                        std::floor(bounds.high / step * (1 + kSlack))};
-  if (!(found.first <= found.last))
-    refuse("step", step, range_text("a step with a multiple between ", bounds.low, " and ", bounds.high));
-  return found;
-}
 
 double exposure_objective(std::span<const double> frequencies, std::span<const double> weights, double exposure) {
   const auto tones = tones_of(frequencies, weights);

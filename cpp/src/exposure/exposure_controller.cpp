@@ -77,11 +77,11 @@ struct Tones {
 Tones weighted(std::span<const MeasuredTone> measured, const ExposureControllerOptions& options,
                std::uint32_t& reasons) {
   Tones tones;
-  for (const ToneKind kind : {ToneKind::communication, ToneKind::sensing}) {
+  for (const bool is_sensing : {false, true}) {
     const std::size_t begin = tones.count;
     double total = 0;
     for (const MeasuredTone& tone : measured) {
-      if (tone.kind != kind) continue;
+      if (tone.is_sensing != is_sensing) continue;
       if (std::isnan(tone.frequency) || tone.snr < options.min_snr) {
         reasons |= reason::weak_left_out;
         continue;
@@ -89,7 +89,7 @@ Tones weighted(std::span<const MeasuredTone> measured, const ExposureControllerO
       total += tone.share;
       tones.values[tones.count++] = {tone.frequency, tone.share};
     }
-    const double weight = kind == ToneKind::sensing ? options.sense_weight : options.comm_weight;
+    const double weight = is_sensing ? options.sense_weight : options.comm_weight;
     if (!(total > 0 && weight > 0)) tones.count = begin;
     for (std::size_t i = begin; i < tones.count; ++i) tones.values[i].weight *= weight / total;
   }

@@ -1,7 +1,6 @@
 #include "ocisac/exposure/flicker.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <functional>
 #include <numbers>
@@ -67,14 +66,6 @@ double largest_modulation(std::span<const FlickeringLight> lights, double exposu
   return largest;
 }
 
-Intervals clipped(const Intervals& intervals, double low, double high) {
-  Intervals kept;
-  for (const Interval& one : intervals)
-    if (const Interval part{std::max(one.low, low), std::min(one.high, high)}; part.low <= part.high)
-      kept.push_back(part);
-  return kept;
-}
-
 // Intersects two ascending lists of disjoint intervals.
 Intervals intersection(const Intervals& first, const Intervals& second) {
   Intervals both;
@@ -89,7 +80,7 @@ Intervals exposures_below(const FlickeringLight& light, double below, double low
   const double slow = light.frequency - light.uncertainty, fast = light.frequency + light.uncertainty;
   Intervals intervals = cycles_below(light, below, fast * high);
   for (Interval& one : intervals) one = {one.low / slow, one.high / fast};
-  return clipped(intervals, low, high);
+  return intersection(intervals, {{low, high}});
 }
 
 Intervals all_below(std::span<const FlickeringLight> lights, double below, Intervals every) {
@@ -164,7 +155,7 @@ Allowed keeping(double f_comm, double min_gain, const ExposureDomain::Bounds& bo
   if (begin < kInfinity) between.push_back({begin, kInfinity});
   // Undoes kShrink: the ends keep the gain.
   for (Interval& one : between) one = {one.low * (1 - 4 * kShrink), one.high * (1 + 4 * kShrink)};
-  const Intervals kept = clipped(between, bounds.low, bounds.high);
+  const Intervals kept = intersection(between, every);
   if (!kept.empty() && (!step || !multiples(kept, *step).empty())) return {kept, true};
   return {every, false};
 }
@@ -182,29 +173,21 @@ double shortest(const Intervals& allowed) {
   return allowed.front().low;
 }
 
-// The two tones of eq. 18; the second of weight 0 where there is only one.
-struct Objective {
-  std::array<double, 2> tones, weights;
-
-  [[nodiscard]] double at(double exposure) const { return exposure_objective(tones, weights, exposure); }
-};
-
 // Exposure of largest Y within the intervals; of equals, the shortest.
-double largest_objective(const Intervals& allowed, const Objective& objective, bool stepped) {
+BestExposure largest_objective(const Intervals& allowed, std::span<const double> tones, std::span<const double> weights,
+                               bool stepped) {
   std::vector<double> exposures;
   for (const Interval& one : allowed) {
     exposures.push_back(one.low);
     if (stepped) continue;
     exposures.push_back(one.high);
-    if (one.high > one.low)
-      exposures.push_back(best_exposure_exact(objective.tones, objective.weights,
-                                              {ExposureDomain::Bounds{one.low, one.high}, std::nullopt})
-                              .exposure);
+    if (one.high > one.low) exposures.push_back(best_exposure_exact(tones, weights, {one, std::nullopt}).exposure);
   }
   std::ranges::sort(exposures);
-  double best = 0, most = -1;
+  BestExposure best{0, -1};
   for (const double exposure : exposures)
-    if (const double value = exposure > 0 ? objective.at(exposure) : -1; value > most) best = exposure, most = value;
+    if (const double value = exposure > 0 ? exposure_objective(tones, weights, exposure) : -1; value > best.objective)
+      best = {exposure, value};
   return best;
 }
 
@@ -267,10 +250,14 @@ FlickerFreeExposure flicker_free_exposure(std::span<const FlickeringLight> light
           : smallest_level(request.below, [&](double level) { return all_below(lights, level, kept.intervals); });
   FlickerFreeExposure result;
   if (!request.near && request.f_comm && (!request.min_gain || request.f_sense)) {
-    const Objective objective{{*request.f_comm, request.f_sense.value_or(*request.f_comm)},
-                              {request.f_sense ? request.comm_weight : 1, request.f_sense ? request.sense_weight : 0}};
-    result.exposure = largest_objective(allowed.intervals, objective, request.step.has_value());
-    result.objective = objective.at(result.exposure);
+    std::vector<double> tones{*request.f_comm}, weights{request.f_sense ? request.comm_weight : 1};
+    if (request.f_sense) {
+      tones.push_back(*request.f_sense);
+      weights.push_back(request.sense_weight);
+    }
+    const BestExposure best = largest_objective(allowed.intervals, tones, weights, request.step.has_value());
+    result.exposure = best.exposure;
+    result.objective = std::max(best.objective, 0.0);
   } else {
     result.exposure = request.near ? nearest(allowed.intervals, *request.near) : shortest(allowed.intervals);
   }

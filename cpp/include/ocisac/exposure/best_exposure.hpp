@@ -23,13 +23,6 @@ struct ExposureDomain {
   std::optional<double> step;  // s, > 0: only whole multiples of it
 };
 
-// Multiples of the step within the bounds, as whole numbers. A bound equal to a multiple up to rounding is included.
-// Refuses a step without any.
-struct Multiples {
-  double step, first, last;
-};
-Multiples multiples_of(double step, ExposureDomain::Bounds bounds);
-
 // Y(T) = Σ w_i·|sin(π f_i T)|/(π f_i), eq. 18 with magnitudes; full precision also near the zeros of the sines. The
 // functions below require frequencies (Hz, finite, > 0) and as many weights (finite, >= 0, not all 0), and throw
 // std::invalid_argument otherwise. Among equal maxima they return the shortest exposure.

@@ -9,12 +9,10 @@
 
 namespace ocisac {
 
-enum class ToneKind { communication, sensing };
-
 // NaN: unknown.
 struct MeasuredTone {
-  double frequency;  // Hz, f_c or f_x·v; NaN: ignored
-  ToneKind kind = ToneKind::communication;
+  double frequency;                     // Hz, f_c or f_x·v; NaN: ignored
+  bool is_sensing = false;              // else of communication
   double share = 1;                     // share of the weight of its kind, relative to the other shares; >= 0
   double snr = kNaN;                    // power ratio
   double gain = kNaN, gain_std = kNaN;  // measured at the frame's exposure
