@@ -17,6 +17,7 @@
 #include "columns/moving_mean.hpp"
 #include "columns/pooling_kernels.hpp"
 #include "columns/streaks.hpp"
+#include "core/levels.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/constants.hpp"
@@ -30,17 +31,12 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 constexpr std::size_t kBlocks = 64;              // groups of neighbouring columns, one weight each
-constexpr double kClippedShare = 0.01;           // max fraction of saturated rows of a column
 constexpr double kTogether = 0.6, kApart = 0.3;  // cosines between swings of one light, of different lights
 constexpr int kMaxShears = 3;
 constexpr std::size_t kWeightsInterval = 2, kSlopeInterval = 8;  // frames of a followed light between estimates
 constexpr std::size_t kMaxLights = 8;
-constexpr int kIterations = 8;            // of the factor model, and of the eigenvector within each
-constexpr double kBeside = 0.25;          // of the blocks are beside the light at least: those of least weight
-constexpr double kMaxBeside = 0.5;        // of the largest weight, in a block beside the light
-constexpr double kNoLight = 0.1;          // of the largest weight: a block with less is beside the light in any case
-constexpr Index kStreakRows = 16;         // one of so many is examined for streaks
-constexpr double kMinOwnVariance = 0.01;  // relative to the strongest block: bounds the weight of a block without noise
+constexpr double kBeside = 0.25;   // of the blocks are beside the light at least: those of least weight
+constexpr Index kStreakRows = 16;  // one of so many is examined for streaks
 
 std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, SaturatedColumns saturated,
                                          std::span<const std::uint8_t> columns) {
@@ -48,7 +44,7 @@ std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, Satura
   double lowest = 1;
   for (std::size_t column = 0; column < clipped.size(); ++column)
     if (allowed(column)) lowest = std::min(lowest, clipped[column]);
-  const double limit = std::max(kClippedShare, 2 * lowest);
+  const double limit = std::max(kNextToNone, 2 * lowest);
   std::vector<std::uint8_t> usable(clipped.size());
   for (std::size_t column = 0; column < clipped.size(); ++column)
     usable[column] = allowed(column) && (saturated == SaturatedColumns::use || clipped[column] <= limit);
@@ -173,7 +169,7 @@ struct BlockedFrame {
   }
 };
 
-double min_own_variance(const VectorXd& power) { return std::max(kMinOwnVariance * power.maxCoeff(), 1e-12); }
+double min_own_variance(const VectorXd& power) { return std::max(kNextToNone * power.maxCoeff(), 1e-12); }
 
 // Blocks of one light, and the block that represents it.
 struct BlockGroup {
@@ -228,10 +224,10 @@ CommonFactor common_factor(std::span<const double> covariance, std::size_t size)
   const VectorXd power = matrix.diagonal();
   const double floor = min_own_variance(power);
   VectorXd own = 0.5 * power, loadings = VectorXd::Ones(n);
-  for (int outer = 0; outer < kIterations && !loadings.isZero(0); ++outer) {
+  for (int outer = 0; outer < kMaxIterations && !loadings.isZero(0); ++outer) {
     Matrix common = matrix;
     common.diagonal() -= own;
-    for (int inner = 0; inner < kIterations; ++inner) {
+    for (int inner = 0; inner < kMaxIterations; ++inner) {
       const VectorXd product = common * loadings;
       const double length = product.norm();
       if (length == 0) {
@@ -298,8 +294,8 @@ namespace {
 
 // True if the light leaves both edges of the frame dark.
 bool has_sides(std::span<const double> weights, std::span<const double> clipped) {
-  const double lit = kNoLight * *std::ranges::max_element(weights);
-  const auto is_dark = [&](std::size_t column) { return weights[column] < lit && clipped[column] <= kClippedShare; };
+  const double lit = kSmallShare * *std::ranges::max_element(weights);
+  const auto is_dark = [&](std::size_t column) { return weights[column] < lit && clipped[column] <= kNextToNone; };
   return is_dark(0) && is_dark(weights.size() - 1);
 }
 
@@ -325,11 +321,11 @@ CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
     for (std::size_t column = frame.blocks.begin[block]; column < frame.blocks.end[block]; ++column) {
       if (!frame.usable[column]) continue;
       result.weights[column] = weight / static_cast<double>(frame.blocks.size[block]);
-      result.saturated |= weight > 0 && frame.clipped[column] > kClippedShare;
+      result.saturated |= weight > 0 && frame.clipped[column] > kNextToNone;
     }
   }
   for (std::size_t column = 0; column < frame.usable.size(); ++column)
-    result.left_out |= !frame.usable[column] && frame.clipped[column] > kClippedShare;
+    result.left_out |= !frame.usable[column] && frame.clipped[column] > kNextToNone;
   result.noise = count > 1 ? std::sqrt(noise) : kNaN;
   result.quality = quality;
   result.has_sides = has_sides(result.weights, frame.clipped);
@@ -366,7 +362,7 @@ std::optional<CommonFactor> next_factor(const Matrix& swings, const VectorXd& we
   const VectorXd product = swings.transpose() * (swings * weights) * scale;
   const double floor = min_own_variance(power);
   VectorXd own = VectorXd::Zero(power.size()), loadings = own;
-  for (int round = 0; round < kIterations; ++round) {
+  for (int round = 0; round < kMaxIterations; ++round) {
     loadings = product - own.cwiseProduct(weights);
     const double common = weights.dot(loadings);
     if (!(common > 0)) return std::nullopt;
@@ -434,8 +430,8 @@ static std::vector<double> light_beside(const BlockedFrame& frame, std::span<con
   std::vector<double> sorted(of_block.begin(), of_block.end());
   const auto quarter = sorted.begin() + static_cast<std::ptrdiff_t>(kBeside * static_cast<double>(count));
   std::ranges::nth_element(sorted, quarter);
-  const double largest = of_block.maxCoeff(), limit = std::max(*quarter, kNoLight * largest);
-  if (!(limit < kMaxBeside * largest)) return {};
+  const double largest = of_block.maxCoeff(), limit = std::max(*quarter, kSmallShare * largest);
+  if (!(limit < kMostly * largest)) return {};
   for (std::size_t block = 0; block < count; ++block)
     if (of_block(static_cast<Index>(block)) <= limit)
       beside(static_cast<Index>(block)) = static_cast<double>(frame.blocks.size[block]);

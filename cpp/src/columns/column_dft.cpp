@@ -1,8 +1,8 @@
 #include "columns/column_dft.hpp"
 
 #include <cmath>
-#include <numbers>
 
+#include "core/levels.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -34,8 +34,7 @@ ColumnDft<T>::ColumnDft(std::size_t length) : order_(length) {
     auto& turns = turns_.emplace_back();
     for (std::size_t j = 0; j < part / radix; ++j)
       for (std::size_t q = 1; q < radix; ++q) {
-        const auto turn =
-            std::polar(1.0, -2 * std::numbers::pi * static_cast<double>(j * q) / static_cast<double>(part));
+        const auto turn = std::polar(1.0, -kTwoPi * static_cast<double>(j * q) / static_cast<double>(part));
         turns.push_back(static_cast<T>(turn.real()));
         turns.push_back(static_cast<T>(turn.imag()));
       }

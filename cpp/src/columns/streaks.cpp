@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "core/levels.hpp"
 #include "ocisac/core/constants.hpp"
 #include "rows/verdict.hpp"
 
@@ -18,8 +19,7 @@ using Eigen::VectorXd;
 constexpr double kFarOff = 5;         // standard deviations
 constexpr double kUsualShare = 0.75;  // of the squares, as the usual values say: 1 of normal noise
 constexpr int kRounds = 6;
-constexpr Index kParts = 8;         // of the rows
-constexpr double kLitAsWell = 0.1;  // least span of a part's rows, relative to the largest
+constexpr Index kParts = 8;  // of the rows
 
 // A column as c + l·signal by least squares over the values that count, and the usual deviation from it.
 struct LikeSignal {
@@ -50,7 +50,7 @@ bool is_lit_throughout(const VectorXd& signal) {
     least = std::min(least, span);
     largest = std::max(largest, span);
   }
-  return least >= kLitAsWell * largest;
+  return least >= kSmallShare * largest;
 }
 
 }  // namespace

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <cmath>
-#include <numbers>
 
+#include "core/levels.hpp"
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/core/views.hpp"
 #include "ocisac/lights/known_light.hpp"
@@ -20,7 +20,7 @@ inline MeasuredLight box_gain(const AnyFramesView& frame, const Camera& camera, 
           .frequency = frequency,
           .gain = found.gain[0],
           .gain_std = found.gain_std[0],
-          .phase = std::remainder(found.phase[0] - 2 * std::numbers::pi * cycles, 2 * std::numbers::pi),
+          .phase = std::remainder(found.phase[0] - kTwoPi * cycles, kTwoPi),
           .mean = found.mean[0],
           .flags = found.flags[0]};
 }

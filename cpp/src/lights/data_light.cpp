@@ -1,7 +1,6 @@
 #include "lights/data_light.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <complex>
 #include <functional>
@@ -10,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "lights/light_patch.hpp"
 #include "lights/profile_frequency.hpp"
@@ -23,13 +23,10 @@ namespace {
 constexpr int kRounds = 2;
 constexpr double kMinCoherence = 0.6;  // local correlation of the halves
 constexpr double kMinPower = 0.02;     // relative to the swing's near its maximum
-constexpr double kMinLikeness = 0.5;   // correlation of a column with the middle
 constexpr double kMinSwing = 0.15;     // relative to the middle's
-constexpr double kHysteresis = 0.5;    // relative to the waveform's RMS
 constexpr std::size_t kMinEdges = 6, kMaxTimed = 64;
 // Chips in a short interval; clock in cycles per row.
 constexpr double kFastestChip = 2.2, kSlowestChip = 0.7, kLargestClock = 0.4;
-constexpr double kFrequencyReach = 0.25;  // relative, about the suspect's
 
 // The run of true values about the middle one of those in [first, end).
 std::optional<IndexRange> run_about(const std::vector<std::uint8_t>& places, std::size_t first, std::size_t end) {
@@ -84,7 +81,7 @@ std::optional<Region> lit_rows(const LitFrame& frame, const Region& box, std::si
 // Columns about the box that correlate with its own.
 std::optional<Region> lit_columns(const LitFrame& frame, const Region& box, std::size_t length) {
   const Patch patch = patch_of(frame, box, std::max(box.width, box.height), 0);
-  const auto slow = local_means(patch.logs, patch.rows, patch.stride, length);
+  const auto fast = fast_logs(patch, length);
   const auto own = mean_swing(frame, {box.x, box.right()}, {box.y, box.bottom()}, length);
   std::vector<double> squares(patch.stride), products(patch.stride);
   double energy = 0;
@@ -92,14 +89,14 @@ std::optional<Region> lit_columns(const LitFrame& frame, const Region& box, std:
     const double s = own[n];
     energy += s * s;
     for (std::size_t g = 0; g < patch.stride; ++g) {
-      const double x = patch.logs[n * patch.stride + g] - slow[n * patch.stride + g];
+      const double x = fast[n * patch.stride + g];
       squares[g] += x * x;
       products[g] += x * s;
     }
   }
   std::vector<std::uint8_t> lit(patch.groups);
   for (std::size_t g = 0; g < patch.groups; ++g)
-    lit[g] = products[g] > std::max(kMinLikeness * std::sqrt(squares[g] * energy), kMinSwing * energy);
+    lit[g] = products[g] > std::max(kMostly * std::sqrt(squares[g] * energy), kMinSwing * energy);
   const std::size_t first = std::min((box.x - patch.first_column) / patch.group, patch.groups - 1);
   const std::size_t end = (box.right() - patch.first_column) / patch.group;
   const auto run = run_about(lit, first, std::clamp(end, first + 1, patch.groups));
@@ -109,7 +106,7 @@ std::optional<Region> lit_columns(const LitFrame& frame, const Region& box, std:
 
 // Rows at which the waveform has crossed its mean.
 std::vector<std::size_t> edges_of(std::span<const double> waveform) {
-  const double lowest = kHysteresis * std::sqrt(product_at_lag(waveform, 0) / static_cast<double>(waveform.size()));
+  const double lowest = kMostly * std::sqrt(product_at_lag(waveform, 0) / static_cast<double>(waveform.size()));
   std::vector<std::size_t> edges;
   int side = 0;
   for (std::size_t n = 0; n < waveform.size(); ++n) {
@@ -152,8 +149,7 @@ struct Waveform {
 };
 
 Waveform waveform_of(const Patch& patch, std::size_t length) {
-  std::vector<double> fast = local_means(patch.logs, patch.rows, patch.stride, length);
-  std::ranges::transform(patch.logs, fast, fast.begin(), std::minus{});
+  const std::vector<double> fast = fast_logs(patch, length);
   std::vector<double> weights(fast.size());
   const auto count = static_cast<double>(patch.groups);
   for (std::size_t n = 0; n < patch.rows; ++n) {
@@ -176,16 +172,6 @@ Waveform waveform_of(const Patch& patch, std::size_t length) {
   }
   out.noise = static_cast<double>(patch.rows * patch.groups) * noise_variance(patch, {0, patch.rows, 0, patch.groups});
   return out;
-}
-
-double periodic_share(const Waveform& waveform, double frequency) {
-  std::array<std::complex<double>, 3> sums{};
-  for (std::size_t n = 0; n < waveform.values.size(); ++n)
-    for (std::size_t h = 0; h < sums.size(); ++h)
-      sums[h] += waveform.values[n] * turned(static_cast<double>(h + 1) * frequency * static_cast<double>(n));
-  double periodic = 0;
-  for (const auto& sum : sums) periodic += 2 * std::norm(sum) / static_cast<double>(waveform.values.size());
-  return waveform.common > 0 ? std::min(periodic / waveform.common, 1.0) : 0;
 }
 
 // Probability that rows that are white noise correlate with the next as much as those of the waveform; chips of several
@@ -229,26 +215,27 @@ std::optional<RefinedLight> find_data_light(const LitFrame& frame, const Suspect
   const Waveform waveform = waveform_of(patch, length);
   const auto edges = edges_of(waveform.values);
   if (edges.size() < kMinEdges || !(waveform.energy > 0)) return {};
-  const double lower = suspect.frequency * (1 - kFrequencyReach);
-  const double upper = std::min(suspect.frequency * (1 + kFrequencyReach), 0.499);
+  const double lower = suspect.frequency * (1 - kFirstReach);
+  const double upper = std::min(suspect.frequency * (1 + kFirstReach), 0.499);
   const double frequency = strongest_frequency(waveform.values, lower, upper);
   const bool at_bound = frequency <= lower || frequency >= upper;
   const double share = std::min(waveform.common / waveform.energy, 1.0);
-  const double error =
-      at_bound ? 0.5 * (upper - lower)
-               : jackknife_std(waveform.values, frequency, static_cast<double>(box.height) * frequency, lower, upper);
+  const double error = at_bound
+                           ? 0.5 * (upper - lower)
+                           : jackknife_std(waveform.values, frequency, static_cast<double>(box.height) * frequency);
   const double rest = std::max(waveform.energy * (1 - share) - waveform.noise, 0.0);
-  RefinedLight light{.box = box,
-                     .frequency = frequency,
-                     .frequency_std = error,
-                     .phase = phase_at_start(waveform.values, frequency, box.y),
-                     .snr = share / std::max(1 - share, 1e-12),
-                     .common = share,
-                     .periodic = periodic_share(waveform, frequency),
-                     .chance = chance_of(waveform.values),
-                     .texture = rest / std::max(waveform.common, 1e-300),
-                     .edges = edges.size(),
-                     .clock = clock_evidence(edges)};
+  RefinedLight light{
+      .box = box,
+      .frequency = frequency,
+      .frequency_std = error,
+      .phase = phase_at_start(waveform.values, frequency, box.y),
+      .snr = share / std::max(1 - share, 1e-12),
+      .common = share,
+      .periodic = periodic_share(waveform.values, std::vector<double>(patch.rows, 1), frequency, kHarmonics),
+      .chance = chance_of(waveform.values),
+      .texture = rest / std::max(waveform.common, 1e-300),
+      .edges = edges.size(),
+      .clock = clock_evidence(edges)};
   add_swing(patch, length, light);
   const ComplexValues swing = Demodulator(frequency, patch.rows).swing(patch, patch.logs);
   measure_tilt(patch, swing, {0, patch.rows, 0, patch.groups}, frequency, light);

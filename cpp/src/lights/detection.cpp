@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <numbers>
 #include <numeric>
+
+#include "core/levels.hpp"
 
 namespace ocisac {
 
@@ -12,7 +13,6 @@ namespace {
 
 constexpr double kFrequencyApart = 0.04;  // relative: parts that differ by more belong to a light that sends data
 constexpr double kSettledCycles = 5;
-constexpr double kReflection = 0.5;  // min strength relative to another light for a separate light
 
 bool one_frequency(double f, double g) { return std::abs(f - g) <= kFrequencyApart * std::max(f, g); }
 
@@ -30,15 +30,14 @@ double middle(const RefinedLight& light) {
 // Standard error of the stronger light's phase at the centre of the weaker one, where the error of its own frequency
 // does not matter, rad.
 double phase_spread(const RefinedLight& weak, const RefinedLight& strong) {
-  return 2 * std::numbers::pi * std::abs(middle(weak) - middle(strong)) * strong.frequency_std + 0.3;
+  return kTwoPi * std::abs(middle(weak) - middle(strong)) * strong.frequency_std + 0.3;
 }
 
 bool is_reflection(const RefinedLight& weak, const RefinedLight& strong) {
-  if (!same_frequency(weak, strong) || flux(weak) > kReflection * flux(strong)) return false;
+  if (!same_frequency(weak, strong) || flux(weak) > kMostly * flux(strong)) return false;
   const double spread = phase_spread(weak, strong);
-  const double apart = std::remainder(
-      weak.phase - strong.phase + 2 * std::numbers::pi * middle(weak) * (weak.frequency - strong.frequency),
-      2 * std::numbers::pi);
+  const double apart =
+      std::remainder(weak.phase - strong.phase + kTwoPi * middle(weak) * (weak.frequency - strong.frequency), kTwoPi);
   return spread >= 1 || std::abs(apart) <= 3 * spread;
 }
 

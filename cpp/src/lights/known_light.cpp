@@ -11,6 +11,7 @@
 #include <variant>
 #include <vector>
 
+#include "core/levels.hpp"
 #include "core/linear_algebra.hpp"
 #include "core/statistics.hpp"
 #include "lights/box_gain.hpp"
@@ -23,19 +24,15 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kCells = 8, kHalves = 2;
-constexpr std::size_t kSampled = 64;         // columns of a box
-constexpr double kRowsACycle = 16;           // of a tone
-constexpr std::size_t kWaves = 3;            // 1, cosine, sine
-constexpr std::size_t kTrend = 3;            // degree of the slow light beside a waveform
-constexpr double kMoved = 0.15;              // change of a cell's mean that movement makes, relative to the amplitude
-constexpr double kDeviations = 4;            // standard errors
-constexpr double kLeast = 0.7, kMost = 1.4;  // ratio of amplitudes, and of means, of a light that stays the same
-constexpr double kTurned = 0.5;              // rad between the halves of a box: another frequency
-constexpr std::size_t kAcross = 32, kDown = 16;  // steps of the gradient in a box: a quarter of a cell, an eighth
-constexpr int kSteps = 6;                        // to the place of a light
-constexpr double kPlaces = 32;                   // in a box: a smaller distance is no movement
-constexpr double kFlat = 0.03;                   // ratio of pivots: means change along one direction only
+constexpr std::size_t kCells = 8;
+constexpr std::size_t kSampled = 64;  // columns of a box
+constexpr double kRowsACycle = 16;    // of a tone
+constexpr std::size_t kTrend = 3;     // degree of the slow light beside a waveform
+constexpr double kMoved = 0.15;       // change of a cell's mean that movement makes, relative to the amplitude
+constexpr double kMost = 1.4;         // ratio of amplitudes, and of means, of a light that stays the same
+constexpr double kTurned = 0.5;       // rad between the halves of a box: another frequency
+constexpr std::size_t kPlaces = 32;   // in a box: steps of its gradient; a smaller distance is no movement
+constexpr double kFlat = 0.03;        // ratio of pivots: means change along one direction only
 
 double sum_of(std::span<const double> values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
@@ -59,7 +56,7 @@ class PatternFinder {
  public:
   // `frequency`: cycles per row of a tone.
   PatternFinder(const Region& box, double dark, std::optional<double> frequency) : dark_(dark) {
-    const std::size_t step = ceil_of(box.width, kSampled), halves = frequency ? kHalves : 1;
+    const std::size_t step = ceil_of(box.width, kSampled), halves = frequency ? 2 : 1;
     for (std::size_t column = 0; column < box.width; column += step) columns_.push_back(column);
     const std::size_t cells = std::clamp<std::size_t>(columns_.size() / 2, 1, kCells);
     for (std::size_t cell = 1; cell <= cells; ++cell) ends_.push_back(ceil_of(cell * columns_.size(), cells));
@@ -86,7 +83,7 @@ class PatternFinder {
     double energy = 0, spread = 0;  // of changes from row to row beside the tone; of a mean, relative to a row
     for (std::size_t half = 0; half < weights_.size(); ++half) {
       const Eigen::MatrixXd &weights = weights_[half], &waves = waves_[half];
-      std::vector<double> fitted(kWaves * cells);
+      std::vector<double> fitted(static_cast<std::size_t>(weights.cols()) * cells);
       for (Eigen::Index n = 0; n < weights.rows(); ++n, row += cells)
         for (Eigen::Index k = 0; k < weights.cols(); ++k)
           for (std::size_t cell = 0; cell < cells; ++cell)
@@ -102,7 +99,7 @@ class PatternFinder {
         }
       for (std::size_t cell = 0; cell < cells; ++cell) {
         result.mean.push_back(fitted[cell]);
-        result.swing.emplace_back(fitted[cells + cell], -fitted[2 * cells + cell]);
+        if (waves.cols() > 1) result.swing.emplace_back(fitted[cells + cell], -fitted[2 * cells + cell]);
       }
     }
     result.noise = spread * std::sqrt(0.5 * energy / static_cast<double>(light.size()));
@@ -151,7 +148,7 @@ class PatternFinder {
 
 // Ratio of two amplitudes or means if a light may stay the same between them; else absent.
 std::optional<double> ratio(double now, double then) {
-  if (!(then > 0 && kLeast < now / then && now / then < kMost)) return std::nullopt;
+  if (!(then > 0 && 1 / kMost < now / then && now / then < kMost)) return std::nullopt;
   return now / then;
 }
 
@@ -159,7 +156,7 @@ std::optional<double> ratio(double now, double then) {
 bool means_stay(const LightPattern& now, const LightPattern& then, double amplitude) {
   const auto brighter = ratio(sum_of(now.mean), sum_of(then.mean));
   if (!brighter) return false;
-  const double allowed = std::max(kMoved * amplitude, kDeviations * std::hypot(now.noise, then.noise));
+  const double allowed = std::max(kMoved * amplitude, kSure * std::hypot(now.noise, then.noise));
   return std::ranges::equal(now.mean, then.mean,
                             [&](double mean, double before) { return std::abs(mean / *brighter - before) <= allowed; });
 }
@@ -212,7 +209,7 @@ struct KnownLight::State {
 
   void add_gradient(const AnyFramesView& frame, const Place& place) {
     for (const std::size_t axis : {0U, 1U}) {
-      const std::size_t step = std::max<std::size_t>(axis == 0 ? box.width / kAcross : box.height / kDown, 1);
+      const std::size_t step = std::max<std::size_t>((axis == 0 ? box.width : 2 * box.height) / kPlaces, 1);
       const auto moved = [&](std::ptrdiff_t by) {
         Place end = place;
         (axis == 0 ? end.x : end.y) += by;
@@ -241,7 +238,7 @@ struct KnownLight::State {
     const Eigen::MatrixXd way =
         least_squares(slopes, Eigen::Map<const Eigen::VectorXd>(change.data(), slopes.rows()), kFlat);
     const auto step = [](double distance, std::size_t size) {
-      const bool still = std::abs(distance) < std::max(static_cast<double>(size) / kPlaces, 1.0);
+      const bool still = std::abs(distance) < std::max(static_cast<double>(size) / double{kPlaces}, 1.0);
       return still ? 0 : static_cast<std::ptrdiff_t>(std::nearbyint(distance));
     };
     return {step(way(0), box.width), step(way(1), box.height)};
@@ -256,7 +253,7 @@ struct KnownLight::State {
   }
 
   [[nodiscard]] std::optional<MeasuredLight> found_near(const AnyFramesView& frame, Place place) const {
-    for (int k = 0; k < kSteps; ++k) {
+    for (int k = 0; k < kMaxIterations; ++k) {
       if (!is_within(place)) return std::nullopt;
       const LightPattern now = patterns.pattern_in(frame, place);
       const auto [right, down] = shift(now);

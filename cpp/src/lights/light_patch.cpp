@@ -4,10 +4,10 @@
 #include <array>
 #include <cmath>
 #include <functional>
-#include <numbers>
 #include <numeric>
 #include <type_traits>
 
+#include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "lights/refinement_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -186,8 +186,8 @@ double likeness(std::span<const double> a, std::span<const double> b) {
   return energy > 0 ? std::inner_product(a.begin(), a.end(), b.begin(), 0.0) / std::sqrt(energy) : 0;
 }
 
-std::vector<double> fast_logs(const Patch& patch, double frequency) {
-  std::vector<double> slow = local_means(patch.logs, patch.rows, patch.stride, hann_length(frequency));
+std::vector<double> fast_logs(const Patch& patch, std::size_t length) {
+  std::vector<double> slow = local_means(patch.logs, patch.rows, patch.stride, length);
   std::ranges::transform(patch.logs, slow, slow.begin(), std::minus{});
   return slow;
 }
@@ -213,7 +213,7 @@ double noise_variance(const Patch& patch, const PatchRange& core) {
 }
 
 Complex turned(double cycles) {
-  const double angle = -2 * std::numbers::pi * (cycles - std::floor(cycles));
+  const double angle = -kTwoPi * (cycles - std::floor(cycles));
   return {std::cos(angle), std::sin(angle)};
 }
 

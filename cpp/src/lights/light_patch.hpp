@@ -91,8 +91,8 @@ inline std::complex<double> product(std::complex<double> a, std::complex<double>
 // e^{−j2πfn} for n from −reach to rows + reach − 1, computed as products of 16 fine values and every 16th one.
 ComplexValues turns_of(double frequency, std::size_t rows, std::size_t reach = 0);
 
-// Log light minus its local mean over two cycles, which has no component at the tone.
-std::vector<double> fast_logs(const Patch& patch, double frequency);
+// Log light minus its local mean under a window of `length` rows; that of two cycles has no component at the tone.
+std::vector<double> fast_logs(const Patch& patch, std::size_t length);
 
 // Sliding means over the rows of a patch, under a Hann window of two cycles.
 class Demodulator {

@@ -4,12 +4,9 @@
 #include <cmath>
 #include <cstdint>
 #include <tuple>
-#include <type_traits>
-#include <utility>
-#include <variant>
 
 #include "columns/moving_mean.hpp"
-#include "columns/row_kernels.hpp"
+#include "core/levels.hpp"
 #include "lights/light_patch.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
@@ -23,7 +20,6 @@ constexpr double kMaxRows = 0.9;         // of a box; lights with more rows get 
 constexpr std::size_t kMinRows = 64;     // of a light
 constexpr std::size_t kReach = 14;       // rows to either side for the local mean of a swing
 constexpr double kActive = 0.06;         // relative to the strongest swing
-constexpr double kAboveNoise = 4;        // standard deviations of a mean over a window
 constexpr std::size_t kMinDarkRows = 8;  // between two lights
 
 // Root mean square of the rows' swings about their moving mean, over windows, with the noise subtracted.
@@ -33,7 +29,7 @@ std::vector<double> activity(const CombinedColumn& column) {
   for (std::size_t n = 0; n < squares.size(); ++n) squares[n] = std::pow(column.signal[n] - slow[n], 2);
   auto active = moving_mean(squares, kReach / 2);
   const double noise = std::isfinite(column.noise) ? column.noise * column.noise : 0.0;
-  const double chance = 1 + kAboveNoise * std::sqrt(2.0 / kReach);
+  const double chance = 1 + kSure * std::sqrt(2.0 / kReach);
   for (double& value : active) value = std::sqrt(std::max(value - chance * noise, 0.0));
   return active;
 }
@@ -79,36 +75,6 @@ Region swinging_part(const std::vector<IndexRange>& runs, const Region& region) 
 ColumnSums sums_of(const AnyFramesView& frame, const Region& region, const ToneCurve& curve) {
   return {part_of(frame, region), 0, curve};
 }
-
-// A frame whose columns are contiguous: those of a cut region are read several times.
-class DenseFrame {
- public:
-  explicit DenseFrame(const AnyFramesView& frame) {
-    std::visit([&]<class T>(const FramesView<const T>& view) { copy(view); }, frame);
-  }
-
-  [[nodiscard]] const AnyFramesView& view() const { return view_; }
-
- private:
-  template <class T>
-  void copy(const FramesView<const T>& view) {
-    std::vector<T> pixels(view.rows * view.columns);
-    for (std::size_t row = 0; row < view.rows; ++row) {
-      T* to = pixels.data() + row * view.columns;
-      if constexpr (std::is_same_v<T, std::uint8_t>)
-        if (view.column_stride > 1) {
-          kernels::take_every(view.at(0, row, 0), static_cast<std::size_t>(view.column_stride), view.columns, to);
-          continue;
-        }
-      for (std::size_t column = 0; column < view.columns; ++column) to[column] = view(0, row, column);
-    }
-    view_ = dense_view<const T>(pixels.data(), 1, view.rows, view.columns);
-    pixels_ = std::move(pixels);
-  }
-
-  std::variant<std::vector<std::uint8_t>, std::vector<std::uint16_t>, std::vector<float>, std::vector<double>> pixels_;
-  AnyFramesView view_;
-};
 
 // A region that is to be cut; `whole_height`: not yet cut to its rows with swings.
 struct UncutRegion {
@@ -156,13 +122,12 @@ std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& c
   const Shape shape = shape_of(frame);
   const Region whole{0, 0, shape.columns, shape.rows};
   if (shape.rows < 2 * kMinRows) return {whole};
-  const DenseFrame dense(frame);
   std::vector<Region> regions;
   std::vector<UncutRegion> to_cut{{whole}};
   for (int cuts = 0; !to_cut.empty(); ++cuts) {
     std::vector<UncutRegion> next;
     for (std::size_t k = 0; k < to_cut.size(); ++k) {
-      const auto parts = cut(dense.view(), to_cut[k], cuts < kMaxCuts, curve);
+      const auto parts = cut(frame, to_cut[k], cuts < kMaxCuts, curve);
       if (parts.size() == 1)
         regions.push_back(parts.front().region);
       else

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "core/levels.hpp"
 #include "lights/light_model.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -28,10 +29,9 @@ constexpr double kWholeRows = 3.0, kFaintPattern = 0.02;  // prior times density
 constexpr double kUnevenPattern = 0.05;                   // cycles along the box
 constexpr double kLargestSpread = 0.03, kLargestOwnSpread = 0.015;  // max relative standard error of a frequency
 
-constexpr double kRounding = 0.01;  // of shares near 0
-constexpr double kWide = 3;         // ln of cycles: few of the fitted lights are wider
+constexpr double kWide = 3;  // ln of cycles: few of the fitted lights are wider
 
-double log_share(double share) { return std::log(std::max(share, 0.0) + kRounding); }
+double log_share(double share) { return std::log(std::max(share, 0.0) + kNextToNone); }
 
 double log_of(std::size_t count) { return std::log(static_cast<double>(std::max<std::size_t>(count, 1))); }
 
@@ -77,7 +77,6 @@ constexpr double kLeastStd = 0.1;            // rad: noise that texture hides, a
 constexpr double kLargestStd = 1;            // rad, of a usable phase
 constexpr std::size_t kCompared = 3;         // frames
 constexpr double kSame = 0.9, kOther = 0.6;  // correlation of waveforms
-constexpr double kTurn = 2 * std::numbers::pi;
 
 // Up to kCompared other frames, the nearest.
 std::vector<std::size_t> other_frames(std::size_t frame, std::size_t count) {
@@ -90,8 +89,8 @@ std::vector<std::size_t> other_frames(std::size_t frame, std::size_t count) {
 
 // Normal density of an angle relative to 1/2π.
 double over_uniform(double angle, double std) {
-  const double away = std::remainder(angle, kTurn) / std;
-  return std::max(std::sqrt(kTurn) / std * std::exp(-0.5 * away * away), 1e-30);
+  const double away = std::remainder(angle, kTwoPi) / std;
+  return std::max(std::sqrt(kTwoPi) / std * std::exp(-0.5 * away * away), 1e-30);
 }
 
 // Odds of a light over a texture, by which prior odds are multiplied, for the tone of a box (Hz and its standard
@@ -123,10 +122,10 @@ double phase_odds(const SearchedFrame& in, const RefinedLight& light) {
     still *= over_uniform(change, noise);
     if (!camera.frame_time) continue;
     const double time = *camera.frame_time * (static_cast<double>(other) - static_cast<double>(frame.index));
-    const double unknown = kTurn * std::abs(time) * std::hypot(frequency_std, kClockError * frequency);
+    const double unknown = kTwoPi * std::abs(time) * std::hypot(frequency_std, kClockError * frequency);
     const double error = std::hypot(noise, unknown);
     if (!(error < kLargestStd)) continue;
-    const double advance = kTurn * std::remainder(frequency * time, 1.0);
+    const double advance = kTwoPi * std::remainder(frequency * time, 1.0);
     advanced *= over_uniform(change - advance, error);
     stated = true, whole = whole && std::abs(advance) < 2 * error;
   }
@@ -175,9 +174,7 @@ double expected_others(const Detection& one, std::span<const Detection> lights) 
   return sum;
 }
 
-double normal(double x, double std) {
-  return std::exp(-0.5 * x * x / (std * std)) / (std * std::sqrt(2 * std::numbers::pi));
-}
+double normal(double x, double std) { return std::exp(-0.5 * x * x / (std * std)) / (std * std::sqrt(kTwoPi)); }
 
 // A light's bars run along the rows, over its whole width; those of a texture have a Cauchy distribution of tilts, and
 // may run along the rows as well.

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <complex>
 #include <limits>
-#include <numeric>
 #include <span>
 
+#include "core/levels.hpp"
 #include "lights/profile_frequency.hpp"
 #include "ocisac/rows/basis.hpp"
 #include "rows/normal_factors.hpp"
@@ -19,12 +19,6 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr std::size_t kMaxOrders = 3;
-constexpr std::size_t kMaxGroups = 16;  // of a jackknife
-constexpr int kAscents = 3;             // Newton steps of a frequency
-constexpr int kOutlineRounds = 6;
-constexpr double kOutlineReach = 0.12;  // of the frequency in a round, relative
-constexpr double kOutlier = 9;          // squared, in standard deviations
 constexpr double kSmallestSpread = 1e-3;
 constexpr std::size_t kMinBeyond = 4;  // rows
 
@@ -46,7 +40,7 @@ constexpr std::size_t kSlowTerms = 3;
 
 ToneFit fit_tone(const OwnPixels& pixels, double frequency) {
   const std::size_t rows = pixels.profile.size();
-  const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, kMaxOrders);
+  const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, kHarmonics);
   const RowSampling sampling = centred_rows(rows);
   std::vector<double> columns, frequencies;
   for (std::size_t h = 1; h <= orders; ++h) frequencies.push_back(static_cast<double>(h) * frequency);
@@ -75,7 +69,10 @@ ToneFit fit_tone(const OwnPixels& pixels, double frequency) {
   return fit;
 }
 
-double tone_energy(const OwnPixels& pixels, double frequency) { return fit_tone(pixels, frequency).tone; }
+// The tone's energy by its frequency.
+auto energy_in(const OwnPixels& pixels) {
+  return [&pixels](double frequency, std::size_t) { return fit_tone(pixels, frequency).tone; };
+}
 
 // Rows with own pixels, from the first to the last.
 IndexRange own_rows(const OwnPixels& pixels) {
@@ -91,19 +88,6 @@ OwnPixels profile_of_own_rows(const OwnPixels& pixels) {
   const auto from = static_cast<std::ptrdiff_t>(first), to = static_cast<std::ptrdiff_t>(end);
   const auto &profile = pixels.profile, &weight = pixels.weight;
   return {{}, {}, {profile.begin() + from, profile.begin() + to}, {weight.begin() + from, weight.begin() + to}};
-}
-
-// The energy around a frequency by differences, of a light of that many rows.
-struct Peak {
-  double to_maximum;  // distance by a Newton step; the frequency itself where there is no maximum
-  double curvature;   // −d²/df²
-};
-
-Peak peak_near(const OwnPixels& pixels, double frequency, double rows) {
-  const double step = 0.02 / rows;
-  const double below = tone_energy(pixels, frequency - step), above = tone_energy(pixels, frequency + step);
-  const double bend = 2 * tone_energy(pixels, frequency) - below - above;
-  return {bend > 0 ? 0.5 * step * (above - below) / bend : frequency, bend / (step * step)};
 }
 
 // Σ weight·x² of what no term explains, per row.
@@ -122,23 +106,17 @@ double rest_of_row(const OwnPixels& pixels, double frequency) {
 double standard_error(const OwnPixels& pixels, double frequency) {
   const OwnPixels own = profile_of_own_rows(pixels);
   const std::size_t rows = own.profile.size();
-  const auto groups =
-      std::clamp<std::size_t>(static_cast<std::size_t>(static_cast<double>(rows) * frequency), 4, kMaxGroups);
   OwnPixels rest = own;
-  double sum = 0, square = 0;
-  for (std::size_t k = 0; k < groups; ++k) {
-    const auto first = static_cast<std::ptrdiff_t>(k * rows / groups);
-    const auto end = static_cast<std::ptrdiff_t>((k + 1) * rows / groups);
-    std::fill(rest.weight.begin() + first, rest.weight.begin() + end, 0.0);
-    const double moved = peak_near(rest, frequency, static_cast<double>(rows)).to_maximum;
-    sum += moved, square += moved * moved;
-    std::copy(own.weight.begin() + first, own.weight.begin() + end, rest.weight.begin() + first);
-  }
-  const auto count = static_cast<double>(groups);
-  const double spread = std::max(square - sum * sum / count, 0.0) * (count - 1) / count;
-  const double curvature = peak_near(own, frequency, static_cast<double>(rows)).curvature;
+  const double cycles = std::max(static_cast<double>(rows) * frequency, 4.0);
+  const double spread = jackknife_std(frequency, rows, cycles, 1, [&](std::size_t begin, std::size_t end) {
+    rest.weight = own.weight;
+    std::fill(rest.weight.begin() + static_cast<std::ptrdiff_t>(begin),
+              rest.weight.begin() + static_cast<std::ptrdiff_t>(end), 0.0);
+    return energy_in(rest);
+  });
+  const double curvature = peak_near(frequency, static_cast<double>(rows), energy_in(own)).curvature;
   const double noise = curvature > 0 ? 2 * rest_of_row(own, frequency) / curvature : squared(frequency);
-  return std::sqrt(std::max(spread, noise));
+  return std::max(spread, std::sqrt(noise));
 }
 
 // Moves each group by the mean over its own pixels less `wanted` (rows), and sums up its profile.
@@ -178,7 +156,7 @@ struct Normal {
   double mean = 0, variance = 0;
 
   [[nodiscard]] double log_density(double x) const {
-    return -0.5 * std::log(variance) - 0.5 * std::min(squared(x - mean) / variance, kOutlier);
+    return -0.5 * std::log(variance) - 0.5 * std::min(squared(x - mean) / variance, kWeak * kWeak);
   }
 };
 
@@ -274,28 +252,15 @@ OwnPixels own_pixels(const Patch& patch, const ComplexValues& swing, const Patch
 }
 
 double strongest_frequency(const OwnPixels& pixels, double lower, double upper) {
-  const auto [first, end] = own_rows(pixels);
-  if (first == end) return lower;
   const OwnPixels own = profile_of_own_rows(pixels);
-  const auto rows = static_cast<double>(end - first);
-  const double step = 0.125 / rows;
-  const auto count = static_cast<std::size_t>((upper - lower) / step) + 1;
-  double best = lower, most = -1;
-  for (std::size_t i = 0; i <= count; ++i) {
-    const double frequency = std::min(lower + static_cast<double>(i) * step, upper);
-    const double energy = tone_energy(own, frequency);
-    if (energy > most) most = energy, best = frequency;
-  }
-  if (best <= lower || best >= upper) return best;
-  for (int ascent = 0; ascent < kAscents; ++ascent)
-    best += std::clamp(peak_near(own, best, rows).to_maximum, -0.5 * step, 0.5 * step);
-  return best;
+  if (own.profile.empty()) return lower;
+  return strongest_frequency(lower, upper, static_cast<double>(own.profile.size()), energy_in(own));
 }
 
 std::optional<double> fit_outline(OwnPixels& pixels, double frequency) {
   centre(pixels, std::vector<double>(pixels.profile.size()));
-  for (int round = 0; round < kOutlineRounds; ++round) {
-    const double lower = frequency * (1 - kOutlineReach), upper = std::min(frequency * (1 + kOutlineReach), 0.499);
+  for (int round = 0; round < kMaxIterations; ++round) {
+    const double lower = frequency * (1 - kFrequencyReach), upper = std::min(frequency * (1 + kFrequencyReach), 0.499);
     frequency = strongest_frequency(pixels, lower, upper);
     if (frequency <= lower || frequency >= upper) return {};
     const ToneFit fit = fit_tone(pixels, frequency);

@@ -1,14 +1,13 @@
 #include "lights/refinement.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <complex>
-#include <numbers>
 #include <numeric>
 #include <span>
 #include <vector>
 
+#include "core/levels.hpp"
 #include "lights/light_patch.hpp"
 #include "lights/own_pixels.hpp"
 #include "lights/profile_frequency.hpp"
@@ -21,11 +20,7 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double kMinAlignment = 0.5;                         // cosine of the angle to the light's phase
-constexpr double kMinCoherence = 0.5;                         // of a group of columns, over the rows
-constexpr double kFirstReach = 0.22, kFrequencyReach = 0.12;  // of the frequency, relative: of a suspect, per round
-constexpr double kSettledFrequency = 0.02;                    // relative change in a round
-constexpr int kMaxRounds = 8;
+constexpr double kSettledFrequency = 0.02;  // relative change in a round
 constexpr std::size_t kTiltGroups = 3;
 
 constexpr std::size_t kMaxOrders = 9;  // of a periodic light's harmonics
@@ -91,7 +86,7 @@ std::vector<std::uint8_t> coherent_groups(const Patch& patch, const ComplexValue
         sizes[g] += length * size(swing[i]);
       }
     }
-    for (std::size_t g = 0; g < patch.groups; ++g) coherent[g] = products[g] > kMinCoherence * sizes[g];
+    for (std::size_t g = 0; g < patch.groups; ++g) coherent[g] = products[g] > kMostly * sizes[g];
   }
   return coherent;
 }
@@ -121,7 +116,6 @@ std::optional<RefinedLight> lit_box(const Patch& patch, const ComplexValues& swi
   if (!(largest > 0) || sum == Complex(0)) return {};
   const Complex phase = sum / std::abs(sum);
   const double least = edge * largest, c = phase.real(), s = phase.imag();
-  constexpr double kAlignment = kMinAlignment * kMinAlignment;
   std::vector<double> aligned(swing.real.size());
   std::vector<std::uint8_t> open_to(aligned.size());
   for (std::size_t n = 0; n < patch.rows; ++n)
@@ -129,8 +123,8 @@ std::optional<RefinedLight> lit_box(const Patch& patch, const ComplexValues& swi
       const std::size_t i = n * patch.stride + g;
       const double a = swing.real[i], b = swing.imaginary[i], along = a * c + b * s;
       aligned[i] = along;
-      open_to[i] =
-          static_cast<std::uint8_t>((along > least) & (along * along > kAlignment * (a * a + b * b)) & coherent[g]);
+      open_to[i] = static_cast<std::uint8_t>((along > least) & (along * along > kMostly * kMostly * (a * a + b * b)) &
+                                             coherent[g]);
     }
   Component best{};
   std::vector<std::size_t> stack;
@@ -178,7 +172,7 @@ double uneven_variance(const Patch& patch, const PatchRange& core, const std::ve
 // Profile weighted with the local swing of log light, in the box and two cycles on each side.
 Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Region& box, double frequency) {
   const ComplexValues swing = demodulator.swing(patch, patch.logs);
-  const std::vector<double> fast = fast_logs(patch, frequency);
+  const std::vector<double> fast = fast_logs(patch, hann_length(frequency));
   const auto cycle = static_cast<std::size_t>(std::lround(1 / frequency));
   const PatchRange core = patch.range(box), wide = patch.range(widened(box, 2 * cycle));
   Complex sum = 0;
@@ -262,16 +256,17 @@ void add_appearance(const Patch& patch, const ComplexValues& swing, double seen,
 
 std::size_t harmonics_of(double frequency) { return std::min(static_cast<std::size_t>(0.499 / frequency), kMaxOrders); }
 
-// Fraction of the energy Σ matched²/weight of a profile explained by a least-squares fit of weight·(harmonics).
-double periodic_share(std::span<const double> matched, std::span<const double> weight, double frequency) {
+}  // namespace
+
+double periodic_share(std::span<const double> matched, std::span<const double> weight, double frequency,
+                      std::size_t most) {
   double total = 0, weights = 0;
   for (std::size_t n = 0; n < matched.size(); ++n) {
     if (!(weight[n] > 0)) continue;
     total += matched[n] * matched[n] / weight[n];
     weights += weight[n];
   }
-  const std::size_t most = harmonics_of(frequency);
-  std::array<Complex, kMaxOrders> sums{};
+  std::vector<Complex> sums(most);
   for (std::size_t n = 0; n < matched.size(); ++n) {
     if (matched[n] == 0) continue;
     const Complex turn = turned(frequency * static_cast<double>(n));
@@ -279,9 +274,11 @@ double periodic_share(std::span<const double> matched, std::span<const double> w
     for (std::size_t h = 0; h < most; ++h) sums[h] += term = product(term, turn);
   }
   double periodic = 0;
-  for (std::size_t h = 0; h < most; ++h) periodic += 2 * std::norm(sums[h]) / weights;
+  for (const Complex& sum : sums) periodic += 2 * std::norm(sum) / weights;
   return total > 0 ? std::min(periodic / total, 1.0) : 0;
 }
+
+namespace {
 
 // Probability of the periodic share that a signal has in its rows, from the first to the last that is not 0, in noise.
 double chance_of(std::span<const double> signal, double frequency) {
@@ -289,13 +286,15 @@ double chance_of(std::span<const double> signal, double frequency) {
   std::ranges::transform(signal, weight.begin(), [](double x) { return x == 0 ? 0.0 : 1.0; });
   const double rows = std::accumulate(weight.begin(), weight.end(), 0.0);
   const std::size_t tones = harmonics_of(frequency);
-  return chance_of_share(periodic_share(signal, weight, frequency), tones, rows - 1 - 2 * static_cast<double>(tones));
+  return chance_of_share(periodic_share(signal, weight, frequency, tones), tones,
+                         rows - 1 - 2 * static_cast<double>(tones));
 }
 
 // The light in a box by its profile.
 RefinedLight refined(const Patch& patch, const Profile& profile, const Region& box, double frequency, double error) {
   const double common = profile.energy > 0 ? std::min(profile.common / profile.energy, 1.0) : 0;
-  const double periodic = periodic_share(profile.matched, profile.weight, frequency), explained = common * periodic;
+  const double periodic = periodic_share(profile.matched, profile.weight, frequency, harmonics_of(frequency)),
+               explained = common * periodic;
   const double rest = std::max(profile.energy * (1 - explained) - profile.noise, 0.0);
   return {.box = box,
           .frequency = frequency,
@@ -340,7 +339,7 @@ void measure_tilt(const Patch& patch, const ComplexValues& swing, const PatchRan
   });
   if (!(moment > 0)) return;
   const double spread = std::sqrt(squares * static_cast<double>(groups) / static_cast<double>(groups - 2)) / moment;
-  const double per_column = 1 / (2 * std::numbers::pi * light.frequency * static_cast<double>(patch.group));
+  const double per_column = 1 / (kTwoPi * light.frequency * static_cast<double>(patch.group));
   light.tilt = (slope + force / moment) * per_column, light.tilt_std = spread * per_column;
 }
 
@@ -371,7 +370,7 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
     // A round sees two cycles above and below its box, less at a wrong frequency.
     const bool settled = std::abs(frequency - last) <= kSettledFrequency * frequency &&
                          static_cast<double>(box.height) <= static_cast<double>(known) + 0.5 / frequency;
-    if (round < rounds || (!settled && round < kMaxRounds)) continue;
+    if (round < rounds || (!settled && round < kMaxIterations)) continue;
     box.width = std::min(box.width, shape_of(frame.frames).columns - box.x);
     RefinedLight light{};
     if (inside) {
@@ -383,9 +382,8 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
       const Region mine = own_box(own);
       light.box.y = mine.y, light.box.height = mine.height;
     } else {
-      const double error =
-          jackknife_std(profile.matched, frequency, static_cast<double>(box.height) * frequency, lower, upper);
-      light = refined(patch, profile, box, frequency, error);
+      light = refined(patch, profile, box, frequency,
+                      jackknife_std(profile.matched, frequency, static_cast<double>(box.height) * frequency));
       add_appearance(patch, swing, last, light);
     }
     light.amplitude = 2 * lit->amplitude;

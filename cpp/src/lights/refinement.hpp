@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <optional>
+#include <span>
 
 #include "lights/light_patch.hpp"
 #include "lights/screening.hpp"
@@ -39,6 +40,12 @@ struct RefinedLight {
 // Amplitude at the box's edges, relative to the largest. Under a window of two cycles a sharp edge has one half.
 constexpr double kWholeBox = 0.15, kInnerBox = 0.5;
 constexpr double kLongestInner = 12;  // cycles in an inner box
+// Reach of a search about a frequency, relative: of a suspect, and of a round.
+constexpr double kFirstReach = 0.22, kFrequencyReach = 0.12;
+
+// Fraction of the energy Σ matched²/weight of a profile explained by a least-squares fit of weight·(`most` harmonics).
+double periodic_share(std::span<const double> matched, std::span<const double> weight, double frequency,
+                      std::size_t most);
 
 // Tilt of the bars in a part of the patch, from the phase of the swing z of each group of columns u: the slope s that
 // maximises |Σ z·e^(−jsu)|. `seen`: frequency of the demodulation.

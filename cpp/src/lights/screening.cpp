@@ -6,10 +6,10 @@
 #include <cstdint>
 #include <cstdlib>
 #include <memory>
-#include <numbers>
 #include <span>
 
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 #include "lights/screening_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
 
@@ -17,10 +17,10 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kWindow = 32, kHop = 16;  // rows of a tile, after summing
-constexpr std::size_t kTileGroups = 3;          // per tile
-constexpr std::size_t kWidestGroup = 8;         // columns at the finest scale
-constexpr std::size_t kWideFactor = 8;          // a second family of scales, for faint light on large areas
+constexpr std::size_t kHop = kernels::kChunkRows, kWindow = 2 * kHop;  // rows of a tile, after summing
+constexpr std::size_t kTileGroups = 3;                                 // per tile
+constexpr std::size_t kWidestGroup = 8;                                // columns at the finest scale
+constexpr std::size_t kWideFactor = 8;  // a second family of scales, for faint light on large areas
 constexpr double kMinShare = 0.4;
 constexpr float kMinPower = 1e-6F;  // mean square of log light: swings below 0.1 % are ignored
 // Cycles in a window; half steps where the tiles of the next scale have no better resolution.
@@ -36,7 +36,7 @@ struct Waves {
   Waves() {
     for (std::size_t n = 0; n < kHop; ++n) slope_energy += static_cast<float>(2 * from_middle(n) * from_middle(n));
     for (std::size_t k = 0; k < kCycles.size(); ++k) {
-      const auto turn = [&](std::size_t n) { return 2 * std::numbers::pi * kCycles[k] * from_middle(n) / kWindow; };
+      const auto turn = [&](std::size_t n) { return kTwoPi * kCycles[k] * from_middle(n) / kWindow; };
       double mean = 0, tilt = 0;
       for (std::size_t n = 0; n < kHop; ++n) {
         mean += std::cos(turn(n)) / kHop;

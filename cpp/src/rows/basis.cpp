@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "core/legendre.hpp"
+#include "core/levels.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 
@@ -115,7 +115,7 @@ void append_tones(std::vector<double>& basis, const RowSampling& rows, std::span
 Phasor phasor(double cycles, double time) {
   const double product = cycles * time;
   const double rest = std::fma(cycles, time, -product);
-  const double angle = 2 * std::numbers::pi * ((product - std::nearbyint(product)) + rest);
+  const double angle = kTwoPi * ((product - std::nearbyint(product)) + rest);
   return {std::cos(angle), std::sin(angle)};
 }
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "core/levels.hpp"
 #include "ocisac/core/require.hpp"
 #include "rows/exposed_chips.hpp"
 
@@ -12,9 +13,8 @@ std::ptrdiff_t chip_at(double row, const ChipClock& clock) {
 }
 
 ChipGrid whole_chips(const ChipClock& clock, std::size_t rows) {
-  constexpr double kRounding = 1e-9;  // chips
-  const double begin = (-0.5 - clock.phase) / clock.rows_per_chip - kRounding;
-  const double end = (static_cast<double>(rows) - 0.5 - clock.phase) / clock.rows_per_chip + kRounding;
+  const double begin = (-0.5 - clock.phase) / clock.rows_per_chip - kEqual;
+  const double end = (static_cast<double>(rows) - 0.5 - clock.phase) / clock.rows_per_chip + kEqual;
   const auto first = static_cast<std::ptrdiff_t>(std::ceil(begin)), last = static_cast<std::ptrdiff_t>(std::floor(end));
   return {clock, first, last > first ? static_cast<std::size_t>(last - first) : 0};
 }

@@ -5,6 +5,7 @@
 #include <numbers>
 #include <utility>
 
+#include "core/levels.hpp"
 #include "ocisac/core/constants.hpp"
 #include "rows/normal_factors.hpp"
 
@@ -16,7 +17,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kMaxSteps = 8;
 constexpr double kReach = 0.25;    // bins of the rows: the longest step of a frequency
 constexpr double kSettled = 1e-3;  // bins; a smaller step is the last
 
@@ -105,7 +105,7 @@ FrequencyFit refine_frequencies(const RowSampling& rows, std::vector<double> fre
   const auto count = static_cast<Index>(frequencies.size());
   const double bin = (height - 1) / (height * (rows.times.back() - rows.times.front()));
   VectorXd amplitudes;
-  for (int step = 0; step < kMaxSteps; ++step) {
+  for (int step = 0; step < kMaxIterations; ++step) {
     const MatrixXd waves = waves_of(rows, frequencies);
     MatrixXd both(waves.rows(), 3 * count), slopes(waves.rows(), count);
     both.leftCols(2 * count) = beside(others, waves);

@@ -6,6 +6,7 @@
 #include <numeric>
 #include <utility>
 
+#include "core/levels.hpp"
 #include "core/spectrum.hpp"
 #include "core/statistics.hpp"
 #include "rows/verdict.hpp"
@@ -16,7 +17,6 @@ namespace {
 
 constexpr std::size_t kPadding = 4;                                       // bins per width of a spectral line
 constexpr std::size_t kNearBins = 2 * kPadding, kFarBins = 8 * kPadding;  // from a tone to its neighbourhood
-constexpr double kRounding = 1e-12;  // relative to the mean: a signal that deviates by no more is constant
 
 }  // namespace
 
@@ -38,7 +38,7 @@ std::vector<double> periodogram(std::span<const double> signals, std::size_t row
   for (std::size_t begin = 0; begin + rows <= signals.size(); begin += rows) {
     const auto signal = signals.subspan(begin, rows);
     const double mean = mean_of(signal);
-    const auto varies = [&](double value) { return std::abs(value - mean) > kRounding * std::abs(mean); };
+    const auto varies = [&](double value) { return std::abs(value - mean) > kEqual * std::abs(mean); };
     if (std::ranges::none_of(signal, varies)) continue;
     for (std::size_t n = 0; n < rows; ++n) windowed[n] = window[n] * (signal[n] - mean);
     const auto spectrum = half_spectra(windowed, length);

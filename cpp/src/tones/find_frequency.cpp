@@ -9,6 +9,7 @@
 #include <numeric>
 #include <utility>
 
+#include "core/levels.hpp"
 #include "core/spectrum.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_blocks.hpp"
@@ -31,25 +32,17 @@ constexpr std::size_t kFewestRows = 8;
 constexpr std::size_t kMaxHarmonics = 31;
 constexpr std::size_t kComparedHarmonics = 3;  // sufficient to distinguish a fundamental from its harmonics
 
-// Dense signals of equal length.
-struct Signals {
-  std::vector<double> samples;
-  std::size_t rows;
-  [[nodiscard]] std::size_t count() const { return samples.size() / rows; }
-};
-
 // Signals scaled to unit energy, so that bright overlays do not dominate; constant ones are left out.
 class UnitSignals {
  public:
   UnitSignals(std::span<const double> samples, std::size_t rows)
-      : energies_(energies_of(samples, rows)), scaled_(scaled(samples, rows)), prepared_(scaled_.samples, rows) {}
+      : energies_(energies_of(samples, rows)), scaled_(scaled(samples, rows), rows) {}
 
-  [[nodiscard]] const Signals& signals() const { return scaled_; }
-  [[nodiscard]] const PeriodicSignals& prepared() const { return prepared_; }
+  [[nodiscard]] const PeriodicSignals& scaled() const { return scaled_; }
 
   // Fit of the signals as they were, without its step and its energies by harmonics.
   [[nodiscard]] PeriodicFit fit(const PeriodicModel& model, double frequency) const {
-    const PeriodicFit of_scaled = fit_periodic(prepared_, model, frequency, false);
+    const PeriodicFit of_scaled = fit_periodic(scaled_, model, frequency, false);
     const std::size_t count = energies_.size();
     PeriodicFit fit{
         frequency, std::vector<double>(count), std::vector<double>(count), {}, std::vector<double>(2 * count)};
@@ -74,28 +67,28 @@ class UnitSignals {
     return energies;
   }
 
-  [[nodiscard]] Signals scaled(std::span<const double> samples, std::size_t rows) const {
-    Signals out{std::vector<double>(samples.size()), rows};
-    auto to = out.samples.begin();
+  [[nodiscard]] std::vector<double> scaled(std::span<const double> samples, std::size_t rows) const {
+    std::vector<double> out(samples.size());
+    auto to = out.begin();
     for (std::size_t s = 0; s < energies_.size(); ++s) {
       if (!(energies_[s] > 0)) continue;
       const double scale = 1 / std::sqrt(energies_[s]);
       const auto signal = samples.subspan(s * rows, rows);
       to = std::transform(signal.begin(), signal.end(), to, [=](double v) { return scale * v; });
     }
-    out.samples.erase(to, out.samples.end());
+    out.erase(to, out.end());
     return out;
   }
 
   std::vector<double> energies_;
-  Signals scaled_;
-  PeriodicSignals prepared_;
+  PeriodicSignals scaled_;
 };
 
 // The strongest local maxima of the votes, in cycles per row.
-std::vector<double> spectral_peaks(const Signals& signals, const FrequencySearch& range, std::size_t max_count) {
-  const std::size_t length = optimal_dft_length(2 * signals.rows);
-  const auto votes = spectral_votes(signals.samples, signals.rows, length);
+std::vector<double> spectral_peaks(const PeriodicSignals& signals, const FrequencySearch& range,
+                                   std::size_t max_count) {
+  const std::size_t length = optimal_dft_length(2 * signals.rows());
+  const auto votes = spectral_votes(signals.samples(), signals.rows(), length);
   const auto inside = [&](std::size_t k) {
     const double f = static_cast<double>(k) / static_cast<double>(length);
     return f >= range.lower && f <= range.upper;
@@ -205,14 +198,14 @@ Candidate judged(const PeriodicSignals& signals, double frequency, const Frequen
 }
 
 // NaN for constant signals.
-double coarse_frequency(const UnitSignals& signals, const FrequencySearch& range) {
-  if (signals.signals().count() == 0) return kNaN;
-  std::vector<double> frequencies = spectral_peaks(signals.signals(), range, 5);
-  for (const double f : grid_minima(signals.prepared(), range))
+double coarse_frequency(const PeriodicSignals& signals, const FrequencySearch& range) {
+  if (signals.count() == 0) return kNaN;
+  std::vector<double> frequencies = spectral_peaks(signals, range, 5);
+  for (const double f : grid_minima(signals, range))
     if (std::ranges::find(frequencies, f) == frequencies.end()) frequencies.push_back(f);
   Candidate best;
   for (const double frequency : frequencies) {
-    const Candidate candidate = judged(signals.prepared(), frequency, range, best.misfit);
+    const Candidate candidate = judged(signals, frequency, range, best.misfit);
     if (candidate.misfit < best.misfit) best = candidate;
   }
   return best.frequency;
@@ -220,29 +213,29 @@ double coarse_frequency(const UnitSignals& signals, const FrequencySearch& range
 
 // The fundamental of which `frequency` is a harmonic, or itself. Each of many parts pays for the harmonics of its
 // model, which a faint light does not repay; combined, it does.
-double fundamental_of(const Signals& combined, double frequency, const FrequencySearch& range) {
+double fundamental_of(const PeriodicSignals& combined, double frequency, const FrequencySearch& range) {
   constexpr int kHighest = 5;
-  const UnitSignals signals(combined.samples, combined.rows);
-  if (signals.signals().count() == 0) return frequency;
-  Candidate best = judged(signals.prepared(), frequency, range, kInfinity);
+  const UnitSignals unit(combined.samples(), combined.rows());
+  const PeriodicSignals& signals = unit.scaled();
+  if (signals.count() == 0) return frequency;
+  Candidate best = judged(signals, frequency, range, kInfinity);
   for (int order = 2; order <= kHighest && frequency / order >= range.lower; ++order) {
-    const Candidate candidate = judged(signals.prepared(), frequency / order, range, best.misfit);
+    const Candidate candidate = judged(signals, frequency / order, range, best.misfit);
     if (candidate.misfit < best.misfit) best = candidate;
   }
   return std::isnan(best.frequency) ? frequency : best.frequency;
 }
 
 // True if half or a third of the frequency is there, too, too weak for a fundamental (kMinShare).
-bool has_weak_fundamental(const Signals& combined, double frequency, const FrequencySearch& range) {
+bool has_weak_fundamental(const PeriodicSignals& signals, double frequency, const FrequencySearch& range) {
   constexpr double kLeastShare = 0.05;
-  const PeriodicSignals signals(combined.samples, combined.rows);
   for (const double order : {2.0, 3.0}) {
     if (frequency / order < range.lower) continue;
-    const auto model = periodic_model(frequency / order, combined.rows, kComparedHarmonics);
+    const auto model = periodic_model(frequency / order, signals.rows(), kComparedHarmonics);
     const PeriodicFit fit = fit_periodic(signals, model, frequency / order);
     if (fit.harmonic_energy[0] >= kLeastShare * sum(fit.harmonic_energy) &&
-        fit.harmonic_energy[0] * static_cast<double>((combined.rows - model.parameters()) * combined.count()) >
-            chance_energy(2 * combined.count()) * fit.total_residual())
+        fit.harmonic_energy[0] * static_cast<double>((signals.rows() - model.parameters()) * signals.count()) >
+            chance_energy(2 * signals.count()) * fit.total_residual())
       return true;
   }
   return false;
@@ -338,17 +331,17 @@ std::vector<double> bins_about(double frequency, std::size_t row_count) {
 
 // Power of the noise at these bins over its mean power: that of the residual of a tone with harmonics, each signal's in
 // its own mean.
-double noise_about(const Signals& signals, double frequency, const std::vector<double>& bins) {
+double noise_about(const PeriodicSignals& signals, double frequency, const std::vector<double>& bins) {
   const std::size_t each = (signals.count() + kSomeSignals - 1) / kSomeSignals;
   std::vector<double> some, residual, waves;
   for (std::size_t s = 0; s < signals.count(); s += each)
-    some.insert(some.end(), &signals.samples[s * signals.rows], &signals.samples[s * signals.rows] + signals.rows);
+    some.insert(some.end(), signals.signal(s).begin(), signals.signal(s).end());
   // Harmonics that leak into the bins.
   const double reach = 1 + 1.5 * (bins.back() - frequency) / frequency;
   const auto removed = static_cast<std::size_t>(std::clamp(reach, 1.0, static_cast<double>(kMaxHarmonics)));
-  frequency_std(some, signals.rows, 1, periodic_model(frequency, signals.rows, removed), frequency, &residual);
-  const auto height = static_cast<Eigen::Index>(signals.rows);
-  const RowSampling sampling = centred_rows(signals.rows);
+  frequency_std(some, signals.rows(), 1, periodic_model(frequency, signals.rows(), removed), frequency, &residual);
+  const auto height = static_cast<Eigen::Index>(signals.rows());
+  const RowSampling sampling = centred_rows(signals.rows());
   append_tones(waves, sampling, bins);
   const Eigen::Map<const Eigen::MatrixXd> left(residual.data(), height,
                                                static_cast<Eigen::Index>(residual.size()) / height);
@@ -367,26 +360,28 @@ double noise_about(const Signals& signals, double frequency, const std::vector<d
 // given frequency is a sum of squared standard normal variables, two for each harmonic, times the power of the noise
 // about it, which is not white of texture, of blocks of compression and of rows. `count`: of all signals, constant ones
 // included.
-bool is_significant(const Signals& signals, const PeriodicFit& fit, const PeriodicModel& model, std::size_t count) {
-  const auto spare = static_cast<double>(signals.rows - model.parameters());
+bool is_significant(const PeriodicSignals& signals, const PeriodicFit& fit, const PeriodicModel& model,
+                    std::size_t count) {
+  const auto spare = static_cast<double>(signals.rows() - model.parameters());
   double evidence = 0;
   for (std::size_t s = 0; s < fit.periodic_energy.size(); ++s)
     if (fit.periodic_energy[s] > 0) evidence += spare * std::log1p(fit.periodic_energy[s] / fit.residual_energy[s]);
   const double chance = chance_energy(2 * count * model.harmonics.size());
   if (!(evidence > chance)) return false;
-  const std::vector<double> bins = bins_about(fit.frequency, signals.rows);
+  const std::vector<double> bins = bins_about(fit.frequency, signals.rows());
   if (bins.empty()) return true;
   // About the tail of F, since the noise is estimated itself: exact for two variables of one signal.
   const double freedom = static_cast<double>(2 * bins.size() * std::min(signals.count(), kSomeSignals)),
                own = chance_energy(2 * std::max(count, model.harmonics.size())),
                least = chance * freedom * std::expm1(own / freedom) / own;
-  const double most = 0.5 * static_cast<double>(signals.rows) / static_cast<double>(bins.size());  // all noise is there
+  const double most =
+      0.5 * static_cast<double>(signals.rows()) / static_cast<double>(bins.size());  // all noise is there
   return evidence > most * least || evidence > least * std::max(noise_about(signals, fit.frequency, bins), 1.0);
 }
 
-bool shows_tone(const UnitSignals& signals, std::size_t count, double frequency) {
-  const auto model = periodic_model(frequency, signals.signals().rows, 1);
-  return is_significant(signals.signals(), fit_periodic(signals.prepared(), model, frequency, false), model, count);
+bool shows_tone(const PeriodicSignals& signals, std::size_t count, double frequency) {
+  const auto model = periodic_model(frequency, signals.rows(), 1);
+  return is_significant(signals, fit_periodic(signals, model, frequency, false), model, count);
 }
 
 // Sum of each frame's signals.
@@ -419,15 +414,14 @@ struct Sighting {
 
 // Searches the parts of the frame, each with its own noise, phase and overlays. Without a significant tone, searches
 // their sum, which is better for a weak light over the whole frame.
-Sighting look(const ColumnBlocks& blocks, const UnitSignals& parts, const FrequencySearch& range) {
+Sighting look(const ColumnBlocks& blocks, const PeriodicSignals& parts, const FrequencySearch& range) {
   const double frequency = coarse_frequency(parts, range);
   if (std::isnan(frequency) || shows_tone(parts, blocks.frames * blocks.blocks, frequency))
     return {frequency, true, false};
   if (blocks.blocks > 1) {
-    const std::vector<double> samples = summed(blocks);
-    const UnitSignals sums(samples, blocks.rows);
-    const double other = coarse_frequency(sums, range);
-    if (!std::isnan(other) && shows_tone(sums, blocks.frames, other)) return {other, false, true};
+    const UnitSignals sums(summed(blocks), blocks.rows);
+    const double other = coarse_frequency(sums.scaled(), range);
+    if (!std::isnan(other) && shows_tone(sums.scaled(), blocks.frames, other)) return {other, false, true};
   }
   return {frequency, false, false};
 }
@@ -455,12 +449,11 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const auto rows = static_cast<double>(blocks.rows);
   const FrequencySearch range = resolvable(search, rows);
   const UnitSignals parts(blocks.signals, blocks.rows);
-  const Sighting sighting = look(blocks, parts, range);
+  const Sighting sighting = look(blocks, parts.scaled(), range);
   if (std::isnan(sighting.frequency)) return nothing_found(blocks);
 
   PeriodicFit all;
   std::vector<std::uint8_t> used;
-  std::size_t per_frame = 1;
   double coherence = 1;
   const auto combined = [&](double frequency) {
     const auto model = periodic_model(frequency, blocks.rows, kComparedHarmonics);
@@ -468,26 +461,24 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
     used = search.select_columns && sighting.in_parts ? tone_blocks(blocks, all)
                                                       : std::vector<std::uint8_t>(blocks.blocks, 1);
     CombinedTone tone = combined_signals(blocks, used, model, all);
-    per_frame = tone.per_frame;
     coherence = tone.coherence;
-    return Signals{std::move(tone.signals), blocks.rows};
+    return PeriodicSignals(std::move(tone.signals), blocks.rows);
   };
-  Signals signals = combined(sighting.frequency);
+  PeriodicSignals signals = combined(sighting.frequency);
   const double coarse = fundamental_of(signals, sighting.frequency, range);
   if (std::abs(coarse - sighting.frequency) * rows > 1) signals = combined(coarse);
-  const FittedModel final = final_fit(PeriodicSignals(signals.samples, signals.rows), coarse, range);
+  const FittedModel final = final_fit(signals, coarse, range);
   std::vector<double> residual;
-  const double std =
-      frequency_std(signals.samples, signals.rows, per_frame, final.model, final.fit.frequency, &residual);
+  const double std = frequency_std(signals.samples(), signals.rows(), signals.count() / blocks.frames, final.model,
+                                   final.fit.frequency, &residual);
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);
   if (final.fit.frequency <= range.lower || final.fit.frequency >= range.upper) flags |= flag::at_bound;
   if ((!sighting.in_parts && !sighting.in_sum) || !is_significant(signals, final.fit, final.model, signals.count()))
     flags |= flag::no_tone;
   constexpr double kJump = 0.075;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
-  constexpr double kMinCoherence = 0.5;  // texture: below 0.1; stripes that slant by a cycle over the columns: 0.1
-  if (has_weak_fundamental(signals, final.fit.frequency, range) || wander(residual, signals.rows, final) > kJump ||
-      coherence < kMinCoherence)
+  if (has_weak_fundamental(signals, final.fit.frequency, range) || wander(residual, signals.rows(), final) > kJump ||
+      coherence < kMostly)
     flags |= flag::model_misfit;
   const double noise = final.noise_power * rows * static_cast<double>(signals.count());
   return {final.fit.frequency,          std,   sum(final.fit.periodic_energy) / noise,

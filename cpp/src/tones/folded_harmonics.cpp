@@ -9,6 +9,7 @@
 #include <span>
 #include <tuple>
 
+#include "core/levels.hpp"
 #include "core/recently_used.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/light/exposure_response.hpp"
@@ -17,8 +18,6 @@
 namespace ocisac {
 
 namespace {
-
-constexpr double kTurn = 2 * std::numbers::pi;
 
 // Level of a harmonic relative to that of the fundamental, of a wave whose bright part has its middle at phase 0.
 double ratio_of(int order, double duty, double exposure_cycles) {
@@ -75,7 +74,7 @@ std::vector<Shown> shown_by_phase(const HarmonicModel& model, std::span<const in
   std::vector<double> cosine(model.rows), sine(model.rows);
   std::vector<std::complex<double>> turns;
   for (std::size_t k = 0; k < count; ++k)
-    turns.push_back(std::polar(1.0, kTurn * static_cast<double>(k) / static_cast<double>(count)));
+    turns.push_back(std::polar(1.0, kTwoPi * static_cast<double>(k) / static_cast<double>(count)));
   std::vector<Shown> shown;
   for (const auto& turn : turns) shown.push_back({turn, 0});
   const double sign = std::copysign(1.0, sinc(exposure_cycles));
@@ -109,7 +108,7 @@ TiedHarmonics::TiedHarmonics(const HarmonicModel& model, std::span<const int> ti
                              double exposure_cycles) {
   constexpr std::size_t kPhases = 4096;
   const auto shown = shown_by_phase(model, tied, cycles_per_row, duty, exposure_cycles, kPhases);
-  const double step = kTurn / kPhases;
+  const double step = kTwoPi / kPhases;
   lights_.assign(kPhases, {kInfinity, 0, 0, 0, 0, 0});
   for (std::size_t k = 0; k < kPhases; ++k) {
     const Shown &one = shown[k], &next = shown[(k + 1) % kPhases];
@@ -125,7 +124,7 @@ TiedHarmonics::TiedHarmonics(const HarmonicModel& model, std::span<const int> ti
       const double part = (at - first) / steps;
       lights.level += std::lerp(level, next_level, part);
       lights.mean += std::lerp(one.mean, next.mean, part);
-      lights.turn += std::remainder(step * (static_cast<double>(k) + part - at), kTurn);
+      lights.turn += std::remainder(step * (static_cast<double>(k) + part - at), kTwoPi);
       ++lights.count;
     }
   }
@@ -137,9 +136,9 @@ const TiedHarmonics::Lights& TiedHarmonics::lights_at(double place) const {
 }
 
 std::optional<TiedHarmonics::Light> TiedHarmonics::light(double phase, double phase_std) const {
-  constexpr double kReach = 3, kSteepest = 3;  // standard errors; of the level's logarithm over the phase
-  const double step = kTurn / static_cast<double>(lights_.size()), place = std::floor(phase / step);
-  const double reach = std::max(std::ceil(kReach * phase_std / step), 1.0), part = phase / step - place;
+  constexpr double kSteepest = 3;  // of the level's logarithm over the phase
+  const double step = kTwoPi / static_cast<double>(lights_.size()), place = std::floor(phase / step);
+  const double reach = std::max(std::ceil(kWeak * phase_std / step), 1.0), part = phase / step - place;
   double spread = 0;
   for (double at = place - reach; at <= place + 1 + reach; ++at) {
     const Lights& lights = lights_at(at);

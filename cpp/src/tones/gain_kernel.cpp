@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "core/aligned_memory.hpp"
+#include "core/levels.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "tones/gain_kernel.cpp"
@@ -189,7 +190,7 @@ HWY_INLINE Outputs gains(const Inputs& in, const FittedTone& fit, double per_dep
                                     hn::Mul(in.direction, constant(-2 * fit.covariance_mean_cosine)));
   const Vector variance = hn::Mul(in.noise, hn::MulAdd(contrast, of_mean, radial));
   const Vector level = hn::Mul(amplitude, constant(per_depth));  // G·C
-  const Vector rounding = hn::Mul(constant(kRounding), in.mean);
+  const Vector rounding = hn::Mul(constant(kEqual), in.mean);
   const auto weak = hn::Or(hn::Lt(power, hn::Mul(hn::Mul(constant(kWeak * kWeak), in.noise), radial)),
                            hn::Le(power, hn::Mul(rounding, rounding)));
   const Vector per_full_mean = hn::Mul(per_mean, constant(per_depth));

@@ -5,10 +5,6 @@
 
 namespace ocisac::kernels {
 
-inline constexpr double kWeak = 3;         // standard errors below which a tone is weak
-inline constexpr double kSure = 4;         // standard errors beyond which noise alone does not reach
-inline constexpr double kRounding = 1e-9;  // contrast of rounding errors of a steady column
-
 // Weighted sums of many columns: totals (count,), sums (estimates − 1 × count, `stride` apart) and squares (count,),
 // the sum of a column's squared samples. parameters = transform·(totals, sums), with transform: estimates × estimates.
 // noise variance of a row = (squares − parametersᵀ·gram·parameters)/freedom.
@@ -36,7 +32,7 @@ struct FittedTone {
 
 // Remarks on a column that needs further checks, the first that applies: mean not above 0, tone not significant, noise
 // variance below 1.
-constexpr double kNothing = 0, kLittleNoise = 1, kWeakTone = 2, kNoLight = 3;
+enum Remark { kNothing, kLittleNoise, kWeakTone, kNoLight };
 
 // (count,) each; see ToneGain.
 struct GainOutputs {

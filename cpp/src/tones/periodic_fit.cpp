@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "columns/equalizer_kernels.hpp"
+#include "core/levels.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "rows/fit.hpp"
@@ -154,7 +155,7 @@ void fill_harmonics(const PeriodicModel& model, std::size_t rows, double frequen
 MatrixXd slope_matrix(const PeriodicModel& model, const MatrixXd& matrix) {
   const Index rows = matrix.rows(), first = trend_columns(model);
   const double middle = static_cast<double>(rows - 1) / 2;
-  const VectorXd time = 2 * std::numbers::pi * VectorXd::LinSpaced(rows, -middle, middle);
+  const VectorXd time = kTwoPi * VectorXd::LinSpaced(rows, -middle, middle);
   MatrixXd slopes(rows, matrix.cols() - first);
   for (Index j = 0; j < slopes.cols(); ++j)
     slopes.col(j) = static_cast<double>(model.harmonics[static_cast<std::size_t>(j / 2)]) *
@@ -216,8 +217,9 @@ double PeriodicFit::total_residual() const {
   return std::accumulate(residual_energy.begin(), residual_energy.end(), 0.0);
 }
 
-PeriodicSignals::PeriodicSignals(std::span<const double> samples, std::size_t rows) : samples_(samples), rows_(rows) {
-  const Signals all = as_matrix(samples, rows);
+PeriodicSignals::PeriodicSignals(std::vector<double> samples, std::size_t rows)
+    : samples_(std::move(samples)), rows_(rows) {
+  const Signals all = as_matrix(samples_, rows);
   energies_ = as_vector(all.colwise().squaredNorm());
   const std::size_t signals = count();
   in_lanes_ = signals >= kManySignals;
@@ -226,7 +228,7 @@ PeriodicSignals::PeriodicSignals(std::span<const double> samples, std::size_t ro
   odd_.assign(half() * width_, 0.0);
   const std::size_t step = in_lanes_ ? kStrip : 1;
   for (std::size_t s = 0; s < signals; ++s) {
-    const auto signal = samples.subspan(s * rows, rows);
+    const auto signal = this->signal(s);
     const std::size_t first = in_lanes_ ? s / kStrip * half() * kStrip + s % kStrip : s * half();
     for (std::size_t i = 0; i < half(); ++i) {
       const std::size_t after = rows / 2 + i, before = rows - 1 - after;
@@ -338,7 +340,7 @@ Equations equations_of(const Parity& parity, const RowMoments& moments, const Pe
   Equations equations{parity.at, parity.slopes_at, parity.trend, std::move(triangle), std::move(coordinates), {}, {},
                       {}};
   if (u.size() == 0) return equations;
-  equations.slopes_signals = 2 * std::numbers::pi * u;
+  equations.slopes_signals = kTwoPi * u;
   for (Index j = 0; j < equations.slopes_signals.rows(); ++j)
     equations.slopes_signals.row(j) *= static_cast<double>(model.harmonics[static_cast<std::size_t>(j)]);
   equations.with_slopes = inner_products(parity.functions, parity.slopes, moments);

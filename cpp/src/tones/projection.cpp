@@ -11,6 +11,7 @@
 
 #include "columns/dense_rows.hpp"
 #include "columns/row_kernels.hpp"
+#include "core/levels.hpp"
 #include "light/time_line.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
@@ -93,7 +94,6 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
 
 // Weights that are symmetric or antisymmetric but for rounding become so.
 void RowWeights::fold_exactly(std::span<const double> largest) {
-  constexpr double kRounding = 1e-12;  // of the largest weight
   output_order_.resize(outputs_);
   std::iota(output_order_.begin(), output_order_.end(), std::size_t{0});
   if (groups_ % 2 == 1 || outputs_ == 0) return;
@@ -106,7 +106,7 @@ void RowWeights::fold_exactly(std::span<const double> largest) {
   };
   std::vector<double> signs;
   for (std::size_t o = 0; o < outputs_; ++o) {
-    const double allowed = kRounding * largest[o];
+    const double allowed = kEqual * largest[o];
     const bool even = deviation(o, 1) <= allowed;
     if (!even && !(deviation(o, -1) <= allowed)) return;
     signs.push_back(even ? 1 : -1);

@@ -2,15 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
+#include "core/levels.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr double kMinRatio = 1.0 / 8;       // of the best block's ratio of periodic to other energy
-constexpr double kMaxSaturated = 1.0 / 10;  // of a block's pixels
+constexpr double kMinRatio = 1.0 / 8;  // of the best block's ratio of periodic to other energy
 
 struct BlockEnergy {
   double periodic = 0, residual = 0;
@@ -36,13 +37,13 @@ std::vector<std::uint8_t> tone_blocks(const ColumnBlocks& blocks, const Periodic
   double best = 0, best_clear = 0;
   for (std::size_t b = 0; b < blocks.blocks; ++b) {
     best = std::max(best, energies[b].ratio());
-    if (blocks.saturated_share[b] <= kMaxSaturated) best_clear = std::max(best_clear, energies[b].ratio());
+    if (blocks.saturated_share[b] <= kSmallShare) best_clear = std::max(best_clear, energies[b].ratio());
   }
   const bool clear_only = best_clear > 0 && best_clear >= kMinRatio * best;
   const double least = kMinRatio * (clear_only ? best_clear : best);
   std::vector<std::uint8_t> used(blocks.blocks);
   for (std::size_t b = 0; b < blocks.blocks; ++b)
-    used[b] = energies[b].ratio() >= least && (!clear_only || blocks.saturated_share[b] <= kMaxSaturated);
+    used[b] = energies[b].ratio() >= least && (!clear_only || blocks.saturated_share[b] <= kSmallShare);
   return used;
 }
 
@@ -58,13 +59,13 @@ ToneColumns spread_over_columns(const ColumnBlocks& blocks, const std::vector<st
     used += used_blocks[block];
     saturated += used_blocks[block] * blocks.saturated_share[block];
   }
-  columns.saturated = saturated > kMaxSaturated * used;
+  columns.saturated = saturated > kSmallShare * used;
   return columns;
 }
 
 ToneColumns tone_columns(const AnyFramesView& frames, double frequency, double saturation) {
   require_positive("frequency", frequency);
-  const ColumnBlocks blocks = column_blocks(frames, saturation);
+  ColumnBlocks blocks = column_blocks(frames, saturation);
   const auto rows = static_cast<double>(blocks.rows);
   // Keeps away from 0 and half the row rate, where a tone degenerates to a mean or an alternation.
   const double alias =
@@ -73,7 +74,7 @@ ToneColumns tone_columns(const AnyFramesView& frames, double frequency, double s
   if (blocks.rows <= model.parameters()) {
     return {std::vector<std::uint8_t>(blocks.columns, 1), std::vector<double>(blocks.columns), false};
   }
-  const PeriodicFit fit = fit_periodic({blocks.signals, blocks.rows}, model, alias);
+  const PeriodicFit fit = fit_periodic({std::move(blocks.signals), blocks.rows}, model, alias);
   return spread_over_columns(blocks, tone_blocks(blocks, fit), fit);
 }
 

@@ -69,11 +69,11 @@ CombinedTone combine_by_tone(std::span<const double> signals, std::size_t rows, 
     two = two || (group > 1 && weights.back().energies(1) >
                                    std::max(chance_energy(group) * noise, 1e-9 * weights.back().energies(0)));
   }
-  CombinedTone out{{}, two ? 2U : 1U, lengths > 0 ? resultant / lengths : 1};
-  out.signals.resize(weights.size() * out.per_frame * rows);
-  Eigen::Map<MatrixXd> combined(out.signals.data(), length, static_cast<Index>(weights.size() * out.per_frame));
-  const auto kept = static_cast<Index>(out.per_frame);
-  for (Index frame = 0; frame < static_cast<Index>(weights.size()); ++frame)
+  const Index kept = two ? 2 : 1, frames = static_cast<Index>(weights.size());
+  CombinedTone out{std::vector<double>(static_cast<std::size_t>(frames * kept * length)),
+                   lengths > 0 ? resultant / lengths : 1};
+  Eigen::Map<MatrixXd> combined(out.signals.data(), length, frames * kept);
+  for (Index frame = 0; frame < frames; ++frame)
     combined.middleCols(frame * kept, kept) =
         y.middleCols(frame * members, members) * weights[static_cast<std::size_t>(frame)].vectors.leftCols(kept);
   return out;

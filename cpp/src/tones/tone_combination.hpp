@@ -10,8 +10,7 @@
 namespace ocisac {
 
 struct CombinedTone {
-  std::vector<double> signals;  // (frames · per_frame × rows)
-  std::size_t per_frame;        // 1, or 2 where the columns differ in phase
+  std::vector<double> signals;  // (frames · 1 or, where columns differ in phase, 2 × rows)
   double coherence;             // |Σ a| / Σ |a| over the amplitudes a of a frame's signals: 1 if all have one phase
 };
 

@@ -13,6 +13,7 @@
 #include <string>
 #include <utility>
 
+#include "core/levels.hpp"
 #include "core/parallel.hpp"
 #include "core/recently_used.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -52,6 +53,7 @@ struct Context {
   Shape shape;
   double step;                   // between samples, which are light; 0: they have fractions
   std::vector<double> others{};  // cycles per row of tones that are fitted too, without a result
+  bool stored = true;            // samples as they were stored, which may be clipped
 };
 
 // Rows after which a tone's phases come again, and by how many cycles they drift in the frame.
@@ -79,7 +81,7 @@ double rounding_pull(double amplitude, double noise_variance, const Recurrences&
   for (const auto& [rows, drift] : recurrences) levels = std::min(levels, rows * (1 + 4 * amplitude * drift));
   const double of_rounding = (1 + 1.8 / std::sqrt(levels)) / 12;  // two standard deviations of few levels' above 1/12
   const double noise = std::max(noise_variance - of_rounding, 0.0);
-  return std::exp(-2 * std::numbers::pi * std::numbers::pi * noise) / (std::numbers::pi * std::sqrt(levels));
+  return std::exp(-kTwoPi * std::numbers::pi * noise) / (std::numbers::pi * std::sqrt(levels));
 }
 
 double background_of(const Context& context, std::size_t frame, std::size_t column) {
@@ -133,12 +135,13 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t index = first + i;
     Flags& flags = result.flags[index];
-    if (remarks[i] == kernels::kNoLight) flags |= flag::no_light;
+    const auto remark = static_cast<kernels::Remark>(remarks[i]);
+    if (remark == kernels::kNoLight) flags |= flag::no_light;
     if (flags & (flag::unresolvable | flag::no_light))
       mark_unknown(result, index);
-    else if (remarks[i] == kernels::kWeakTone)
+    else if (remark == kernels::kWeakTone)
       flags |= flag::weak;
-    else if (context.step > 0 && (remarks[i] == kernels::kLittleNoise || context.step > 1) &&
+    else if (context.step > 0 && (remark == kernels::kLittleNoise || context.step > 1) &&
              is_quantised(estimates, i, result.gain[index] * context.ratio * estimates.mean[i], context.step,
                           recurrences))
       flags |= flag::quantised;
@@ -333,6 +336,7 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, c
 }
 
 constexpr double kHalfStep = 0.5;  // between stored values
+constexpr Flags kUnusable = flag::saturated | flag::unresolvable | flag::no_light;
 
 double noise_of(const ToneGainView& result, std::size_t index) {
   return result.gain[index] * result.mean[index] / std::sqrt(result.snr[index]);
@@ -347,11 +351,11 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
   const auto counts = count_pile(frames, frame, pile);
   const double allowed = kChance + 0.5 * std::sqrt(static_cast<double>(context.shape.rows));
   const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
-  constexpr Flags kSettled = flag::saturated | flag::unresolvable | flag::no_light | flag::weak;
   for (std::size_t i = 0; i < context.shape.columns; ++i) {
     const double at = counts.at[i];
     const std::size_t index = index_of(context, 0, frame) + i;
-    if (result.flags[index] & kSettled || !(at > allowed && at > counts.beside[i] && at > kLast * counts.beyond[i]))
+    if (result.flags[index] & (kUnusable | flag::weak) ||
+        !(at > allowed && at > counts.beside[i] && at > kLast * counts.beyond[i]))
       continue;
     if (is_linear && noise_of(result, index) < kHalfStep * pile.step) continue;
     // Where the lamp is off, samples are equal without noise there, too.
@@ -380,7 +384,7 @@ bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::si
   const double noise = noise_of(result, start);
   const auto within = [noise](double x, double deviations) { return x < 0 || x < deviations * noise; };
   const double off = curve.dark_level + background_of(context, frame, column), least = result.mean[start] - depth;
-  return within(least - kHalfStep, kernels::kSure) || within(least + off - kHalfStep, kernels::kSure) ||
+  return within(least - kHalfStep, kSure) || within(least + off - kHalfStep, kSure) ||
          within(largest - off - result.mean[start] - depth, kBeyond) ||
          within(least + off - least_of_some(frames, frame, column), kBeyond);
 }
@@ -414,7 +418,7 @@ void flag_clipped(const AnyFramesView& frames, const Context& context, std::size
   const std::size_t start = index_of(context, 0, frame);
   const auto piles_at = [&](std::size_t column) {
     if (!may_be_clipped(frames, context, frame, column, tops[column], result)) return Piles{};
-    const double least = least_light(frames, *context.camera) - kernels::kSure * noise_of(result, start + column);
+    const double least = least_light(frames, *context.camera) - kSure * noise_of(result, start + column);
     return find_piles(frames, frame, column, least);
   };
   // Noise is known where there is light above dark.
@@ -547,6 +551,7 @@ ToneGain gains_of_frame(const AnyFramesView& one, const Context& context, std::s
   for (const Tone& tone : context.tones) frequencies.push_back(tone.frequency);
   Context with_others = make_context(one, *context.camera, frequencies, options);
   with_others.others = others;
+  with_others.stored = context.stored;
   ToneGain found = empty_result(frequencies.size(), 1, columns);
   gains_of_model(one, with_others, view_of(found));
   return found;
@@ -656,7 +661,7 @@ PooledColumn pool_columns(const AnyFramesView& frames, const Context& context, s
 void gains_of_model(const AnyFramesView& frames, const Context& context, const ToneGainView& result) {
   const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
   if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
-  check_samples(frames);
+  if (context.stored) check_samples(frames);
   const auto model = model_of(context);
   const RowWeights none({}, 0, context.shape.rows, 1, 1);
   std::vector<double> tops(frame_count * columns);
@@ -669,13 +674,14 @@ void gains_of_model(const AnyFramesView& frames, const Context& context, const T
     auto fitted = fitted_columns(*model, column_signals(frames, frame, first, count, context.camera->tone_curve));
     check_size(std::span(fitted.parameters).first(count));
     take_off(context, frame, first, 0, std::span(fitted.parameters).first(count));
-    const auto samples = project(frames, frame, first, count, none).maximum;
+    const auto samples =
+        context.stored ? project(frames, frame, first, count, none).maximum : std::vector<double>(count);
     for (std::size_t k = 0; k < context.tones.size(); ++k)
       write_result(context, tone_of_model(context, *model, k), fitted_tone(fitted, model->covariance, k), samples,
                    level, index_of(context, k, frame) + first, result);
     std::ranges::copy(samples, &tops[frame * columns + first]);
   });
-  for (std::size_t frame = 0; frame < frame_count; ++frame)
+  for (std::size_t frame = 0; context.stored && frame < frame_count; ++frame)
     flag_clipped(frames, context, frame, std::span(tops).subspan(frame * columns, columns), result);
 }
 
@@ -694,7 +700,6 @@ constexpr std::size_t kMaxColumns = 16;  // that are averaged for the test of a 
 // Mean of up to 16 neighbouring columns about that with the strongest tone, without saturated ones; empty if all are.
 PooledColumn strongest_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
                                const ToneGainView& result) {
-  constexpr Flags kUnusable = flag::saturated | flag::unresolvable | flag::no_light;
   const std::size_t columns = context.shape.columns, start = index_of(context, 0, frame);
   const auto is_usable = [&](std::size_t column) {
     return column < columns && !(result.flags[start + column] & kUnusable);
@@ -739,7 +744,7 @@ struct ColumnFit {
     const Eigen::Map<const Eigen::MatrixXd> weights(model->weights.data(), rows, size),
         basis(model->basis.data(), rows, size);
     Eigen::VectorXd left = beside(basis, y);
-    if (left.norm() <= kernels::kRounding * y.norm()) return {};
+    if (left.norm() <= kEqual * y.norm()) return {};
     return ColumnFit{std::move(model), transposed_product(weights, y), std::move(left)};
   }
 
@@ -842,7 +847,7 @@ bool untie(const Context& context, const TiedHarmonics& harmonics, double exposu
   const double change = level / mean / result.gain[i];
   result.gain[i] *= change;
   result.gain_std[i] *= change * std::hypot(1, light->slope);
-  result.phase[i] = std::remainder(result.phase[i] + light->turn, 2 * std::numbers::pi);
+  result.phase[i] = std::remainder(result.phase[i] + light->turn, kTwoPi);
   result.mean[i] = mean;
   result.snr[i] *= light->level * light->level;
   return true;
@@ -881,7 +886,7 @@ void flag_impossible(const Context& context, const ToneGainView& result) {
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
     const double most = std::abs(sinc(context.tones[tone].frequency * *context.camera->exposure)) + kBeyond;
     for (std::size_t i = tone * each; i < (tone + 1) * each; ++i)
-      if (result.gain[i] - kernels::kSure * result.gain_std[i] > most) result.flags[i] |= flag::model_misfit;
+      if (result.gain[i] - kSure * result.gain_std[i] > most) result.flags[i] |= flag::model_misfit;
   }
 }
 
@@ -891,78 +896,85 @@ double full_depth_ratio(WaveformShape waveform, double duty) {
   return waveform == WaveformShape::tone ? 1.0 : 2 * sinc(duty);
 }
 
-void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
-               const ToneGainOptions& options, const ToneGainView& result) {
+namespace {
+
+// `known`: flags of the frames' columns; none where all are yet to be found.
+void gains_of(const AnyFramesView& frames, const Context& context, std::span<const Flags> known,
+              const ToneGainView& result) {
+  const auto add_known = [&] {
+    for (std::size_t i = 0; !known.empty() && i < result.flags.size(); ++i) result.flags[i] |= known[i % known.size()];
+  };
+  gains_of_model(frames, context, result);
+  add_known();
+  if (context.options->method == GainMethod::fit && context.options->robust)
+    for_each_block(context.shape.frames, context.options->threads,
+                   [&](std::size_t frame) { check_frame(frames, context, frame, result); });
+  add_known();
+  untie_harmonics(context, result);
+  flag_impossible(context, result);
+}
+
+// Gains of the frames' pooled columns: one column of linear light each.
+void pooled_gains(const AnyFramesView& frames, const Context& context, const ToneGainView& result) {
+  check_samples(frames);
+  const std::size_t frame_count = context.shape.frames, rows = context.shape.rows;
+  std::vector<double> signals(frame_count * rows), background(frame_count);
+  std::vector<Flags> known(frame_count);
+  for_each_block(frame_count, context.options->threads, [&](std::size_t frame) {
+    const PooledColumn pooled = pool_columns(frames, context, frame);
+    std::ranges::copy(pooled.signal, &signals[frame * rows]);
+    background[frame] = pooled.background;
+    known[frame] = (pooled.saturated ? flag::saturated : 0) | (pooled.negative ? flag::model_misfit : 0);
+  });
+  Camera camera = *context.camera;
+  camera.tone_curve = {};
+  ToneGainOptions options = *context.options;
+  options.background = background;
+  options.efficiency = 1;
+  const Context own{context.tones, context.ratio, &camera, &options, {frame_count, rows, 1}, 0, {}, false};
+  gains_of(dense_view<const double>(signals.data(), frame_count, rows, 1), own, known, result);
+}
+
+void gains(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+           const ToneGainOptions& options, bool pooled, const ToneGainView& result) {
   const Context context = make_context(frames, camera, frequencies, options);
-  const std::size_t each = context.shape.frames * context.shape.columns;
+  const std::size_t each = context.shape.frames * (pooled ? 1 : context.shape.columns);
   check_room(result, frequencies.size() * each);
   if (options.method == GainMethod::dft && frequencies.size() > 1) {
     for (std::size_t k = 0; k < frequencies.size(); ++k)
-      tone_gain(frames, camera, frequencies.subspan(k, 1), options, part_of(result, k * each, each));
+      gains(frames, camera, frequencies.subspan(k, 1), options, pooled, part_of(result, k * each, each));
     return;
   }
-  gains_of_model(frames, context, result);
-  if (options.method == GainMethod::fit && options.robust)
-    for_each_block(context.shape.frames, options.threads,
-                   [&](std::size_t frame) { check_frame(frames, context, frame, result); });
-  untie_harmonics(context, result);
-  flag_impossible(context, result);
+  if (pooled)
+    pooled_gains(frames, context, result);
+  else
+    gains_of(frames, context, {}, result);
+}
+
+}  // namespace
+
+void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
+               const ToneGainOptions& options, const ToneGainView& result) {
+  gains(frames, camera, frequencies, options, false, result);
 }
 
 ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                    const ToneGainOptions& options) {
   const Shape shape = shape_of(frames);
   ToneGain result = empty_result(frequencies.size(), shape.frames, shape.columns);
-  tone_gain(frames, camera, frequencies, options, view_of(result));
+  gains(frames, camera, frequencies, options, false, view_of(result));
   return result;
 }
 
 void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                       const ToneGainOptions& options, const ToneGainView& result) {
-  Context context = make_context(frames, camera, frequencies, options);
-  context.step = 0;  // a mean of columns has fractions
-  check_samples(frames);
-  const std::size_t each = context.shape.frames;
-  check_room(result, frequencies.size() * each);
-  if (options.method == GainMethod::dft && frequencies.size() > 1) {
-    for (std::size_t k = 0; k < frequencies.size(); ++k)
-      pooled_tone_gain(frames, camera, frequencies.subspan(k, 1), options, part_of(result, k * each, each));
-    return;
-  }
-  const auto model = model_of(context);
-  for_each_block(context.shape.frames, options.threads, [&](std::size_t frame) {
-    const PooledColumn pooled = pool_columns(frames, context, frame);
-    const auto write = [&](const HarmonicModel& own) {
-      auto fitted = fitted_columns(own, pooled.signal);
-      if (!fitted.noise_variance.empty()) check_size({fitted.parameters.data(), 1});
-      fitted.parameters[0] -= pooled.background;
-      const std::array saturated{pooled.saturated ? 1.0 : 0.0};
-      for (std::size_t k = 0; k < context.tones.size(); ++k) {
-        const std::size_t index = k * context.shape.frames + frame;
-        write_result(context, tone_of_model(context, own, k), fitted_tone(fitted, own.covariance, k), saturated, 1,
-                     index, result);
-        if (pooled.negative) result.flags[index] |= flag::model_misfit;
-      }
-    };
-    write(*model);
-    if (options.method != GainMethod::fit || !options.robust || pooled.saturated) return;
-    const Surroundings around = surroundings_of(context, pooled);
-    if (!around.tones.empty()) {
-      Context with_others = context;
-      with_others.others = around.tones;
-      write(*model_of(with_others));
-    }
-    for (std::size_t k = 0; k < context.tones.size(); ++k)
-      flag_misfit(around, k * context.shape.frames + frame, 1, result);
-  });
-  untie_harmonics(context, result);
-  flag_impossible(context, result);
+  gains(frames, camera, frequencies, options, true, result);
 }
 
 ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                           const ToneGainOptions& options) {
   ToneGain result = empty_result(frequencies.size(), shape_of(frames).frames, 1);
-  pooled_tone_gain(frames, camera, frequencies, options, view_of(result));
+  gains(frames, camera, frequencies, options, true, view_of(result));
   return result;
 }
 

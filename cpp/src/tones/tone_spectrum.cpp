@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
 #include <type_traits>
 #include <variant>
 
+#include "core/levels.hpp"
 #include "core/spectrum.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -43,7 +43,7 @@ std::vector<double> amplitude_spectrum(std::span<const double> signal) {
   std::vector<double> windowed(4 * rows);
   double sum = 0;
   for (std::size_t n = 0; n < rows; ++n) {
-    const double turn = 2 * std::numbers::pi * static_cast<double>(n + 1) / static_cast<double>(rows + 1);
+    const double turn = kTwoPi * static_cast<double>(n + 1) / static_cast<double>(rows + 1);
     const double window = 0.5 - 0.5 * std::cos(turn);
     windowed[n] = (signal[n] - mean) * window;
     sum += window;

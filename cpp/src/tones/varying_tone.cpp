@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "core/legendre.hpp"
+#include "core/levels.hpp"
 #include "core/parallel.hpp"
 #include "core/recently_used.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -99,12 +100,11 @@ struct Plan {
 };
 
 void plan_sums(Plan& plan) {
-  constexpr double kInside = 1e-9;  // of the largest weight
   const Index parameters = plan.weights.rows(), terms = plan.basis.cols();
   const MatrixXd inside = product(plan.weights, plan.basis);
   const MatrixXd steady = plan.weights.bottomRows(3);
   const MatrixXd rest = steady - product(inside.bottomRows(3), plan.basis.transpose());
-  const Index beside = rest.cwiseAbs().maxCoeff() > kInside * steady.cwiseAbs().maxCoeff() ? 3 : 0;
+  const Index beside = rest.cwiseAbs().maxCoeff() > kEqual * steady.cwiseAbs().maxCoeff() ? 3 : 0;
   RowMajor outputs(terms + beside, plan.basis.rows());
   outputs << plan.basis.transpose(), rest.topRows(beside);
   plan.of_sums = RowMajor::Zero(parameters, terms + beside);
@@ -228,9 +228,8 @@ void judge(const Plan& plan, const Vector& parameters, double noise, double back
   if (amplitude > 0) slope.tail(2) += relative.tail(2) / (amplitude * steady_mean);
   slope(at) -= amplitude / (steady_mean * steady_mean);
   const double bias = steady_gain - gain, bias_std = error(slope);
-  if (gain < std::max(kernels::kWeak * gain_std, kernels::kRounding)) flags |= flag::weak;
-  if (std::abs(bias) > std::max({kernels::kSure * bias_std, steady_std, kernels::kRounding}))
-    flags |= flag::model_misfit;
+  if (gain < std::max(kWeak * gain_std, kEqual)) flags |= flag::weak;
+  if (std::abs(bias) > std::max({kSure * bias_std, steady_std, kEqual})) flags |= flag::model_misfit;
   result.gain[index] = gain;
   result.gain_std[index] = gain_std;
   result.bias[index] = bias;

@@ -31,14 +31,16 @@ struct PeriodicFit {
   [[nodiscard]] double total_residual() const;
 };
 
-// Signals prepared for many fits: what cosines and what sines are multiplied with, from the middle row on. The samples
-// belong to the caller.
+// Signals prepared for many fits: what cosines and what sines are multiplied with, from the middle row on.
 class PeriodicSignals {
  public:
   // samples: (count × rows) dense.
-  PeriodicSignals(std::span<const double> samples, std::size_t rows);
+  PeriodicSignals(std::vector<double> samples, std::size_t rows);
 
-  [[nodiscard]] std::span<const double> samples() const { return samples_; }
+  [[nodiscard]] const std::vector<double>& samples() const { return samples_; }
+  [[nodiscard]] std::span<const double> signal(std::size_t s) const {
+    return std::span(samples_).subspan(s * rows_, rows_);
+  }
   [[nodiscard]] std::size_t rows() const { return rows_; }
   [[nodiscard]] std::size_t count() const { return energies_.size(); }
   [[nodiscard]] std::size_t half() const { return (rows_ + 1) / 2; }  // rows from the middle to the end
@@ -55,7 +57,7 @@ class PeriodicSignals {
  private:
   void add_trend();
 
-  std::span<const double> samples_;
+  std::vector<double> samples_;
   std::size_t rows_, width_ = 0;
   bool in_lanes_ = false;
   std::vector<double> energies_, even_, odd_, trend_;
