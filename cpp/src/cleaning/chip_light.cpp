@@ -21,9 +21,8 @@ using Values = std::vector<double>;
 constexpr double kEnough = 0.92;                          // of the rows' swing, after `levelled`, that chips explain
 constexpr std::size_t kTopReach = 3, kLongestReach = 48;  // rows: half widths of a top, and of what it is compared in
 constexpr double kMinTop = 0.3;                           // of the largest row within the longest run
-constexpr double kKnotRows = 0.8;      // max. spacing of the knots of the response; at most a quarter of a chip
-constexpr double kOwnSwing = 0.015;    // deviation of a row from the chips' model: sharpening follows no response
-constexpr std::size_t kLeastBits = 8;  // of a detection
+constexpr double kKnotRows = 0.8;    // max. spacing of the knots of the response; at most a quarter of a chip
+constexpr double kOwnSwing = 0.015;  // deviation of a row from the chips' model: sharpening follows no response
 constexpr Eigen::Index kRowsPerTerm = 4;
 constexpr double kResponseChips = 3;  // from one before a chip's ramp begins
 
@@ -137,7 +136,7 @@ std::optional<DetectedChips> detected(const Values& rows, Flags refused) {
   Camera camera;
   camera.row_time = 1;  // times are in rows
   const Received got = receive({&view, 1}, camera).front();
-  if (got.bits.size() < kLeastBits || (got.flags & refused) != 0) return {};
+  if (got.bits.empty() || (got.flags & refused) != 0) return {};
   const double length = got.rows_per_chip, left = (static_cast<double>(rows.size()) - got.phase) / length;
   const auto before = static_cast<std::size_t>(std::max(std::ceil(got.phase / length), -1.0) + 1);
   const double after = std::max(std::ceil(left) - static_cast<double>(got.bits.size()), 0.0);

@@ -14,7 +14,7 @@ namespace ocisac {
 // One frame divided by f = 1 + q·P with the current shares q.
 struct Cleaned {
   std::vector<double> light;     // c = v/f
-  std::vector<double> slope;     // g = P/f = −dc/dq / c
+  std::vector<double> slope;     // P/f = −dc/dq / c, or of rows q/f = −dc/dP / c
   std::vector<double> variance;  // of c
 
   explicit Cleaned(std::size_t size) : light(size), slope(size), variance(size) {}
@@ -24,11 +24,12 @@ constexpr double kLeastLight = 0.02;  // of the mean light, below which logarith
 
 // Of the steps of a robust fit to rows: wide at first, so that bands are not taken for edges.
 constexpr std::array<double, 5> kRowTextures{0.5, 0.3, 0.2, 0.1, 0.05};
+inline double row_texture(std::size_t step) { return kRowTextures[std::min(step, kRowTextures.size() - 1)]; }
 
 inline double light_left(double share, double change) { return std::max(1 + share * change, kMinLight); }
 
-inline void clean_row(const BandedPicture& picture, std::size_t frame, std::size_t row, std::span<const double> change,
-                      std::span<const double> share, Cleaned& out) {
+inline void clean_row(const BandedPicture& picture, std::size_t frame, std::size_t row, double change,
+                      std::span<const double> share, Cleaned& out, bool of_rows = false) {
   const std::size_t first = row * picture.columns, offset = frame * picture.rows * picture.columns;
   const double* const light = picture.light.data() + offset;
   const double* const variance = picture.variance.data() + offset;
@@ -36,11 +37,10 @@ inline void clean_row(const BandedPicture& picture, std::size_t frame, std::size
   double* __restrict cleaned = out.light.data();
   double* __restrict slope = out.slope.data();
   double* __restrict spread = out.variance.data();
-  const double p = change[frame * picture.rows + row];
   for (std::size_t i = first; i < first + picture.columns; ++i) {
-    const double left = light_left(of_pixel[i], p);
+    const double left = light_left(of_pixel[i], change);
     cleaned[i] = light[i] / left;
-    slope[i] = p / left;
+    slope[i] = (of_rows ? of_pixel[i] : change) / left;
     spread[i] = variance[i] / (left * left);
   }
 }

@@ -19,10 +19,8 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr std::size_t kMostGroups = 12;   // of columns, whose agreement gives the variance of their common course
-constexpr std::size_t kMostColumns = 64;  // bundles
-constexpr std::size_t kMostCells = 16;    // along each axis
-constexpr double kTexture = 0.03;         // relative difference of neighbouring blocks
+constexpr std::size_t kMostCells = 16;                   // along each axis
+constexpr double kTexture = 0.03;                        // relative difference of neighbouring blocks
 constexpr std::array<std::size_t, 4> kLags{1, 2, 4, 8};  // blocks
 constexpr int kSteps = 12, kWideSteps = 6;  // of the robust fit; those with a larger texture, so that bands are not
                                             // taken for edges
@@ -163,7 +161,7 @@ CommonCourse common_course(std::span<const BandedPicture> colours, const CommonC
   require(picture.frames == 1 && picture.rows >= 4, "rows", picture.rows, "4 or more, of one frame");
   const std::size_t count = mode_count(picture.rows);
   const std::size_t height = std::max<std::size_t>(1, picture.rows / (4 * count));
-  const std::size_t width = blocks_of(picture.columns, kMostColumns);
+  const std::size_t width = blocks_of(picture.columns, kEnoughColumns);
   const Blocks blocks = block_means(colours, height, width);
   const Differences all = differences_of(blocks, count);
   Eigen::VectorXd modes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));

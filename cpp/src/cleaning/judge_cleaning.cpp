@@ -19,12 +19,8 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kMostGroups = 24;     // of columns
-constexpr std::size_t kEnoughColumns = 96;  // evenly spaced, that are judged
-constexpr double kMinLeft = 0.125;          // lower bound of a light that is a divisor
-constexpr double kFloorOfLight = 0.01;      // of the mean light, below which logarithms show noise
-constexpr double kMostLeft = 0.25;          // of the row light; of a texture 0.28 and more
-constexpr double kMinPart = 0.8;            // of a group's pixels, of rows that count
+constexpr double kMostLeft = 0.25;  // of the row light; of a texture 0.28 and more
+constexpr double kMinPart = 0.8;    // of a group's pixels, of rows that count
 
 using Values = std::vector<double>;
 
@@ -38,7 +34,7 @@ std::array<Blocks, 2> compared(const BandedPicture& picture, std::span<const dou
     for (std::size_t k = 0; k < picture.columns; k += every) {
       const double light = picture.light[n * picture.columns + k], variance = picture.variance[n * picture.columns + k];
       const double share = shares.share[n / shares.block_rows * blocks + k / shares.block_columns];
-      const double left = std::max(1 + share * (row_light[n] - 1), kMinLeft);
+      const double left = light_left(share, row_light[n] - 1);
       before.light.push_back(light);
       before.variance.push_back(variance);
       after.light.push_back(light / left);
@@ -110,7 +106,7 @@ void judge_swing(const Blocks& before, const Blocks& after, std::span<const doub
   for (std::size_t group = 0; group < groups; ++group) {
     const auto swing = [&](const Blocks& side) {
       const std::size_t first = group * before.columns / groups, end = (group + 1) * before.columns / groups;
-      return swing_in(group_levels(side, first, end, kFloorOfLight * mean_light), course, lag);
+      return swing_in(group_levels(side, first, end, kLeastLight * mean_light), course, lag);
     };
     const Eigen::Vector2d then = swing(before);
     energy += then.squaredNorm();
@@ -126,7 +122,7 @@ void judge_swing(const Blocks& before, const Blocks& after, std::span<const doub
 // Mean square of the mixed differences of log light over rows and columns, in which bands and gains cancel, of pixels
 // that are known after cleaning.
 double texture_of(const Blocks& side, const Blocks& after) {
-  const double floor = kFloorOfLight * std::max(mean_of(side.light), std::numeric_limits<double>::min());
+  const double floor = kLeastLight * std::max(mean_of(side.light), std::numeric_limits<double>::min());
   const auto step = [&](std::size_t i) {
     return (std::max(side.light[i + 1], 0.0) + floor) / (std::max(side.light[i], 0.0) + floor);
   };
@@ -154,7 +150,7 @@ CleaningVerdict judge_cleaning(const BandedPicture& picture, std::span<const dou
   const std::size_t lag = comparison_lag(row_light, picture.rows);
   verdict.gain = pair_misfit(before.picture(), lag) - pair_misfit(after.picture(), lag);
   for (std::size_t i = 0; i < after.variance.size(); ++i)  // too dark to be known
-    if (!(after.variance[i] * kMinLeft * kMinLeft < before.variance[i])) after.variance[i] = kInfinity;
+    if (!(after.variance[i] * kMinLight * kMinLight < before.variance[i])) after.variance[i] = kInfinity;
   judge_swing(before, after, row_light, lag, verdict);
   const double then = texture_of(before, after), now = texture_of(after, after);
   verdict.texture_change = then > 0 && now > 0 ? 10 * std::log10(now / then) : 0;

@@ -17,22 +17,15 @@ namespace ocisac {
 
 namespace {
 
-struct Step {
-  double texture;  // τ, relative to the light
-  double reach;    // pixels
-};
-// Wide at first, so that bands with a wrong share are not taken for edges.
-constexpr std::array<Step, 6> kPlan{{{0.5, 48}, {0.3, 32}, {0.2, 32}, {0.1, 24}, {0.05, 16}, {0.05, 8}}};
+constexpr std::array<double, 3> kWideReaches{48, 32, 32}, kReaches{24, 16, 8};  // of the steps, pixels
 // Relative change of light that halves the passage weight, per row of the lag: a larger lag gives fewer comparisons,
 // which need a wider reach. Between frames the lag does not matter.
-constexpr double kEdgeOfLag = 0.025, kMinEdge = 0.03, kMaxEdge = 0.25, kEdgeOfFrames = 0.15;
+constexpr double kEdgeOfLag = 0.025, kEdgeOfFrames = 0.15;
 constexpr double kHold = 1000;      // weight of the previous step's share
 constexpr double kLagsOfReach = 2;  // at least
 constexpr double kEdgeNoise = 9;    // in variances: suppresses edges caused by noise
 
-constexpr std::size_t kWide = 3;           // steps of the plan, at first
 constexpr std::size_t kMergedAtFirst = 4;  // columns per sum in the wide steps
-constexpr int kEvenSteps = 6;
 
 // Increase of the log-likelihood of a pair of pixels: pictures under an even light have at most 0.03.
 constexpr double kGainByChance = 0.05;
@@ -117,8 +110,7 @@ class ShareEstimator {
         merged_(static_cast<double>(merged)),
         change_(row_light.begin(), row_light.end()),
         lag_(comparison_lag(row_light, picture.rows)),
-        edge_(picture.frames > 1 ? kEdgeOfFrames
-                                 : std::clamp(kEdgeOfLag * static_cast<double>(lag_), kMinEdge, kMaxEdge)),
+        edge_(picture.frames > 1 ? kEdgeOfFrames : kEdgeOfLag * static_cast<double>(lag_)),
         pixels_(picture.rows * picture.columns),
         evidence_{std::vector<double>(pixels_), std::vector<double>(pixels_)},
         now_(pixels_),
@@ -137,11 +129,11 @@ class ShareEstimator {
       take_wide_steps(row_light);
     else
       wide_steps();
-    for (std::size_t k = kWide; k < kPlan.size(); ++k) step_of_each(kPlan[k]);
+    for (std::size_t k = 0; k < kReaches.size(); ++k) step_of_each(kWideReaches.size() + k, kReaches[k]);
     if (!smooth) return std::move(share_);
     const auto gathered = [this]() -> const ShareEvidence& {
       for (double& value : share_) value = std::clamp(value, 0.0, max_share_);
-      gather(kPlan.back().texture, false);
+      gather(kRowTextures.back(), false);
       return evidence_;
     };
     smooth_shares(picture_.rows, picture_.columns, gathered, share_);
@@ -153,7 +145,6 @@ class ShareEstimator {
   double estimate_even() {
     start();
     for (const double texture : kRowTextures) step_of_all(texture);
-    for (int k = 0; k < kEvenSteps; ++k) step_of_all(kRowTextures.back());
     return share_.front();
   }
 
@@ -172,7 +163,7 @@ class ShareEstimator {
           for (auto* values : {&evidence_.pull, &evidence_.weight}) clear(*values, first);
         if (frame == 0 && with_guide)
           for (auto* values : {&guide_.light, &guide_.variance}) clear(*values, first);
-        clean_row(picture_, frame, row, change_, share_, now_);
+        clean_row(picture_, frame, row, change_[frame * picture_.rows + row], share_, now_);
         if (row >= lag_) compare_rows(now_, columns, row - lag_, row, texture, evidence_);
         if (with_guide) add_to_guide(now_, first, first + columns, guide_);
       }
@@ -188,9 +179,9 @@ class ShareEstimator {
     if (weight > 0) std::fill(share_.begin(), share_.end(), std::clamp(share_[0] + pull / weight, 0.0, max_share_));
   }
 
-  void step_of_each(const Step& step) {
-    gather(step.texture);
-    find_passages(step.reach);
+  void step_of_each(std::size_t step, double reach) {
+    gather(row_texture(step));
+    find_passages(reach);
     for (std::size_t i = 0; i < pixels_; ++i) evidence_.pull[i] += evidence_.weight[i] * share_[i];
     smooth(evidence_.pull);
     smooth(evidence_.weight);
@@ -202,12 +193,12 @@ class ShareEstimator {
 
   void start() {
     share_.assign(pixels_, std::min(0.5 * max_share_, 1.0));
-    for (int k = 0; k < 4; ++k) step_of_all(kPlan.front().texture);
+    for (int k = 0; k < 4; ++k) step_of_all(kRowTextures.front());
   }
 
   void wide_steps() {
     start();
-    for (std::size_t k = 0; k < kWide; ++k) step_of_each(kPlan[k]);
+    for (std::size_t k = 0; k < kWideReaches.size(); ++k) step_of_each(k, kWideReaches[k]);
   }
 
   // wide_steps() on sums of columns.

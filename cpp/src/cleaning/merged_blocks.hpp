@@ -11,6 +11,8 @@
 namespace ocisac {
 
 constexpr std::size_t kEnoughPixels = 1U << 17U;  // for what is estimated once or varies slowly
+constexpr std::size_t kEnoughColumns = 64;        // or bundles of them, for what the columns have in common
+constexpr std::size_t kMostGroups = 12;           // of columns, whose agreement is compared
 
 // Means of the known ones of `height` × `width` pixels of the sum of several colours; the last blocks have what is
 // left.

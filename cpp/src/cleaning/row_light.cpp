@@ -36,7 +36,7 @@ struct PairSums {
 template <std::size_t count>
 inline void add_columns(const Cleaned& frame, std::size_t i, std::size_t j, double texture, PairSums& sums) {
   const double* const light = frame.light.data();
-  const double* const slope = frame.slope.data();  // q/f here: d log(v)/dP
+  const double* const slope = frame.slope.data();
   const double* const variance = frame.variance.data();
   for (std::size_t lane = 0; lane < count; ++lane) {
     const double c1 = light[i + lane], c2 = light[j + lane];
@@ -72,15 +72,9 @@ void add_pair(const Cleaned& frame, std::size_t columns, std::size_t a, std::siz
 RowEquations row_equations(const BandedPicture& picture, std::span<const double> share, std::span<const double> light,
                            int step, Cleaned& cleaned) {
   const std::size_t rows = picture.rows, columns = picture.columns;
-  for (std::size_t row = 0, i = 0; row < rows; ++row)
-    for (const double change = light[row] - 1; i < (row + 1) * columns; ++i) {
-      const double gain = 1 / light_left(share[i], change);
-      cleaned.light[i] = picture.light[i] * gain;
-      cleaned.slope[i] = share[i] * gain;
-      cleaned.variance[i] = picture.variance[i] * gain * gain;
-    }
+  for (std::size_t row = 0; row < rows; ++row) clean_row(picture, 0, row, light[row] - 1, share, cleaned, true);
   RowEquations equations{{rows, kLags.back()}, std::vector<double>(rows)};
-  const double texture = kRowTextures[std::min(static_cast<std::size_t>(step), kRowTextures.size() - 1)];
+  const double texture = row_texture(static_cast<std::size_t>(step));
   for (const std::size_t lag : kLags)
     for (std::size_t n = 0; n + lag < rows; ++n)
       add_pair(cleaned, columns, n, n + lag, texture * std::sqrt(static_cast<double>(lag)), equations);

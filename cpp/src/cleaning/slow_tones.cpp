@@ -21,6 +21,7 @@ using Eigen::Index;
 using Eigen::Matrix2d;
 using Eigen::MatrixXd;
 using Eigen::Vector2d;
+using Eigen::Vector4d;
 using Eigen::VectorXd;
 
 constexpr double kFallOfModes = 1.5;  // of a picture's modes with their order; fitted to photographs
@@ -41,6 +42,7 @@ constexpr std::size_t kMostTones = 3;
 constexpr double kLeastApart = 0.5;  // cycles between tones
 constexpr int kMostIterations = 20;
 constexpr std::size_t kParameters = 4;  // of a tone: its two terms, cycles and phase step
+constexpr double kStays = 1e-9;         // deviation of a parameter that is not fitted
 
 // Logarithm of the sum of exponentials.
 double log_sum(std::span<const double> values) {
@@ -357,13 +359,6 @@ MatrixXd without(const Frames& frames, std::span<const SlowTone> tones) {
   return tones.empty() ? frames.modes : frames.modes - predicted(frames, tones).modes;
 }
 
-// Expected deviations of the parameters of each tone from those of the start; 0: they stay. The terms are those of
-// sizes about 0 where `about_zero`.
-struct Expected {
-  double terms, cycles, step;
-  bool about_zero;
-};
-
 // Normal equations of one step of Gauss and Newton, and the sum of squares before it.
 struct Equations {
   MatrixXd normal;
@@ -409,16 +404,11 @@ std::vector<SlowTone> with_parameters(std::vector<SlowTone> tones, const VectorX
   return tones;
 }
 
-// Tones with the variances of their terms; logarithm of the square root of the determinant of the last one's
-// covariance.
-struct Fitted {
-  std::vector<SlowTone> tones;
-  double log_area;
-};
-
-// Damped Gauss–Newton (Levenberg and Marquardt) with the likeliest S, floor and change.
-Fitted fitted(const Frames& frames, const std::vector<SlowTone>& start, const Expected& expected) {
-  constexpr double kFixed = 1e-9;
+// Tones with the variances of their terms by damped Gauss–Newton (Levenberg and Marquardt) with the likeliest S, floor
+// and change. `deviations`: expected of the parameters of each tone from those of the start; of the terms from 0 where
+// `about_zero`.
+std::vector<SlowTone> fitted(const Frames& frames, const std::vector<SlowTone>& start, const Vector4d& deviations,
+                             bool about_zero) {
   const Evidence evidence = evidence_of(frames, without(frames, start));
   const auto likely = [](const std::vector<double>& all) {
     return static_cast<std::size_t>(std::ranges::max_element(all) - all.begin());
@@ -428,11 +418,9 @@ Fitted fitted(const Frames& frames, const std::vector<SlowTone>& start, const Ex
   const VectorXd first = parameters_of(start);
   VectorXd centre = first, hold(first.size());
   for (Index at = 0; at < first.size(); at += kParameters) {
-    if (expected.about_zero) centre.segment(at, 2).setZero();
-    hold.segment(at, kParameters) << expected.terms, expected.terms, std::max(expected.cycles, kFixed),
-        std::max(expected.step, kFixed);
+    if (about_zero) centre.segment(at, 2).setZero();
+    hold.segment(at, kParameters) = deviations.cwiseAbs2().cwiseInverse();
   }
-  hold = hold.cwiseAbs2().cwiseInverse();
   VectorXd now = first;
   const auto at = [&](const VectorXd& values) {
     Equations all = equations_at(frames, still, changing, with_parameters(start, values));
@@ -454,42 +442,24 @@ Fitted fitted(const Frames& frames, const std::vector<SlowTone>& start, const Ex
     best = std::move(tried);
     if (gain < 1e-6 * best.squares) break;
   }
-  Fitted result{with_parameters(start, now), 0};
+  std::vector<SlowTone> tones = with_parameters(start, now);
   const MatrixXd covariance = inverse(best.normal);
-  for (std::size_t k = 0; k < start.size(); ++k) {
+  for (std::size_t k = 0; k < tones.size(); ++k) {
     const auto place = static_cast<Index>(k * kParameters);
-    result.tones[k].variance = {covariance(place, place), covariance(place + 1, place + 1)};
-    const double both = covariance(place, place) * covariance(place + 1, place + 1) -
-                        covariance(place, place + 1) * covariance(place + 1, place);
-    result.log_area = 0.5 * std::log(std::max(both, 1e-300));
+    tones[k].variance = {covariance(place, place), covariance(place + 1, place + 1)};
   }
-  return result;
+  return tones;
 }
 
-// Log odds of the last tone against none by Laplace's method, one of `tried` that were as likely before.
-double log_odds_of(const Frames& frames, const Fitted& all, std::size_t tried) {
-  const std::span<const SlowTone> tones = all.tones;
-  const double gain = evidence_of(frames, without(frames, tones)).all() -
-                      evidence_of(frames, without(frames, tones.first(tones.size() - 1))).all();
-  std::vector<double> prior;
-  for (const double size : kSizes) {
-    const double away = tones.back().amplitude() / size;
-    prior.push_back(-0.5 * away * away - 2 * std::log(size) - std::log(static_cast<double>(kSizes.size())));
-  }
-  return gain + log_sum(prior) + all.log_area - std::log(static_cast<double>(tried));
-}
-
-// The tone joins the others, and all are fitted together; its doubt about the phase step stays. `tried`: number of
-// tones that it was chosen from.
-std::vector<SlowTone> joined(const Frames& frames, std::vector<SlowTone> tones, const SlowTone& tone,
-                             std::size_t tried) {
+// The likeliest of the tones that are tried joins the others, and all are fitted together; its doubt about the phase
+// step stays.
+std::vector<SlowTone> joined(const Frames& frames, std::vector<SlowTone> tones, std::vector<SlowTone> tried) {
+  const SlowTone tone = likeliest(frames, without(frames, tones), std::move(tried));
   tones.push_back(tone);
-  const double step = frames.places.size() > 1 ? kTurn / static_cast<double>(kPhaseSteps) : 0;
-  Fitted all = fitted(frames, tones, {kSizes.back(), kNearAtMost, step, true});
-  SlowTone& last = all.tones.back();
-  last.log_odds = std::max(tone.log_odds, log_odds_of(frames, all, tried));
-  for (std::size_t i = 0; i < 2; ++i) last.variance[i] += tone.variance[i];
-  return std::move(all.tones);
+  const double step = frames.places.size() > 1 ? kTurn / static_cast<double>(kPhaseSteps) : kStays;
+  tones = fitted(frames, tones, {kSizes.back(), kSizes.back(), kNearAtMost, step}, true);
+  for (std::size_t i = 0; i < 2; ++i) tones.back().variance[i] += tone.variance[i];
+  return tones;
 }
 
 }  // namespace
@@ -500,10 +470,7 @@ std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std
   std::vector<SlowTone> found;
   for (const SlowTone& tone : near) {
     if (courses.size() > 1 && !tone.step) break;  // that of a single frame; another search finds its step
-    SlowTone start = tone;
-    start.log_odds = -HUGE_VAL;
-    start.variance = {};
-    found = joined(frames, std::move(found), start, 1);
+    found = joined(frames, std::move(found), {{.cycles = tone.cycles, .step = tone.step}});
   }
   std::vector<SlowTone> tried = all_tones(rows, courses.size());
   // A second one moves in several frames; in one it may be shades, or what a tone curve makes of the first one.
@@ -512,7 +479,7 @@ std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std
     for (const SlowTone& own : found)
       std::erase_if(tried, [&](const SlowTone& other) { return std::abs(other.cycles - own.cycles) < kLeastApart; });
     if (tried.empty()) break;
-    std::vector<SlowTone> more = joined(frames, found, likeliest(frames, without(frames, found), tried), tried.size());
+    std::vector<SlowTone> more = joined(frames, found, tried);
     const bool is_sure = more.back().is_sure();
     if (is_sure || found.empty()) found = std::move(more);
     if (!is_sure) break;
@@ -528,7 +495,7 @@ std::vector<double> modes_of_light(std::span<const SlowTone> tones, std::size_t 
 
 std::vector<SlowTone> refitted_tones(std::span<const CommonCourse> courses, const std::vector<SlowTone>& tones,
                                      double deviation) {
-  return fitted(frames_of(courses), tones, {deviation, 0, 0, false}).tones;
+  return fitted(frames_of(courses), tones, {deviation, deviation, kStays, kStays}, false);
 }
 
 }  // namespace ocisac

@@ -7,7 +7,6 @@
 #include <span>
 #include <utility>
 
-#include "cleaning/edge_aware_filter.hpp"
 #include "core/check_interrupt.hpp"
 
 namespace ocisac {
@@ -17,8 +16,6 @@ namespace {
 constexpr double kVariation = 20;  // λ, in log likelihood: equals the evidence of 10 pixels for a change of 1 in share
 constexpr int kSteps = 4;          // of reweighting
 constexpr double kMinSlope = 1e-3;                        // ε, per pixel
-constexpr std::size_t kBlock = 8;                         // side of a block with one trend, pixels
-constexpr double kReachOfTrend = 40;                      // pixels
 constexpr double kMinWeight = 1e-3;                       // regularises pixels without evidence
 constexpr std::array<int, 4> kIterations{4, 12, 20, 40};  // per level, from the finest; last value for the coarsest
 constexpr std::size_t kMinSide = 8;                       // of a level that is reduced further
@@ -148,13 +145,7 @@ struct Level {
 
 class ShareSmoother {
  public:
-  ShareSmoother(std::size_t rows, std::size_t columns)
-      : block_rows_((rows + kBlock - 1) / kBlock),
-        block_columns_((columns + kBlock - 1) / kBlock),
-        blocks_(block_rows_, block_columns_),
-        passages_(block_rows_ * block_columns_, std::exp(-static_cast<double>(kBlock) / kReachOfTrend)) {
-    trend_down_.assign(passages_.size(), 0);
-    trend_across_ = trend_down_;
+  ShareSmoother(std::size_t rows, std::size_t columns) {
     levels_.emplace_back(rows, columns);
     while (levels_.size() < kIterations.size() && std::min(levels_.back().rows, levels_.back().columns) >= kMinSide)
       levels_.emplace_back((levels_.back().rows + 1) / 2, (levels_.back().columns + 1) / 2);
@@ -164,7 +155,6 @@ class ShareSmoother {
   void step(std::span<const double> pull, std::span<const double> weight, std::span<double> share) {
     Level& finest = levels_.front();
     couple(share);
-    find_trend(share);
     find_right(pull, share);
     for (std::size_t i = 0; i < share.size(); ++i) finest.weight[i] = weight[i] + kMinWeight;
     for (std::size_t k = 1; k < levels_.size(); ++k) levels_[k].take_from(levels_[k - 1]);
@@ -177,37 +167,23 @@ class ShareSmoother {
   }
 
  private:
-  double trend_down(std::size_t row, std::size_t column) const {
-    return trend_down_[row / kBlock * block_columns_ + column / kBlock];
-  }
-
-  double trend_across(std::size_t row, std::size_t column) const {
-    return trend_across_[row / kBlock * block_columns_ + column / kBlock];
-  }
-
   void couple(std::span<const double> share) {
     Level& level = levels_.front();
     const std::size_t rows = level.rows, columns = level.columns;
     std::vector<double>& slope = level.product;  // squared: twice the mean of both sides
     std::fill(slope.begin(), slope.end(), 0);
-    for (std::size_t row = 0; row < rows; ++row)
-      for (std::size_t first = 0; first < columns; first += kBlock) {
-        const std::size_t begin = row * columns + first, end = row * columns + std::min(first + kBlock, columns);
-        const double to_next = trend_across(row, first), to_under = trend_down(row, first);
-        for (std::size_t i = begin; i < (end == (row + 1) * columns ? end - 1 : end); ++i) {
-          const double difference = share[i + 1] - share[i] - to_next, square = difference * difference;
-          slope[i] += square;
-          slope[i + 1] += square;
-        }
-        for (std::size_t i = begin; row + 1 < rows && i < end; ++i) {
-          const double difference = share[i + columns] - share[i] - to_under, square = difference * difference;
-          slope[i] += square;
-          slope[i + columns] += square;
-        }
-      }
+    const auto add = [&](std::size_t i, std::size_t next) {
+      const double difference = share[next] - share[i], square = difference * difference;
+      slope[i] += square;
+      slope[next] += square;
+    };
     const auto coupling = [&](std::size_t i, std::size_t next) {
       return kVariation / std::sqrt(kMinSlope * kMinSlope + 0.25 * (slope[i] + slope[next]));
     };
+    for (std::size_t i = 0; i < share.size(); i += columns) {
+      for (std::size_t k = i; k + 1 < i + columns; ++k) add(k, k + 1);
+      for (std::size_t k = i; k < i + columns && k + columns < share.size(); ++k) add(k, k + columns);
+    }
     for (std::size_t row = 0; row < rows; ++row) {
       const std::size_t first = row * columns, end = first + columns;
       for (std::size_t i = first; i + 1 < end; ++i) level.across[i] = coupling(i, i + 1);
@@ -215,26 +191,7 @@ class ShareSmoother {
     }
   }
 
-  // Mean slopes weighted by the coupling, which makes them medians.
-  void find_trend(std::span<const double> share) {
-    const Level& level = levels_.front();
-    const auto find = [&](const std::vector<double>& coupling, std::size_t next, std::vector<double>& trend) {
-      std::vector<double> sums(trend.size()), counts(trend.size());
-      for (std::size_t row = 0; row < level.rows; ++row)
-        for (std::size_t column = 0; column < level.columns; ++column) {
-          const std::size_t i = row * level.columns + column, to = row / kBlock * block_columns_ + column / kBlock;
-          if (!(coupling[i] > 0)) continue;
-          sums[to] += coupling[i] * (share[i + next] - share[i]);
-          counts[to] += coupling[i];
-        }
-      for (auto* values : {&sums, &counts}) blocks_.all_around(passages_, passages_, *values);
-      for (std::size_t k = 0; k < trend.size(); ++k) trend[k] = counts[k] > 0 ? sums[k] / counts[k] : 0;
-    };
-    find(level.down, level.columns, trend_down_);
-    find(level.across, 1, trend_across_);
-  }
-
-  // Right-hand side: pull + div(coupling·(∇q − t)).
+  // Right-hand side: pull + div(coupling·∇q).
   void find_right(std::span<const double> pull, std::span<const double> share) {
     Level& level = levels_.front();
     const std::size_t columns = level.columns;
@@ -243,23 +200,19 @@ class ShareSmoother {
       for (std::size_t column = 0; column < columns; ++column) {
         const std::size_t i = row * columns + column;
         if (column + 1 < columns) {
-          const double flow = level.across[i] * (share[i + 1] - share[i] - trend_across(row, column));
+          const double flow = level.across[i] * (share[i + 1] - share[i]);
           level.right[i] += flow;
           level.right[i + 1] -= flow;
         }
         if (row + 1 < level.rows) {
-          const double flow = level.down[i] * (share[i + columns] - share[i] - trend_down(row, column));
+          const double flow = level.down[i] * (share[i + columns] - share[i]);
           level.right[i] += flow;
           level.right[i + columns] -= flow;
         }
       }
   }
 
-  std::size_t block_rows_, block_columns_;
-  EdgeAwareFilter blocks_;
-  std::vector<double> passages_;                   // equal for all blocks
-  std::vector<double> trend_down_, trend_across_;  // slopes of the shares per pixel, by blocks
-  std::vector<Level> levels_;                      // the finest first
+  std::vector<Level> levels_;  // the finest first
 };
 
 }  // namespace

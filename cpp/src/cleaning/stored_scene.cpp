@@ -21,10 +21,6 @@ namespace {
 constexpr std::size_t kMostMerged = 8;   // columns in each
 constexpr double kRelativeNoise = 1e-4;  // of the largest value
 constexpr double kBlack = 2e-4;          // of white, below which a toe has no slope
-constexpr double kInf = std::numeric_limits<double>::infinity();
-
-template <class Sample>
-constexpr bool kIsInteger = std::is_integral_v<std::remove_const_t<Sample>>;
 
 template <class Sample>
 FramesView<Sample> one_frame(FramesView<Sample> view, std::size_t frame) {
@@ -150,7 +146,7 @@ void StoredScene::set_toe(double toe) {
 double StoredScene::variance_at(double value, double top) const {
   const double deviation =
       noise_ * light_per_step(curve_, value, top) * slope_of_lifted(linear_light(curve_, value, top), toe_, white_);
-  return value >= saturation_level(colours_.front(), curve_) ? kInf : deviation * deviation;
+  return value >= saturation_level(colours_.front(), curve_) ? kInfinity : deviation * deviation;
 }
 
 void StoredScene::make_table() {
@@ -171,7 +167,7 @@ Blocks StoredScene::converted(std::size_t frame, std::size_t colour) const {
   return std::visit(
       [&]<class Sample>(const FramesView<const Sample>& view) {
         const FramesView<const Sample> plane = one_frame(view, frame);
-        if constexpr (kIsInteger<Sample>) {
+        if constexpr (std::is_integral_v<Sample>) {
           return merge_columns(plane, merged_, table_);
         } else {
           Blocks blocks{rows_, columns_, {}, {}};

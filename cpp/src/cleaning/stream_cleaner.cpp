@@ -20,8 +20,7 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr std::size_t kFramesOfShares = 8;    // between estimates of the shares
-constexpr double kMostEstimates = 6;          // whose mean the shares are
+constexpr std::size_t kFramesOfShares = 8;    // between estimates of the shares, which are the mean of as many
 constexpr double kNewPart = 1.0 / 16;         // of the picture, from which on shares are estimated at once
 constexpr double kGuideBlocks = 1U << 15U;    // of the picture whose displacement is measured
 constexpr double kCut = 0.5;                  // of the picture unlike the frame before: another scene
@@ -89,7 +88,7 @@ void estimate(const std::vector<Blocks>& blocks, const ColourLights& lights, std
     const Values own = light_share(blocks[colour].picture(), rows);
     Values& share = shares[colour].share;
     for (std::size_t i = 0; i < share.size(); ++i)
-      share[i] += (own[i] - share[i]) / (std::min(estimates[i], kMostEstimates - 1) + 1);
+      share[i] += (own[i] - share[i]) / std::min(estimates[i] + 1, static_cast<double>(kFramesOfShares));
   }
   for (double& count : estimates) count += 1;
 }

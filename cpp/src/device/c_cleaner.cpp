@@ -130,7 +130,6 @@ int ocisac_cleaner_create(const ocisac_cleaner_options* options, ocisac_cleaner*
     ocisac::StreamCleaner stream(camera, {model_of(all), known(all.noise), known(all.toe)});
     *cleaner =
         new ocisac_cleaner{std::move(stream), scan_axis_of(all), all.row_time, all.max_gain, all.mean_level != 0};
-    return static_cast<int>(OCISAC_OK);
   });
 }
 
@@ -158,7 +157,6 @@ int ocisac_cleaner_push_stamped(ocisac_cleaner* cleaner, const ocisac_plane* pla
         clean_as<std::uint16_t>(*cleaner, frame, views);
     }
     if (cleaned != nullptr) answer(cleaned, cleaned_of(*cleaner, frame.light), "cleaned");
-    return static_cast<int>(OCISAC_OK);
   });
 }
 
@@ -166,7 +164,6 @@ int ocisac_cleaner_forget(ocisac_cleaner* cleaner) {
   return guarded([&] {
     ocisac::require(cleaner != nullptr, "cleaner", "NULL", "one");
     cleaner->stream.forget();
-    return static_cast<int>(OCISAC_OK);
   });
 }
 

@@ -11,6 +11,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 
 #include "ocisac/camera/tone_curve.hpp"
 #include "ocisac/core/constants.hpp"
@@ -25,11 +26,13 @@ using ocisac::kNaN;
 // Keeps the message for ocisac_last_error().
 void remember(const char* message);
 
-// Runs the body and converts exceptions to error codes.
+// Runs the body, which returns a code or nothing, and converts exceptions to error codes.
 template <class Body>
 int guarded(Body body) noexcept {
   try {
-    return body();
+    if constexpr (!std::is_void_v<decltype(body())>) return body();
+    body();
+    return OCISAC_OK;
   } catch (const std::invalid_argument& problem) {
     remember(problem.what());
     return OCISAC_BAD_ARGUMENT;

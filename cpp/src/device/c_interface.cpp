@@ -358,7 +358,6 @@ int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver) {
     const ocisac_options all = completed(options, default_options(), "options");
     const ocisac::Receiver checked(camera_of(all), receiver_options(all));
     *receiver = new ocisac_receiver{receiver_options(all), camera_of(all), scan_axis_of(all), given_region(all)};
-    return static_cast<int>(OCISAC_OK);
   });
 }
 
@@ -383,7 +382,6 @@ int ocisac_push_stamped(ocisac_receiver* receiver, const ocisac_frame* frame, co
     const ocisac::FrameStamp stated{frame->number, known(all.time), known(all.exposure), known(all.gain)};
     const auto in_time = ocisac::in_time_order(view, receiver->axis);
     receiver->latest = receiver->receiver->push({&in_time, 1}, stated);
-    return static_cast<int>(OCISAC_OK);
   });
 }
 
@@ -416,7 +414,6 @@ int ocisac_detect(const ocisac_options* options, const ocisac_frame* frame, ocis
       answer(reinterpret_cast<ocisac_light*>(place),
              light_of(sources[k], ocisac::to_stored(sources[k].box, axis, frame->width, frame->height)), "lights");
     *found = sources.size();
-    return static_cast<int>(OCISAC_OK);
   });
 }
 
@@ -432,7 +429,6 @@ int ocisac_calibrate(const ocisac_options* options, const ocisac_frame* frame, d
     const ocisac::Calibration found = ocisac::calibrate(view, frequency, search);
     answer(calibration, {sizeof(ocisac_calibration), found.row_time, found.row_time_std, found.found.flags},
            "calibration");
-    return static_cast<int>(OCISAC_OK);
   });
 }
 
@@ -450,7 +446,6 @@ int ocisac_find_frequency(const ocisac_options* options, const ocisac_frame* fra
     const auto found =
         ocisac::tone_spectrum(view, camera_of(all), {known(all.frequency), waveform_of(all), all.duty, all.background});
     answer(tone, tone_of(found, places, all.row_time, all.exposure), "tone");
-    return static_cast<int>(OCISAC_OK);
   });
 }
 
@@ -461,7 +456,6 @@ int ocisac_advise_exposure(const ocisac_exposure_request* request, const ocisac_
     const ocisac_exposure_request all = completed(request, default_request(), "request");
     const auto avoided = lights_of(lights, count);
     answer(advice, avoided.empty() ? best_advice(all) : advice_without_bands(all, avoided), "advice");
-    return static_cast<int>(OCISAC_OK);
   });
 }
 
@@ -475,7 +469,6 @@ int ocisac_packet_chips(const ocisac_options* options, const uint8_t* payload, s
     const auto sent = ocisac::packet_chips({payload, payload_bytes}, packet_format(all), number);
     for (std::size_t k = 0; k < std::min(capacity, sent.size()); ++k) chips[k] = sent[k] != 0 ? '1' : '0';
     *count = sent.size();
-    return static_cast<int>(OCISAC_OK);
   });
 }
 

@@ -138,7 +138,10 @@ double ExposureController::largest_product(const ExposureMeasurement& measuremen
   limit_ = saturated ? std::min(limit_, kStepBack * product) : limit_ * kRecovery;
   const double by_peak =
       !saturated && measurement.peak > 0 ? options_.level_ceiling / measurement.peak * product : kInfinity;
-  reasons |= limit_ < by_peak ? reason::saturation : by_peak < kInfinity ? reason::ceiling : 0;
+  if (limit_ < by_peak)
+    reasons |= reason::saturation;
+  else if (by_peak < kInfinity)
+    reasons |= reason::ceiling;
   return std::min(limit_, by_peak);
 }
 

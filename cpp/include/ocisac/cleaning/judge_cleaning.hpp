@@ -25,7 +25,7 @@ struct CleaningVerdict {
 };
 
 // Compares one colour of a frame (picture.frames is 1) before and after division by its row light, mean 1, with its
-// shares; blocks are in columns of the picture. Some 100 evenly spaced columns count; slow_bands is not measured here.
+// shares; blocks are in columns of the picture. Some 64 evenly spaced columns count; slow_bands is not measured here.
 CleaningVerdict judge_cleaning(const BandedPicture& picture, std::span<const double> row_light,
                                const BlockShares& shares);
 

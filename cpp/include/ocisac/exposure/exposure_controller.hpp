@@ -44,19 +44,21 @@ struct ExposureControllerOptions {
 
 // Reasons for the chosen exposure; bits of one mask.
 namespace exposure_reason {
-constexpr std::uint32_t first = 1u << 0;             // no earlier suggestion
-constexpr std::uint32_t held = 1u << 1;              // within the hysteresis of the best
-constexpr std::uint32_t moved = 1u << 2;             // changed to the best
-constexpr std::uint32_t brightness_floor = 1u << 3;  // the floor bounds the exposure from below
-constexpr std::uint32_t ceiling = 1u << 4;           // the peak bounds it from above
-constexpr std::uint32_t saturation = 1u << 5;        // saturated pixels bound it from above
-constexpr std::uint32_t too_dark = 1u << 6;          // the camera cannot reach the floor
-constexpr std::uint32_t too_bright = 1u << 7;        // the camera cannot stay below the ceiling
-constexpr std::uint32_t floor_given_up = 1u << 8;    // floor and ceiling exclude each other: the ceiling counts
-constexpr std::uint32_t no_tones = 1u << 9;          // no tones: chosen by brightness alone
-constexpr std::uint32_t weak_left_out = 1u << 10;    // tones below min_snr or of unknown frequency were ignored
-constexpr std::uint32_t gain_mismatch = 1u << 11;    // a measured gain differs from |sinc(f T)|
-constexpr std::uint32_t no_brightness = 1u << 12;    // the mean level is unknown
+enum Reason : std::uint32_t {
+  first = 1u << 0,             // no earlier suggestion
+  held = 1u << 1,              // within the hysteresis of the best
+  moved = 1u << 2,             // changed to the best
+  brightness_floor = 1u << 3,  // the floor bounds the exposure from below
+  ceiling = 1u << 4,           // the peak bounds it from above
+  saturation = 1u << 5,        // saturated pixels bound it from above
+  too_dark = 1u << 6,          // the camera cannot reach the floor
+  too_bright = 1u << 7,        // the camera cannot stay below the ceiling
+  floor_given_up = 1u << 8,    // floor and ceiling exclude each other: the ceiling counts
+  no_tones = 1u << 9,          // no tones: chosen by brightness alone
+  weak_left_out = 1u << 10,    // tones below min_snr or of unknown frequency were ignored
+  gain_mismatch = 1u << 11,    // a measured gain differs from |sinc(f T)|
+  no_brightness = 1u << 12,    // the mean level is unknown
+};
 }  // namespace exposure_reason
 
 struct ExposureSuggestion {
