@@ -140,6 +140,56 @@ def test_a_given_rate_of_twice_or_half_the_chips_gives_no_wrong_bits(seed):
         assert (got.bits in sent and len(got.bits) > 0.9 * ROWS / pitch) or got.flags
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_an_even_round_lamp_gives_right_chips_up_to_its_narrow_ends(seed):
+    random = np.random.default_rng(seed)
+    rows, pitch = np.arange(ROWS), random.uniform(5, 12)
+    half, middle, exposure = random.uniform(200, 300), random.uniform(430, 470), random.uniform(0.1, 0.5) * pitch
+    chips = random.integers(0, 2, 300)
+    lamp = ((np.arange(200) - 100) / 66) ** 2 + ((rows[:, None] - middle) / half) ** 2 < 1
+    frame = photographed(10 + 120 * lamp * rows_of(chips, pitch, exposure), seed, noise=2.0)
+    got = ocisac.receive(frame, Camera(1.0, exposure))[0]
+    assert not got.flags
+    first = round((got.phase - exposure / 2) / pitch)
+    assert got.bits == "".join(map(str, chips[first : first + len(got.bits)]))
+    assert got.phase > middle - half - 3
+    assert got.phase + len(got.bits) * pitch < middle + half + 3 + exposure
+    assert len(got.bits) > 2 * half / pitch - 7
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_two_lamps_above_each_other_without_a_gap_are_no_string(seed):
+    random = np.random.default_rng(seed)
+    upper, lower = random.permutation([random.uniform(5, 7), random.uniform(8, 12)])
+    light = rows_of(random.integers(0, 2, 300), upper, 1.5)
+    light[ROWS // 2 :] = rows_of(random.integers(0, 2, 300), lower, 1.5)[ROWS // 2 :]
+    for got in ocisac.receive(photographed(10 + 120 * light * np.ones(64), seed, noise=2.0), Camera(1.0, 1.5)):
+        assert got.flags or not got.bits
+
+
+@pytest.mark.parametrize("share", [4 / 3, 1.5, 2])
+def test_a_given_rate_of_more_than_the_chips_gives_no_wrong_bits(share):
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        pitch, chips = random.uniform(5, 12), random.integers(0, 2, 120)
+        light = rows_of(chips, pitch, 0.4 * pitch) * np.ones(24)
+        frame = photographed(10 + 120 * light, seed, noise=1.5)
+        got = ocisac.receive(frame[:600], Camera(1.0, 0.4 * pitch), chip_rate=share / pitch)[0]
+        assert got.flags or got.bits in "".join(map(str, chips))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_given_rate_of_twice_the_chips_is_halved_where_edges_are_few(seed):
+    random = np.random.default_rng(seed)
+    pitch, runs = random.uniform(14, 18), random.choice([1, 2, 3], 60)
+    chips = np.repeat(np.arange(60) % 2, runs)
+    frame = photographed(10 + 120 * rows_of(chips, pitch, 0.4 * pitch) * np.ones(24), seed, noise=1.5)[:480]
+    got = ocisac.receive(frame, Camera(1.0, 0.4 * pitch), chip_rate=2 / pitch)[0]
+    assert got.flags & ~Flag.TOO_FEW_EDGES == 0
+    assert got.bits
+    assert got.bits in "".join(map(str, chips))
+
+
 def test_light_that_fills_the_width_may_be_idle():
     """A laser's spot without sides: dark rows before and after its packet are chips."""
     chips = np.r_[np.zeros(40, int), np.random.default_rng(5).integers(0, 2, 60), np.zeros(50, int)]

@@ -60,7 +60,9 @@ struct Decoded {
   ChipGrid grid;
   SlicedChips detection;
   double rows_per_chip_std = 0;
-  bool uneven = false;  // its rows are not read one after another at even times, or chips are missing
+  bool uneven =
+      false;  // edges off the clock: rows that are not read at even times, missing chips, two lights, no chips
+  bool slowed = false;  // the rate is that of the edges, a part of the one that was asked for
 };
 
 // Prior knowledge about a frame.
@@ -164,6 +166,7 @@ std::optional<Decoded> detect_and_refine(std::span<const double> signal, const C
   const ChipGrid refined = whole_chips(lattice->clock, signal.size());
   detected = slice(signal, refined, exposure_rows, carried_over(decoded.detection.bits, decoded.grid, refined));
   if (detected) decoded = {refined, std::move(*detected), lattice->rows_per_chip_std};
+  decoded.uneven = wanders(edges, *lattice);
   return decoded;
 }
 
@@ -176,7 +179,7 @@ std::optional<ChipTiming> slower_timing(const Decoded& decoded, const ChipTiming
   const auto& bits = decoded.detection.bits;
   for (std::size_t k = 1; k < bits.size(); ++k)
     if (bits[k] != bits[k - 1]) edges.push_back(k);
-  if (edges.size() < kSureBlind) return std::nullopt;
+  if (edges.size() < 2 * kSureWithRate) return std::nullopt;
   const auto is_shared = [&](std::size_t chips) {
     std::size_t multiples = 0;
     for (std::size_t k = 2; k + 1 < edges.size(); ++k) multiples += (edges[k] - edges[k - 1]) % chips == 0;
@@ -222,7 +225,7 @@ Decoded within(Decoded all, const RowRange& lit, std::size_t rows) {
 Decoded spread_over(std::span<const double> signal, Decoded lit) {
   const ChipGrid whole = whole_chips(lit.grid.clock, signal.size());
   if (whole.first == lit.grid.first && whole.count == lit.grid.count) return lit;
-  Decoded spread{whole, {}, lit.rows_per_chip_std};
+  Decoded spread{whole, {}, lit.rows_per_chip_std, lit.uneven, lit.slowed};
   const auto last = static_cast<std::ptrdiff_t>(lit.grid.count) - 1;
   for (std::size_t k = 0; k < whole.count; ++k) {
     const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - lit.grid.first;
@@ -338,10 +341,12 @@ std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& 
   auto decoded = detect_and_refine(signal, *search.timing, what.exposure_rows);
   const auto slower = decoded ? slower_timing(*decoded, *search.timing) : std::nullopt;
   if (slower)
-    if (auto again = detect_and_refine(signal, *slower, what.exposure_rows)) decoded = std::move(again);
+    if (auto again = detect_and_refine(signal, *slower, what.exposure_rows)) {
+      decoded = std::move(again);
+      decoded->slowed = true;
+    }
   if (!decoded || snr_of(decoded->detection.relative_levels) < kMinSnr) return std::nullopt;
-  decoded->uneven = wanders(search.timing->edges, (slower ? *slower : *search.timing).lattice) ||
-                    is_read_in_groups(signal, decoded->grid.clock, what.exposure_rows);
+  decoded->uneven |= is_read_in_groups(signal, decoded->grid.clock, what.exposure_rows);
   decoded->grid.clock.phase += static_cast<double>(begin);
   auto seen = within(*decoded, lit.rows, column.signal.size());
   if (seen.grid.count == 0) return std::nullopt;
@@ -380,7 +385,8 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
     return false;
   }
   // Edges of noise may outnumber those of the light.
-  if (changes_of(decoded->detection) < what.sure_edges) received.flags |= flag::too_few_edges;
+  if (changes_of(decoded->detection) < (decoded->slowed ? kSureBlind : what.sure_edges))
+    received.flags |= flag::too_few_edges;
   fill(received, std::move(*decoded), what.exposure_rows);
   return true;
 }
@@ -530,63 +536,52 @@ bool decode_any(const CombinedColumn& column, const Search& what, double row_tim
   return better;
 }
 
-// Leaves out the chips of rows without light beyond the outline.
-void cut_to_outline(const Outline& outline, Received& received) {
-  const ChipGrid grid{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
-  SlicedChips& seen = received.detection;
-  const auto is_beyond = [&](std::size_t k) {
-    return seen.relative_levels[k] == 0 && outline.width(grid.centre(k)) == 0;
-  };
-  std::size_t first = 0, end = grid.count;
-  while (first < end && is_beyond(first)) ++first;
-  while (end > first && is_beyond(end - 1)) --end;
-  const auto cut = [&](auto& of_chips) {
-    of_chips = {of_chips.begin() + static_cast<std::ptrdiff_t>(first),
-                of_chips.begin() + static_cast<std::ptrdiff_t>(end)};
-  };
-  cut(seen.bits), cut(seen.dark), cut(seen.bright), cut(seen.relative_levels), cut(received.bits);
-  received.phase = grid.start(first);
-}
-
-// The chips of a lamp whose outline is known: dark ones at its ends too, where bright ones would show, and none beyond.
+// The chips of a lamp whose outline is known: where it is narrow, a bright one is as much fainter, and the string ends
+// with a chip that is neither, or that the outline cuts.
 void fit_to_outline(const AnyFramesView& colour, const CombinedColumn& column, const Search& what, Received& received) {
-  SlicedChips& detection = received.detection;
-  std::vector<std::size_t> bright;
+  const SlicedChips seen = received.detection;
   const ChipGrid grid{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
+  std::vector<std::size_t> bright;
   for (std::size_t k = 0; k < grid.count; ++k)
-    if (detection.bits[k]) bright.push_back(static_cast<std::size_t>(std::max(grid.centre(k), 0.0)));
+    if (seen.bits[k] && seen.relative_levels[k] != 0)
+      bright.push_back(static_cast<std::size_t>(std::max(grid.centre(k), 0.0)));
   const auto outline = outline_of(colour, received.frame, column.weights, bright);
   if (!outline) return;
-  cut_to_outline(*outline, received);
-  const ChipGrid seen{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
-  const ChipGrid all = whole_chips(seen.clock, column.signal.size());
+  const ChipGrid all = whole_chips(grid.clock, column.signal.size());
   const auto values = chip_values(column.signal, all, what.exposure_rows);
-  // Dark chips of the lamp, from one end of those seen on.
-  const auto dark_beyond = [&](std::ptrdiff_t step) {
-    const std::size_t end = step < 0 ? 0 : seen.count - 1;
-    std::ptrdiff_t count = 0;
-    for (;; ++count) {
-      const std::ptrdiff_t chip = static_cast<std::ptrdiff_t>(end) + (count + 1) * step;
+  const auto is_wide = [&](std::size_t k) { return outline->width(grid.centre(k)) > kSharp * outline->widest; };
+  std::size_t first = 0, last = grid.count - 1;
+  while (first < last && !is_wide(first)) ++first;
+  while (last > first && !is_wide(last)) --last;
+  SlicedChips& chips = received.detection;
+  chips = {};
+  const auto append = [&](std::uint8_t bit, double level, std::size_t like) {
+    chips.bits.push_back(bit);
+    chips.relative_levels.push_back(level);
+    chips.dark.push_back(seen.dark[like]);
+    chips.bright.push_back(seen.bright[like]);
+  };
+  // From the outermost wide chip on, `like` whose levels they are.
+  const auto append_beyond = [&](std::size_t like, std::ptrdiff_t step) {
+    for (std::ptrdiff_t chip = static_cast<std::ptrdiff_t>(like) + step;; chip += step) {
       const auto at = static_cast<std::size_t>(chip - all.first);
-      if (chip < all.first || at >= all.count) break;
-      const double outer = all.start(step < 0 ? at : at + 1),
-                   share = outline->width(all.centre(at)) / outline->width(seen.centre(end));
-      const double swing = detection.bright[end] - detection.dark[end];
-      if (!(outline->width(outer) > 0) || values[at] - detection.dark[end] > kDarkShare * share * swing) break;
+      if (chip < all.first || at >= all.count || !(outline->width(all.start(step < 0 ? at : at + 1)) > 0)) break;
+      const double swing =
+          (seen.bright[like] - seen.dark[like]) * outline->width(all.centre(at)) / outline->width(grid.centre(like));
+      const double share = (values[at] - seen.dark[like]) / swing;
+      if (share > kDarkShare && share < kSharp) break;
+      append(share >= kSharp, 2 * share - 1, like);
     }
-    return static_cast<std::size_t>(count);
   };
-  const std::size_t before = dark_beyond(-1), after = dark_beyond(1);
-  const auto widen = [&]<class T>(std::vector<T>& of_chips, T first, T last) {
-    of_chips.insert(of_chips.begin(), before, first);
-    of_chips.insert(of_chips.end(), after, last);
-  };
-  widen(detection.bits, std::uint8_t{0}, std::uint8_t{0});
-  widen(detection.relative_levels, -1.0, -1.0);
-  widen(detection.dark, detection.dark.front(), detection.dark.back());
-  widen(detection.bright, detection.bright.front(), detection.bright.back());
-  received.bits = std::string(before, '0') + received.bits + std::string(after, '0');
-  received.phase -= static_cast<double>(before) * received.rows_per_chip;
+  append_beyond(first, -1);
+  const std::size_t before = chips.bits.size();
+  for (auto* of_chips : {&chips.dark, &chips.bright, &chips.relative_levels}) std::ranges::reverse(*of_chips);
+  std::ranges::reverse(chips.bits);
+  for (std::size_t k = first; k <= last; ++k) append(seen.bits[k], seen.relative_levels[k], k);
+  append_beyond(last, 1);
+  received.bits.clear();
+  for (const std::uint8_t bit : chips.bits) received.bits += bit ? '1' : '0';
+  received.phase = grid.start(first) - static_cast<double>(before) * received.rows_per_chip;
 }
 
 // Correlation of the changes from chip to chip between two halves of the columns, by weight; 1 for a single column.

@@ -30,7 +30,8 @@ class Received(Result):
         colour: index of the colour used, or that shows the source best; 0 for grey frames.
         bits: "0" and "1" in time order, 1 = bright; chips cut by the frame's edges are excluded. Of a
             lamp whose sides and whose end are seen in the frame (it fades, has a round outline, or other lamps follow
-            above or below), chips of its rows alone; other dark rows at the ends may be those of an idle light.
+            above or below), chips of its rows alone, less those where a round one is too narrow to tell;
+            other dark rows at the ends may be those of an idle light.
         rows_per_chip: length of a chip in rows.
         rows_per_chip_std: its standard error.
         chip_rate: 1 / (rows_per_chip * row_time), Hz.
@@ -86,8 +87,8 @@ def receive(
         camera: row time (if unknown, rates are per row) and where known the exposure, tone curve, dark and white level.
             Exposures longer than a chip are flagged (LONG_EXPOSURE).
         chip_rate: Hz, above 0 and at most half the row rate; searched within 3 %; where every run is a multiple of n
-            chips, the rate is an n-th of it. None: estimated, from 2 to 64 rows
-            per chip and at least 4 chips per frame.
+            chips, the rate is an n-th of it, with fewer than 12 edges flagged (TOO_FEW_EDGES) and with fewer than 8 not
+            tried. None: estimated, from 2 to 64 rows per chip and at least 4 chips per frame.
         colour: index of the colour to use. None: the one with the strongest light; where a single lamp sends streams of
             chips that differ from colour to colour, all of them, each a source.
 
