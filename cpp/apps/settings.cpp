@@ -2,12 +2,15 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
 #include <iostream>
 #include <map>
 #include <memory>
+#include <sstream>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "ocisac/core/require.hpp"
@@ -20,6 +23,7 @@ namespace ocisac::apps {
 namespace {
 
 constexpr double kMaxRowTime = 1;  // s; longer: a forgotten unit
+constexpr std::size_t kMaxConfigBytes = 1 << 20;
 const std::map<std::string, double> kTimeUnits{{"s", 1}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
 const std::map<std::string, double> kFrequencyUnits{{"Hz", 1}, {"kHz", 1e3}, {"MHz", 1e6}};
 
@@ -197,11 +201,19 @@ void add_output_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_flag("--version", written.version, "Version, commit, SIMD targets, OpenCV");
 }
 
-// The parser would read the first value of an option whose list is empty, as in "duty = [".
+// The parser would take a read that fails for the end of the file, hold a file of any length, and read the first value
+// of an option whose list is empty, as in "duty = [".
 class OptionsFile : public CLI::ConfigTOML {
  public:
   [[nodiscard]] std::vector<CLI::ConfigItem> from_config(std::istream& input) const override {
-    auto options = CLI::ConfigTOML::from_config(input);
+    std::string text(kMaxConfigBytes + 1, '\0');
+    errno = 0;
+    input.read(text.data(), static_cast<std::streamsize>(text.size()));
+    if (input.bad()) throw std::system_error(errno ? errno : EIO, std::generic_category(), "--config");
+    text.resize(static_cast<std::size_t>(input.gcount()));
+    require(text.size() <= kMaxConfigBytes, "--config", "a longer file", "at most 1 MiB");
+    std::istringstream whole(text);
+    auto options = CLI::ConfigTOML::from_config(whole);
     for (const auto& item : options)
       require(!item.inputs.empty() || item.name == "++" || item.name == "--", item.name, "no value", "one in --config");
     return options;

@@ -33,7 +33,7 @@ void catch_stop_signals() {
   struct sigaction action {};
   action.sa_handler = ask_to_stop;  // without SA_RESTART: a blocking write returns too
   for (const int signal : {SIGINT, SIGTERM}) ::sigaction(signal, &action, nullptr);
-  ::signal(SIGPIPE, SIG_IGN);
+  for (const int signal : {SIGPIPE, SIGXFSZ}) ::signal(signal, SIG_IGN);  // writing fails instead
 }
 
 bool stop_requested() { return stop != 0; }

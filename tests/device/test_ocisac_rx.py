@@ -5,6 +5,7 @@ import contextlib
 import fcntl
 import json
 import os
+import resource
 import shutil
 import signal
 import subprocess
@@ -621,3 +622,34 @@ def test_flags_have_the_same_names_in_python_and_cpp():
     for bit in Flag:
         assert _core.flag_names(int(bit)) == Flag(bit).names()
     assert len(_core.flag_names(0xFFFFFFFF)) == len(list(Flag))
+
+
+@pytest.mark.parametrize(
+    ("path", "code", "message"),
+    [
+        ("/proc/self/mem", 1, b"ocisac-rx: --config: Input/output error\n"),
+        ("/dev/zero", 2, b"ocisac-rx: --config: got a longer file, allowed: at most 1 MiB\n"),
+        ("/dev/full", 2, b"ocisac-rx: --config: got a longer file, allowed: at most 1 MiB\n"),
+    ],
+)
+def test_a_file_of_options_that_cannot_be_read_whole_is_refused(receiver, path, code, message):
+    if not os.path.exists(path):
+        pytest.skip(f"no {path}")
+    done = run(receiver, bytes(ROWS * COLUMNS), "--config", path)
+    assert (done.returncode, done.stdout, done.stderr) == (code, b"", message)
+
+
+def test_a_file_size_limit_is_one_line(receiver, tmp_path):
+    """SIGXFSZ ended it without a word."""
+    with (tmp_path / "out").open("wb") as out:
+        done = subprocess.run(
+            [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us"],
+            input=recording(SquareWave(500.0), frames=9).tobytes(),
+            stdout=out,
+            stderr=subprocess.PIPE,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (512, 512)),
+            timeout=60,
+            check=False,
+        )
+    assert (done.returncode, len(done.stderr.splitlines())) == (1, 1)
+    assert b"File too large" in done.stderr
