@@ -19,7 +19,7 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.results import Result
 from ocisac_fast.files import FileError, RecordingStream, atomic_path, read_frames, write_frames
-from ocisac_fast.files.writing import new_files
+from ocisac_fast.files.writing import fixed_outputs
 from ocisac_fast.light.response import exposure_response
 from ocisac_fast.light.waveforms import Chips, Constant, SquareWave, Tone, Waveform, integrate_exposure
 from ocisac_fast.packets.transmission import transmit
@@ -176,7 +176,7 @@ def _placed(target: Path, force: bool) -> Iterator[Path]:
             if not _show_the_same(made, target):
                 raise FileError(f"{target}: not of the demo, allowed: another --directory, or --force to replace it")
             return
-        with new_files(() if force else (target,)), atomic_path(target) as temporary:
+        with fixed_outputs((target,), replace=force), atomic_path(target) as temporary:
             shutil.copyfile(made, temporary)
 
 

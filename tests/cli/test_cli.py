@@ -84,6 +84,16 @@ def test_json_knows_no_nan_and_no_numpy():
     assert json.dumps(plain(record), allow_nan=False) == '{"a": 0.5, "b": null, "c": [null, 3], "d": [0, 1], "e": true}'
 
 
+def test_names_that_differ_stay_different():
+    from ocisac_fast.cli.output import _line
+
+    names = [b"x\xff", b"x\\xff", b"x\\x5cxff", b"x\\\xff", b"x\\\\xff", b"x\\y"]
+    texts = [plain(os.fsdecode(name)) for name in names]
+    assert texts == [r"x\xff", r"x\x5cxff", r"x\x5cx5cxff", r"x\\xff", r"x\\x5cxff", r"x\y"][: len(texts)]
+    assert [json.loads(_line({"file": os.fsdecode(name)}))["file"] for name in names] == texts
+    assert len(set(texts)) == len(names)
+
+
 def test_a_spread_is_in_the_unit_of_its_value_or_finer():
     assert with_spread(9.2090395e-6, 1.2e-10, "s") == "9.20904 µs ± 0.12 ns"
     assert with_spread(0.5, math.nan, "") == "0.5"
@@ -565,7 +575,7 @@ def test_a_file_that_appears_meanwhile_is_kept(run, tmp_path, monkeypatch, has_l
         (tmp_path / "o.mkv").write_text("my only copy")
         yield from simulated(*arguments, **options)
 
-    def no_link(*_):
+    def no_link(*_, **__):
         raise PermissionError
 
     monkeypatch.setattr(module, "simulate_frames", frames)
@@ -583,6 +593,126 @@ def test_a_file_that_appears_meanwhile_is_kept(run, tmp_path, monkeypatch, has_l
     monkeypatch.setattr(module, "simulate_frames", simulated)
     assert run(*words)[0] == 0
     assert os.listdir(tmp_path) == ["o.mkv"]
+
+
+def link_another_folder(folder):
+    (folder / "l").unlink()
+    (folder / "l").symlink_to("lb")
+
+
+def link_a_file(folder):
+    (folder / "d.mkv").unlink()
+    (folder / "d.mkv").symlink_to("lb/o.mkv")
+
+
+def put_a_file_for_a_pipe(folder):
+    (folder / "p.mkv").unlink()
+    (folder / "p.mkv").write_text("my only copy")
+
+
+def rename_the_folder(folder):
+    (folder / "lb" / "o.mkv").rename(folder / "m" / "o.mkv")
+    (folder / "m").rename(folder / "lb" / "m")
+
+
+# The output, what is changed while it is written, the file that is to stay, and where the output is then.
+MOVES = {
+    "link to a folder": ("l/o.mkv", link_another_folder, "lb/o.mkv", "la/o.mkv"),
+    "link to a file": ("d.mkv", link_a_file, "lb/o.mkv", "none.mkv"),
+    "pipe": ("p.mkv", put_a_file_for_a_pipe, "p.mkv", None),
+    "folder": ("m/o.mkv", rename_the_folder, "lb/m/o.mkv", None),
+    "folder, another name": ("m/x.mkv", rename_the_folder, "lb/m/o.mkv", "lb/m/x.mkv"),
+}
+
+
+@pytest.mark.parametrize("force", [(), ("--force",)])
+@pytest.mark.parametrize(("output", "change", "kept", "written"), MOVES.values(), ids=MOVES)
+def test_an_output_goes_where_its_name_led_at_the_start(
+    run, tmp_path, monkeypatch, output, change, kept, written, force
+):
+    """Whatever becomes of links, folders and pipes meanwhile, no other file is replaced."""
+    for name in ("la", "lb", "m"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "lb" / "o.mkv").write_text("my only copy")
+    (tmp_path / "l").symlink_to("la")
+    (tmp_path / "d.mkv").symlink_to("none.mkv")
+    os.mkfifo(tmp_path / "p.mkv")
+    module = importlib.import_module("ocisac_fast.cli.simulate")
+    simulated = module.simulate_frames
+
+    def frames(*arguments, **options):
+        for frame in simulated(*arguments, **options):
+            change(tmp_path)
+            yield frame
+
+    monkeypatch.setattr(module, "simulate_frames", frames)
+    words = ("simulate", "--frequency", "500", *TESTBED, "--rows", 32, "--columns", 32, "-o", tmp_path / output, *force)
+    code, out, err = run(*words)
+    if written is None and (output == "p.mkv" or not force):
+        assert (code, out, err[-1]) == (2, [], f"ocisac: {tmp_path / output}: appeared during this run, and is kept")
+        assert (tmp_path / kept).read_text() == "my only copy"
+    else:
+        assert code == 0
+        assert (tmp_path / (written or kept)).stat().st_size > 500
+        assert written is None or (tmp_path / kept).read_text() == "my only copy"
+    assert not list(tmp_path.rglob(".*"))
+
+
+def test_a_picture_of_a_scene_is_not_replaced(run, tmp_path):
+    (tmp_path / "sub").mkdir()
+    write_frames(tmp_path / "sub" / "tex.png", [np.full((4, 4), 9, np.uint8)])
+    before = (tmp_path / "sub" / "tex.png").read_bytes()
+    scene = (pathlib.Path(__file__).parents[2] / "examples" / "testbed.toml").read_text()
+    picture = 'pattern = { kind = "picture", width = 0.2, height = 0.1, file = "sub/tex.png" }'
+    (tmp_path / "s.toml").write_text(re.sub("pattern = .*", picture, scene))
+    code, _, err = run("simulate", tmp_path / "s.toml", "-o", tmp_path / "sub" / "tex.png", "--force")
+    assert (code, err[-1].partition(", ")[2]) == (2, "which is read, allowed: another file")
+    assert (tmp_path / "sub" / "tex.png").read_bytes() == before
+
+
+def test_an_archive_that_is_read_is_not_replaced(run, square, tmp_path):
+    import shutil
+
+    pytest.importorskip("fsspec")
+    square("s.npy")
+    shutil.make_archive(str(tmp_path / "a"), "zip", tmp_path, "s.npy")
+    (tmp_path / "a.zip").rename(tmp_path / "a.csv")
+    words = ("gain", f"zip://s.npy::{tmp_path / 'a.csv'}", *TESTBED, "--frequency", "500")
+    assert run(*words)[0] == 0
+    code, _, err = run(*words, "--table", tmp_path / "a.csv", "--force")
+    assert (code, err[-1].partition(", ")[2]) == (2, "which is read, allowed: another file")
+
+
+@pytest.mark.parametrize("words", [("--per-column", "o.csv"), ("--plot", "o.png"), ("--plot", "o.svg")])
+def test_a_disk_that_is_full_is_named_with_the_file(square, tmp_path, words):
+    square("s.png")
+    done = subprocess.run(
+        [sys.executable, "-m", "ocisac_fast.cli", "gain", "s.png", *TESTBED, "--frequency", "500", *words],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500)),
+        check=False,
+        timeout=120,
+    )
+    assert (done.returncode, done.stderr.splitlines()[-1:]) == (2, [f"ocisac: {words[1]}: File too large"])
+
+
+def test_a_picture_does_not_depend_on_the_working_folder(square, tmp_path):
+    pytest.importorskip("matplotlib")
+    square("s.png")
+    drawn = []
+    for name in ("plain", "styled"):
+        (tmp_path / name).mkdir()
+        if name == "styled":
+            (tmp_path / name / "matplotlibrc").write_text("text.usetex: True\npath.sketch: 9, 9, 9\nfont.size: 30\n")
+        words = ["gain", "../s.png", *TESTBED, "--frequency", "500", "--plot", "o.png"]
+        done = subprocess.run(
+            [sys.executable, "-m", "ocisac_fast.cli", *words], cwd=tmp_path / name, check=False, timeout=120
+        )
+        assert done.returncode == 0
+        drawn.append((tmp_path / name / "o.png").read_bytes())
+    assert drawn[0] == drawn[1]
 
 
 ENDLESS = {

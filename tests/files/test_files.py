@@ -914,8 +914,10 @@ def test_an_array_that_does_not_fit_is_no_success(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("scheme", ["file://", "local://", "simplecache::file://"])
+@pytest.mark.parametrize(
+    "scheme", ["file://", "local://", "simplecache::file://", "simplecache::", "filecache::", "blockcache::", "dir::"]
+)
 def test_a_file_of_this_machine_has_one_name(tmp_path, scheme):
     write_frames(tmp_path / "a.npy", [np.zeros((9, 9), np.uint8)])
-    with pytest.raises(FileError, match="without file://"):
+    with pytest.raises(FileError, match="allowed: the path alone of a file of this machine"):
         read_frames(f"{scheme}{tmp_path / 'a.npy'}")

@@ -18,7 +18,8 @@ import numpy as np
 from ocisac_fast.cli.text import is_utf8, printable
 from ocisac_fast.core.flags import Flag, Named
 
-_SURROGATES = re.compile("[\ud800-\udfff]")  # Python's representation of file name bytes that are not UTF-8
+# Python's representation of file name bytes that are not UTF-8, and what looks like their escapes.
+_ESCAPED = re.compile(r"[\ud800-\udfff]|\\(?=x[0-9a-f]{2})")
 _AS_THEY_ARE = (int, bool, type(None))
 _TEXT_WIDTH = 24  # columns that a text has at the least
 _UNBROKEN = 20_000  # columns of output to a file or pipe: lines are not wrapped
@@ -28,14 +29,15 @@ _csv: ContextVar[list[Any] | None] = ContextVar("csv", default=None)
 _printed: ContextVar[bool] = ContextVar("printed", default=True)
 
 
-def _escaped(surrogate: re.Match[str]) -> str:
-    return f"\\x{ord(surrogate[0]) & 0xFF:02x}"
+def _escaped(character: re.Match[str]) -> str:
+    return f"\\x{ord(character[0]) & 0xFF:02x}"
 
 
 def plain(value: Any) -> Any:
     """Convert a value to JSON types: NumPy types to Python's, numbers that are not finite to None.
 
-    Bytes of a file name that are not UTF-8 become escapes, such as \\xff.
+    Bytes of a file name that are not UTF-8 become escapes, such as \\xff, as does the backslash of such an escape in a
+    name: names that differ stay different.
     """
     kind = type(value)
     if kind is float:
@@ -43,7 +45,7 @@ def plain(value: Any) -> Any:
     if kind in _AS_THEY_ARE:
         return value
     if kind is str:
-        return value if value.isascii() else _SURROGATES.sub(_escaped, value)
+        return value if value.isascii() and "\\x" not in value else _ESCAPED.sub(_escaped, value)
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         return plain(value.item())
     if isinstance(value, Mapping):
@@ -111,7 +113,7 @@ def _line(record: Mapping[str, Any]) -> str:
         text = _ENCODER.encode(record)
     except (TypeError, ValueError):
         text = ""
-    if text and text.isascii():
+    if text and text.isascii() and r"\\x" not in text:
         return text
     return json.dumps(plain(record), allow_nan=False, ensure_ascii=not is_utf8(sys.stdout))
 

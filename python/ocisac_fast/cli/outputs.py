@@ -12,7 +12,8 @@ import click
 
 from ocisac_fast.files import FileError
 from ocisac_fast.files.raw import read_whole
-from ocisac_fast.files.writing import new_files
+from ocisac_fast.files.remote import local_part
+from ocisac_fast.files.writing import fixed_outputs
 
 _STANDARD = "-"  # input or output
 
@@ -22,7 +23,7 @@ class InputFile(click.Path):
 
     def files(self, path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
         """The files that a path stands for."""
-        return (path,)
+        return (local_part(os.fspath(path)),)
 
 
 class OutputFile(click.Path):
@@ -58,10 +59,11 @@ def writes(function: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(function)
     def wrapped(*, force: bool, **arguments: Any) -> Any:
         context = click.get_current_context()
-        outputs = [(param, path) for param, path in _paths(context, OutputFile) if not _is_special(path)]
+        every = [(param, path) for param, path in _paths(context, OutputFile) if path != _STANDARD]
+        outputs = [(param, path) for param, path in every if os.path.isfile(path) or not os.path.exists(path)]
         for k, (param, path) in enumerate(outputs):
             _check(param, path, outputs[:k], context, force)
-        with new_files([] if force else [path for _, path in outputs]):
+        with fixed_outputs([path for _, path in every], replace=force):
             return function(**arguments)
 
     return click.option("--force", is_flag=True, help="Replace files that exist.")(wrapped)
@@ -73,11 +75,6 @@ def _paths(context: click.Context, kind: type[click.Path]) -> Iterator[tuple[cli
         value = context.params.get(str(param.name))
         if isinstance(param.type, kind) and value is not None:
             yield from ((param, path) for path in (value if isinstance(value, tuple) else (value,)))
-
-
-def _is_special(path: str) -> bool:
-    """True for standard output, devices and pipes, which are written to."""
-    return path == _STANDARD or (os.path.exists(path) and not os.path.isfile(path))
 
 
 def _check(

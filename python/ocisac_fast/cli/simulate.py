@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 import warnings
+from collections.abc import Iterable
 from typing import Any
 
 import click
@@ -23,8 +25,15 @@ _CLIPPED = "noise of dark rows is clipped at 0, which biases gains; give both co
 _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
 
 
+class _Scene(InputFile):
+    def files(self, path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
+        from ocisac_fast.scene.toml import pictures_of
+
+        return (path, *pictures_of(path))
+
+
 @click.command(short_help="Simulate a recording of a modulated light, or of a scene.")
-@click.argument("scene", required=False, type=InputFile(exists=True, dir_okay=False))
+@click.argument("scene", required=False, type=_Scene(exists=True, dir_okay=False))
 @click.option(
     "--waveform", type=click.Choice(["tone", "square", "triangle", "chips"]), default="tone", show_default=True
 )

@@ -15,7 +15,7 @@ from ocisac_fast.files.extras import fsspec
 from ocisac_fast.files.recording import FileError
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+(::|://)")
-_OF_THIS_MACHINE = re.compile(r"(.*::)?(file|local)://")
+_OF_THIS_MACHINE = re.compile(r"(.*::)?(file|local)://|(?!(zip|tar|libarchive)\b).*::(?!.*://)")
 _WHOLE = 64 << 20  # bytes; smaller files are fetched by one request
 _PIECE = 8 << 20
 
@@ -24,13 +24,19 @@ def is_remote(path: str) -> bool:
     """Return True for a path that names its file system: ``s3://…``, ``memory://…``, ``zip::…``, and no local file.
 
     Raises:
-        FileError: ``file://``: what is read, and what is not to be overwritten, has one name.
+        FileError: ``file://`` or ``simplecache::/…``: what is read, and what is not to be overwritten, has one name.
     """
     if not _URL.match(path) or os.path.lexists(path):
         return False
     if _OF_THIS_MACHINE.match(path):
-        raise FileError(f"path: got {path}, allowed: the path of a file of this machine, without file://")
+        raise FileError(f"path: got {path}, allowed: the path alone of a file of this machine")
     return True
+
+
+def local_part(path: str) -> str:
+    """The file of this machine that a path is of, such as an archive; the path itself where there is none."""
+    _, wrapped, last = path.rpartition("::")
+    return last if wrapped and "://" not in last else path
 
 
 def file_system(path: str) -> tuple[Any, str]:
@@ -38,8 +44,27 @@ def file_system(path: str) -> tuple[Any, str]:
     if not is_remote(path):
         return fsspec().filesystem("file"), os.path.abspath(path)
     with _one_line_errors(path):
-        system, inner = fsspec().core.url_to_fs(path)
+        options = {name: {"client_kwargs": _bounded()} for name in ("http", "https") if f"{name}://" in path}
+        system, inner = fsspec().core.url_to_fs(path, **options)
         return system, inner
+
+
+@functools.cache
+def _bounded() -> dict[str, Any]:
+    """Options of clients of HTTP, whose servers may send more than was asked for, without an end."""
+    import aiohttp
+
+    class Response(aiohttp.ClientResponse):
+        async def read(self) -> bytes:
+            data = bytearray()
+            async for piece in self.content.iter_chunked(_PIECE):
+                data += piece
+                if len(data) > _WHOLE:
+                    self.close()
+                    raise OSError(errno.EFBIG, f"an answer of more than {_WHOLE >> 20} MiB", str(self.url))
+            return bytes(data)
+
+    return {"response_class": Response}
 
 
 @contextlib.contextmanager
@@ -108,7 +133,7 @@ class _Ranges(io.RawIOBase):
 
     def readinto(self, buffer: Any) -> int:
         with _one_line_errors(self._url):
-            data = self._file.read(len(buffer))
+            data = self._file.read(min(len(buffer), _PIECE))
         buffer[: len(data)] = data
         return len(data)
 

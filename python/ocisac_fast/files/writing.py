@@ -13,7 +13,7 @@ import shutil
 import stat
 import tempfile
 import types
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextvars import ContextVar
 from fractions import Fraction
 from pathlib import Path
@@ -30,8 +30,111 @@ from ocisac_fast.files.video_writing import CODECS, check_frame, write_video
 _PICTURES = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".jpg": "JPEG", ".jpeg": "JPEG"}
 _JPEG: dict[str, Any] = {"quality": 95, "subsampling": 0}
 _PNG_HEADER = 33  # bytes of the signature and of IHDR
-_new: ContextVar[frozenset[str]] = ContextVar("new", default=frozenset())
 _MAX_SUFFIX = 16  # bytes; no supported kind of file has a longer one
+_places: ContextVar[Mapping[str, _Place]] = ContextVar("places", default=types.MappingProxyType({}))
+
+
+class _Place:
+    """Where an output goes, fixed when this is made: its folder, whatever the name of that becomes, and its name there.
+
+    Links are followed. What is not a regular file, such as a FIFO or a device, is written to at the end.
+
+    Raises:
+        OSError: a folder, in none, or without write permission.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], is_new: bool = False) -> None:
+        self.path = os.fspath(path)
+        there = _status(self.path)
+        if there is not None and stat.S_ISDIR(there.st_mode):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), self.path)
+        if there is not None and not os.access(path, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), self.path)
+        self.is_file = there is None or stat.S_ISREG(there.st_mode)
+        self.is_new = is_new and self.is_file
+        self._folder, self._name = os.path.split(os.path.realpath(path))
+        if not self.is_file:
+            self._folder = tempfile.gettempdir()
+        try:
+            self._descriptor = os.open(self._folder, os.O_DIRECTORY | getattr(os, "O_PATH", os.O_RDONLY))
+        except (FileNotFoundError, NotADirectoryError):
+            raise FileNotFoundError(errno.ENOENT, "no such directory to write to", str(Path(path).parent)) from None
+
+    def close(self) -> None:
+        os.close(self._descriptor)
+
+    def status(self) -> os.stat_result | None:
+        """The file that is there now; one of `fixed_outputs` that was not there before is kept."""
+        there = _status(self._name, self._descriptor) if self.is_file else None
+        if self.is_new and there is not None:
+            raise self.appeared()
+        return there
+
+    def temporary(self, mode: int) -> tuple[Path, int]:
+        """A new file in the folder."""
+        suffix = Path(self.path).suffix
+        suffix = suffix if len(os.fsencode(suffix)) <= _MAX_SUFFIX else ""
+        folder = next(filter(self._is_folder, (f"/proc/self/fd/{self._descriptor}", self._folder)), None)
+        if folder is None:
+            raise FileNotFoundError(errno.ENOENT, "its folder was moved or removed during this run", self.path)
+        try:
+            return _temporary(Path(folder), self._name, suffix, mode)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, self.path) from error
+
+    def _is_folder(self, name: str) -> bool:
+        """True for a name that the folder still has."""
+        with contextlib.suppress(OSError):
+            folder = os.fstat(self._descriptor)
+            return folder.st_nlink > 0 and os.path.samestat(os.stat(name), folder)
+        return False
+
+    def publish(self, temporary: Path) -> None:
+        """Give a file its name, unless one that appeared has it; what is not a file gets the bytes."""
+        here: Any = {"src_dir_fd": self._descriptor, "dst_dir_fd": self._descriptor}
+        if not self.is_file:
+            with temporary.open("rb") as whole, open(os.open(self.path, os.O_WRONLY), "wb") as sink:
+                if stat.S_ISREG(os.fstat(sink.fileno()).st_mode):
+                    raise self.appeared()
+                shutil.copyfileobj(whole, sink)
+        elif self.is_new:
+            try:
+                os.link(temporary.name, self._name, **here)
+            except FileExistsError as error:
+                raise self.appeared() from error
+            except OSError:  # a file system without links: the name is taken first
+                self._take_name()
+                os.replace(temporary.name, self._name, **here)
+        else:
+            os.replace(temporary.name, self._name, **here)
+        self.remove(temporary)
+
+    def _take_name(self) -> None:
+        try:
+            os.close(os.open(self._name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, dir_fd=self._descriptor))
+        except FileExistsError as error:
+            raise self.appeared() from error
+
+    def remove(self, temporary: Path) -> None:
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(temporary.name, dir_fd=self._descriptor)
+
+    def appeared(self) -> FileExistsError:
+        return FileExistsError(errno.EEXIST, "appeared during this run, and is kept", self.path)
+
+
+@contextlib.contextmanager
+def fixed_outputs(paths: Iterable[str | os.PathLike[str]], *, replace: bool) -> Iterator[None]:
+    """Inside, `atomic_path` writes these paths to where they lead now, whatever links and folders become.
+
+    Without ``replace`` no file is replaced, also if it appears while one is written.
+    """
+    with contextlib.ExitStack() as opened:
+        every = (_Place(path, not replace) for path in paths)
+        places = {place.path: opened.enter_context(contextlib.closing(place)) for place in every}
+        token = _places.set({**_places.get(), **places})
+        opened.callback(_places.reset, token)
+        yield
 
 
 @checked
@@ -40,76 +143,34 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path with the suffix of ``path``; it replaces ``path`` on success and is removed on an error.
 
     Links are followed. An existing file keeps its mode and, where permitted, its owner; a file without write permission
-    is rejected, and one of `new_files`. A target that is not a regular file, such as a FIFO or a device, receives all
-    bytes at the end.
+    is rejected, and one that appeared though it is of `fixed_outputs`. A target that is not a regular file, such as a
+    FIFO or a device, receives all bytes at the end. Errors of the system name ``path``.
     """
-    target = Path(os.path.realpath(path))
-    there = _status(Path(path))
-    if there is not None and stat.S_ISDIR(there.st_mode):
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), os.fspath(path))
-    if there is not None and not os.access(path, os.W_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), os.fspath(path))
-    is_file = there is None or stat.S_ISREG(there.st_mode)
-    is_new = is_file and os.fspath(target) in _new.get()
-    if is_new and there is not None:
-        raise _appeared(path)
-    folder = target.parent if is_file else Path(tempfile.gettempdir())
-    if not folder.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "no such directory to write to", str(Path(path).parent))
-    suffix = Path(path).suffix
-    suffix = suffix if len(os.fsencode(suffix)) <= _MAX_SUFFIX else ""
-    temporary, descriptor = _temporary(folder, target.name, suffix, 0o600 if there else 0o666)
-    try:
+    with _written(path) as temporary, _naming(path, None, str(temporary)):
         yield temporary
-        if not is_file:
-            with temporary.open("rb") as whole, open(path, "wb") as sink:
-                shutil.copyfileobj(whole, sink)
-            temporary.unlink()
-            return
-        if there is not None:
-            with contextlib.suppress(PermissionError):
-                os.chown(temporary, there.st_uid, there.st_gid)
-            temporary.chmod(stat.S_IMODE(there.st_mode))
-        os.fsync(descriptor)  # before its name: no crash leaves a name without its bytes
-        if is_new:
-            _name_new(temporary, target, path)
-        else:
-            temporary.replace(target)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-    finally:
-        os.close(descriptor)
 
 
 @contextlib.contextmanager
-def new_files(paths: Iterable[str | os.PathLike[str]]) -> Iterator[None]:
-    """Inside, `atomic_path` makes files of these names and replaces none, also if it appears while one is written."""
-    token = _new.set(_new.get() | {os.path.realpath(path) for path in paths})
-    try:
-        yield
-    finally:
-        _new.reset(token)
-
-
-def _name_new(temporary: Path, target: Path, path: str | os.PathLike[str]) -> None:
-    """Give a file its name, unless the name is taken."""
-    try:
+def _written(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """`atomic_path` with errors as they are."""
+    with contextlib.ExitStack() as opened:
+        held = _places.get().get(os.fspath(path))
+        place = opened.enter_context(contextlib.closing(_Place(path))) if held is None else held
+        there = place.status()
+        temporary, descriptor = place.temporary(0o600 if there or not place.is_file else 0o666)
+        opened.callback(os.close, descriptor)
         try:
-            os.link(temporary, target)
-        except FileExistsError:
+            yield temporary
+            if there is not None:
+                with contextlib.suppress(PermissionError):
+                    os.chown(temporary, there.st_uid, there.st_gid)
+                temporary.chmod(stat.S_IMODE(there.st_mode))
+            with _naming(path, None, temporary.name):
+                os.fsync(descriptor)  # before its name: no crash leaves a name without its bytes
+                place.publish(temporary)
+        except BaseException:
+            place.remove(temporary)
             raise
-        except OSError:  # a file system without links: the name is taken first
-            os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
-            temporary.replace(target)
-            return
-    except FileExistsError as error:
-        raise _appeared(path) from error
-    temporary.unlink()
-
-
-def _appeared(path: str | os.PathLike[str]) -> FileExistsError:
-    return FileExistsError(errno.EEXIST, "appeared during this run, and is kept", os.fspath(path))
 
 
 def _temporary(folder: Path, name: str, suffix: str, mode: int) -> tuple[Path, int]:
@@ -139,9 +200,9 @@ def _temporary(folder: Path, name: str, suffix: str, mode: int) -> tuple[Path, i
             os.close(descriptor)
 
 
-def _status(path: Path) -> os.stat_result | None:
+def _status(path: str, folder: int | None = None) -> os.stat_result | None:
     try:
-        return path.stat()
+        return os.stat(path, dir_fd=folder)
     except FileNotFoundError:
         return None
 
@@ -179,7 +240,7 @@ def write_frames(
     single = isinstance(frames, np.ndarray) and frames.ndim == 2
     if single:
         frames = [np.asarray(frames)]
-    with atomic_path(path) as temporary, _naming(path, str(temporary)):
+    with _written(path) as temporary, _naming(path, str(temporary)):
         if suffix in CODECS:
             write_video(temporary, frames, frame_rate, like, crf)
         elif suffix in (*_PICTURES, ".npy"):
@@ -198,15 +259,15 @@ def write_frames(
 
 
 @contextlib.contextmanager
-def _naming(path: str | os.PathLike[str], found: str | None) -> Iterator[None]:
-    """Errors name the file; those of the system where they name ``found``: others are of what is read meanwhile."""
+def _naming(path: str | os.PathLike[str], *found: str | None) -> Iterator[None]:
+    """Errors name the file; those of the system that name one of ``found``: others are of what is read meanwhile."""
     try:
         yield
     except FileError as error:
         message, name = str(error), os.fspath(path)
         raise FileError(message if message.startswith(f"{name}: ") else f"{name}: {message}") from error.__cause__
     except OSError as error:
-        if error.filename != found:
+        if error.filename not in found:
             raise
         raise OSError(error.errno or errno.EIO, error.strerror or str(error), os.fspath(path)) from error
 

@@ -102,9 +102,12 @@ def _figure(path: FilePath | None, size: tuple[float, float], figure: Figure | N
         raise FileError(f"{os.fspath(path)}: suffix: got {shown(suffix)}, allowed: {', '.join(_SUFFIXES)}")
     try:
         import matplotlib.figure
+        import matplotlib.style
     except ModuleNotFoundError as error:
         raise FileError("plots need matplotlib: pip install matplotlib") from error
-    with matplotlib.rc_context(_LOOK):
+    # A file's look does not depend on a matplotlibrc, which the working folder may hold; a notebook's does.
+    base = ["default"] if path is not None and figure is None else []
+    with matplotlib.style.context([*base, _LOOK]):
         if figure is None and path is None:
             from matplotlib import pyplot
 

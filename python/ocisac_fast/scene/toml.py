@@ -9,7 +9,7 @@ import dataclasses
 import os
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +117,24 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
     except _BadKey as error:
         where = f"{_line_of(text, error.keys)}: {_dotted(error.keys)}: " if error.keys else " "
         raise SceneFileError(f"{os.fspath(path)}:{where}{error.problem}") from error
+
+
+def pictures_of(path: str | os.PathLike[str]) -> list[Path]:
+    """The pictures that a scene's file names; none of one that cannot be read."""
+
+    def names(item: Any) -> Iterator[Any]:
+        if isinstance(item, dict):
+            yield item.get("file")
+        for each in item.values() if isinstance(item, dict) else item if isinstance(item, list) else ():
+            yield from names(each)
+
+    try:
+        with open(path, "rb") as file:
+            text = read_whole(file).decode()
+        _check_keys(text)
+        return [Path(path).parent / name for name in names(tomllib.loads(text)) if isinstance(name, str)]
+    except (OSError, ValueError, RecursionError):
+        return []
 
 
 @checked
