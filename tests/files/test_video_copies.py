@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import re
+import subprocess
+import sys
 import warnings
 from fractions import Fraction
 from pathlib import Path
@@ -173,3 +175,18 @@ def test_clean_keeps_them(tmp_path: Path) -> None:
     rows = [frames_of(path, colour=True)[..., 1].mean(axis=2) for path in (source, target)]
     bands = [np.abs(np.fft.rfft(each, axis=1)[:, 5]) for each in rows]  # of 24 rows per cycle
     assert (bands[1] < 0.6 * bands[0]).all()
+
+
+@pytest.mark.parametrize("name", ["in.mkv", "in.mp4"])
+def test_sound_of_standard_input_is_kept_or_named(tmp_path: Path, name: str) -> None:
+    """A file that is redirected can be opened again, a pipe cannot."""
+    make_video(tmp_path / name, "yuv420p", BT709, LIMITED, "aac")
+    words = [sys.executable, "-m", "ocisac_fast.cli", "clean", "-", "out.mkv", "--row-time", "22.2us", "--region"]
+    words += [f"0,0,{COLUMNS},{ROWS}", "--force"]
+    for is_pipe in (False, True):
+        with (tmp_path / name).open("rb") as file:
+            given: dict[str, Any] = {"input": file.read()} if is_pipe else {"stdin": file}
+            done = subprocess.run(words, cwd=tmp_path, capture_output=True, timeout=120, check=False, **given)
+        assert done.returncode == 0
+        assert sound_of(tmp_path / "out.mkv") == ([] if is_pipe else sound_of(tmp_path / name))
+        assert (b"warning: the sound of a pipe is left out, allowed: a file" in done.stderr) == is_pipe

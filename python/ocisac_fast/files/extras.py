@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 from typing import Any, BinaryIO
 
 from ocisac_fast.files.recording import FileError
@@ -32,7 +33,13 @@ def opened_video(file: BinaryIO, container: str | None = None) -> Any:
 
 def fsspec() -> Any:
     """``fsspec``."""
-    return _library("fsspec", "fsspec")
+    try:
+        return _library("fsspec", "fsspec")
+    except FileError:
+        raise
+    except Exception as error:  # of its configuration, which it reads as it is imported
+        folder = os.environ.get("FSSPEC_CONFIG_DIR", "~/.config/fsspec")
+        raise FileError(f"{folder}: fsspec's configuration cannot be read: {error}") from error
 
 
 def pyarrow(module: str = "pyarrow") -> Any:

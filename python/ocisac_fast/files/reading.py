@@ -135,7 +135,17 @@ def _of_stream(file: BinaryIO, name: str, colour: bool) -> RecordingStream:
         return stream_arrays(Prefixed(head, file))  # type: ignore[arg-type]
     if is_picture(head):
         return _of_pictures(head, file, name, colour)
-    return open_video(Prefixed(head, file), name, colour)  # type: ignore[arg-type]
+    return open_video(_redirected(file, len(head)) or Prefixed(head, file), name, colour)  # type: ignore[arg-type]
+
+
+def _redirected(file: BinaryIO, read: int) -> Path | None:
+    """The file that standard input was redirected to, which can be opened again, for its sound; None: a pipe."""
+    with contextlib.suppress(OSError):  # io.UnsupportedOperation is one
+        path = Path(f"/dev/fd/{file.fileno()}")
+        if stat.S_ISREG(os.fstat(file.fileno()).st_mode) and file.tell() == read and os.access(path, os.R_OK):
+            file.seek(0)
+            return path
+    return None
 
 
 def _of_pictures(head: bytes, file: BinaryIO, name: str, colour: bool) -> RecordingStream:

@@ -138,6 +138,7 @@ class VideoFormat:
 
     Attributes:
         path: place of the file, from which its sound is read; None: a pipe.
+        has_sound: the file has sound.
         codec, pixel_format: names in FFmpeg.
         limited: luma has black at 16 (of 8 bits).
         primaries, transfer, matrix: of the colours.
@@ -148,6 +149,7 @@ class VideoFormat:
     """
 
     path: Any
+    has_sound: bool
     codec: str
     pixel_format: str
     limited: bool

@@ -166,7 +166,11 @@ def _options(codec: str, frame: Frame, crf: float | None) -> dict[str, str]:
 
 def _sound(av: Any, container: Any, like: RecordingStream | None, opened: contextlib.ExitStack) -> Iterator[Any]:
     """Add the sound's streams of the video to the container, and its tags; returns their packets, which are copied."""
-    if like is None or like.video is None or like.video.path is None:
+    if like is None or like.video is None:
+        return iter(())
+    if like.video.path is None:
+        if like.video.has_sound:
+            warnings.warn("the sound of a pipe is left out, allowed: a file", FileWarning, stacklevel=2)
         return iter(())
     path = like.video.path
     original = opened.enter_context(opened_video(opened.enter_context(path.open("rb"))))

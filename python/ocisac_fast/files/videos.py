@@ -166,7 +166,7 @@ def _stream(
     timed = container.format.name != JPEGS
     rate = float(stream.average_rate) if stream.average_rate and timed else None
     stamps: list[int | None] = []
-    form = _format(pixel_format, context, stream.time_base, path)
+    form = _format(pixel_format, context, stream.time_base, path, bool(container.streams.audio))
     ending = Ending(container, stream, file)
     return RecordingStream(
         _frames(av, container, stream, name, values, part, form, ending, stamps if timed else []),
@@ -181,9 +181,10 @@ def _stream(
     )
 
 
-def _format(pixel_format: str, context: Any, time_base: Fraction | None, path: Any) -> VideoFormat:
+def _format(pixel_format: str, context: Any, time_base: Fraction | None, path: Any, has_sound: bool) -> VideoFormat:
     return VideoFormat(
         path,
+        has_sound,
         context.codec.name,
         pixel_format,
         _is_limited(pixel_format, int(context.color_range or 0)),
