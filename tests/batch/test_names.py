@@ -6,6 +6,7 @@ import http.server
 import json
 import os
 import socket
+import subprocess
 import sys
 import threading
 
@@ -171,6 +172,8 @@ class Server(http.server.BaseHTTPRequestHandler):
 
     body = b""
     asked: list[tuple[str, str]] = []  # noqa: RUF012
+    sent = 0  # MiB of answers without an end
+    protocol_version = "HTTP/1.1"
 
     def log_message(self, *_):
         pass
@@ -180,17 +183,26 @@ class Server(http.server.BaseHTTPRequestHandler):
 
     def do_GET(self):
         self.asked.append((self.command, self.path))
+        is_chunked = self.command == "GET" and "endless" in self.path
         length = {"big": 300 << 20, "cut": len(self.body) + 10}.get(self.path[1:4], len(self.body))
-        self.send_response({"bad": 500, "rou": 302}.get(self.path[1:4], 200))
+        self.send_response({"bad": 500, "rou": 302, "ran": 206}.get(self.path[1:4], 200))
         for name, value in {
             "Location": self.path if "round" in self.path else None,
             "Content-Encoding": "gzip" if "zip" in self.path else None,
-            "Content-Length": length,
+            "Content-Length": None if is_chunked else 200 << 20 if "range" in self.path else length,
+            "Accept-Ranges": "bytes",
+            "Transfer-Encoding": "chunked" if is_chunked else None,
         }.items():
             if value is not None:
                 self.send_header(name, str(value))
         self.end_headers()
-        if self.command == "GET":
+        self.close_connection = True
+        if self.command == "GET" and "endless" in self.path:
+            with contextlib.suppress(OSError):
+                for _ in range(1 << 12):  # 4 GiB
+                    self.wfile.write(b"100000\r\n" + bytes(1 << 20) + b"\r\n")
+                    Server.sent += 1
+        elif self.command == "GET":
             with contextlib.suppress(OSError):
                 self.wfile.write(self.body)
 
@@ -220,6 +232,32 @@ def test_what_a_server_answers_is_the_failure_of_one_recording(server, tmp_path,
     for name in bad:
         assert main(["gain", f"{server}/{name}", *gain[1:]]) == 2
         assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", ["endless.npy", "range-endless.npy"])
+def test_an_answer_without_an_end_is_a_failure(server, name, capsys):
+    """Of a small file, and of a range of a large one: no more than 64 MiB are held."""
+    Server.sent = 0
+    assert main(["gain", f"{server}/{name}", "--frequency", "500Hz", "--row-time", "22.2us"]) == 2
+    assert "an answer of more than 64 MiB" in capsys.readouterr().err
+    assert 64 <= Server.sent < 256
+
+
+def test_a_broken_configuration_of_file_systems_is_named(tmp_path):
+    (tmp_path / "a.json").write_text("{")
+    save(tmp_path / "a.npy")
+    words = ["batch", "a.npy", "-o", "o", "--workers", "0", "gain", "--frequency", "500Hz", "--row-time", "22.2us"]
+    done = subprocess.run(
+        [sys.executable, "-m", "ocisac_fast.cli", *words],
+        cwd=tmp_path,
+        env={**os.environ, "FSSPEC_CONFIG_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert done.stderr.startswith(f"ocisac: {tmp_path}: fsspec's configuration cannot be read: ")
 
 
 def test_listing_fetches_nothing(server):

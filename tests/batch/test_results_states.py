@@ -19,7 +19,7 @@ pytest.importorskip("pyarrow.parquet")
 import pyarrow as pa
 from lamp_recordings import ROW_TIME, SHORT, lamp
 
-from ocisac_fast.batch import ResultsError, Task, measure_recordings, read_results
+from ocisac_fast.batch import ResultsError, Task, cluster, measure_recordings, read_results
 from ocisac_fast.cli import main
 from ocisac_fast.files import FileWarning
 
@@ -94,6 +94,75 @@ def test_again_removes_what_the_manifest_names_with_its_length_and_names_the_res
         assert path.read_bytes() == kept[path.relative_to(results)]
     assert len(list((results / "rows").rglob("*.parquet"))) == 2
     assert read_results(results)["frequency_hz"].unique().to_pylist() == [700.0]  # what stayed is no result
+
+
+@pytest.mark.parametrize("place", ["cleaned", "rows"])
+def test_again_does_not_write_over_what_no_run_wrote(sources, tmp_path, place):
+    cleaning = Task("clean", {"row_time": ROW_TIME})
+    measure_recordings(sources, cleaning, output=tmp_path / "c")
+    mine = min(path for path in (tmp_path / "c" / place).rglob("*") if path.is_file())
+    mine.write_text("my own notes")
+    before = contents(tmp_path / "c")
+    with pytest.raises(ResultsError, match=rf"c: holds {place}/.*{mine.name}, which no run wrote, where this one"):
+        measure_recordings(sources, cleaning, output=tmp_path / "c", again=True)
+    assert contents(tmp_path / "c") == before
+    mine.unlink()
+    assert measure_recordings(sources, cleaning, output=tmp_path / "c", again=True).progress.frames == COUNT * SHORT
+
+
+def test_again_knows_what_a_killed_run_wrote(sources, tmp_path):
+    """Its manifest lacks the last files."""
+    cleaning = Task("clean", {"row_time": ROW_TIME})
+    measure_recordings(sources, cleaning, output=tmp_path / "c")
+    manifest = json.loads((tmp_path / "c" / "manifest.json").read_text())
+    named = {name: length for name, length in manifest["files"].items() if "/" not in name}
+    (tmp_path / "c" / "manifest.json").write_text(json.dumps({"files": named}))
+    assert measure_recordings(sources, cleaning, output=tmp_path / "c", again=True).progress.frames == COUNT * SHORT
+
+
+def shift(results):
+    shutil.move(results, results.parent / "old")
+
+
+def exchange(results):
+    shift(results)
+    results.mkdir()
+
+
+def drop_rows(results):
+    shutil.rmtree(results / "rows")
+
+
+def link_rows(results):
+    drop_rows(results)
+    (results.parent / "elsewhere").mkdir()
+    (results / "rows").symlink_to(results.parent / "elsewhere")
+
+
+def drop_cleaned(results):
+    shutil.rmtree(results / "cleaned")
+
+
+@pytest.mark.parametrize("change", [shutil.rmtree, shift, exchange, drop_rows, link_rows, drop_cleaned])
+@pytest.mark.parametrize("workers", [0, 1])
+def test_results_that_go_during_the_run_are_no_success(sources, tmp_path, change, workers):
+    results = tmp_path / "c"
+
+    def report(done):
+        if done.finished == COUNT - 1:
+            change(results)
+
+    cleaning = Task("clean", {"row_time": ROW_TIME})
+    with cluster(workers=workers) as client, pytest.raises(ResultsError, match=r"c: .*during the run"):
+        measure_recordings(sources, cleaning, client=client, output=results, report=report)
+    if change is exchange:
+        assert not (results / "manifest.json").exists()
+    elif change in (shutil.rmtree, shift):
+        assert not results.exists()
+    else:
+        done = measure_recordings(sources, cleaning, output=results).progress
+        assert done.finished == COUNT
+        assert len(read_results(results)) == COUNT * SHORT
 
 
 def test_a_manifest_names_nothing_outside_of_its_folder(sources, results, tmp_path):

@@ -19,7 +19,7 @@ pytest.importorskip("psutil")
 import psutil
 from lamp_recordings import MAX_FRAMES, slowed
 
-from ocisac_fast.batch import cluster, measure_recordings, read_results
+from ocisac_fast.batch import ClusterError, cluster, measure_recordings, read_results
 
 GAIN = ["gain", "--frequency", "500Hz", "--row-time", "22.2us", "--exposure", "1202us"]
 OPTIONS = ["--max-frames", str(MAX_FRAMES)]
@@ -111,6 +111,23 @@ def test_a_recording_that_kills_its_workers_is_a_failure_and_no_more(deaths, cam
         done = measure_recordings(campaign.folder / "night", task, client=client)
     assert done.progress.finished == (36 if deaths == 1 else 35)
     assert done.failures["message"].to_pylist() == ([] if deaths == 1 else ["its worker died 4 times"])
+
+
+@pytest.mark.parametrize("deaths", [3, 99])
+def test_a_worker_that_dies_before_it_starts_is_replaced(deaths, campaign, task, tmp_path, monkeypatch):
+    """Unless four in a row do: there is no start to hope for."""
+    (tmp_path / "deaths").mkdir()
+    (tmp_path / "sitecustomize.py").write_text(
+        f"import os, sys\nfolder = {str(tmp_path / 'deaths')!r}; n = len(os.listdir(folder))\n"
+        f"if n < {deaths}:\n    open(f'{{folder}}/{{n}}', 'w').close(); os.kill(os.getpid(), 9)\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with cluster(workers=1) as client:
+        if deaths == 3:
+            assert measure_recordings(campaign.folder / "night", task, client=client).progress.finished == 36
+        else:
+            with pytest.raises(ClusterError, match="workers: 4 processes ended as they started"):
+                measure_recordings(campaign.folder / "night", task, client=client)
 
 
 def test_an_error_of_a_worker_ends_the_run(campaign, task, monkeypatch, tmp_path):

@@ -71,6 +71,17 @@ def test_the_work_is_done_and_the_exit_code_is_right(streams, code, folder):
     assert (folder / "out.png").stat().st_size > 100
 
 
+@pytest.mark.parametrize("workers", ["0", "1"])
+def test_workers_measure_without_standard_error(workers, folder, tmp_path):
+    """They got it closed, and the first file that they opened got its number."""
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("fsspec")
+    words = ["batch", "a.png", "b.png", "-o", str(tmp_path / "o"), "--workers", workers, "gain", *GAIN]
+    for streams in (("", "", "closed"), ("closed", "closed", "closed")):
+        assert run(folder, [*words[:5], "--again", *words[5:]] if (tmp_path / "o").exists() else words, streams)[0] == 0
+        assert len(list((tmp_path / "o").rglob("*-all.parquet"))) == 2
+
+
 def test_a_closed_output_is_no_file_s_number(folder):
     """The first file that is opened would get number 1, and what a library prints would go into it."""
     program = (

@@ -99,7 +99,7 @@ def measure_recordings(
             f"output: got {results.folder}, which holds the recordings {inside[0]}; allowed: another folder"
         )
     entries = [entry for entry in entries if not results.contains(entry.path)]
-    with results.prepared(task, again):
+    with results.prepared(task, again, entries):
         return _Campaign(entries, task, results, max_frames, report).run(client)
 
 

@@ -71,14 +71,16 @@ class Results:
         self.is_local = "file" in _protocols(self._system)
         self._lengths: dict[str, int] = {}  # of the manifest
         self._next_save = 0.0
+        self._locked: int | None = None  # descriptor of the folder, while a run writes here
+        self._held: dict[str, int] = {}  # of the manifest, that which this run wrote or found whole
 
     @contextlib.contextmanager
-    def prepared(self, task: Task, again: bool) -> Iterator[None]:
-        """Make the folder for a task, or find that it is the task's; at the end the manifest is whole.
+    def prepared(self, task: Task, again: bool, entries: Iterable[Entry]) -> Iterator[None]:
+        """Make the folder for a task, or find that it is the task's; at the end manifest and files are whole.
 
         Raises:
             ResultsError: it holds results of other options or of another version, or what is not ours, or cannot be
-                written.
+                written, or files of this run were removed meanwhile.
         """
         facts = {**task.facts(), "version": build()["version"]}
         with self._alone():
@@ -91,15 +93,17 @@ class Results:
                     )
                 self._lengths = self._manifest()
                 if again:
-                    self._discard()
+                    self._discard({entry.key for entry in entries})
                 elif there is None and _TASK not in self._lengths and self._system.exists(self._path(_MANIFEST)):
                     raise ResultsError(f"{self.folder}: {_MANIFEST} is not of `ocisac batch`; allowed: another folder")
-                self.note({_TASK: self._write(_TASK, json.dumps(facts, indent=1).encode())})
+                self._lengths[_TASK] = self._write(_TASK, json.dumps(facts, indent=1).encode())
+                self._save_manifest()
             try:
                 yield
             finally:
                 with self._errors():
                     self._save_manifest()
+            self._require_files()
 
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
@@ -117,14 +121,38 @@ class Results:
             raise ResultsError(f"{self.folder}: another run writes here; allowed: another folder, or its end") from None
         except OSError:
             pass  # a file system without locks
+        self._locked = folder
         try:
             yield
         finally:
+            self._locked = None
             os.close(folder)
+
+    def _require_folder(self) -> None:
+        """Refuse to make the folder again, and to write in another one that has its name now."""
+        if not self.is_local:
+            return
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+            there = os.stat(self._root)
+            if self._locked is None or os.path.samestat(there, os.fstat(self._locked)):
+                return
+        raise ResultsError(f"{self.folder}: moved or removed during the run; allowed: the same folder to its end")
+
+    def _require_files(self) -> None:
+        with self._errors():
+            self._system.invalidate_cache()
+            found = {name: length for folder in _FOLDERS for name, length in self._found(folder).items()}
+        if lost := [name for name, length in self._held.items() if found.get(name) != length]:
+            raise ResultsError(
+                f"{self.folder}: {lost[0]}{_more(lost[1:])} removed or changed during the run; the same command "
+                "measures what is missing"
+            )
 
     def note(self, written: Mapping[str, int]) -> None:
         """Keep lengths of files that were written, by name below the folder."""
+        self._require_folder()
         self._lengths.update(written)
+        self._held.update(written)
         if time.monotonic() >= self._next_save:
             with self._errors():
                 self._save_manifest()
@@ -140,22 +168,31 @@ class Results:
         named = files.items() if isinstance(files, dict) else ()
         return {name: length for name, length in named if _OURS.fullmatch(name) and type(length) is int}
 
-    def _discard(self) -> None:
-        """Remove the files of the manifest; what is left is named."""
+    def _discard(self, keys: set[str]) -> None:
+        """Remove the files of the manifest; what is left is named, and refused where the recordings of ``keys`` go."""
         there = [name for name in (_TASK, _MANIFEST, *_FOLDERS) if self._system.exists(self._path(name))]
         if there and not self._is_as_written(_TASK):
             raise ResultsError(
                 f"{self.folder}: holds {there[0]}, and no {_MANIFEST} of `ocisac batch` that says what --again may "
                 "remove; allowed: another folder"
             )
-        for name in filter(self._is_as_written, self._lengths):
+        for name in self._found("rows"):
+            if name not in self._lengths and _OURS.fullmatch(name):  # a run that was killed could not name it
+                self._lengths.update(self._written_with(name)[1])
+        written = {name for name in self._lengths if self._is_as_written(name)}
+        kept = [name for folder in _FOLDERS for name in self._found(folder) if name not in written]
+        if taken := [name for name in kept if _OURS.fullmatch(name) and key_of(PurePosixPath(name).name) in keys]:
+            raise ResultsError(
+                f"{self.folder}: holds {taken[0]}{_more(taken[1:])}, which no run wrote, where this one writes; "
+                "allowed: another folder"
+            )
+        for name in written:
             self._system.rm_file(self._path(name))
         self._lengths.clear()
         self._system.invalidate_cache()
-        kept = [name for folder in _FOLDERS for name in self._found(folder)]
         if kept:
-            more = f" and {len(kept) - _MOST_NAMED} more" if len(kept) > _MOST_NAMED else ""
-            text = f"{self.folder}: kept, since no run wrote it: {', '.join(kept[:_MOST_NAMED])}{more}"
+            named = f"{', '.join(kept[:_MOST_NAMED])}{_more(kept[_MOST_NAMED:])}"
+            text = f"{self.folder}: kept, since no run wrote it: {named}"
             warnings.warn(text, FileWarning, stacklevel=4)
 
     def _is_as_written(self, name: str) -> bool:
@@ -204,6 +241,8 @@ class Results:
             if held is not None:
                 self.note(held[1])
             checked[name] = self._lengths.get(place) == length and key_of(name) not in lost
+            if checked[name]:
+                self._held[place] = length
         return checked
 
     def _lost_keys(self) -> set[str]:
@@ -219,15 +258,17 @@ class Results:
 
     def holds(self, name: str, task: Task) -> tuple[dict[str, Any], dict[str, int]] | None:
         """The facts of a whole file of rows of this task and version, and lengths of its files; None without it."""
-        place = _place(name)
-        try:
+        facts, written = self._written_with(_place(name))
+        return (facts, written) if (facts.get("task"), facts.get("build")) == (task.facts(), build()) else None
+
+    def _written_with(self, place: str) -> tuple[dict[str, Any], dict[str, int]]:
+        """The facts of a whole file of rows, and lengths of its files; empty of what no run wrote."""
+        with contextlib.suppress(OSError, ValueError):
             with self._system.open(self._path(place), "rb") as file:
                 facts = _facts(pyarrow("pyarrow.parquet").read_schema(file))
-            if facts["task"] == task.facts() and facts["build"] == build():
+            if "task" in facts:
                 return facts, {**facts.get("cleaned", {}), place: self._system.info(self._path(place))["size"]}
-        except (OSError, ValueError, KeyError):
-            pass
-        return None
+        return {}, {}
 
     def write_rows(self, name: str, rows: Any, facts: dict[str, Any]) -> dict[str, int]:
         """Write rows with their facts: the file's length by its name."""
@@ -246,6 +287,7 @@ class Results:
             for name in names:
                 place = _place(name) if kind == "rows" else f"{kind}/{name}"
                 self._lengths.pop(place, None)
+                self._held.pop(place, None)
                 with contextlib.suppress(FileNotFoundError):
                     self._system.rm_file(self._path(place))
 
@@ -256,6 +298,7 @@ class Results:
         stem = source.stem.encode(errors="surrogateescape")[-_MAX_STEM:].decode(errors="ignore")
         name = f"cleaned/{entry.key}-{stem}{_PICTURES.get(source.suffix.lower(), '.mkv')}"
         with self._errors():
+            self._require_folder()
             self._system.makedirs(self._path("cleaned"), exist_ok=True)
         written: dict[str, int] = {}
         if self.is_local:
@@ -311,6 +354,7 @@ class Results:
         """Write a file, whole or not at all; its length."""
         path = self._path(name)
         self._require_file(name)
+        self._require_folder()
         self._system.makedirs(self._system._parent(path), exist_ok=True)
         if self.is_local:
             with atomic_path(path) as temporary:
@@ -397,6 +441,10 @@ def rows_name(entry: Entry, part: Part | None, frame_count: int | None) -> str:
     """Name of the file of rows of a recording (part None) or of a stretch of it."""
     stretch = _WHOLE if part is None else f"{part.first:09d}-{part.stop:09d}-{frame_count:09d}"
     return f"{entry.key}-{entry.state}-{stretch}.parquet"
+
+
+def _more(names: list[str]) -> str:
+    return f" and {len(names)} more" if names else ""
 
 
 def is_of(name: str, entry: Entry) -> bool:

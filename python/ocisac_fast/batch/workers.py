@@ -13,9 +13,10 @@ from multiprocessing.connection import Connection, Pipe, wait
 from typing import Any
 
 from ocisac_fast.batch.jobs import ClusterError, Jobs, Report, VersionError, Work
+from ocisac_fast.cli import open_standard_streams
 from ocisac_fast.core.results import Result
 
-_MAX_DEATHS = 4  # of the workers of one job, which is then to blame
+_MAX_DEATHS = 4  # of the workers of one job, which is then to blame, or of workers in a row before they started
 _SECONDS_TO_END = 5.0
 
 
@@ -37,6 +38,7 @@ class Workers(Result):
         """
         again: deque[Jobs] = deque()
         deaths: Counter[str] = Counter()
+        stillborn = 0
         idle: list[_Worker] = []
         busy: dict[Any, _Worker] = {}
         try:
@@ -54,11 +56,18 @@ class Workers(Result):
                     except EOFError:
                         del busy[connection]
                         worker.end()
+                        if not worker.has_started:
+                            stillborn += 1
+                            if stillborn == _MAX_DEATHS:
+                                raise ClusterError(f"workers: {stillborn} processes ended as they started") from None
+                            again.append(worker.jobs)
+                            continue
                         deaths.update(job.name for job in worker.jobs)
                         lost = [job for job in worker.jobs if deaths[job.name] >= _MAX_DEATHS]
                         again.extend((job,) for job in worker.jobs if job not in lost)
                         yield [Report(job, failure=f"its worker died {_MAX_DEATHS} times") for job in lost]
                         continue
+                    stillborn = 0
                     if reports is not None:
                         idle.append(busy.pop(connection))
                         yield reports
@@ -74,7 +83,7 @@ class _Worker:
 
     def __init__(self, work: Work) -> None:
         self.jobs: Jobs = ()
-        self._has_started = False
+        self.has_started = False
         self.connection, theirs = Pipe()
         # Its modules are those of this process: the working folder, which Python puts first, may hold anything.
         path = [str(each) for each in sys.path]
@@ -99,11 +108,9 @@ class _Worker:
         """Reports of its jobs; None: it has started. EOFError: it died."""
         try:
             answer = self.connection.recv()
-        except (EOFError, OSError):
-            if self._has_started:
-                raise EOFError from None
-            raise ClusterError("workers: a process ended as it started") from None
-        self._has_started = True
+        except OSError:
+            raise EOFError from None
+        self.has_started = True
         if isinstance(answer, Exception):
             raise answer
         reports: list[Report] | None = answer
@@ -120,6 +127,7 @@ class _Worker:
 
 def serve(descriptor: int) -> None:
     """Answer jobs that arrive on a connection, after the work to be done with each, until it is closed."""
+    open_standard_streams()
     connection = Connection(descriptor)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # unwinding removes incomplete files
     with contextlib.suppress(EOFError, OSError):  # the process that started it has ended

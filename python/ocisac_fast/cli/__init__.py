@@ -7,6 +7,13 @@ import sys
 from collections.abc import Sequence
 
 
+def open_standard_streams() -> None:
+    """Open those that are closed, as daemons do: files would get their numbers, and be written to."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
@@ -15,9 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     # Read when NumPy is imported: its products are small here, and threads that wait for their share of one use time.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        if getattr(sys, name) is None:  # closed, as daemons do: files would get its number, and be written to
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
+    open_standard_streams()
     try:
         from ocisac_fast.cli.application import run
 

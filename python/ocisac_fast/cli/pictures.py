@@ -268,6 +268,9 @@ def with_colours(frames: Frame) -> Frame:
 @contextlib.contextmanager
 def _silent_libraries() -> Iterator[None]:
     """Discard standard error: libtiff prints messages about damaged pictures in addition to our error."""
+    if sys.stderr is None:  # closed: its number may be another file's
+        yield
+        return
     sys.stderr.flush()
     kept = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
