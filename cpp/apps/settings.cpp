@@ -23,7 +23,6 @@ namespace ocisac::apps {
 namespace {
 
 constexpr double kMaxRowTime = 1;  // s; longer: a forgotten unit
-constexpr std::size_t kMaxConfigBytes = 1 << 20;
 const std::map<std::string, double> kTimeUnits{{"s", 1}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
 const std::map<std::string, double> kFrequencyUnits{{"Hz", 1}, {"kHz", 1e3}, {"MHz", 1e6}};
 
@@ -206,12 +205,12 @@ void add_output_options(CLI::App& app, Settings& settings, Written& written) {
 class OptionsFile : public CLI::ConfigTOML {
  public:
   [[nodiscard]] std::vector<CLI::ConfigItem> from_config(std::istream& input) const override {
-    std::string text(kMaxConfigBytes + 1, '\0');
+    std::string text((1 << 20) + 1, '\0');
     errno = 0;
     input.read(text.data(), static_cast<std::streamsize>(text.size()));
     if (input.bad()) throw std::system_error(errno ? errno : EIO, std::generic_category(), "--config");
     text.resize(static_cast<std::size_t>(input.gcount()));
-    require(text.size() <= kMaxConfigBytes, "--config", "a longer file", "at most 1 MiB");
+    require(input.eof(), "--config", "a longer file", "at most 1 MiB");
     std::istringstream whole(text);
     auto options = CLI::ConfigTOML::from_config(whole);
     for (const auto& item : options)

@@ -120,7 +120,7 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
 
 
 def pictures_of(path: str | os.PathLike[str]) -> list[Path]:
-    """The pictures that a scene's file names; none of one that cannot be read."""
+    """The pictures that a scene's file names; none of one that cannot be read, or only once: a pipe."""
 
     def names(item: Any) -> Iterator[Any]:
         if isinstance(item, dict):
@@ -128,6 +128,8 @@ def pictures_of(path: str | os.PathLike[str]) -> list[Path]:
         for each in item.values() if isinstance(item, dict) else item if isinstance(item, list) else ():
             yield from names(each)
 
+    if not os.path.isfile(path):
+        return []
     try:
         with open(path, "rb") as file:
             text = read_whole(file).decode()
