@@ -8,7 +8,6 @@
 #include <limits>
 #include <numeric>
 #include <optional>
-#include <tuple>
 #include <type_traits>
 #include <utility>
 
@@ -145,6 +144,8 @@ void take_swings(const Matrix& sums, const Eigen::RowVectorXd& scale, Matrix& sw
   }
 }
 
+}  // namespace
+
 // Blocks of a frame with their light. Half a megabyte, reused from frame to frame: a new allocation per frame costs as
 // much as the sums (page faults).
 struct BlockedFrame {
@@ -167,7 +168,17 @@ struct BlockedFrame {
     for (Index row = 0; row < means.rows(); ++row)
       means.row(row) = (means.row(row).array() * scale.array() - dark).matrix();
   }
+
+  [[nodiscard]] VectorXd block_weights(std::span<const double> of_columns) const {
+    VectorXd weights = VectorXd::Zero(means.cols());
+    for (std::size_t block = 0; block < blocks.begin.size(); ++block)
+      for (std::size_t column = blocks.begin[block]; column < blocks.end[block]; ++column)
+        weights(static_cast<Index>(block)) += of_columns[column];
+    return weights;
+  }
 };
+
+namespace {
 
 double min_own_variance(const VectorXd& power) { return std::max(kNextToNone * power.maxCoeff(), 1e-12); }
 
@@ -372,10 +383,6 @@ std::optional<CommonFactor> next_factor(const Matrix& swings, const VectorXd& we
   return CommonFactor{{loadings.begin(), loadings.end()}, {own.begin(), own.end()}};
 }
 
-}  // namespace
-
-namespace {
-
 // As weighted_rows(), without the dark level. `light`: of each value of a sample, or empty.
 template <class Sample, class Stored>
 std::vector<double> weighted_samples(const FramesView<const Stored>& view, std::size_t frame,
@@ -455,59 +462,34 @@ static std::vector<BlockGroup> groups_by(const Matrix& swings, const Eigen::Matr
   return block_groups(scale.asDiagonal() * products * scale.asDiagonal(), power);
 }
 
-struct ColumnSums::Memory : BlockedFrame {
-  Eigen::MatrixXd products;  // (blocks × blocks) of the blocks' swings, summed over the rows
-};
-
-ColumnSums::ColumnSums(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve) {
-  auto memory = std::make_unique<Memory>();
-  memory->fill(frames, frame, curve, SaturatedColumns::leave_out, {});
-  memory->products = gram(memory->swings.transpose());
-  memory_ = std::move(memory);
-}
-ColumnSums::ColumnSums(ColumnSums&&) noexcept = default;
-ColumnSums& ColumnSums::operator=(ColumnSums&&) noexcept = default;
-ColumnSums::~ColumnSums() = default;
-
-CombinedColumn ColumnSums::combine() const { return combined_from_products(*memory_, memory_->products); }
-
-std::vector<LightGroup> ColumnSums::light_groups() const {
-  const auto& [usable, blocks] = std::tie(memory_->usable, memory_->blocks);
-  const Matrix& swings = memory_->swings;
-  const auto groups = groups_by(swings, memory_->products);
-  if (groups.size() < 2) return {};
-  std::vector<LightGroup> lights;
+ColumnLights column_lights(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve) {
+  BlockedFrame pixels;
+  pixels.fill(frames, frame, curve, SaturatedColumns::leave_out, {});
+  const Eigen::MatrixXd products = gram(pixels.swings.transpose());
+  ColumnLights lights{combined_from_products(pixels, products), {}};
+  const auto groups = groups_by(pixels.swings, products);
+  if (groups.size() < 2) return lights;
   for (const auto& group : groups) {
-    LightGroup light{std::vector<std::uint8_t>(usable.size(), 0), {}};
-    VectorXd sum = VectorXd::Zero(swings.rows());
+    LightGroup light{std::vector<std::uint8_t>(pixels.usable.size(), 0), {}};
+    VectorXd sum = VectorXd::Zero(pixels.swings.rows());
     for (const Index block : group.members) {
-      sum += swings.col(block);
+      sum += pixels.swings.col(block);
       const auto at = static_cast<std::size_t>(block);
-      for (std::size_t column = blocks.begin[at]; column < blocks.end[at]; ++column)
-        light.columns[column] = usable[column];
+      for (std::size_t column = pixels.blocks.begin[at]; column < pixels.blocks.end[at]; ++column)
+        light.columns[column] = pixels.usable[column];
     }
     sum.normalize();
     light.swings.assign(sum.begin(), sum.end());
-    lights.push_back(std::move(light));
+    lights.groups.push_back(std::move(light));
   }
   return lights;
 }
 
 std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve) {
-  return ColumnSums(frames, frame, curve).light_groups();
+  return column_lights(frames, frame, curve).groups;
 }
 
-struct ColumnFollower::Memory : BlockedFrame {
-  [[nodiscard]] VectorXd block_weights(std::span<const double> of_columns) const {
-    VectorXd weights = VectorXd::Zero(means.cols());
-    for (std::size_t block = 0; block < blocks.begin.size(); ++block)
-      for (std::size_t column = blocks.begin[block]; column < blocks.end[block]; ++column)
-        weights(static_cast<Index>(block)) += of_columns[column];
-    return weights;
-  }
-};
-
-ColumnFollower::ColumnFollower(const ToneCurve& curve) : curve_(curve), memory_(std::make_unique<Memory>()) {}
+ColumnFollower::ColumnFollower(const ToneCurve& curve) : curve_(curve), memory_(std::make_unique<BlockedFrame>()) {}
 ColumnFollower::ColumnFollower(ColumnFollower&&) noexcept = default;
 ColumnFollower& ColumnFollower::operator=(ColumnFollower&&) noexcept = default;
 ColumnFollower::~ColumnFollower() = default;

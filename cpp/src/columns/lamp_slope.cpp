@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <numeric>
 
+#include "core/levels.hpp"
+
 namespace ocisac {
 
 namespace {
@@ -13,7 +15,6 @@ constexpr std::size_t kWindowRows = 60;
 constexpr std::size_t kMinWindows = 4;
 constexpr double kMinLight = 0.2;   // relative to the largest: blocks of a window, or windows, below it are without it
 constexpr double kSlopeErrors = 6;  // standard errors
-constexpr double kMinMovement = 0.5;  // standard deviations of the light along the columns
 
 // Light in a window of rows: its mean row, and centroid and standard deviation along the columns.
 struct Centroid {
@@ -99,7 +100,7 @@ double lamp_slope(std::span<const double> swings, std::span<const double> centre
     left += light.swing * light.swing / power * std::pow(light.column - column - slope * (light.row - row), 2);
   const double error = std::sqrt(left / (count - 2) / moment);
   const double movement = std::abs(slope) * (found.back().row - found.front().row);
-  return std::abs(slope) > kSlopeErrors * error && movement > kMinMovement * spread ? slope : 0.0;
+  return std::abs(slope) > kSlopeErrors * error && movement > kMostly * spread ? slope : 0.0;
 }
 
 UprightFrame::UprightFrame(const AnyFramesView& frames, std::size_t frame, double slope) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/levels.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "ocisac/rows/tone_search.hpp"
@@ -24,12 +25,9 @@ constexpr std::size_t kMaxGroups = 512;      // of bins that the fit sees
 constexpr double kEvidence = 6;              // log likelihood that light must gain over noise alone
 constexpr double kSmoothNoise = 1.3;         // power left by smooth light over that of the noise, at most
 constexpr std::size_t kMaxTones = 12;
-constexpr int kRounds = 5;                               // of the search for tones
-constexpr double kMinResponse = 0.1;                     // of the exposure to a tone: no light is amplified more
 constexpr double kMaxCycles = 36, kMinRowsPerCycle = 8;  // of smooth light in the column
 constexpr double kWidest = 3.5;                          // the highest frequency over the corner of the widest spectrum
 constexpr int kWidths = 12;                              // corners, by half octaves
-constexpr double kMinPivot = 1e-8;
 
 // Power density of light at a frequency (cycles per row): flat, or one of three shapes that fall beyond a corner.
 double density(std::size_t shape, double frequency) {
@@ -77,8 +75,7 @@ SmoothLight::SmoothLight(std::size_t row_count, double exposure_rows) {
   const Matrix weighted = (seen - product(line_, in_lines)) * density(corner).cwiseSqrt().asDiagonal();
   const OrthogonalFactors factors = pivoted_orthogonal_factors(weighted);
   Index terms = 0;
-  while (terms < factors.rank() &&
-         std::abs(factors.triangle(terms, terms)) > kMinPivot * std::abs(factors.triangle(0, 0)))
+  while (terms < factors.rank() && std::abs(factors.triangle(terms, terms)) > kEqual * std::abs(factors.triangle(0, 0)))
     ++terms;
   basis_ = factors.basis.leftCols(terms);
   projected_ = transposed_product(basis_, seen);
@@ -225,7 +222,7 @@ std::vector<double> ColumnAnalysis::new_tones(const Vector& spectrum, const Ligh
     const double f = static_cast<double>(k) / static_cast<double>(length_);
     if (spectrum(k) > threshold * (rest.light * seen(k) + rest.noise) && spectrum(k) >= spectrum(k - 1) &&
         spectrum(k) > spectrum(k + 1) && f > apart && f < 0.5 - apart &&
-        std::abs(sinc(f * exposure_rows_)) > kMinResponse)
+        std::abs(sinc(f * exposure_rows_)) > kSmallShare)
       peaks.push_back(k);
   }
   std::ranges::stable_sort(peaks, [&](Index a, Index b) { return spectrum(a) > spectrum(b); });
@@ -246,7 +243,7 @@ ColumnAnalysis::Tones ColumnAnalysis::find_tones(const Vector& column, std::opti
   for (int round = 0;; ++round) {
     const Vector spectrum = power_of(tones.fit.rest);
     tones.left = fit(spectrum, noise);
-    if (round == (smooth.evident ? 1 : kRounds)) return tones;
+    if (round == (smooth.evident ? 1 : kMaxIterations)) return tones;
     auto found =
         new_tones(spectrum, smooth.evident ? LightAndNoise{0, smooth.noise, 0} : tones.left, tones.fit.frequencies);
     if (found.empty()) return tones;
@@ -266,7 +263,7 @@ ColumnAnalysis::Vector ColumnAnalysis::light_of(const FrequencyFit& tones) const
   Vector amplitudes = tones.amplitudes;
   for (Index k = 0; k < amplitudes.size(); ++k) {
     const double response = sinc(tones.frequencies[static_cast<std::size_t>(k / 2)] * exposure_rows_);
-    amplitudes(k) /= std::copysign(std::max(std::abs(response), kMinResponse), response);
+    amplitudes(k) /= std::copysign(std::max(std::abs(response), kSmallShare), response);
   }
   return matrix_of(light, rows) * amplitudes -
          smooth_.line_light() * Vector(smooth_.line().transpose() * (matrix_of(seen, rows) * tones.amplitudes));

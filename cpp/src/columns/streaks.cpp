@@ -18,8 +18,7 @@ using Eigen::VectorXd;
 
 constexpr double kFarOff = 5;         // standard deviations
 constexpr double kUsualShare = 0.75;  // of the squares, as the usual values say: 1 of normal noise
-constexpr int kRounds = 6;
-constexpr Index kParts = 8;  // of the rows
+constexpr Index kParts = 8;           // of the rows
 
 // A column as c + l·signal by least squares over the values that count, and the usual deviation from it.
 struct LikeSignal {
@@ -76,7 +75,7 @@ VectorXd without_streaks(const ColumnLight& columns, const VectorXd& weights) {
   ColumnLight now = columns;
   VectorXd signal = now * weights;
   ColumnLight counts = ColumnLight::Ones(columns.rows(), columns.cols());
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kMaxIterations; ++round) {
     for (Index k = 0; k < weights.size(); ++k) {
       if (!(weights(k) > 0)) continue;
       const LikeSignal like = fit(columns.col(k), signal, counts.col(k));

@@ -37,8 +37,6 @@ struct Detections {
   std::vector<LightCandidate> waveforms;  // that may be data
 };
 
-constexpr double kLooksLikeLight = 0.5;  // appearance of a tone that may belong to a texture of many
-
 // True if parts beside each other belong to one light: log light, minus its mean over two cycles of the slower one,
 // correlates (0.8) in the rows of both and in the columns between. False for parts farther apart than their width.
 bool one_light_across(const LitFrame& frame, const Region& a, const Region& b, double frequency);

@@ -21,7 +21,6 @@ using Complex = std::complex<double>;
 
 constexpr std::size_t kMaxGroups = 64;   // of columns in a patch
 constexpr std::size_t kMaxColumns = 32;  // evaluated for a mean
-constexpr std::size_t kWidestSharp = 8;  // max columns in a group of a small light
 
 // Sums fit into 32 bits: a group of bytes or words is narrower than 2^16 columns.
 template <class T>
@@ -131,7 +130,7 @@ Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_bes
   const std::size_t top = box.y - std::min(box.y, rows_beyond);
   const std::size_t bottom = std::min(shape.rows, box.bottom() + rows_beyond);
   const std::size_t wanted = std::max<std::size_t>((right - left + kMaxGroups - 1) / kMaxGroups,
-                                                   std::clamp<std::size_t>(box.width / 16, 1, kWidestSharp));
+                                                   std::clamp<std::size_t>(box.width / 16, 1, kWidestGroup));
   const std::size_t group = std::min(wanted, right - left);
   const std::size_t groups = (right - left) / group;
   const std::size_t stride = (groups + kernels::kPatchPadding - 1) / kernels::kPatchPadding * kernels::kPatchPadding;

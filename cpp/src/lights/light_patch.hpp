@@ -11,6 +11,8 @@
 
 namespace ocisac {
 
+constexpr std::size_t kWidestGroup = 8;  // columns in a group of a small light
+
 // Rows and groups of a patch, [begin, end).
 struct PatchRange {
   std::size_t first_row, end_row, first_group, end_group;

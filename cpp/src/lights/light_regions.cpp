@@ -16,7 +16,6 @@ namespace ocisac {
 namespace {
 
 constexpr int kMaxCuts = 4;              // of a region and its parts
-constexpr double kMaxRows = 0.9;         // of a box; lights with more rows get the whole box
 constexpr std::size_t kMinRows = 64;     // of a light
 constexpr std::size_t kReach = 14;       // rows to either side for the local mean of a swing
 constexpr double kActive = 0.06;         // relative to the strongest swing
@@ -68,12 +67,12 @@ Region hull_of(const std::vector<IndexRange>& runs, const Region& region) {
 // The same, or the whole region if that is most of it.
 Region swinging_part(const std::vector<IndexRange>& runs, const Region& region) {
   const Region swinging = hull_of(runs, region);
-  const bool most = static_cast<double>(swinging.height) > kMaxRows * static_cast<double>(region.height);
+  const bool most = static_cast<double>(swinging.height) > (1 - kSmallShare) * static_cast<double>(region.height);
   return most ? region : swinging;
 }
 
-ColumnSums sums_of(const AnyFramesView& frame, const Region& region, const ToneCurve& curve) {
-  return {part_of(frame, region), 0, curve};
+ColumnLights lights_in(const AnyFramesView& frame, const Region& region, const ToneCurve& curve) {
+  return column_lights(part_of(frame, region), 0, curve);
 }
 
 // A region that is to be cut; `whole_height`: not yet cut to its rows with swings.
@@ -83,9 +82,9 @@ struct UncutRegion {
 };
 
 // The columns of each light that has some of its own.
-std::vector<UncutRegion> parts_by_columns(const Region& region, const ColumnSums& sums) {
+std::vector<UncutRegion> parts_by_columns(const Region& region, const std::vector<LightGroup>& groups) {
   std::vector<UncutRegion> parts;
-  for (const auto& light : sums.light_groups()) {
+  for (const auto& light : groups) {
     const IndexRange columns = extent(light.columns);
     parts.push_back({{region.x + columns.begin, region.y, columns.end - columns.begin, region.height}, true});
   }
@@ -97,14 +96,14 @@ std::vector<UncutRegion> parts_by_columns(const Region& region, const ColumnSums
 std::vector<UncutRegion> cut(const AnyFramesView& frame, const UncutRegion& part, bool may_cut,
                              const ToneCurve& curve) {
   Region region = part.region;
-  ColumnSums sums = sums_of(frame, region, curve);
+  ColumnLights lights = lights_in(frame, region, curve);
   if (part.whole_height) {
-    region = hull_of(active_runs(sums.combine()), region);
-    if (region.height < part.region.height) sums = sums_of(frame, region, curve);
+    region = hull_of(active_runs(lights.combined), region);
+    if (region.height < part.region.height) lights = lights_in(frame, region, curve);
   }
-  auto parts = may_cut ? parts_by_columns(region, sums) : std::vector<UncutRegion>{};
+  auto parts = may_cut ? parts_by_columns(region, lights.groups) : std::vector<UncutRegion>{};
   if (parts.size() > 1) return parts;
-  const auto runs = active_runs(sums.combine());
+  const auto runs = active_runs(lights.combined);
   if (!may_cut || runs.size() < 2) return {{swinging_part(runs, region)}};
   parts.clear();
   for (const IndexRange& run : runs)
@@ -115,7 +114,7 @@ std::vector<UncutRegion> cut(const AnyFramesView& frame, const UncutRegion& part
 }  // namespace
 
 Region swinging_rows(const AnyFramesView& frame, const Region& region, const ToneCurve& curve) {
-  return swinging_part(active_runs(sums_of(frame, region, curve).combine(), 1), region);
+  return swinging_part(active_runs(lights_in(frame, region, curve).combined, 1), region);
 }
 
 std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& curve, std::size_t most) {

@@ -203,7 +203,7 @@ double clock_odds(const Detection& one, const Detections& found) {
   double cloth = kCloth;
   const auto add = [&](const Detection& other) {
     // A light that sends data shows tones of its own.
-    if (other.data || other.appearance < kLooksLikeLight || (one.data && other.odds >= kTexture)) return;
+    if (other.data || other.appearance < kMostly || (one.data && other.odds >= kTexture)) return;
     const bool beside = std::abs(std::log(other.light.frequency / one.light.frequency)) < kBand;
     if (beside && other.odds < kTexture) cloth = kKnownCloth;
     if (std::ranges::any_of(clocks, [&](const auto* clock) { return same_frequency(other.light, *clock); })) return;

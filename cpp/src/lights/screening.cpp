@@ -19,7 +19,6 @@ namespace {
 
 constexpr std::size_t kHop = kernels::kChunkRows, kWindow = 2 * kHop;  // rows of a tile, after summing
 constexpr std::size_t kTileGroups = 3;                                 // per tile
-constexpr std::size_t kWidestGroup = 8;                                // columns at the finest scale
 constexpr std::size_t kWideFactor = 8;  // a second family of scales, for faint light on large areas
 constexpr double kMinShare = 0.4;
 constexpr float kMinPower = 1e-6F;  // mean square of log light: swings below 0.1 % are ignored

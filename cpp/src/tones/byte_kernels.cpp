@@ -185,13 +185,6 @@ constexpr std::size_t kAheadAfterRuns[] = {kWide ? 2 : (kGroup == 1 ? 5 : 6), 4}
 constexpr std::size_t kAheadAlone[] = {2, 1, 5, 3};
 constexpr std::size_t kLinesAfterRuns = kWide ? 2 : 1, kLinesAlone = std::size(kAheadAlone);
 
-// How rows are taken: the lines that each of them prefetches, and products by AVX-512 VNNI.
-template <std::size_t kLineCount, bool kDotProducts>
-struct RowMode {
-  static constexpr std::size_t kLines = kLineCount;
-  static constexpr bool kDot = kDotProducts;
-};
-
 bool asks_for_runs(const ByteBlock& block) { return !block.cached && (!kWide || strips_come_late()); }
 
 // Lines of a run prefetched with every pair of groups, on either side.
@@ -322,17 +315,13 @@ HWY_INLINE V interleave(D d, V a, V b) {
   return kUpper ? hn::InterleaveUpper(d, a, b) : hn::InterleaveLower(d, a, b);
 }
 
-// Two rows and their mirror images.
-struct FourRows {
-  Bytes a, b, far_a, far_b;
-};
-
 // Half of a strip's pairs of single rows, of the lower or the upper halves of the blocks: a row and its mirror image as
 // neighbouring bytes, for sums and differences.
 template <bool kFold, bool kUpper>
-HWY_INLINE void pair_rows(const FourRows& rows, Pair16* sums, Pair16* differences, Bytes* pixels) {
-  const Pair16 a = hn::BitCast(d16s, interleave<kUpper>(d8, rows.a, rows.far_a));
-  const Pair16 b = hn::BitCast(d16s, interleave<kUpper>(d8, rows.b, rows.far_b));
+HWY_INLINE void pair_rows(const Bytes (&near)[2], const Bytes (&far)[2], Pair16* sums, Pair16* differences,
+                          Bytes* pixels) {
+  const Pair16 a = hn::BitCast(d16s, interleave<kUpper>(d8, near[0], far[0]));
+  const Pair16 b = hn::BitCast(d16s, interleave<kUpper>(d8, near[1], far[1]));
   const Pair16 first = hn::InterleaveLower(d16s, a, b), second = hn::InterleaveUpper(d16s, a, b);
   pixels[0] = hn::BitCast(d8, first);
   pixels[1] = hn::BitCast(d8, second);
@@ -357,10 +346,11 @@ HWY_INLINE void load_rows(const Rows<kLines>& rows, Bytes& top, Pairs& to, Pixel
     return load(rows.far - row);
   };
   const Bytes none = hn::Zero(d8);
-  const FourRows four{near(0), near(rows.stride), kFold ? far(0) : none, kFold ? far(rows.stride) : none};
-  if (kSlice == 0) pair_rows<kFold, false>(four, to.sums, to.differences, pixels.of);
+  const Bytes two[] = {near(0), near(rows.stride)};
+  const Bytes mirrored[] = {kFold ? far(0) : none, kFold ? far(rows.stride) : none};
+  if (kSlice == 0) pair_rows<kFold, false>(two, mirrored, to.sums, to.differences, pixels.of);
   if (kSlice + 1 == kSlices)
-    pair_rows<kFold, true>(four, to.sums + kUpperHalf, to.differences + kUpperHalf, pixels.of + kUpperHalf);
+    pair_rows<kFold, true>(two, mirrored, to.sums + kUpperHalf, to.differences + kUpperHalf, pixels.of + kUpperHalf);
 }
 
 // Sums of a group of rows, for the columns in the lower and in the upper halves of a vector's blocks.
@@ -495,15 +485,10 @@ class Strips {
   std::int32_t* memory_;
 };
 
-// Weights of the first output of either kind.
-struct FirstWeights {
-  PairWeights first, second;
-};
-
 // Accumulators of a slice's pairs: squares, totals and the outputs of one tone, the first of either kind (unfolded: the
 // first two), which fit into the registers. For further outputs, the pairs are stored.
 struct SliceOutputs {
-  const FirstWeights* weights;
+  const std::array<PairWeights, 2>* weights;  // of the first output of either kind
   std::int32_t *first, *second, *squares;
   std::uint16_t* totals;
   std::uint8_t* maximum;
@@ -530,8 +515,8 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
     for_each_constant<kPerSlice>([&](auto v) OCISAC_INLINE_LAMBDA {
       const Pair16 sum = pairs.sums[v], other = kFold ? pairs.differences[v] : sum;
       total[v] = hn::Add(total[v], hn::BitCast(d16, sum));
-      if (kTone) a[v] = multiply_pairs<kDot>(a[v], sum, to.weights[p].first);
-      if (kTone) b[v] = multiply_pairs<kDot>(b[v], other, to.weights[p].second);
+      if (kTone) a[v] = multiply_pairs<kDot>(a[v], sum, to.weights[p][0]);
+      if (kTone) b[v] = multiply_pairs<kDot>(b[v], other, to.weights[p][1]);
       if constexpr (kPixels) {
         square[v] = add_squares_of_pixels<kDot>(square[v], pixels.of[v]);
       } else {
@@ -599,7 +584,7 @@ struct BlockPlan {
   std::size_t second;  // the part where the second kind begins
   std::int32_t* spare;
   bool has_first, has_second;
-  std::array<FirstWeights, kRowsForMore / 2> first_weights;
+  std::array<std::array<PairWeights, 2>, kRowsForMore / 2> first_weights;  // of the first output of either kind
 
   BlockPlan(const ByteWeights& of, std::size_t pairs, bool fold, std::int32_t* spare_sums)
       : weights(of),
@@ -609,8 +594,8 @@ struct BlockPlan {
         has_first(second > 0),
         has_second(second < of.parts.size()) {
     for (std::size_t p = 0; p < count; ++p) {
-      first_weights[p].first.lanes.fill(has_first ? of.pairs[p] : 0);
-      first_weights[p].second.lanes.fill(has_second ? of.pairs[second * of.stride + p] : 0);
+      first_weights[p][0].lanes.fill(has_first ? of.pairs[p] : 0);
+      first_weights[p][1].lanes.fill(has_second ? of.pairs[second * of.stride + p] : 0);
     }
   }
 };
@@ -644,13 +629,12 @@ HWY_INLINE void for_each_slice(Add add) {
 }
 
 // The pairs of one strip, straight from the pixels.
-template <int kGroup, bool kFold, bool kMore, class Mode>
-HWY_INLINE void add_strip(const Rows<Mode::kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
-                          const Strip& strip) {
-  constexpr bool kPixels = are_of_pixels<kGroup, kFold, Mode::kDot>();
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
+HWY_INLINE void add_strip(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
+  constexpr bool kPixels = are_of_pixels<kGroup, kFold, kDot>();
   Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold, kMore> : 1];
   for_each_slice([&]<std::size_t kSlice>() OCISAC_INLINE_LAMBDA {
-    add_slice_of_strip<kFold, kPixels, kMore, kMore, kSlice, Mode::kDot>(
+    add_slice_of_strip<kFold, kPixels, kMore, kMore, kSlice, kDot>(
         plan, strip, kept, [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs, Pixels& pixels) mutable {
           ask_for_run<kGroup, kSlice == 0, kFold && kSlice + 1 == kSlices>(ahead, p);
           if constexpr (kGroup == 1)
@@ -663,12 +647,12 @@ HWY_INLINE void add_strip(const Rows<Mode::kLines>& rows, const BlockPlan& plan,
 }
 
 // Groups of rows with intermediate storage, so that the rows are read once for all slices.
-template <int kGroup, bool kFold, bool kMore, class Mode>
-HWY_INLINE void add_strip_by_memory(const Rows<Mode::kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
+HWY_INLINE void add_strip_by_memory(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
                                     const Strip& strip) {
   Pairs slices[kSlices][kPairsPerBlock<kGroup, kFold, kMore>];
   Bytes top = hn::LoadU(d8, strip.maximum);
-  Rows<Mode::kLines> at = rows;
+  Rows<kLines> at = rows;
 #pragma GCC unroll 1
   for (std::size_t p = 0; p < plan.count; ++p) {
     ask_for_run<kGroup, true, kFold>(ahead, p);
@@ -678,13 +662,14 @@ HWY_INLINE void add_strip_by_memory(const Rows<Mode::kLines>& rows, const BlockP
   hn::StoreU(top, d8, strip.maximum);
   for_each_slice([&]<std::size_t kSlice>() {
     const Pairs* made = slices[kSlice];
-    add_slice_of_strip<kFold, false, kMore, false, kSlice, Mode::kDot>(
-        plan, strip, slices[kSlice], [made](std::size_t p, Bytes&, Pairs& pairs, Pixels&) {
-          for (std::size_t v = 0; v < kPerSlice; ++v) {
-            pairs.sums[v] = made[p].sums[v];
-            if (kFold) pairs.differences[v] = made[p].differences[v];
-          }
-        });
+    add_slice_of_strip<kFold, false, kMore, false, kSlice, kDot>(plan, strip, slices[kSlice],
+                                                                 [made](std::size_t p, Bytes&, Pairs& pairs, Pixels&) {
+                                                                   for (std::size_t v = 0; v < kPerSlice; ++v) {
+                                                                     pairs.sums[v] = made[p].sums[v];
+                                                                     if (kFold)
+                                                                       pairs.differences[v] = made[p].differences[v];
+                                                                   }
+                                                                 });
   });
 }
 
@@ -746,33 +731,33 @@ class LoneGroup {
 };
 
 // All strips of a block.
-template <int kGroup, bool kFold, bool kMore, class Mode>
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
 void add_strips(const Rows<>& rows, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
   const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>(2 * kGroup * plan.count) * rows.stride;
   for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += ahead.run == kNoRun ? 0 : plan.count) {
     const std::ptrdiff_t first = strips.grid.first(i);
-    Rows<Mode::kLines> here{rows.near + first, rows.far + first, rows.stride};
-    for (std::size_t n = 0; n < Mode::kLines; ++n) {
-      const std::size_t strips_ahead = Mode::kLines <= kLinesAfterRuns ? kAheadAfterRuns<kGroup>[n] : kAheadAlone[n];
+    Rows<kLines> here{rows.near + first, rows.far + first, rows.stride};
+    for (std::size_t n = 0; n < kLines; ++n) {
+      const std::size_t strips_ahead = kLines <= kLinesAfterRuns ? kAheadAfterRuns<kGroup>[n] : kAheadAlone[n];
       const auto step = strips.grid.step(i, strips_ahead, next_rows);
       here.near_ahead[n] = step.near;
       here.far_ahead[n] = step.far;
     }
     if constexpr (kGroup == 1 || kSlices == 1)
-      add_strip<kGroup, kFold, kMore, Mode>(here, plan, ahead, strips.at(i));
+      add_strip<kGroup, kFold, kMore, kLines, kDot>(here, plan, ahead, strips.at(i));
     else
-      add_strip_by_memory<kGroup, kFold, kMore, Mode>(here, plan, ahead, strips.at(i));
+      add_strip_by_memory<kGroup, kFold, kMore, kLines, kDot>(here, plan, ahead, strips.at(i));
   }
 }
 
-template <int kGroup, bool kFold, bool kMore, class Mode>
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
 void add_block(const ByteBlock& block, const BlockPlan& plan, const RowsAhead& ahead, Strips& strips) {
   const Rows<> rows{block.pixels, kFold ? block.mirrored : block.pixels, block.row_stride};
   if (block.columns < hn::Lanes(d8))
-    add_strips<kGroup, kFold, kMore, Mode>(PaddedRows<kGroup, kFold, kMore>(block, plan.count).rows(), plan, ahead,
-                                           strips);
+    add_strips<kGroup, kFold, kMore, kLines, kDot>(PaddedRows<kGroup, kFold, kMore>(block, plan.count).rows(), plan,
+                                                   ahead, strips);
   else
-    add_strips<kGroup, kFold, kMore, Mode>(rows, plan, ahead, strips);
+    add_strips<kGroup, kFold, kMore, kLines, kDot>(rows, plan, ahead, strips);
 }
 
 // Moves the totals from 16 to 32 bits, and completes the squares of pixels by 128·Σ x.
@@ -795,7 +780,7 @@ void widen_totals(Strips& strips) {
   }
 }
 
-template <int kGroup, bool kFold, bool kMore, class Mode>
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
 class BlockProjector {
  public:
   BlockProjector(const ByteBlock& block, const ByteWeights& weights, Strips& strips)
@@ -804,7 +789,7 @@ class BlockProjector {
         weights_(weights),
         strips_(strips),
         rows_ahead_(std::min(kRows, block.groups * kGroup)),
-        runs_(Mode::kLines <= kLinesAfterRuns && asks_for_runs(block)
+        runs_(kLines <= kLinesAfterRuns && asks_for_runs(block)
                   ? offsets_of({kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs})
                   : nullptr) {
     strips.square_share = kFold && !kPixels ? 0.5 : 1;
@@ -822,13 +807,12 @@ class BlockProjector {
   }
 
  private:
-  static constexpr bool kPixels = are_of_pixels<kGroup, kFold, Mode::kDot>();
+  static constexpr bool kPixels = are_of_pixels<kGroup, kFold, kDot>();
   static constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
   // Fewer with wide vectors and runs, since rows of two blocks share the second-level cache.
   static constexpr std::size_t kMostPairs = kPairsPerBlock<kGroup, kFold, kMore>;
-  static constexpr std::size_t kPairs = kWide && Mode::kLines == kLinesAfterRuns
-                                            ? std::max<std::size_t>(kMostPairs * (kMore ? 3 : 2) / 4, 1)
-                                            : kMostPairs;
+  static constexpr std::size_t kPairs =
+      kWide && kLines == kLinesAfterRuns ? std::max<std::size_t>(kMostPairs * (kMore ? 3 : 2) / 4, 1) : kMostPairs;
   static constexpr std::size_t kRows = kPairs * 2 * kGroup;
   static constexpr std::size_t kRun = kLinesPerPair<kGroup> * kLine;
   static constexpr int kBlocksAhead = kWide && !kMore ? 2 : 1;
@@ -868,7 +852,8 @@ class BlockProjector {
       rows_in_totals_ = 0;
     }
     rows_in_totals_ += pairs * kRowsPerPair;
-    add_block<kGroup, kFold, kMore, Mode>(block, {weights_, pairs, kFold, strips_.spare()}, next_rows(), strips_);
+    add_block<kGroup, kFold, kMore, kLines, kDot>(block, {weights_, pairs, kFold, strips_.spare()}, next_rows(),
+                                                  strips_);
   }
 
   void advance(std::size_t pairs) {
@@ -893,7 +878,7 @@ class BlockProjector {
 template <int kGroup, bool kFold, bool kMore, bool kDot>
 void project_blocks(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
   const auto project = [&]<std::size_t kLines>() {
-    BlockProjector<kGroup, kFold, kMore, RowMode<kLines, kDot> >(block, weights, strips).run();
+    BlockProjector<kGroup, kFold, kMore, kLines, kDot>(block, weights, strips).run();
   };
   if constexpr (HWY_TARGET == HWY_AVX2 || (kWide && kDot))  // wide vectors: all processors concerned have VNNI
     if (asks_for_runs(block) && strips_come_late()) return project.template operator()<kLinesAfterRuns>();
@@ -923,42 +908,38 @@ void project_groups(const ByteBlock& block, const ByteWeights& weights, Strips& 
 
 constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes kept together by the interleaving
 
-// A number becomes unit·(number + share·sum), where it is overwritten unit·share·sum; the sums are integers.
-struct Scale {
-  double share, unit;
-};
-
-// For the numbers of a block's lanes.
+// A number becomes unit·(number + share·sum), where it is overwritten unit·share·sum; the sums are integers. For the
+// numbers of a block's lanes.
 template <bool kWrite>
-HWY_INLINE void add_lanes(const std::int32_t* HWY_RESTRICT from, const Scale& by, double* HWY_RESTRICT to) {
+HWY_INLINE void add_lanes(const std::int32_t* HWY_RESTRICT from, double share, double unit, double* HWY_RESTRICT to) {
 #if HWY_HAVE_FLOAT64
   const hn::CappedTag<double, kInBlock> d_double;
   const hn::Rebind<std::int32_t, decltype(d_double)> d_int;
   for (std::size_t i = 0; i < kInBlock; i += hn::Lanes(d_double)) {
     const auto sums = hn::PromoteTo(d_double, hn::Load(d_int, from + i));
     const auto before = kWrite ? hn::Zero(d_double) : hn::LoadU(d_double, to + i);
-    const auto sum = hn::Add(before, hn::Mul(hn::Set(d_double, by.share), sums));
-    hn::StoreU(hn::Mul(hn::Set(d_double, by.unit), sum), d_double, to + i);
+    const auto sum = hn::Add(before, hn::Mul(hn::Set(d_double, share), sums));
+    hn::StoreU(hn::Mul(hn::Set(d_double, unit), sum), d_double, to + i);
   }
 #else
-  for (std::size_t i = 0; i < kInBlock; ++i) to[i] = by.unit * ((kWrite ? 0 : to[i]) + by.share * from[i]);
+  for (std::size_t i = 0; i < kInBlock; ++i) to[i] = unit * ((kWrite ? 0 : to[i]) + share * from[i]);
 #endif
 }
 
 // The same for one output of a strip, whose lanes are in the order of Pairs, and `columns` numbers.
 template <bool kWrite>
-HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, const Scale& by, double* HWY_RESTRICT to,
+HWY_INLINE void add_in_order(const std::int32_t* HWY_RESTRICT from, double share, double unit, double* HWY_RESTRICT to,
                              std::size_t columns) {
   if (columns == kPerSum) {
     for (std::size_t b = 0; b < kPerSum / kVectors; b += kInBlock)
       for (std::size_t v = 0; v < kVectors; ++v, to += kInBlock)
-        add_lanes<kWrite>(from + v * hn::Lanes(d32) + b, by, to);
+        add_lanes<kWrite>(from + v * hn::Lanes(d32) + b, share, unit, to);
     return;
   }
   for (std::size_t c = 0; c < columns; ++c) {
     const std::size_t block = c / kInBlock;
     const std::size_t lane = block % kVectors * hn::Lanes(d32) + block / kVectors * kInBlock + c % kInBlock;
-    to[c] = by.unit * ((kWrite ? 0 : to[c]) + by.share * from[lane]);
+    to[c] = unit * ((kWrite ? 0 : to[c]) + share * from[lane]);
   }
 }
 
@@ -986,11 +967,11 @@ void add_strip_in_order(Strips& strips, std::size_t i, const ByteWeights& weight
   const std::size_t count = strips.grid.own_columns(i);
   const std::int32_t* from = strip.sums;
   for (const std::size_t part : weights.parts) {
-    add_in_order<kWrite>(from, {1, weights.unit(part, to.last)}, to.sums + part * to.stride + first, count);
+    add_in_order<kWrite>(from, 1, weights.unit(part, to.last), to.sums + part * to.stride + first, count);
     from += kPerSum;
   }
-  add_in_order<kWrite>(strip.squares, {strips.square_share, 1}, to.moments.squares + first, count);
-  add_in_order<kWrite>(strips.totals(i), {1, 1}, to.moments.totals + first, count);
+  add_in_order<kWrite>(strip.squares, strips.square_share, 1, to.moments.squares + first, count);
+  add_in_order<kWrite>(strips.totals(i), 1, 1, to.moments.totals + first, count);
   raise_in_order<kWrite>(strip.maximum, to.moments.maximum + first, count);
 }
 

@@ -315,14 +315,14 @@ FoundFrequency nothing_found(const ColumnBlocks& blocks) {
           0,    flag::no_tone, {std::vector<std::uint8_t>(blocks.columns, 1), std::vector<double>(blocks.columns)}};
 }
 
-constexpr std::size_t kSomeSignals = 16;  // that tell the noise about a tone
+constexpr int kSome = 16;  // signals, and bins on either side, that tell the noise about a tone
 
 // Bins about a frequency, in cycles per row, of which the nearest may show the tone itself or the trend.
 std::vector<double> bins_about(double frequency, std::size_t row_count) {
-  constexpr int kNearest = 2, kBins = 16;
+  constexpr int kNearest = 2;
   const auto rows = static_cast<double>(row_count);
   std::vector<double> bins;
-  for (int bin = -kBins; bin <= kBins; ++bin)
+  for (int bin = -kSome; bin <= kSome; ++bin)
     if (const double cycles = frequency * rows + bin;
         std::abs(bin) >= kNearest && cycles >= kNearest && cycles <= 0.5 * rows)
       bins.push_back(cycles / rows);
@@ -332,7 +332,7 @@ std::vector<double> bins_about(double frequency, std::size_t row_count) {
 // Power of the noise at these bins over its mean power: that of the residual of a tone with harmonics, each signal's in
 // its own mean.
 double noise_about(const PeriodicSignals& signals, double frequency, const std::vector<double>& bins) {
-  const std::size_t each = (signals.count() + kSomeSignals - 1) / kSomeSignals;
+  const std::size_t each = (signals.count() + kSome - 1) / kSome;
   std::vector<double> some, residual, waves;
   for (std::size_t s = 0; s < signals.count(); s += each)
     some.insert(some.end(), signals.signal(s).begin(), signals.signal(s).end());
@@ -371,7 +371,7 @@ bool is_significant(const PeriodicSignals& signals, const PeriodicFit& fit, cons
   const std::vector<double> bins = bins_about(fit.frequency, signals.rows());
   if (bins.empty()) return true;
   // About the tail of F, since the noise is estimated itself: exact for two variables of one signal.
-  const double freedom = static_cast<double>(2 * bins.size() * std::min(signals.count(), kSomeSignals)),
+  const double freedom = static_cast<double>(2 * bins.size() * std::min<std::size_t>(signals.count(), kSome)),
                own = chance_energy(2 * std::max(count, model.harmonics.size())),
                least = chance * freedom * std::expm1(own / freedom) / own;
   const double most =

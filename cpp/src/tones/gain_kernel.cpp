@@ -161,47 +161,6 @@ HWY_INLINE Vector wrapped(Vector phase) {
   return hn::IfThenElse(hn::Le(rest, constant(-std::numbers::pi)), hn::Add(rest, turn), rest);
 }
 
-struct Inputs {
-  Vector mean, cosine, sine, noise, direction;  // direction: its cosine
-};
-
-struct Outputs {
-  Vector gain, gain_std, snr, remark;
-};
-
-HWY_INLINE Outputs gains(const Inputs& in, const FittedTone& fit, double per_depth) {
-  const Vector power = hn::MulAdd(in.cosine, in.cosine, hn::Mul(in.sine, in.sine));
-  const Vector share_cosine = hn::Mul(in.direction, in.direction);
-  const Vector share_sine = hn::Sub(constant(1), share_cosine);
-  const Vector radial =
-      hn::MulAdd(share_cosine, constant(fit.variance_cosine), hn::Mul(share_sine, constant(fit.variance_sine)));
-  const Vector tangential =
-      hn::MulAdd(share_sine, constant(fit.variance_cosine), hn::Mul(share_cosine, constant(fit.variance_sine)));
-  // Noise biases the length: E|z|² = A² + radial + tangential, and E|z| − A = tangential/(2A).
-  const Vector amplitude = hn::Sqrt(not_negative(hn::NegMulAdd(in.noise, tangential, power)));
-  const auto noiseless = hn::Eq(in.noise, hn::Zero(d64));
-  const Vector noise = hn::IfThenElse(noiseless, constant(1), in.noise);
-  const Vector reciprocal = hn::Div(constant(1), hn::Mul(in.mean, noise));  // of both
-  const Vector per_mean = hn::Mul(noise, reciprocal);
-  const Vector per_noise = hn::IfThenElse(noiseless, hn::Inf(d64), hn::Mul(in.mean, reciprocal));
-  const Vector contrast = hn::Mul(amplitude, per_mean);
-  // First-order propagation of the ratio's error.
-  const Vector of_mean = hn::MulAdd(contrast, constant(fit.variance_mean),
-                                    hn::Mul(in.direction, constant(-2 * fit.covariance_mean_cosine)));
-  const Vector variance = hn::Mul(in.noise, hn::MulAdd(contrast, of_mean, radial));
-  const Vector level = hn::Mul(amplitude, constant(per_depth));  // G·C
-  const Vector rounding = hn::Mul(constant(kEqual), in.mean);
-  const auto weak = hn::Or(hn::Lt(power, hn::Mul(hn::Mul(constant(kWeak * kWeak), in.noise), radial)),
-                           hn::Le(power, hn::Mul(rounding, rounding)));
-  const Vector per_full_mean = hn::Mul(per_mean, constant(per_depth));
-  return {hn::Mul(amplitude, per_full_mean), hn::Mul(hn::Sqrt(not_negative(variance)), per_full_mean),
-          hn::Mul(hn::Mul(level, level), per_noise),
-          hn::IfThenElse(hn::Gt(in.mean, hn::Zero(d64)),
-                         hn::IfThenElse(weak, constant(kWeakTone),
-                                        hn::IfThenElseZero(hn::Lt(in.noise, constant(1)), constant(kLittleNoise))),
-                         constant(kNoLight))};
-}
-
 // Loops over the columns of a block, whose last vector overlaps its neighbour. Roots and divisions dominate. While a
 // processor waits for one, it looks ahead by a limited number of instructions: in short loops those of several vectors
 // overlap (Zen 3: 71 cycles a vector; all in one loop: 92).
@@ -231,15 +190,44 @@ bool write_gains(const FittedTone fit, const Directions& directions, const GainO
   Vector remarks = hn::Zero(d64);
   for (std::size_t c = 0; c < fit.count; c += lanes) {
     const std::size_t i = std::min(c, last);
-    const Inputs in{hn::LoadU(d64, fit.mean + i), hn::LoadU(d64, fit.cosine + i), hn::LoadU(d64, fit.sine + i),
-                    hn::LoadU(d64, fit.noise_variance + i), hn::LoadU(d64, directions.cosine + i)};
-    const Outputs result = gains(in, fit, per_depth);
-    hn::StoreU(result.gain, d64, out.gain + i);
-    hn::StoreU(result.gain_std, d64, out.gain_std + i);
-    hn::StoreU(in.mean, d64, out.mean + i);
-    hn::StoreU(result.snr, d64, out.snr + i);
-    hn::StoreU(result.remark, d64, out.remark + i);
-    remarks = hn::Max(remarks, result.remark);
+    const Vector mean = hn::LoadU(d64, fit.mean + i), variance_of_row = hn::LoadU(d64, fit.noise_variance + i);
+    const Vector cosine = hn::LoadU(d64, fit.cosine + i), sine = hn::LoadU(d64, fit.sine + i);
+    const Vector direction = hn::LoadU(d64, directions.cosine + i);  // its cosine
+    const Vector power = hn::MulAdd(cosine, cosine, hn::Mul(sine, sine));
+    const Vector share_cosine = hn::Mul(direction, direction);
+    const Vector share_sine = hn::Sub(constant(1), share_cosine);
+    const Vector radial =
+        hn::MulAdd(share_cosine, constant(fit.variance_cosine), hn::Mul(share_sine, constant(fit.variance_sine)));
+    const Vector tangential =
+        hn::MulAdd(share_sine, constant(fit.variance_cosine), hn::Mul(share_cosine, constant(fit.variance_sine)));
+    // Noise biases the length: E|z|² = A² + radial + tangential, and E|z| − A = tangential/(2A).
+    const Vector amplitude = hn::Sqrt(not_negative(hn::NegMulAdd(variance_of_row, tangential, power)));
+    const auto noiseless = hn::Eq(variance_of_row, hn::Zero(d64));
+    const Vector noise = hn::IfThenElse(noiseless, constant(1), variance_of_row);
+    const Vector reciprocal = hn::Div(constant(1), hn::Mul(mean, noise));  // of both
+    const Vector per_mean = hn::Mul(noise, reciprocal);
+    const Vector per_noise = hn::IfThenElse(noiseless, hn::Inf(d64), hn::Mul(mean, reciprocal));
+    const Vector contrast = hn::Mul(amplitude, per_mean);
+    // First-order propagation of the ratio's error.
+    const Vector of_mean = hn::MulAdd(contrast, constant(fit.variance_mean),
+                                      hn::Mul(direction, constant(-2 * fit.covariance_mean_cosine)));
+    const Vector variance = hn::Mul(variance_of_row, hn::MulAdd(contrast, of_mean, radial));
+    const Vector level = hn::Mul(amplitude, constant(per_depth));  // G·C
+    const Vector rounding = hn::Mul(constant(kEqual), mean);
+    const auto weak = hn::Or(hn::Lt(power, hn::Mul(hn::Mul(constant(kWeak * kWeak), variance_of_row), radial)),
+                             hn::Le(power, hn::Mul(rounding, rounding)));
+    const Vector per_full_mean = hn::Mul(per_mean, constant(per_depth));
+    const Vector remark =
+        hn::IfThenElse(hn::Gt(mean, hn::Zero(d64)),
+                       hn::IfThenElse(weak, constant(kWeakTone),
+                                      hn::IfThenElseZero(hn::Lt(variance_of_row, constant(1)), constant(kLittleNoise))),
+                       constant(kNoLight));
+    hn::StoreU(hn::Mul(amplitude, per_full_mean), d64, out.gain + i);
+    hn::StoreU(hn::Mul(hn::Sqrt(not_negative(variance)), per_full_mean), d64, out.gain_std + i);
+    hn::StoreU(mean, d64, out.mean + i);
+    hn::StoreU(hn::Mul(hn::Mul(level, level), per_noise), d64, out.snr + i);
+    hn::StoreU(remark, d64, out.remark + i);
+    remarks = hn::Max(remarks, remark);
   }
   return !hn::AllTrue(d64, hn::Eq(remarks, hn::Zero(d64)));
 }

@@ -24,9 +24,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Signals = Eigen::Map<const MatrixXd>;  // (rows × signals)
 
-constexpr std::size_t kStrip = kernels::kBlockAlignment;  // lanes
-constexpr std::size_t kManySignals = 6;                   // one signal in each lane; for fewer, one harmonic in each
-constexpr std::size_t kMaxTrend = 2;                      // degree
+constexpr std::size_t kManySignals = 6;  // one signal in each lane; for fewer, one harmonic in each
+constexpr std::size_t kMaxTrend = 2;     // degree
 
 Signals as_matrix(std::span<const double> signals, std::size_t rows) {
   require(rows > 0 && signals.size() % rows == 0, "rows", rows, "a divisor of the number of samples");
@@ -223,13 +222,16 @@ PeriodicSignals::PeriodicSignals(std::vector<double> samples, std::size_t rows)
   energies_ = as_vector(all.colwise().squaredNorm());
   const std::size_t signals = count();
   in_lanes_ = signals >= kManySignals;
-  width_ = in_lanes_ ? (signals + kStrip - 1) / kStrip * kStrip : signals;
+  width_ = in_lanes_ ? (signals + kernels::kBlockAlignment - 1) / kernels::kBlockAlignment * kernels::kBlockAlignment
+                     : signals;
   even_.assign(half() * width_, 0.0);
   odd_.assign(half() * width_, 0.0);
-  const std::size_t step = in_lanes_ ? kStrip : 1;
+  const std::size_t step = in_lanes_ ? kernels::kBlockAlignment : 1;
   for (std::size_t s = 0; s < signals; ++s) {
     const auto signal = this->signal(s);
-    const std::size_t first = in_lanes_ ? s / kStrip * half() * kStrip + s % kStrip : s * half();
+    const std::size_t first =
+        in_lanes_ ? s / kernels::kBlockAlignment * half() * kernels::kBlockAlignment + s % kernels::kBlockAlignment
+                  : s * half();
     for (std::size_t i = 0; i < half(); ++i) {
       const std::size_t after = rows / 2 + i, before = rows - 1 - after;
       even_[first + i * step] = after == before ? signal[after] : signal[after] + signal[before];
@@ -245,10 +247,10 @@ namespace {
 RowMajor products_with(const RowMajor& functions, const std::vector<double>& parts, std::size_t width) {
   RowMajor sums(functions.rows(), static_cast<Index>(width));
   const auto half = static_cast<std::size_t>(functions.cols());
-  for (std::size_t first = 0; first < width; first += kStrip)
+  for (std::size_t first = 0; first < width; first += kernels::kBlockAlignment)
     kernels::matrix_times_rows(functions.data(), static_cast<std::size_t>(functions.rows()), half, &parts[first * half],
-                               static_cast<std::ptrdiff_t>(kStrip), sums.data() + first,
-                               static_cast<std::ptrdiff_t>(width), kStrip);
+                               static_cast<std::ptrdiff_t>(kernels::kBlockAlignment), sums.data() + first,
+                               static_cast<std::ptrdiff_t>(width), kernels::kBlockAlignment);
   return sums;
 }
 
@@ -289,8 +291,9 @@ HarmonicProducts products_in_lanes(const PeriodicSignals& signals, const Periodi
 }
 
 HarmonicProducts products_of_each(const PeriodicSignals& signals, const PeriodicModel& model, double frequency) {
-  constexpr std::size_t kAligned = kernels::kHarmonicAlignment;
-  const std::size_t harmonics = model.harmonics.size(), padded = (harmonics + kAligned - 1) / kAligned * kAligned;
+  const std::size_t harmonics = model.harmonics.size(), padded = (harmonics + kernels::kHarmonicAlignment - 1) /
+                                                                 kernels::kHarmonicAlignment *
+                                                                 kernels::kHarmonicAlignment;
   const double first = first_distance(signals.rows());
   const auto phasors_at = [&](double u) {  // cosines, then sines, padded with those of none
     std::vector<double> values(2 * padded, 0.0);

@@ -158,9 +158,8 @@ namespace {
 
 // Copies of few rows are made of whole ones, which come in memory order; of many rows, of parts that stay in the cache.
 constexpr std::size_t kConvertedOfFew = 2048, kConvertedOfMany = 320;
-// Rows of a block for one tone, folded: of either half, so that those of the next block come meanwhile. For more, as
-// many as kernels take.
-constexpr std::size_t kSampleRows = 32, kFoldedRows = 16;
+// Rows of a block for one tone, so that those of the next block come meanwhile. For more, as many as kernels take.
+constexpr std::size_t kSampleRows = 32;
 
 using ByteRows = DenseRows<std::uint8_t, std::uint8_t>;
 
@@ -299,9 +298,7 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
   const bool in_two_streams = !near.in_place() || (kernels::has_wide_vectors() && sizeof(Stored) < sizeof(double));
   const bool folded = weights.folds() && (more || (tone && in_two_streams));
   const std::size_t groups = folded ? weights.groups() / 2 : weights.groups();
-  const std::size_t for_more = folded ? kernels::kSampleRows / 2 : kernels::kSampleRows;
-  const std::size_t for_tone = folded ? kFoldedRows : kSampleRows;
-  const std::size_t most = (more ? for_more : for_tone) / group;
+  const std::size_t most = (more ? kernels::kSampleRows : kSampleRows) / (folded ? 2 * group : group);
   const std::size_t converted = more ? kConvertedOfMany : kConvertedOfFew;
   const std::size_t most_columns = near.in_place() ? columns.count : converted;
   for (std::size_t g = 0; g < groups; g += most) {

@@ -20,21 +20,15 @@ namespace {
 
 constexpr std::size_t kPairs = kernels::kColumnPairs<double>, kSignals = 2 * kPairs;  // of a block
 
-// A window, a DFT, and the rows of its spectra with the frequencies k and −k, for k up to half the length.
+// A window, a DFT, and the rows of its spectra.
 struct Plan {
-  struct Places {
-    std::size_t of_positive, of_negative;
-  };
-
-  Plan(std::size_t rows, std::size_t length) : window(hann_window(rows)), dft(length), places(length / 2 + 1) {
-    std::vector<std::size_t> place(length);
+  Plan(std::size_t rows, std::size_t length) : window(hann_window(rows)), dft(length), place(length) {
     for (std::size_t row = 0; row < length; ++row) place[dft.order()[row]] = row;
-    for (std::size_t k = 0; k < places.size(); ++k) places[k] = {place[k], place[(length - k) % length]};
   }
 
   std::vector<double> window;
   ColumnDft<double> dft;
-  std::vector<Places> places;
+  std::vector<std::size_t> place;  // row of each frequency, those of −k at length − k
 };
 
 std::shared_ptr<const Plan> plan_of(std::size_t rows, std::size_t length) {
@@ -68,10 +62,11 @@ struct Block {
 
   // Product over the signals of the fractions that a tone of a frequency leaves, each 10⁻⁴ or more. Two signals are the
   // real and the imaginary part of one: 2A(k) = Z(k) + Z*(−k), 2iB(k) = Z(k) − Z*(−k).
-  [[nodiscard]] double left_by(const Plan::Places& at) const {
+  // `positive`, `negative`: rows of the frequency.
+  [[nodiscard]] double left_by(std::size_t positive, std::size_t negative) const {
     using Lanes = Eigen::Array<double, kPairs, 1>;
     const auto lanes = [](const double* from) { return Eigen::Map<const Lanes>(from); };
-    const double *one = &rows[at.of_positive * kSignals], *other = &rows[at.of_negative * kSignals];
+    const double *one = &rows[positive * kSignals], *other = &rows[negative * kSignals];
     const Lanes real = lanes(one), imaginary = lanes(one + kPairs);
     const auto other_real = lanes(other), other_imaginary = lanes(other + kPairs);
     const auto left = [](const auto& of_scale, const auto& a, const auto& b) -> Lanes {
@@ -87,13 +82,14 @@ struct Block {
 
 std::vector<double> spectral_votes(std::span<const double> samples, std::size_t rows, std::size_t length) {
   const auto plan = plan_of(rows, length);
-  std::vector<double> votes(plan->places.size());
+  std::vector<double> votes(length / 2 + 1);
   thread_local Block block;  // memory reused from call to call
   for (std::size_t first = 0; first < samples.size(); first += kSignals * rows) {
     const auto these = samples.subspan(first, std::min(kSignals * rows, samples.size() - first));
     block.fill(these, plan->window, length);
     plan->dft.forward(block.rows.data(), std::min(kPairs, these.size() / rows));
-    for (std::size_t k = 0; k < votes.size(); ++k) votes[k] -= std::log(block.left_by(plan->places[k]));
+    for (std::size_t k = 0; k < votes.size(); ++k)
+      votes[k] -= std::log(block.left_by(plan->place[k], plan->place[(length - k) % length]));
   }
   return votes;
 }

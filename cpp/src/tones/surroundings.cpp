@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/levels.hpp"
 #include "core/recently_used.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "ocisac/rows/tone_search.hpp"
@@ -123,7 +124,6 @@ double distortion_of(const VectorXd& column, const FittedLight& light, const std
 }  // namespace
 
 double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLine> lines, double variance) {
-  constexpr double kTolerance = 0.1;  // of the exposure
   const double size = lines.empty() ? 0 : std::abs(lines[0].level);
   if (lines.size() < 2 || lines[0].order != 1 || !(size > 0)) return 0;
   if (light.duty == 0) {
@@ -156,7 +156,7 @@ double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLin
     product += last.along * slope / last.variance_along;
     square += slope * slope / last.variance_along;
   }
-  const double longer = square > 0 ? std::clamp(product / square, -kTolerance, kTolerance) : 0;
+  const double longer = square > 0 ? std::clamp(product / square, -kSmallShare, kSmallShare) : 0;
   double misfit = 0, energy = 0;
   for (const Deviation& d : deviations) {
     const double along = d.along - longer * d.slope;

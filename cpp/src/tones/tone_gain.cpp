@@ -34,7 +34,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kOffBin = 0.01;                 // bins
 constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: reading along rows is fastest
 constexpr std::size_t kColumnsPerBlock = 64;     // fixed, so that results do not depend on the threads
 
@@ -246,7 +245,7 @@ Tone tone_of(const Camera& camera, double frequency, const ToneGainOptions& opti
   if (options.method == GainMethod::fit) return tone;
   if (position < 1) tone.flags |= flag::few_cycles;
   if (tone.cycles_per_row > 0.5) tone.flags |= flag::aliased;
-  if (std::abs(position - nearest) > kOffBin) tone.flags |= flag::off_bin;
+  if (std::abs(position - nearest) > kNextToNone) tone.flags |= flag::off_bin;
   const double line = std::fmod(nearest, rows);
   tone.cycles_per_row = line > 0 ? line / rows : 0.5;  // neither is resolvable
   return tone;
@@ -389,8 +388,6 @@ bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::si
          within(least + off - least_of_some(frames, frame, column), kBeyond);
 }
 
-constexpr double kDarker = 0.9;  // columns that are alike tell the same
-
 // Place of the largest of some 256 values times `sign`, the middle one of equals: columns at the edge of a lamp may
 // just reach a level at which others are clipped.
 std::size_t place_of_extreme(std::span<const double> values, double sign) {
@@ -427,7 +424,7 @@ void flag_clipped(const AnyFramesView& frames, const Context& context, std::size
   Piles piles = piles_at(brightest);
   for (std::size_t k = 0; piles.negative && k < context.tones.size(); ++k)
     for (Flags& flags : result.flags.subspan(index_of(context, k, frame), tops.size())) flags |= flag::model_misfit;
-  if (means[darkest] < kDarker * means[brightest])
+  if (means[darkest] < (1 - kSmallShare) * means[brightest])
     if (const auto low = piles_at(darkest).low) piles.low = low;
   for (const auto& pile : {piles.low, piles.high})
     if (pile) flag_pile(frames, context, frame, *pile, result);
@@ -573,7 +570,8 @@ std::vector<Flags> flags_of_columns(const AnyFramesView& one, const Context& con
     return piles.low || piles.high || piles.negative;
   };
   const std::size_t brightest = place_of_extreme(light.maximum, 1), darkest = place_of_extreme(light.totals, -1);
-  const bool alike = light.totals[darkest] >= kDarker * light.totals[brightest];
+  // Columns that are alike tell the same.
+  const bool alike = light.totals[darkest] >= (1 - kSmallShare) * light.totals[brightest];
   if (!may_be(brightest) && (alike || !may_be(darkest))) return {};
   return gains_of_frame(one, context, frame, context.others).flags;
 }
@@ -880,11 +878,10 @@ void untie_harmonics(const Context& context, const ToneGainView& result) {
 
 // Gains beyond that of light of full depth contradict exposure, waveform or dark level.
 void flag_impossible(const Context& context, const ToneGainView& result) {
-  constexpr double kBeyond = 0.01;
   if (!context.camera->exposure) return;
   const std::size_t each = result.gain.size() / context.tones.size();
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
-    const double most = std::abs(sinc(context.tones[tone].frequency * *context.camera->exposure)) + kBeyond;
+    const double most = std::abs(sinc(context.tones[tone].frequency * *context.camera->exposure)) + kNextToNone;
     for (std::size_t i = tone * each; i < (tone + 1) * each; ++i)
       if (result.gain[i] - kSure * result.gain_std[i] > most) result.flags[i] |= flag::model_misfit;
   }

@@ -41,21 +41,12 @@ struct LightGroup {
 // group.
 std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
 
-// Light of a frame's columns, read once for its lights beside each other and for their combination.
-class ColumnSums {
- public:
-  ColumnSums(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
-  ColumnSums(ColumnSums&&) noexcept;
-  ColumnSums& operator=(ColumnSums&&) noexcept;
-  ~ColumnSums();
-
-  [[nodiscard]] std::vector<LightGroup> light_groups() const;
-  [[nodiscard]] CombinedColumn combine() const;  // without `slope` and `beside`
-
- private:
-  struct Memory;
-  std::unique_ptr<const Memory> memory_;
+// The columns of a frame combined, and its lights beside each other, read once.
+struct ColumnLights {
+  CombinedColumn combined;  // without `slope` and `beside`
+  std::vector<LightGroup> groups;
 };
+ColumnLights column_lights(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
 
 // Cosine between a signal's swings about their moving mean and a group's.
 double agreement(std::span<const double> signal, const LightGroup& group);
@@ -70,6 +61,8 @@ CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, c
 // (rows) Linear light above dark of a frame's columns, each times its weight, (columns), and added up.
 std::vector<double> weighted_rows(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
                                   std::span<const double> weights);
+
+struct BlockedFrame;
 
 // combine_columns for successive frames of one light. The first frame's weights are estimated in full; later every
 // second frame takes one step of the factor model from the previous weights, in O(blocks · rows) instead of
@@ -93,7 +86,6 @@ class ColumnFollower {
   void forget();
 
  private:
-  struct Memory;
   CombinedColumn combine_as_stored(const AnyFramesView& frame, bool hold);
   CombinedColumn combine_upright(const AnyFramesView& frame, bool hold);
 
@@ -103,7 +95,7 @@ class ColumnFollower {
   std::size_t age_ = 0;                      // frames since the last full estimate
   bool moved_ = false;                       // since the last estimate: the next frame needs one
   bool has_streaks_ = false;                 // when last examined: other light is in a few columns for some rows
-  std::unique_ptr<Memory> memory_;           // reused from frame to frame
+  std::unique_ptr<BlockedFrame> memory_;     // reused from frame to frame
   double slope_ = 0;                         // columns per row, by which frames are sheared
   std::unique_ptr<ColumnFollower> upright_;  // of the sheared frames; its weights are averaged over the rows
 };
