@@ -711,13 +711,16 @@ bool is_clean(const Source& source) {
 std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
                                     const Search& what, int shears = 0);
 
-// A frame whose light stands obliquely, sheared upright.
+// A frame whose light stands obliquely, sheared upright; empty where its columns agree no better then: the chips of a
+// round lamp may lie about an oblique line by chance.
 std::vector<Received> receive_upright(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
-                                      const Search& what, double slope, int shears) {
+                                      const Search& what, const Source& whole, int shears) {
   std::vector<UprightFrame> upright;
   std::vector<AnyFramesView> views;
-  for (const auto& colour : colours) upright.emplace_back(colour, frame, slope);
+  for (const auto& colour : colours) upright.emplace_back(colour, frame, whole.slope);
   for (const auto& colour : upright) views.push_back(colour.view());
+  const auto column = combine_columns(views[whole.received.colour], 0, camera.tone_curve);
+  if (column.quality < kBetter * whole.best.quality) return {};
   auto sources = receive_frame(views, 0, camera, what, shears);
   for (Received& received : sources) {
     received.frame = frame;
@@ -760,7 +763,8 @@ std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std:
                                     const Search& what, int shears) {
   Source whole = receive_source(colours, frame, camera, what, {});
   if (whole.slope != 0 && shears < kMaxShears)
-    return receive_upright(colours, frame, camera, what, whole.slope, shears + 1);
+    if (auto upright = receive_upright(colours, frame, camera, what, whole, shears + 1); !upright.empty())
+      return upright;
   auto sources = receive_above(colours, frame, camera, what, whole.best, shears);
   if (sources.size() < 2) {
     sources.clear();
