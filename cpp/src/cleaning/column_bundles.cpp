@@ -11,6 +11,7 @@
 #include "cleaning/quantile.hpp"
 #include "cleaning/row_misfit.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/rows/basis.hpp"
 
@@ -26,8 +27,6 @@ constexpr std::size_t kRowsOfLag = 4;       // means in the lag between compared
 constexpr double kDark = 0.02;              // quantile
 constexpr double kMinShare = 0.02;          // of a column, relative to those with a large one
 constexpr double kMinDepth = 1e-3;
-constexpr double kLeastTrend = 0.1;  // of the mean
-constexpr double kAlike = 0.9;       // correlation of the swings of two colours
 
 // Row means over the known pixels; rows without any are interpolated.
 Values row_means(const BandedPicture& picture) {
@@ -78,7 +77,7 @@ Values without_trend(const Values& rows) {
   Values fast = rows;
   remove_slow_changes(fast);
   Values result(rows.size());
-  for (std::size_t n = 0; n < rows.size(); ++n) result[n] = rows[n] / std::max(rows[n] - fast[n], kLeastTrend * mean);
+  for (std::size_t n = 0; n < rows.size(); ++n) result[n] = rows[n] / std::max(rows[n] - fast[n], kSmallShare * mean);
   return result;
 }
 

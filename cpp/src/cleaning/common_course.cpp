@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 
 #include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
@@ -10,6 +9,7 @@
 #include "cleaning/row_basis.hpp"
 #include "cleaning/slow_tones.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/cleaning/column_bundles.hpp"
 
@@ -137,7 +137,7 @@ Eigen::MatrixXd slow_modes(std::size_t places, std::size_t count) {
   const std::size_t steps = 4 * places;  // of a turn
   Values cosine(steps);
   for (std::size_t k = 0; k < steps; ++k)
-    cosine[k] = std::cos(2 * std::numbers::pi * static_cast<double>(k) / static_cast<double>(steps));
+    cosine[k] = std::cos(kTwoPi * static_cast<double>(k) / static_cast<double>(steps));
   Eigen::MatrixXd modes(static_cast<Eigen::Index>(places), static_cast<Eigen::Index>(count));
   for (std::size_t k = 0; k < count; ++k)
     for (std::size_t n = 0; n < places; ++n)

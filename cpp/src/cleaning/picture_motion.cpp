@@ -6,9 +6,9 @@
 #include <cmath>
 #include <complex>
 #include <limits>
-#include <numbers>
 
 #include "cleaning/merged_blocks.hpp"
+#include "core/levels.hpp"
 #include "core/spectrum.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
@@ -23,15 +23,13 @@ using Values = std::vector<double>;
 constexpr std::size_t kWindow = 8;  // side of a part that is compared, pixels
 constexpr std::size_t kMinSide = 4;
 constexpr int kRounds = 2;
-constexpr double kMaxStep = 2;   // pixels, of what the peak leaves
-constexpr double kUnlike = 0.1;  // mean difference of logarithms in a window
+constexpr double kMaxStep = 2;  // pixels, of what the peak leaves
 
 // The window of Hann, not 0 at its ends.
 Values bell(std::size_t length) {
   Values result(length);
   for (std::size_t n = 0; n < length; ++n)
-    result[n] =
-        0.5 - 0.5 * std::cos(2 * std::numbers::pi * static_cast<double>(n + 1) / static_cast<double>(length + 1));
+    result[n] = 0.5 - 0.5 * std::cos(kTwoPi * static_cast<double>(n + 1) / static_cast<double>(length + 1));
   return result;
 }
 
@@ -158,7 +156,7 @@ PictureChange picture_change(const Blocks& before, const Blocks& after) {
       const bool outside = is_outside(static_cast<double>(n) - down, after.rows) ||
                            is_outside(static_cast<double>(k) - right, after.columns);
       const double unlikeness = means.light[n / kWindow * means.columns + k / kWindow];
-      change.is_new.push_back(outside || unlikeness > kUnlike ? 1 : 0);
+      change.is_new.push_back(outside || unlikeness > kSmallShare ? 1 : 0);
     }
   return change;
 }

@@ -5,6 +5,7 @@
 
 #include "cleaning/chip_light.hpp"
 #include "cleaning/quantile.hpp"
+#include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/core/require.hpp"
@@ -15,10 +16,8 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr double kSurelyTone = 0.9;    // of the rows' swing, where chips are not tried
-constexpr double kEnoughOfTone = 0.5;  // the same where they are
-constexpr double kAgreement = 0.995;   // of a colour's tone with that of its group: 6 degrees of phase
-constexpr double kSameCycles = 0.5;    // max. difference of the cycles in a frame of two colours of one light
+constexpr double kAgreement = 0.995;  // of a colour's tone with that of its group: 6 degrees of phase
+constexpr double kSameCycles = 0.5;   // max. difference of the cycles in a frame of two colours of one light
 
 // Gives the colours tones of their own where they differ from those of their groups.
 void fit_tones(std::span<const BandedPicture> colours, ColourLights& found) {
@@ -55,12 +54,12 @@ ModelledLight find_row_light(const ColumnBundles& picture, RowModel model) {
   const auto tone = [&](std::optional<double> enough) { return find_tone_light(picture, rows, enough); };
   const bool is_automatic = model == RowModel::automatic;
   if (is_automatic || model == RowModel::tone)
-    if (auto found = tone(is_automatic ? std::optional(kSurelyTone) : std::nullopt)) return light_of(*std::move(found));
+    if (auto found = tone(is_automatic ? std::optional(kAlike) : std::nullopt)) return light_of(*std::move(found));
   if (is_automatic || model == RowModel::chips)
     if (auto found = find_chip_light(picture, rows, !is_automatic); found)
       if (!is_automatic || picture.gain(found->light) >= kMinGain) return *std::move(found);
   if (is_automatic)
-    if (auto found = tone(kEnoughOfTone)) return light_of(*std::move(found));
+    if (auto found = tone(kMostly)) return light_of(*std::move(found));
   const double full = quantile(rows.light, kBrightRows);
   return {.light = std::move(rows.light), .full = full, .tone = {}};
 }

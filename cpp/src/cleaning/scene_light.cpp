@@ -9,6 +9,7 @@
 #include "cleaning/chip_light.hpp"
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
+#include "core/levels.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -17,14 +18,14 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr double kLeftByChips = 0.125, kLevelOfLines = 0.5;  // chips on some columns that leave more are its lines
+constexpr double kLeftByChips = 0.125;  // chips on some columns that leave more are its lines
 constexpr double kLeastShown = 1.5;  // cycles of a light in a frame that its rows show, whatever the picture's shades
 constexpr std::size_t kLongestBlock = 16;  // rows
 constexpr std::size_t kFlattestBlock = 4;  // columns over rows: wide ones blur oblique edges of the light
 constexpr std::array<double, 2> kToes{1.0 / 32, 1.0 / 8};  // in order; values in between give nearly the same picture
 constexpr double kLessLeft =
     0.6;  // max. ratio of the unexplained shares with and without toe; noise alone may give 0.64
-constexpr double kLeastShare = 1e-9, kDeepest = 0.98;
+constexpr double kDeepest = 0.98;
 
 bool all_tones(std::span<const ColourLights> lights) {
   return std::ranges::all_of(lights, [](const ColourLights& frame) {
@@ -125,7 +126,7 @@ SceneLight with_shares(const StoredScene& scene, std::vector<ColourLights> light
 bool are_alike(std::span<const BlockShares> shares) {
   return std::ranges::all_of(shares, [&](const BlockShares& own) {
     for (std::size_t i = 0; i < own.share.size(); ++i)
-      if (std::abs(own.share[i] * shares[0].share[0] - shares[0].share[i] * own.share[0]) > 1e-9) return false;
+      if (std::abs(own.share[i] * shares[0].share[0] - shares[0].share[i] * own.share[0]) > kEqual) return false;
     return true;
   });
 }
@@ -201,7 +202,7 @@ CleaningVerdict verdict_on(const StoredScene& scene, std::size_t frame, const Co
 
 SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) {
   const std::size_t rows = scene.rows(), colours = scene.colours();
-  Values depths(colours, kLeastShare);
+  Values depths(colours, kEqual);
   for (const SlowLight& frame : slow)
     for (std::size_t k = 0; k < colours; ++k) depths[k] = std::clamp(swing_of(frame.tones[k]), depths[k], kDeepest);
   SceneLight result;
@@ -272,7 +273,7 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
   SceneLight found = with_shares(scene, std::move(lights));
   const CleaningVerdict mean = mean_verdict(found.verdicts);
   if (given.empty()) found.unchanged = objection_to(mean);
-  const bool are_lines = mean.light_left > kLeftByChips && mean.level < kLevelOfLines;
+  const bool are_lines = mean.light_left > kLeftByChips && mean.level < kMostly;
   if (found.unchanged.empty() && model == RowModel::automatic && main == RowModel::chips && are_lines)
     found.unchanged = "chips that explain the rows in part";
   if (slow_found) {

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/slow_tones.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -16,15 +16,11 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kLikely = 10, kSure = 400;  // odds of a light against none: it is said, it is removed
-constexpr double kClear = 3;                 // standard errors of its amplitude
-constexpr double kColoursDiffer = 0.7;       // relative deviation of a colour's tones from those of all
-constexpr double kOfGroups = 0.5;            // expected deviation of the terms of a group of columns: hardly a bound
-constexpr double kMaxWorse = 0.25;           // of the groups of columns
-constexpr double kLeastMove = 0.05;          // cycles from frame to frame
-constexpr double kMostOther = 0.5;           // of the difference of two frames of one scene
-constexpr double kByChance = 13.8;           // chi square of two terms that one in a thousand exceeds
-constexpr double kLeastSeen = 0.5;           // of tones that are on
+constexpr double kLikelyOdds = 10, kSureOdds = 400;  // of a light against none: it is said, it is removed
+constexpr double kColoursDiffer = 0.7;               // relative deviation of a colour's tones from those of all
+constexpr double kMaxWorse = 0.25;                   // of the groups of columns
+constexpr double kLeastMove = 0.05;                  // cycles from frame to frame
+constexpr double kByChance = 13.8;                   // chi square of two terms that one in a thousand exceeds
 constexpr const char* kNotSure = "slow bands that the picture's own shades may be";
 constexpr const char* kDisagrees = "slow bands that are others than those of the frames before";
 
@@ -64,7 +60,7 @@ SlowVerdict agreement_of_groups(std::span<const CommonCourse> courses, const std
   for (std::size_t group = 0; group < count; ++group) {
     std::vector<CommonCourse> own;
     for (const CommonCourse& course : courses) own.push_back(course_of(course, group));
-    const std::vector<SlowTone> found = refitted_tones(own, tones, kOfGroups);
+    const std::vector<SlowTone> found = refitted_tones(own, tones, kMostly);
     double energy = 0, left = 0;
     for (std::size_t k = 0; k < mean.size(); ++k) {
       const double term = found[k / 2].terms[k % 2];
@@ -104,9 +100,7 @@ struct Difference {
   double seen = 1;  // of the tones in the second frame, if they are in the first
 
   // By most of it: the frames are of one scene, and the tones are on in both.
-  [[nodiscard]] bool is_less() const {
-    return without + std::max(chance, kMostOther * with) <= with && seen >= kLeastSeen;
-  }
+  [[nodiscard]] bool is_less() const { return without + std::max(chance, kMostly * with) <= with && seen >= kMostly; }
 };
 
 // `first`: the tones in the frame of number `place`.
@@ -142,8 +136,8 @@ double SlowTone::amplitude() const { return std::hypot(terms[0], terms[1]); }
 bool SlowTone::is_sure() const {
   const double error = std::sqrt((variance[0] + variance[1]) / 2);
   // Less than a cycle that stays is like a shade of the picture.
-  const double moves = step ? std::abs(std::remainder(*step, 2 * std::numbers::pi)) / (2 * std::numbers::pi) : 0;
-  return log_odds > std::log(kSure) && amplitude() > kClear * error && cycles > 1.1 * kLeastCycles &&
+  const double moves = step ? std::abs(std::remainder(*step, kTwoPi)) / (kTwoPi) : 0;
+  return log_odds > std::log(kSureOdds) && amplitude() > kWeak * error && cycles > 1.1 * kLeastCycles &&
          (cycles >= 1 || moves > kLeastMove);
 }
 
@@ -159,8 +153,7 @@ std::vector<double> light_of(std::span<const SlowTone> tones, std::size_t rows) 
   std::vector<double> light(rows, 1.0);
   for (std::size_t n = 0; n < rows; ++n) {
     for (const SlowTone& tone : tones) {
-      const double angle =
-          2 * std::numbers::pi * tone.cycles * ((static_cast<double>(n) + 0.5) / static_cast<double>(rows) - 0.5);
+      const double angle = kTwoPi * tone.cycles * ((static_cast<double>(n) + 0.5) / static_cast<double>(rows) - 0.5);
       light[n] += tone.terms[0] * std::cos(angle) + tone.terms[1] * std::sin(angle);
     }
     light[n] = std::max(light[n], kLeastLight);
@@ -217,7 +210,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     const bool is_other =
         is_sure && are_others(std::span<const CommonCourse>(courses).subspan(start, frame - start + 1), first);
     result.push_back({is_sure ? tones_of_colours(colours, courses[frame], tones) : std::vector(colours.size(), tones),
-                      tones, courses[frame], main.log_odds > std::log(kLikely) ? main.amplitude() : 0, verdict,
+                      tones, courses[frame], main.log_odds > std::log(kLikelyOdds) ? main.amplitude() : 0, verdict,
                       !is_sure   ? kNotSure
                       : is_other ? kDisagrees
                                  : objection_to(verdict, shares.empty()),

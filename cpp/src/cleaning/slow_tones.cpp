@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 
 #include "cleaning/cleaned_picture.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/cleaning/column_bundles.hpp"
 #include "ocisac/rows/tone_search.hpp"
@@ -36,11 +36,9 @@ constexpr std::array<double, 4> kTrends{0.5, 0.5, 0.1, 0.05};  // standard devia
 constexpr std::array<double, 3> kSizes{0.05, 0.15, 0.5};       // expected of a tone's terms, one as likely as another
 constexpr std::size_t kPhaseSteps = 16;
 constexpr std::size_t kPlacesOfMode = 8;
-constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kNearCycles = 0.06, kNearAtMost = 0.25;  // between neighbouring tones: relative, and cycles
 constexpr std::size_t kMostTones = 3;
-constexpr double kLeastApart = 0.5;  // cycles between tones
-constexpr int kMostIterations = 20;
+constexpr double kLeastApart = 0.5;     // cycles between tones
 constexpr std::size_t kParameters = 4;  // of a tone: its two terms, cycles and phase step
 constexpr double kStays = 1e-9;         // deviation of a parameter that is not fitted
 
@@ -187,7 +185,7 @@ std::vector<SlowTone> all_tones(std::size_t rows, std::size_t frames) {
   for (double cycles = kLeastCycles;; cycles += std::min(kNearCycles * cycles, kNearAtMost)) {
     for (std::size_t k = 0; k < (frames > 1 ? kPhaseSteps : 1); ++k) {
       tones.emplace_back().cycles = cycles;
-      if (frames > 1) tones.back().step = kTurn * static_cast<double>(k) / static_cast<double>(kPhaseSteps);
+      if (frames > 1) tones.back().step = kTwoPi * static_cast<double>(k) / static_cast<double>(kPhaseSteps);
     }
     if (!(cycles < most)) break;
   }
@@ -199,7 +197,7 @@ std::vector<SlowTone> all_tones(std::size_t rows, std::size_t frames) {
 MatrixXd modes_of_tone(const MatrixXd& slow, double cycles) {
   MatrixXd courses(slow.rows(), 2);
   for (Index n = 0; n < courses.rows(); ++n) {
-    const double angle = kTurn * cycles * from_middle(n, slow.rows());
+    const double angle = kTwoPi * cycles * from_middle(n, slow.rows());
     courses(n, 0) = std::cos(angle);
     courses(n, 1) = std::sin(angle);
   }
@@ -283,26 +281,6 @@ SlowTone compared(SlowTone tone, const OfCycles& equations, const Frames& frames
   return tone;
 }
 
-// Mean square by which the terms of tones that differ by their phase steps differ from those of the likeliest one, in
-// the first or the last frame: two frames show the difference of two phasors, which has several solutions.
-double ambiguity(std::span<const SlowTone> all, const SlowTone& best, double last) {
-  double most = 0;
-  for (const double frame : {0.0, last}) {
-    const auto terms_of = [&](const SlowTone& tone) {
-      return Vector2d(rotation(tone.step.value_or(0) * frame) * Vector2d(tone.terms[0], tone.terms[1]));
-    };
-    double sum = 0, weights = 0;
-    for (const SlowTone& one : all) {
-      if (one.cycles != best.cycles) continue;
-      const double weight = std::exp(one.log_odds - best.log_odds);
-      sum += weight * (terms_of(one) - terms_of(best)).squaredNorm();
-      weights += weight;
-    }
-    most = std::max(most, sum / weights);
-  }
-  return 0.5 * most;
-}
-
 // The likeliest of the tones that are tried, with the odds of all together against none.
 SlowTone likeliest(const Frames& frames, const MatrixXd& residual, std::vector<SlowTone> tones) {
   const Evidence none = evidence_of(frames, residual);
@@ -317,7 +295,6 @@ SlowTone likeliest(const Frames& frames, const MatrixXd& residual, std::vector<S
     evidence.push_back(tone.log_odds);
   }
   SlowTone best = tones[static_cast<std::size_t>(std::ranges::max_element(evidence) - evidence.begin())];
-  best.variance.fill(ambiguity(tones, best, frames.places.back()));
   best.log_odds = log_sum(evidence) - none.all();
   return best;
 }
@@ -338,12 +315,12 @@ Predicted predicted(const Frames& frames, std::span<const SlowTone> tones) {
       for (std::size_t k = 0; k < tones.size(); ++k) {
         const SlowTone& tone = tones[k];
         const double place = from_middle(n, places);
-        const double angle = kTurn * tone.cycles * place + tone.step.value_or(0) * frames.places[frame];
+        const double angle = kTwoPi * tone.cycles * place + tone.step.value_or(0) * frames.places[frame];
         const double cosine = std::cos(angle), sine = std::sin(angle);
         const double slope = tone.terms[1] * cosine - tone.terms[0] * sine;
         light[n] += tone.terms[0] * cosine + tone.terms[1] * sine;
         const auto at = static_cast<Index>(k * kParameters);
-        change.row(n).segment(at, kParameters) << cosine, sine, slope * kTurn * place, slope * frames.places[frame];
+        change.row(n).segment(at, kParameters) << cosine, sine, slope * kTwoPi * place, slope * frames.places[frame];
       }
     for (Index n = 0; n < places; ++n) {
       change.row(n) *= light[n] > kLeastLight ? 1 / light[n] : 0;
@@ -430,7 +407,7 @@ std::vector<SlowTone> fitted(const Frames& frames, const std::vector<SlowTone>& 
     return all;
   };
   Equations best = at(now);
-  for (double damping = 1e-3, step = 0; step < kMostIterations && damping < 1e6; ++step) {
+  for (double damping = 1e-3, step = 0; step < kMaxIterations && damping < 1e6; ++step) {
     MatrixXd damped = best.normal;
     damped.diagonal() *= 1 + damping;
     const VectorXd moved = now + solve_positive_definite(damped, best.right).col(0);
@@ -451,15 +428,11 @@ std::vector<SlowTone> fitted(const Frames& frames, const std::vector<SlowTone>& 
   return tones;
 }
 
-// The likeliest of the tones that are tried joins the others, and all are fitted together; its doubt about the phase
-// step stays.
+// The likeliest of the tones that are tried joins the others, and all are fitted together.
 std::vector<SlowTone> joined(const Frames& frames, std::vector<SlowTone> tones, std::vector<SlowTone> tried) {
-  const SlowTone tone = likeliest(frames, without(frames, tones), std::move(tried));
-  tones.push_back(tone);
-  const double step = frames.places.size() > 1 ? kTurn / static_cast<double>(kPhaseSteps) : kStays;
-  tones = fitted(frames, tones, {kSizes.back(), kSizes.back(), kNearAtMost, step}, true);
-  for (std::size_t i = 0; i < 2; ++i) tones.back().variance[i] += tone.variance[i];
-  return tones;
+  tones.push_back(likeliest(frames, without(frames, tones), std::move(tried)));
+  const double step = frames.places.size() > 1 ? kTwoPi / static_cast<double>(kPhaseSteps) : kStays;
+  return fitted(frames, tones, {kSizes.back(), kSizes.back(), kNearAtMost, step}, true);
 }
 
 }  // namespace

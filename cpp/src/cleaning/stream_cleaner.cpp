@@ -10,6 +10,7 @@
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/picture_motion.hpp"
+#include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
@@ -23,7 +24,6 @@ using Values = std::vector<double>;
 constexpr std::size_t kFramesOfShares = 8;    // between estimates of the shares, which are the mean of as many
 constexpr double kNewPart = 1.0 / 16;         // of the picture, from which on shares are estimated at once
 constexpr double kGuideBlocks = 1U << 15U;    // of the picture whose displacement is measured
-constexpr double kCut = 0.5;                  // of the picture unlike the frame before: another scene
 constexpr std::size_t kMostFrequencies = 64;  // frames whose mean frequency is followed
 constexpr std::size_t kMostMoved = 32;        // part of the rows that a picture moves by in a frame
 constexpr double kStill = 0.6;                // correlation of the lights of two frames
@@ -285,7 +285,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   now.guide = guide_of(blocks, now.lights, now.shares);
   const PictureChange change = picture_change(before_->guide, now.guide);
   const auto unlike = std::accumulate(change.is_new.begin(), change.is_new.end(), std::size_t{0});
-  if (static_cast<double>(unlike) > kCut * static_cast<double>(change.is_new.size())) return {};
+  if (static_cast<double>(unlike) > kMostly * static_cast<double>(change.is_new.size())) return {};
   if (!std::ranges::all_of(now.shares, &BlockShares::is_one)) {
     const std::size_t pixels = now.estimates.size();
     move(change, guide_size(pixels), blocks.front().columns, now.shares, now.estimates);

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <numbers>
 
+#include "core/levels.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -15,12 +16,9 @@ namespace {
 
 namespace reason = exposure_reason;
 
-constexpr double kStepBack = 0.7;      // factor on exposure·gain after saturation
-constexpr double kRecovery = 1.002;    // growth per frame of a limit set by saturation
-constexpr double kBoundSlack = 0.02;   // relative tolerance at the bounds, which are noisy
-constexpr double kGainSlack = 0.1;     // relative deviation of the mean level from its target that is tolerated
-constexpr double kGainDeviations = 5;  // allowed deviation of a measured gain, standard errors
-constexpr double kGainTolerance = 0.02;
+constexpr double kStepBack = 0.7;    // factor on exposure·gain after saturation
+constexpr double kRecovery = 1.002;  // growth per frame of a limit set by saturation
+constexpr double kSlack = 0.02;      // of bounds, relative, and of gains, which are noisy
 
 void check(const ExposureControllerOptions& o) {
   require_positive("shortest", o.range.low);
@@ -100,7 +98,7 @@ bool gains_disagree(std::span<const MeasuredTone> tones, double exposure) {
   if (std::isnan(exposure)) return false;
   return std::ranges::any_of(tones, [&](const MeasuredTone& tone) {
     const double turn = std::numbers::pi * tone.frequency * exposure;
-    const double allowed = kGainDeviations * tone.gain_std + kGainTolerance;
+    const double allowed = kSure * tone.gain_std + kSlack;
     return std::abs(tone.gain - std::abs(std::sin(turn) / turn)) > allowed;  // false where a value is kNaN
   });
 }
@@ -169,7 +167,7 @@ double ExposureController::gain_of(double exposure, double radiance, double smal
   const double highest = std::clamp(largest / exposure, options_.lowest_gain, options_.highest_gain);
   const double aim = options_.level_aim / (radiance * exposure);
   const double wanted = std::isnan(aim) ? (std::isnan(gain_) ? options_.lowest_gain : gain_) : aim;
-  const bool near_aim = gain_ < aim * (1 + kGainSlack) && gain_ > aim / (1 + kGainSlack);
+  const bool near_aim = gain_ < aim * (1 + kSmallShare) && gain_ > aim / (1 + kSmallShare);
   return std::clamp(near_aim ? gain_ : wanted, lowest, std::max(lowest, highest));
 }
 
@@ -186,8 +184,7 @@ double ExposureController::without_tones(const ExposureWindow& window, bool allo
 void ExposureController::choose(std::span<const WeightedTone> tones, double present, ExposureSuggestion& chosen) const {
   const ExposureWindow window{chosen.low, chosen.high, options_.range.step};
   const bool known = !std::isnan(exposure_);
-  const bool allowed =
-      known && exposure_ >= window.low * (1 - kBoundSlack) && exposure_ <= window.high * (1 + kBoundSlack);
+  const bool allowed = known && exposure_ >= window.low * (1 - kSlack) && exposure_ <= window.high * (1 + kSlack);
   bool holds = allowed;
   if (tones.empty()) {
     chosen.reasons |= reason::no_tones;

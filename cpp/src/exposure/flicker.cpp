@@ -19,7 +19,6 @@ namespace {
 using Intervals = std::vector<Interval>;
 
 constexpr double kMostNulls = 1e6;
-constexpr int kHalvings = 60;  // of a bracket: to float64 precision
 // Relative reduction of intervals, which keeps their ends within the bound despite rounding.
 constexpr double kShrink = 0x1p-50;
 
@@ -53,10 +52,9 @@ double peak_after(const FlickeringLight& light, double whole) {
 
 // The last point from `inside`, where the modulation is at most `below`, towards `outside`.
 double boundary(const FlickeringLight& light, double below, double inside, double outside) {
-  for (int k = 0; k < kHalvings; ++k) {
-    const double middle = 0.5 * (inside + outside);
+  for (double middle = 0.5 * (inside + outside); middle != inside && middle != outside;
+       middle = 0.5 * (inside + outside))
     (modulation_at(light, middle) <= below ? inside : outside) = middle;
-  }
   return inside;
 }
 

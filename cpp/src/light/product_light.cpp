@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 #include "light/waveform_elements.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
@@ -126,7 +127,7 @@ class PiecesLight {
     if (level == 0 && line.slope == 0) return 0;
     double sum = 0;
     for (const CountedCosine& cosine : cosines_) {
-      const double angle = 2 * std::numbers::pi * cosine.counter.at(middle).fraction;
+      const double angle = kTwoPi * cosine.counter.at(middle).fraction;
       const double turns = cosine.frequency * width;
       double value = level * std::cos(angle) * (width == exposure_ ? cosine.exposure_gain : sinc(turns));
       if (line.slope != 0)

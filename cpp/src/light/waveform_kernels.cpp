@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
+
+#include "core/levels.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "light/waveform_kernels.cpp"
@@ -62,7 +63,7 @@ HWY_INLINE SplitCycles fraction_at(const Cycles& fractions, std::size_t i) {
 
 // cos(2π·turns) for turns in [-1/2, 1/2], within 3e-16, as sin(x) = x − x³/3! + … at x = 2π(1/4 − |turns|).
 HWY_INLINE double cosine_of(double turns) {
-  const double x = 2 * std::numbers::pi * (0.25 - std::abs(turns));
+  const double x = kTwoPi * (0.25 - std::abs(turns));
   const double z = x * x;
   double series = 1.0 / 51090942171709440000.0;
   series = -1.0 / 121645100408832000.0 + z * series;

@@ -41,7 +41,7 @@ struct SlowTone {
   double cycles = 0;                 // in the picture
   std::optional<double> step;        // advance of its phase from frame to frame, rad; none: a single frame shows none
   std::array<double, 2> terms{};     // a and b
-  std::array<double, 2> variance{};  // of each, with the doubt about the phase step
+  std::array<double, 2> variance{};  // of each
   double log_odds = 0;               // natural logarithm of the odds of the tone against none
 
   [[nodiscard]] double amplitude() const;  // relative to the mean light
