@@ -117,6 +117,7 @@ def test_again_knows_what_a_killed_run_wrote(sources, tmp_path):
     manifest = json.loads((tmp_path / "c" / "manifest.json").read_text())
     named = {name: length for name, length in manifest["files"].items() if "/" not in name}
     (tmp_path / "c" / "manifest.json").write_text(json.dumps({"files": named}))
+    (tmp_path / "c" / "cleaned" / f".{'0' * 16}.mkv").write_bytes(b"a part")  # which the next one of this name removes
     assert measure_recordings(sources, cleaning, output=tmp_path / "c", again=True).progress.frames == COUNT * SHORT
 
 

@@ -626,9 +626,10 @@ MOVES = {
 
 
 @pytest.mark.parametrize("force", [(), ("--force",)])
+@pytest.mark.parametrize("is_begun", [False, True])
 @pytest.mark.parametrize(("output", "change", "kept", "written"), MOVES.values(), ids=MOVES)
 def test_an_output_goes_where_its_name_led_at_the_start(
-    run, tmp_path, monkeypatch, output, change, kept, written, force
+    run, tmp_path, monkeypatch, output, change, kept, written, is_begun, force
 ):
     """Whatever becomes of links, folders and pipes meanwhile, no other file is replaced."""
     for name in ("la", "lb", "m"):
@@ -641,9 +642,10 @@ def test_an_output_goes_where_its_name_led_at_the_start(
     simulated = module.simulate_frames
 
     def frames(*arguments, **options):
-        for frame in simulated(*arguments, **options):
+        made = list(simulated(*arguments, **options))
+        if not is_begun:
             change(tmp_path)
-            yield frame
+        return (change(tmp_path) or frame if is_begun else frame for frame in made)
 
     monkeypatch.setattr(module, "simulate_frames", frames)
     words = ("simulate", "--frequency", "500", *TESTBED, "--rows", 32, "--columns", 32, "-o", tmp_path / output, *force)

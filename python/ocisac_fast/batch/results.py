@@ -140,8 +140,7 @@ class Results:
 
     def _require_files(self) -> None:
         with self._errors():
-            self._system.invalidate_cache()
-            found = {name: length for folder in _FOLDERS for name, length in self._found(folder).items()}
+            found = self._all_found()
         if lost := [name for name, length in self._held.items() if found.get(name) != length]:
             raise ResultsError(
                 f"{self.folder}: {lost[0]}{_more(lost[1:])} removed or changed during the run; the same command "
@@ -176,17 +175,16 @@ class Results:
                 f"{self.folder}: holds {there[0]}, and no {_MANIFEST} of `ocisac batch` that says what --again may "
                 "remove; allowed: another folder"
             )
-        for name in self._found("rows"):
-            if name not in self._lengths and _OURS.fullmatch(name):  # a run that was killed could not name it
-                self._lengths.update(self._written_with(name)[1])
-        written = {name for name in self._lengths if self._is_as_written(name)}
-        kept = [name for folder in _FOLDERS for name in self._found(folder) if name not in written]
+        found = self._all_found()
+        for name in found.keys() - self._lengths.keys():  # which a run that was killed could not name
+            self._lengths.update(self._written_with(name)[1] if _OURS.fullmatch(name) else {})
+        kept = [name for name, length in found.items() if self._lengths.get(name) != length]
         if taken := [name for name in kept if _OURS.fullmatch(name) and key_of(PurePosixPath(name).name) in keys]:
             raise ResultsError(
                 f"{self.folder}: holds {taken[0]}{_more(taken[1:])}, which no run wrote, where this one writes; "
                 "allowed: another folder"
             )
-        for name in written:
+        for name in {*found, *([_TASK] if there else [])} - {*kept}:
             self._system.rm_file(self._path(name))
         self._lengths.clear()
         self._system.invalidate_cache()
@@ -199,6 +197,12 @@ class Results:
         with contextlib.suppress(FileNotFoundError):
             return name in self._lengths and self._system.info(self._path(name)).get("size") == self._lengths[name]
         return False
+
+    def _all_found(self) -> dict[str, int]:
+        """Lengths of all files but what killed runs left, which the next file of the same name removes."""
+        self._system.invalidate_cache()
+        every = [pair for folder in _FOLDERS for pair in self._found(folder).items()]
+        return {name: length for name, length in every if not re.search(r"/\.[0-9a-f]{16}\.\w+$", name)}
 
     def _found(self, folder: str) -> dict[str, int]:
         """Lengths of the files below a folder of the results, by name below the results."""

@@ -97,23 +97,20 @@ class _Place:
                 if stat.S_ISREG(os.fstat(sink.fileno()).st_mode):
                     raise self.appeared()
                 shutil.copyfileobj(whole, sink)
-        elif self.is_new:
+        elif not self.is_new:
+            os.replace(temporary.name, self._name, **here)
+        else:
             try:
-                os.link(temporary.name, self._name, **here)
+                try:
+                    os.link(temporary.name, self._name, **here)
+                except FileExistsError:
+                    raise
+                except OSError:  # a file system without links: the name is taken first
+                    os.close(os.open(self._name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, dir_fd=self._descriptor))
+                    os.replace(temporary.name, self._name, **here)
             except FileExistsError as error:
                 raise self.appeared() from error
-            except OSError:  # a file system without links: the name is taken first
-                self._take_name()
-                os.replace(temporary.name, self._name, **here)
-        else:
-            os.replace(temporary.name, self._name, **here)
         self.remove(temporary)
-
-    def _take_name(self) -> None:
-        try:
-            os.close(os.open(self._name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, dir_fd=self._descriptor))
-        except FileExistsError as error:
-            raise self.appeared() from error
 
     def remove(self, temporary: Path) -> None:
         with contextlib.suppress(FileNotFoundError):
