@@ -37,7 +37,7 @@ constexpr std::size_t kMaxLights = 8;
 constexpr double kBeside = 0.25;   // of the blocks are beside the light at least: those of least weight
 constexpr Index kStreakRows = 16;  // one of so many is examined for streaks
 
-std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, SaturatedColumns saturated,
+std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, bool use_saturated,
                                          std::span<const std::uint8_t> columns) {
   const auto allowed = [&](std::size_t column) { return columns.empty() || columns[column] != 0; };
   double lowest = 1;
@@ -46,7 +46,7 @@ std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, Satura
   const double limit = std::max(kNextToNone, 2 * lowest);
   std::vector<std::uint8_t> usable(clipped.size());
   for (std::size_t column = 0; column < clipped.size(); ++column)
-    usable[column] = allowed(column) && (saturated == SaturatedColumns::use || clipped[column] <= limit);
+    usable[column] = allowed(column) && (use_saturated || clipped[column] <= limit);
   return usable;
 }
 
@@ -154,10 +154,10 @@ struct BlockedFrame {
   Blocks blocks;
   Matrix means, swings;  // (rows × blocks)
 
-  void fill(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve, SaturatedColumns saturated,
+  void fill(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve, bool use_saturated,
             std::span<const std::uint8_t> columns) {
     clipped = saturated_share(frames, frame, curve);
-    usable = usable_columns(clipped, saturated, columns);
+    usable = usable_columns(clipped, use_saturated, columns);
     blocks = make_blocks(usable);
     const double dark = std::visit(
         [&](const auto& view) { return block_sums(view.frame(frame), curve, usable, blocks, means); }, frames);
@@ -447,9 +447,9 @@ static std::vector<double> light_beside(const BlockedFrame& frame, std::span<con
 }
 
 CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
-                               SaturatedColumns saturated, std::span<const std::uint8_t> columns) {
+                               bool use_saturated, std::span<const std::uint8_t> columns) {
   BlockedFrame pixels;
-  pixels.fill(frames, frame, curve, saturated, columns);
+  pixels.fill(frames, frame, curve, use_saturated, columns);
   auto result = combined_from_covariance(pixels);
   result.beside = light_beside(pixels, result.weights);
   if (columns.empty()) result.slope = slope_of(pixels);
@@ -464,7 +464,7 @@ static std::vector<BlockGroup> groups_by(const Matrix& swings, const Eigen::Matr
 
 ColumnLights column_lights(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve) {
   BlockedFrame pixels;
-  pixels.fill(frames, frame, curve, SaturatedColumns::leave_out, {});
+  pixels.fill(frames, frame, curve, false, {});
   const Eigen::MatrixXd products = gram(pixels.swings.transpose());
   ColumnLights lights{combined_from_products(pixels, products), {}};
   const auto groups = groups_by(pixels.swings, products);
@@ -540,12 +540,12 @@ CombinedColumn ColumnFollower::combine_as_stored(const AnyFramesView& frame, boo
     result.weights = weights_;
     result.signal = weighted_rows(frame, 0, curve_, weights_);
     if (hold || has_streaks_) {
-      pixels.fill(frame, 0, curve_, SaturatedColumns::leave_out, {});
+      pixels.fill(frame, 0, curve_, false, {});
       leave_out_streaks(result);
     }
     return result;
   }
-  pixels.fill(frame, 0, curve_, SaturatedColumns::leave_out, {});
+  pixels.fill(frame, 0, curve_, false, {});
   std::optional<CommonFactor> factor;
   if (may_follow && pixels.swings.cols() > 1) factor = next_factor(pixels.swings, memory_->block_weights(weights_));
   auto result = factor ? combined(pixels, *factor) : combined_from_covariance(pixels);

@@ -74,18 +74,14 @@ FoundFrequency find_in_frame(const AnyFramesView& frames, const FrequencySearch&
   return find_frequency(frames, search);
 }
 
-struct Lamp {
-  FoundFrequency found;
-  double probability = kNaN;  // of its light; NaN: a tone of the whole frame
-};
-
-Lamp find_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
+// The row time is yet to be found.
+Calibration find_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   FoundFrequency whole = find_in_frame(frames, search);
-  if (is_everywhere(whole)) return {std::move(whole)};
+  if (is_everywhere(whole)) return {kNaN, kNaN, std::move(whole), kNaN};
   const auto lamp = strongest_lamp(frames, search);
   if (!lamp) {
     if (answered(whole)) whole.flags |= flag::model_misfit;
-    return {std::move(whole)};
+    return {kNaN, kNaN, std::move(whole), kNaN};
   }
   const LightSource& light = *lamp;
   const bool contested = answered(whole) && !agree(whole.frequency, whole.frequency_std, light);
@@ -100,7 +96,7 @@ Lamp find_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   const bool uncertain = light.share == 0 || light.probability < kLikely;
   const bool doubtful = contested || (uncertain && !answered(whole)) || is_narrow(all);
   const Flags flags = (own.saturated ? flag::saturated : 0) | (doubtful ? flag::model_misfit : 0);
-  return {{light.frequency, light.frequency_std, light.snr, 3, flags, std::move(all)}, light.probability};
+  return {kNaN, kNaN, {light.frequency, light.frequency_std, light.snr, 3, flags, std::move(all)}, light.probability};
 }
 
 }  // namespace
@@ -128,11 +124,12 @@ std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencyS
 
 Calibration calibrate(const AnyFramesView& frames, double frequency, const FrequencySearch& search) {
   require_positive("frequency", frequency);
-  Lamp lamp = find_lamp(frames, search);
-  FoundFrequency& found = lamp.found;
-  const double row_time = found.frequency / frequency, row_time_std = found.frequency_std / frequency;
-  if (row_time * static_cast<double>(shape_of(frames).rows) > kLongestFrame) found.flags |= flag::model_misfit;
-  return {row_time, row_time_std, std::move(found), lamp.probability};
+  Calibration lamp = find_lamp(frames, search);
+  lamp.row_time = lamp.found.frequency / frequency;
+  lamp.row_time_std = lamp.found.frequency_std / frequency;
+  if (lamp.row_time * static_cast<double>(shape_of(frames).rows) > kLongestFrame)
+    lamp.found.flags |= flag::model_misfit;
+  return lamp;
 }
 
 }  // namespace ocisac

@@ -27,8 +27,8 @@ using Columns = IndexRange;
 
 Columns all_columns(const SearchedFrame& in) { return {0, shape_of(in.frame.frames).columns}; }
 
-std::vector<Suspect> suspects_in(const SearchedFrame& in, const Region& region, Coarsening coarsening) {
-  auto suspects = screen_sources(in.frame, region, in.options.false_alarms, coarsening);
+std::vector<Suspect> suspects_in(const SearchedFrame& in, const Region& region, bool by_rows) {
+  auto suspects = screen_sources(in.frame, region, in.options.false_alarms, by_rows);
   suspects.resize(std::min(suspects.size(), kMaxSuspects));
   return suspects;
 }
@@ -143,7 +143,7 @@ Detections reconsidered(const SearchedFrame& in, Detections found, std::span<con
 Detections with_lamps_beside(const SearchedFrame& in, Detections found, const RefinedLight& light,
                              const Region& searched, const Columns& within) {
   if (searched.width < kMinColumns) return found;
-  for (const Suspect& suspect : suspects_in(in, searched, Coarsening::rows)) {
+  for (const Suspect& suspect : suspects_in(in, searched, true)) {
     const auto known = [&](const Detection& one) {
       return covers(one.light.box, suspect.box) || contains(suspect, one.light);
     };
@@ -243,7 +243,7 @@ bool add_expected(const SearchedFrame& in, const Region& box, double cycles_per_
 
 Detections searched(const SearchedFrame& in, Detections found, const Region& region,
                     std::span<const double> frequencies) {
-  const auto suspects = suspects_in(in, region, Coarsening::both);
+  const auto suspects = suspects_in(in, region, false);
   const std::size_t earlier = found.lights.size();
   found.suspects = suspects.size();
   found.doubtful.clear();

@@ -24,7 +24,6 @@ constexpr double kUnseenTexture = 0.03;                   // probability of a te
 constexpr double kLevel = 0.003, kTilted = 0.02;          // rows per column: of a light's bars, of a texture's
 constexpr double kCloth = 1e-3, kKnownCloth = 0.1;        // prior times probability of a number of its clocks
 constexpr double kBand = 0.2, kFrequencies = 4.5;         // of ln f: around a clock; of all lamps
-constexpr double kTexture = 0.1;                          // odds
 constexpr double kWholeRows = 3.0, kFaintPattern = 0.02;  // prior times density of depths, mean depth
 constexpr double kUnevenPattern = 0.05;                   // cycles along the box
 constexpr double kLargestSpread = 0.03, kLargestOwnSpread = 0.015;  // max relative standard error of a frequency
@@ -73,10 +72,10 @@ std::vector<double> terms_of_data(const RefinedLight& light, std::size_t suspect
 
 constexpr double kInStep = 0.003, kAsStated = 0.9, kTextureMoves = 0.2;  // probabilities
 constexpr double kClockError = 1e-3;                                     // of a frame time as stated, relative
-constexpr double kLeastStd = 0.1;            // rad: noise that texture hides, a pixel of movement
-constexpr double kLargestStd = 1;            // rad, of a usable phase
-constexpr std::size_t kCompared = 3;         // frames
-constexpr double kSame = 0.9, kOther = 0.6;  // correlation of waveforms
+constexpr double kLeastStd = 0.1;     // rad: noise that texture hides, a pixel of movement
+constexpr double kLargestStd = 1;     // rad, of a usable phase
+constexpr std::size_t kCompared = 3;  // frames
+constexpr double kOther = 0.6;        // correlation of waveforms
 
 // Up to kCompared other frames, the nearest.
 std::vector<std::size_t> other_frames(std::size_t frame, std::size_t count) {
@@ -139,8 +138,8 @@ double waveform_odds(const LitFrame& frame, const RefinedLight& light) {
   double least = 1;
   const auto others = other_frames(frame.index, shape_of(frame.frames).frames);
   for (const std::size_t other : others) least = std::min(least, likeness_of_frames(frame, other, light));
-  if (others.empty() || (least >= kOther && least <= kSame)) return 1;
-  return least > kSame ? kInStep / (1 - kTextureMoves) : (1 - kInStep) / kTextureMoves;
+  if (others.empty() || (least >= kOther && least <= 1 - kSmallShare)) return 1;
+  return least > 1 - kSmallShare ? kInStep / (1 - kTextureMoves) : (1 - kInStep) / kTextureMoves;
 }
 
 // Probability of a light with `factor` times the odds. Some textures resemble a light as none did to which the
@@ -203,9 +202,9 @@ double clock_odds(const Detection& one, const Detections& found) {
   double cloth = kCloth;
   const auto add = [&](const Detection& other) {
     // A light that sends data shows tones of its own.
-    if (other.data || other.appearance < kMostly || (one.data && other.odds >= kTexture)) return;
+    if (other.data || other.appearance < kMostly || (one.data && other.odds >= kSmallShare)) return;
     const bool beside = std::abs(std::log(other.light.frequency / one.light.frequency)) < kBand;
-    if (beside && other.odds < kTexture) cloth = kKnownCloth;
+    if (beside && other.odds < kSmallShare) cloth = kKnownCloth;
     if (std::ranges::any_of(clocks, [&](const auto* clock) { return same_frequency(other.light, *clock); })) return;
     clocks.push_back(&other.light);
     near += beside ? 1 : 0;

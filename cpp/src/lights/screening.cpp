@@ -134,8 +134,7 @@ double share_threshold(std::size_t tiles, std::size_t groups, double false_alarm
 class Scale {
  public:
   // `widen`: with wide and coarser scales.
-  Scale(std::size_t rows, std::size_t groups, std::size_t row_step, std::size_t column_step, Coarsening coarsening,
-        bool widen)
+  Scale(std::size_t rows, std::size_t groups, std::size_t row_step, std::size_t column_step, bool by_rows, bool widen)
       : rows_(rows),
         groups_(groups),
         row_step_(row_step),
@@ -148,12 +147,10 @@ class Scale {
     for (auto& values : scratch_) values.resize(stride_);
     for (auto& values : moments_) values.resize(2 * stride_);
     if (widen && groups >= kTileGroups * kWideFactor)
-      wide_ =
-          std::make_unique<Scale>(rows, groups / kWideFactor, row_step, column_step * kWideFactor, coarsening, false);
+      wide_ = std::make_unique<Scale>(rows, groups / kWideFactor, row_step, column_step * kWideFactor, by_rows, false);
     if (widen && rows / 2 >= kWindow) {
-      across_ = groups > 1 && coarsening == Coarsening::both ? 2 : 1;
-      half_ =
-          std::make_unique<Scale>(rows / 2, groups / across_, 2 * row_step, across_ * column_step, coarsening, true);
+      across_ = groups > 1 && !by_rows ? 2 : 1;
+      half_ = std::make_unique<Scale>(rows / 2, groups / across_, 2 * row_step, across_ * column_step, by_rows, true);
     }
     light_.resize(std::max(wide_ ? wide_->groups_ : 0, half_ ? half_->groups_ : 0));
   }
@@ -331,14 +328,13 @@ void move(Region& box, const Region& by) { box.x += by.x, box.y += by.y; }
 
 }  // namespace
 
-std::vector<Suspect> screen_sources(const LitFrame& frame, const Region& region, double false_alarms,
-                                    Coarsening coarsening) {
+std::vector<Suspect> screen_sources(const LitFrame& frame, const Region& region, double false_alarms, bool by_rows) {
   const AnyFramesView frames = part_of(frame.frames, region);
   const auto floor = static_cast<float>(frame.floor);
   const Shape shape = shape_of(frames);
   const std::size_t group = std::clamp<std::size_t>(shape.columns / (2 * kTileGroups), 1, kWidestGroup);
   const float min_swing = holds_integers(frames) ? 0.5F : 0.0F;  // a tone of less than half a stored step is ignored
-  Scale finest(shape.rows, shape.columns / group, 1, group, coarsening, true);
+  Scale finest(shape.rows, shape.columns / group, 1, group, by_rows, true);
   finest.begin(floor, min_swing, false_alarms, finest.tiles());
   std::visit(
       [&](const auto& view) {

@@ -20,16 +20,13 @@ struct Suspect {
   Region best;       // box of that tile
 };
 
-// Sums that form the coarser scales: of rows and columns, or of rows alone, which resolves lamps narrower than a cycle.
-enum class Coarsening : std::uint8_t { both, rows };
-
 // Tiles of 32 rows × 3 groups of columns of log(light + floor), at several scales: sums of 1, 2, 4, … rows and columns.
 // In a tile, with each group's mean and slope removed, `share` is the energy of the best tone common to the groups over
 // the total energy. For white noise P(share > s) = (1 − s)^((90 − 2)/2) at a given frequency. The threshold follows
 // from `false_alarms`, the expected number per picture; it is at least 0.4, because of texture. Integer samples whose
 // light swings by less than half a step are ignored. Tiles that touch and agree in frequency form one suspect. The
-// strongest come first.
+// strongest come first. `by_rows`: coarser scales are sums of rows alone, which resolve lamps narrower than a cycle.
 std::vector<Suspect> screen_sources(const LitFrame& frame, const Region& region, double false_alarms,
-                                    Coarsening coarsening = Coarsening::both);
+                                    bool by_rows = false);
 
 }  // namespace ocisac

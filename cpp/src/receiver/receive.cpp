@@ -636,17 +636,17 @@ Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame,
   Received best{.frame = frame};
   CombinedColumn clearest;
   bool first = true;
-  for (const auto saturated : {SaturatedColumns::leave_out, SaturatedColumns::use}) {
+  for (const bool use_saturated : {false, true}) {
     std::vector<std::pair<CombinedColumn, std::size_t>> columns;
     for (std::size_t colour = 0; colour < colours.size(); ++colour)
-      columns.emplace_back(combine_columns(colours[colour], frame, camera.tone_curve, saturated, allowed), colour);
+      columns.emplace_back(combine_columns(colours[colour], frame, camera.tone_curve, use_saturated, allowed), colour);
     std::ranges::stable_sort(columns, [](const auto& a, const auto& b) {
       const bool half = is_interpolated(a.first.signal), other_half = is_interpolated(b.first.signal);
       return half != other_half ? other_half : a.first.quality > b.first.quality;
     });
     if (first) clearest = columns.front().first;
     for (auto& [column, colour] : columns) {
-      if (saturated == SaturatedColumns::use && !column.saturated) continue;  // tried already
+      if (use_saturated && !column.saturated) continue;  // tried already
       Received received{.frame = frame, .colour = colour};
       if (decode_any(column, what, camera.row_time, received)) {
         if (column.has_sides) fit_to_outline(colours[colour], column, what, received);

@@ -25,8 +25,6 @@ struct CombinedColumn {
   bool left_out = false;   // columns with saturated pixels were left out
 };
 
-enum class SaturatedColumns { leave_out, use };
-
 // Fraction of the rows in which each column of a frame is saturated, see saturation_level().
 std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
 
@@ -53,10 +51,10 @@ double agreement(std::span<const double> signal, const LightGroup& group);
 
 // Weights that maximise the signal-to-noise ratio under a one-factor model of the columns' covariance (one common
 // light, independent noise and texture per column): gain over own variance. Neighbouring columns share a weight.
-// `columns`: 1 for allowed columns, empty for all.
+// `columns`: 1 for allowed columns, empty for all. Columns with saturated pixels are left out if others remain, unless
+// they are to be used.
 CombinedColumn combine_columns(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
-                               SaturatedColumns saturated = SaturatedColumns::leave_out,
-                               std::span<const std::uint8_t> columns = {});
+                               bool use_saturated = false, std::span<const std::uint8_t> columns = {});
 
 // (rows) Linear light above dark of a frame's columns, each times its weight, (columns), and added up.
 std::vector<double> weighted_rows(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve,
