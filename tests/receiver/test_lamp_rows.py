@@ -140,13 +140,15 @@ def test_a_given_rate_of_twice_or_half_the_chips_gives_no_wrong_bits(seed):
         assert (got.bits in sent and len(got.bits) > 0.9 * ROWS / pitch) or got.flags
 
 
-@pytest.mark.parametrize("seed", [*range(12), 85])
-def test_an_even_round_lamp_gives_right_chips_up_to_its_narrow_ends(seed):
+@pytest.mark.parametrize(
+    ("columns", "seed"), [*((200, seed) for seed in (*range(12), 85)), *((64, seed) for seed in range(8))]
+)
+def test_an_even_round_lamp_gives_right_chips_up_to_its_narrow_ends(columns, seed):
     random = np.random.default_rng(seed)
     rows, pitch = np.arange(ROWS), random.uniform(5, 12)
     half, middle, exposure = random.uniform(200, 300), random.uniform(430, 470), random.uniform(0.1, 0.5) * pitch
     chips = random.integers(0, 2, 300)
-    lamp = ((np.arange(200) - 100) / 66) ** 2 + ((rows[:, None] - middle) / half) ** 2 < 1
+    lamp = ((np.arange(columns) / columns - 0.5) * 3) ** 2 + ((rows[:, None] - middle) / half) ** 2 < 1
     frame = photographed(10 + 120 * lamp * rows_of(chips, pitch, exposure), seed, noise=2.0)
     got = ocisac.receive(frame, Camera(1.0, exposure))[0]
     assert not got.flags

@@ -121,7 +121,9 @@ std::optional<Outline> outline_of(const AnyFramesView& frames, std::size_t frame
   const Eigen::VectorXd& fit = solved->values;
   const double widest = squares.maxCoeff(), square = fit[1] * fit[1] - 4 * fit[2] * fit[0];
   const Eigen::ArrayXd errors = (terms * fit).cwiseMax(0).array().sqrt() - squares.array().sqrt();
-  if (fit[2] >= 0 || square <= 0 || errors.square().mean() > kMaxError * kMaxError * widest) return std::nullopt;
+  const double rounded = 1.0 / 3;  // variance of a width that both ends round alike
+  if (fit[2] >= 0 || square <= 0 || errors.square().mean() > kMaxError * kMaxError * widest + rounded)
+    return std::nullopt;
   const double centre = -0.5 * fit[1] / fit[2], reach = 0.5 * std::sqrt(square) / std::abs(fit[2]);
   const double furthest = 1 + 2 * kFurthest;
   if (centre - reach < -furthest || centre + reach > furthest) return std::nullopt;

@@ -242,15 +242,21 @@ Decoded spread_over(std::span<const double> signal, Decoded lit) {
   return spread;
 }
 
+// Signal-to-noise ratio of the chips, and whether some are weak.
+void rate_chips(Received& received) {
+  received.snr = snr_of(received.detection.relative_levels);
+  received.flags &= ~flag::weak;
+  if (received.snr < kWeakSnr || snr_of_weakest_part(received.detection.relative_levels) < kWeakPart)
+    received.flags |= flag::weak;
+}
+
 void fill(Received& received, Decoded decoded, std::optional<double> exposure_rows) {
   for (auto bit : decoded.detection.bits) received.bits += bit ? '1' : '0';
   received.rows_per_chip = decoded.grid.clock.rows_per_chip;
   received.rows_per_chip_std = decoded.rows_per_chip_std;
   received.phase = decoded.grid.start(0);
-  received.snr = snr_of(decoded.detection.relative_levels);
   received.detection = std::move(decoded.detection);
-  if (received.snr < kWeakSnr || snr_of_weakest_part(received.detection.relative_levels) < kWeakPart)
-    received.flags |= flag::weak;
+  rate_chips(received);
   if (decoded.uneven) received.flags |= flag::model_misfit;
   if (chip_period(received.detection.bits)) received.flags |= flag::periodic;
   if (exposure_rows && *exposure_rows > kLongestSliced * received.rows_per_chip) received.flags |= flag::long_exposure;
@@ -537,7 +543,7 @@ bool decode_any(const CombinedColumn& column, const Search& what, double row_tim
 }
 
 // The chips of a lamp whose outline is known: where it is narrow, a bright one is as much fainter, and the string ends
-// with a chip that is neither, or that the outline cuts.
+// with a chip that is neither, or where the lamp is narrower than a column.
 void fit_to_outline(const AnyFramesView& colour, const CombinedColumn& column, const Search& what, Received& received) {
   const SlicedChips seen = received.detection;
   const ChipGrid grid{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
@@ -565,7 +571,7 @@ void fit_to_outline(const AnyFramesView& colour, const CombinedColumn& column, c
   const auto append_beyond = [&](std::size_t like, std::ptrdiff_t step) {
     for (std::ptrdiff_t chip = static_cast<std::ptrdiff_t>(like) + step;; chip += step) {
       const auto at = static_cast<std::size_t>(chip - all.first);
-      if (chip < all.first || at >= all.count || !(outline->width(all.start(step < 0 ? at : at + 1)) > 0)) break;
+      if (chip < all.first || at >= all.count || outline->width(all.start(step < 0 ? at : at + 1)) < 1) break;
       const double swing =
           (seen.bright[like] - seen.dark[like]) * outline->width(all.centre(at)) / outline->width(grid.centre(like));
       const double share = (values[at] - seen.dark[like]) / swing;
@@ -582,6 +588,7 @@ void fit_to_outline(const AnyFramesView& colour, const CombinedColumn& column, c
   received.bits.clear();
   for (const std::uint8_t bit : chips.bits) received.bits += bit ? '1' : '0';
   received.phase = grid.start(first) - static_cast<double>(before) * received.rows_per_chip;
+  rate_chips(received);
 }
 
 // Correlation of the changes from chip to chip between two halves of the columns, by weight; 1 for a single column.
