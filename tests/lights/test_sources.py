@@ -9,7 +9,18 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings, strategies as st
 
-from ocisac_fast import Camera, Chips, SquareWave, Tone, _core, detect_sources, integrate_exposure, reference
+from ocisac_fast import (
+    Camera,
+    Chips,
+    SquareWave,
+    Tone,
+    _core,
+    detect_sources,
+    integrate_exposure,
+    receive,
+    reference,
+    remove_bands,
+)
 from ocisac_fast.packets import encode_line_code
 
 ROW_TIME = 1e-5
@@ -540,3 +551,21 @@ def test_a_short_lamp_amid_clouds_has_a_box_and_a_frequency_of_its_own():
                     )
     assert found >= 40
     assert own >= 0.8 * found
+
+
+def test_a_page_of_text_is_no_light():
+    """Words of letters in lines of one pitch: contrast is where the rows are dark."""
+    camera, row = Camera(20e-6), np.arange(720)
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        pitch = int(rng.integers(14, 30))
+        letters = rng.random((720 // pitch + 1, 640 // 4)) < 0.5
+        inked = (row % pitch < 0.55 * pitch)[:, np.newaxis] & letters[row // pitch].repeat(4, 1)
+        page = 240 - 200.0 * inked
+        for axis in (0, 1):  # optics
+            page = (np.roll(page, 1, axis) + 2 * page + np.roll(page, -1, axis)) / 4
+        page += rng.normal(0, 2, page.shape)
+        page = page.clip(0, 255).round().astype(np.uint8)
+        assert not [source for source in detect_sources(page, camera) if source.probability > 0.1]
+        assert not [one for one in receive(page, camera) if one.bits and not one.flags]
+        assert remove_bands(page, camera).unchanged[0]

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "columns/contrast_slope.hpp"
 #include "core/levels.hpp"
 #include "lights/light_model.hpp"
 #include "lights/screening.hpp"
@@ -22,6 +23,7 @@ constexpr double kMinRows = 24;                           // of a box
 constexpr double kMostTexture = 0.24;                     // of data, relative to the common swing: text has more
 constexpr double kUnseenTexture = 0.03;                   // probability of a texture that resembles a light
 constexpr double kLevel = 0.003, kTilted = 0.02;          // rows per column: of a light's bars, of a texture's
+constexpr double kUneven = 1e-3;                          // odds of a light whose contrast says texture
 constexpr double kCloth = 1e-3, kKnownCloth = 0.1;        // prior times probability of a number of its clocks
 constexpr double kBand = 0.2, kFrequencies = 4.5;         // of ln f: around a clock; of all lamps
 constexpr double kWholeRows = 3.0, kFaintPattern = 0.02;  // prior times density of depths, mean depth
@@ -184,6 +186,11 @@ double tilt_odds(const RefinedLight& light) {
   return std::min(level / (0.5 * level + 0.5 * tilted), 1.0);
 }
 
+// Lines of text or bricks differ from light by where they have contrast.
+double contrast_odds(const SearchedFrame& in, const RefinedLight& light) {
+  return contrast_slope(in.frame.frames, in.frame.index, light.box, in.camera.tone_curve).is_of_texture() ? kUneven : 1;
+}
+
 // A faint pattern of whole rows is the camera's, that of its colour filter, of a picture at another size, or of the
 // blocks of its compression, whose errors differ from place to place.
 double pattern_odds(const RefinedLight& light) {
@@ -244,8 +251,8 @@ std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& lig
   Detection one{.light = light, .box = light.box, .data = light.edges > 0};
   if (!is_measurable(one, in.limits)) return {};
   one.noise = expected_noise(one, shape_of(in.frame.frames));
-  one.odds =
-      tilt_odds(light) * (one.data ? waveform_odds(in.frame, light) : pattern_odds(light) * phase_odds(in, light));
+  one.odds = tilt_odds(light) * contrast_odds(in, light) *
+             (one.data ? waveform_odds(in.frame, light) : pattern_odds(light) * phase_odds(in, light));
   return judged_again(one, found);
 }
 

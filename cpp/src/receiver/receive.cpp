@@ -10,6 +10,7 @@
 #include "chips/chip_period.hpp"
 #include "chips/chip_timing.hpp"
 #include "chips/lit_rows.hpp"
+#include "columns/contrast_slope.hpp"
 #include "columns/lamp_slope.hpp"
 #include "columns/moving_mean.hpp"
 #include "core/check_interrupt.hpp"
@@ -622,10 +623,21 @@ double agreement_of_halves(const AnyFramesView& colour, const Received& received
 }
 
 // True if the columns share the chips: all but noise, of which each half has twice that of all, 1/snr of the chips'
-// square. A texture has edges of its own in each part.
-bool is_common(const AnyFramesView& colour, const Received& received, std::optional<double> exposure_rows) {
+// square. A texture has edges of its own in each part, or contrast in its dark or its bright rows alone.
+bool is_common(const AnyFramesView& colour, const Received& received, const ToneCurve& curve,
+               std::optional<double> exposure_rows) {
   const double expected = 1 / (1 + 2 / received.snr);
-  return agreement_of_halves(colour, received, exposure_rows) > kCommon * expected;
+  if (!(agreement_of_halves(colour, received, exposure_rows) > kCommon * expected)) return false;
+  const auto lit = [](double weight) { return weight != 0; };
+  const auto first = std::ranges::find_if(received.weights, lit);
+  const auto last = std::find_if(received.weights.rbegin(), received.weights.rend(), lit).base();
+  const auto rows = static_cast<double>(shape_of(colour).rows);
+  const double begin = std::clamp(received.phase, 0.0, rows),
+               end = std::clamp(received.phase + static_cast<double>(received.bits.size()) * received.rows_per_chip,
+                                begin, rows);
+  const Region box{static_cast<std::size_t>(first - received.weights.begin()), static_cast<std::size_t>(begin),
+                   static_cast<std::size_t>(last - first), static_cast<std::size_t>(end - begin)};
+  return !contrast_slope(colour, received.frame, box, curve).is_of_texture();
 }
 
 // One source and its signal; `signal` is empty where decoding failed.
@@ -657,7 +669,8 @@ Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame,
       Received received{.frame = frame, .colour = colour};
       if (decode_any(column, what, camera.row_time, received)) {
         if (column.has_sides) fit_to_outline(colours[colour], column, what, received);
-        if ((received.flags & ~flag::saturated) == 0 && !is_common(colours[colour], received, what.exposure_rows))
+        if ((received.flags & ~flag::saturated) == 0 &&
+            !is_common(colours[colour], received, camera.tone_curve, what.exposure_rows))
           received.flags |= flag::ambiguous_kind;
         Source source{std::move(received), column.signal, clearest.slope, {}, column};
         std::ranges::sort(columns, {}, [](const auto& one) { return one.second; });

@@ -1,0 +1,158 @@
+#include "columns/contrast_slope.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <variant>
+#include <vector>
+
+#include "core/levels.hpp"
+#include "ocisac/camera/linear_light.hpp"
+
+namespace ocisac {
+
+namespace {
+
+constexpr std::size_t kApart = 2;       // columns: neighbours share light by optics and interpolation
+constexpr std::size_t kMaxPairs = 256;  // of columns, evenly spaced
+constexpr std::size_t kMinPairs = 8;
+constexpr std::size_t kGroups = 8;   // of rows
+constexpr double kMinDepth = 0.3;    // relative to the largest
+constexpr double kAlike = 0.35;      // (a − b)/(a + b) of the depths of a pair
+constexpr double kFloor = 1.0 / 64;  // of the brightest row
+
+// Light of pairs of columns that do not saturate: (rows × pairs).
+struct PairedColumns {
+  std::vector<double> first, second;
+  std::size_t pairs = 0;
+};
+
+PairedColumns paired_columns(const AnyFramesView& frames, std::size_t frame, const Region& box,
+                             const ToneCurve& curve) {
+  const double saturation = saturation_level(frames, curve);
+  return std::visit(
+      [&](const auto& view) {
+        const auto value = [&](std::size_t n, std::size_t column) {
+          return static_cast<double>(view(frame, box.y + n, box.x + column));
+        };
+        std::vector<std::size_t> pairs;
+        const std::size_t all = box.width > kApart ? box.width - kApart : 0, step = 1 + all / kMaxPairs;
+        for (std::size_t c = 0; c < all; c += step) {
+          bool clear = true;
+          for (std::size_t n = 0; n < box.height && clear; ++n)
+            clear = !(value(n, c) >= saturation || value(n, c + kApart) >= saturation);
+          if (clear) pairs.push_back(c);
+        }
+        PairedColumns rows{{}, {}, pairs.size()};
+        for (std::size_t n = 0; n < box.height; ++n)
+          for (const std::size_t c : pairs) {
+            rows.first.push_back(value(n, c) - curve.dark_level);
+            rows.second.push_back(value(n, c + kApart) - curve.dark_level);
+          }
+        return rows;
+      },
+      frames);
+}
+
+double sum_of(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
+
+// Depth of the course in each column of (rows × columns), relative to the column's mean and in the course's unit.
+std::vector<double> depths(const std::vector<double>& columns, std::size_t count, const std::vector<double>& course) {
+  const double mean = sum_of(course) / static_cast<double>(course.size());
+  std::vector<double> depth(count), sums(count);
+  for (std::size_t i = 0; i < columns.size(); ++i) {
+    depth[i % count] += columns[i] * (course[i / count] - mean);
+    sums[i % count] += columns[i];
+  }
+  for (std::size_t k = 0; k < count; ++k) depth[k] = sums[k] > 0 ? depth[k] / sums[k] : 0;
+  return depth;
+}
+
+// Pairs of columns that show the same light in the same depth; beside a lamp's edge they do not.
+std::vector<std::size_t> alike_pairs(const PairedColumns& columns, const std::vector<double>& course) {
+  const auto first = depths(columns.first, columns.pairs, course),
+             second = depths(columns.second, columns.pairs, course);
+  double largest = 0;
+  for (const double depth : first) largest = std::max(largest, depth);
+  std::vector<std::size_t> alike;
+  for (std::size_t k = 0; k < columns.pairs; ++k)
+    if (std::min(first[k], second[k]) > kMostly * largest &&
+        std::abs(first[k] - second[k]) <= kAlike * (first[k] + second[k]))
+      alike.push_back(k);
+  return alike;
+}
+
+// Residual of a straight line.
+void remove_line(std::span<double> values) {
+  const auto count = static_cast<double>(values.size());
+  double mean = 0, slope = 0, square = 0;
+  for (const double value : values) mean += value / count;
+  const auto place = [&](std::size_t n) { return static_cast<double>(n) - (count - 1) / 2; };
+  for (std::size_t n = 0; n < values.size(); ++n) {
+    slope += place(n) * values[n];
+    square += place(n) * place(n);
+  }
+  for (std::size_t n = 0; n < values.size(); ++n) values[n] -= mean + slope / std::max(square, 1.0) * place(n);
+}
+
+}  // namespace
+
+bool ContrastSlope::is_of_texture() const {
+  constexpr double kLeastSlope = -2;
+  return kLeastSlope - slope > kSure * std;
+}
+
+ContrastSlope contrast_slope(const AnyFramesView& frames, std::size_t frame, const Region& box, const ToneCurve& curve,
+                             std::span<const double> course) {
+  const PairedColumns columns = paired_columns(frames, frame, box, curve);
+  if (columns.pairs < kMinPairs || box.height < 4 * kGroups) return {};
+  std::vector<double> own(course.begin(), course.end());
+  for (std::size_t n = own.size(); n < box.height; ++n) {
+    const auto row = columns.first.begin() + static_cast<std::ptrdiff_t>(n * columns.pairs);
+    own.push_back(std::accumulate(row, row + static_cast<std::ptrdiff_t>(columns.pairs), 0.0));
+  }
+  const std::vector<std::size_t> pairs = alike_pairs(columns, own);
+  if (pairs.size() < kMinPairs) return {};
+  std::vector<double> means(box.height);
+  for (std::size_t n = 0; n < box.height; ++n)
+    for (const std::size_t k : pairs)
+      means[n] += (columns.first[n * columns.pairs + k] + columns.second[n * columns.pairs + k]) / 2;
+  const double floor = kFloor * *std::ranges::max_element(means);
+  if (!(floor > 0)) return {};
+  std::vector<double> contrast, light, along;
+  for (std::size_t n = 0; n + 1 < box.height; ++n) {
+    double product = 0;
+    for (const std::size_t k : pairs) {
+      const std::size_t i = n * columns.pairs + k, next = i + columns.pairs;
+      product += (columns.second[i] - columns.first[i]) * (columns.second[next] - columns.first[next]);
+    }
+    const double both = (std::max(means[n], 0.0) + floor) * (std::max(means[n + 1], 0.0) + floor);
+    contrast.push_back(product / both);
+    light.push_back(std::log(both) / 2);
+    along.push_back(own[n] + own[n + 1]);
+  }
+  const double mean = sum_of(contrast) / static_cast<double>(contrast.size());
+  if (!(mean > 0)) return {};
+  std::array<double, kGroups> products{}, lights{};
+  double all_products = 0, all_lights = 0;
+  for (std::size_t group = 0; group < kGroups; ++group) {
+    const std::size_t begin = group * contrast.size() / kGroups, end = (group + 1) * contrast.size() / kGroups;
+    const std::span with(&along[begin], end - begin);
+    remove_line(with);
+    for (std::size_t n = begin; n < end; ++n) {
+      products[group] += contrast[n] / mean * along[n];
+      lights[group] += light[n] * along[n];
+    }
+    all_products += products[group];
+    all_lights += lights[group];
+  }
+  ContrastSlope found{all_products / all_lights, 0};
+  double scatter = 0;
+  for (std::size_t group = 0; group < kGroups; ++group)
+    scatter += std::pow((all_products - products[group]) / (all_lights - lights[group]) - found.slope, 2);
+  found.std = std::sqrt(scatter * (kGroups - 1) / kGroups);
+  return std::isfinite(found.std) ? found : ContrastSlope{};
+}
+
+}  // namespace ocisac
