@@ -5,7 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <utility>
+#include <numeric>
 
 #include "chips/channel_kernels.hpp"
 #include "core/linear_algebra.hpp"
@@ -14,23 +14,6 @@
 namespace ocisac {
 
 using Eigen::Index;
-
-namespace {
-
-// P_(k + 1) = rise·x·P_k − fall·P_(k − 1): [k] rise from k, fall to k + 1.
-constexpr auto kRises = [] {
-  std::array<double, kHighestDegree + 1> rises{};
-  for (std::size_t k = 0; k < rises.size(); ++k)
-    rises[k] = (2.0 * static_cast<double>(k) + 1) / static_cast<double>(k + 1);
-  return rises;
-}();
-constexpr auto kFalls = [] {
-  std::array<double, kHighestDegree + 1> falls{};
-  for (std::size_t k = 0; k < falls.size(); ++k) falls[k] = static_cast<double>(k + 1) / static_cast<double>(k + 2);
-  return falls;
-}();
-
-}  // namespace
 
 void check_model(const ChannelModel& model) {
   require(model.dark_degree <= kHighestDegree, "dark_degree", model.dark_degree, "0 to 6");
@@ -46,12 +29,9 @@ double along_frame(double row, std::size_t rows) {
 double polynomial(std::span<const double> coefficients, double x) {
   if (coefficients.size() == 1) return coefficients[0];
   if (coefficients.size() == 2) return coefficients[0] + coefficients[1] * x;  // the usual ones
-  double sum = 0, before = 0;                                                  // Clenshaw's recurrence
-  for (std::size_t k = coefficients.size(); k-- > 0;) {
-    const double next = coefficients[k] + kRises[k] * x * sum - kFalls[k] * before;
-    before = std::exchange(sum, next);
-  }
-  return sum;
+  std::array<double, kHighestDegree + 1> basis{};
+  legendre(x, {basis.data(), coefficients.size()});
+  return std::inner_product(coefficients.begin(), coefficients.end(), basis.begin(), 0.0);
 }
 
 ChannelEquations::ChannelEquations(std::span<const double> signal, const KnownChips& chips, const ChannelModel& model,

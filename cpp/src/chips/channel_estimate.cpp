@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "chips/channel_equations.hpp"
+#include "chips/channel_growth.hpp"
+#include "core/levels.hpp"
 #include "ocisac/chips/reduced_search.hpp"
 #include "ocisac/core/require.hpp"
 #include "rows/exposed_chips.hpp"
@@ -14,12 +16,9 @@ namespace ocisac {
 
 namespace {
 
-constexpr int kRounds = 20;
-constexpr double kRateErrors = 3, kMaxRateError = 0.01;  // standard errors; relative
 constexpr int kPasses = 3;
 constexpr double kMinShare = 1e-3;   // min fraction of a step; the model has kinks
 constexpr double kSmallFall = 1e-5;  // min reduction of the squares by a step, in variances of a row
-constexpr double kSmallStep = 1e-3;  // standard errors; a smaller step is the last
 
 // The clock after a fraction of the step, limited to the range where the model is nearly linear.
 ChipClock stepped(const ChipClock& clock, const ClockStep& step, double share, double half_chips) {
@@ -37,10 +36,11 @@ ChipClock stepped(const ChipClock& clock, const ClockStep& step, double share, d
   return next;
 }
 
-// True if a step is below this many standard errors.
-bool is_small(const ClockStep& step, const Linearised& at, double variance, double errors) {
-  for (std::size_t k = 0; k < static_cast<std::size_t>(step.size()); ++k)
-    if (!(std::abs(step[static_cast<Eigen::Index>(k)]) <= errors * std::sqrt(variance * at.clock_inverse[k][k])))
+// True if a part of the step is below this many standard errors.
+bool is_small(double share, const Linearised& at, double variance, double errors) {
+  for (std::size_t k = 0; k < static_cast<std::size_t>(at.step.size()); ++k)
+    if (!(share * std::abs(at.step[static_cast<Eigen::Index>(k)]) <=
+          errors * std::sqrt(variance * at.clock_inverse[k][k])))
       return false;
   return true;
 }
@@ -59,7 +59,7 @@ std::optional<Descent> descend(ChannelEquations& equations, ChipClock clock, Row
   if (!effort.take(rows)) return std::nullopt;
   auto here = linearise(equations, clock, range, known);
   if (!here) return std::nullopt;
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kManyIterations; ++round) {
     bool better = false;
     for (double share = 1; share > kMinShare; share *= 0.5) {
       if (!effort.take(rows)) return Descent{clock, range, std::move(*here), false};
@@ -67,12 +67,11 @@ std::optional<Descent> descend(ChannelEquations& equations, ChipClock clock, Row
       auto there =
           next.rows_per_chip > 0 ? linearise(equations, next, range, known, here->levels, here->squares) : std::nullopt;
       if (!there) {
-        if (is_small(share * here->step, *here, here->squares / rows, vain_step)) break;
+        if (is_small(share, *here, here->squares / rows, vain_step)) break;
         continue;
       }
       const double variance = there->squares / rows;
-      const bool last =
-          is_small(here->step, *here, variance, kSmallStep) || here->squares - there->squares < kSmallFall * variance;
+      const bool last = here->squares - there->squares < kSmallFall * variance;
       clock = next;
       here = std::move(there);
       better = true;
@@ -113,7 +112,7 @@ double ChannelEstimate::swing_at(double row, std::size_t frame_rows) const {
 bool ChannelEstimate::has_other_rate(double rows_per_chip, double tolerance) const {
   const double off = std::abs(clock.rows_per_chip / rows_per_chip - 1);
   const double error = errors.rows_per_chip_std() / rows_per_chip;
-  return !(off <= tolerance + std::min(kRateErrors * error, kMaxRateError));
+  return !(off <= tolerance + std::min(kWeak * error, kNextToNone));
 }
 
 std::vector<double> channel_residual(std::span<const double> signal, const KnownChips& chips,

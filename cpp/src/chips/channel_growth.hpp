@@ -10,6 +10,8 @@
 
 namespace ocisac {
 
+inline constexpr int kManyIterations = 40;  // of small steps that convergence ends before
+
 // Data shared by all iterations of a frame.
 struct IterationContext {
   std::span<const double> signal;
@@ -27,17 +29,11 @@ struct FoundChips {
   [[nodiscard]] KnownChips known() const { return {levels, first}; }
   // Without those at the ends, which affect only a few rows.
   [[nodiscard]] KnownChips inner() const;
-  [[nodiscard]] bool operator==(const FoundChips& other) const = default;
-};
-
-struct Iteration {
-  ChannelEstimate channel;
-  FoundChips chips;
 };
 
 // Detects the chips of some rows and fits the channel to them. Absent if the effort is used up, or the chips do not
 // determine a channel of positive swing.
-std::optional<Iteration> iterate(const IterationContext& context, const ChannelEstimate& channel, RowRange range);
+std::optional<RefinedChannel> iterate(const IterationContext& context, const ChannelEstimate& channel, RowRange range);
 
 // All chips that affect the rows; known chips of the options replace detected ones.
 std::optional<FoundChips> detect_rows(const IterationContext& context, const ChannelEstimate& channel, RowRange range);
@@ -64,6 +60,8 @@ bool is_even(std::span<const ResidualWindow> windows, const ChipClock& clock);
 // Half the distance of the closest pair of sequences over the channel's noise.
 double closeness(const ChannelEstimate& channel, std::size_t frame_rows);
 inline constexpr double kCloseSequences = 6;  // below this, chips are easily confused
+
+inline constexpr std::size_t kMaxClocks = 8;  // followed in parallel
 
 // Tracks clocks in parallel over a growing range of rows, as many as are likely; returns the channel with the smallest
 // residual over the frame. Absent if no clock reaches it.

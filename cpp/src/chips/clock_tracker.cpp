@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <cmath>
 
+#include "core/levels.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -56,8 +57,7 @@ constexpr double kMaxJitteredCount = 1;  // chips, standard error of the count w
 constexpr double kSmallJump = 0.25;      // chips; the count of chips stays sure
 constexpr double kJitterKept = 0.9;      // of the variance learned, from update to update
 constexpr double kSteadyKept = 0.3;      // where the clock is as steady as it is measured
-constexpr double kSteadyErrors = 3;
-constexpr int kSteady = 2;  // updates; jumps that follow each other closer are jitter
+constexpr int kSteady = 2;               // updates; jumps that follow each other closer are jitter
 
 }  // namespace
 
@@ -130,7 +130,7 @@ bool ClockTracker::update(double frame, const ChipClock& clock, const ClockError
   Matrix2 expected = here.covariance.topLeftCorner<2, 2>() + noise;
   const auto is_lost = [&] { return innovation.dot(expected.inverse() * innovation) > kLostErrors * kLostErrors; };
   const double squared = innovation[0] * innovation[0];
-  const bool steady = squared < kSteadyErrors * kSteadyErrors * (expected(0, 0) - jitter_variance_);
+  const bool steady = squared < kWeak * kWeak * (expected(0, 0) - jitter_variance_);
   const bool same_rate = innovation[1] * innovation[1] < kLostErrors * kLostErrors * expected(1, 1);
   const bool jitters = std::sqrt(squared) < kSmallJump * clock.rows_per_chip || steady_ < kSteady;
   if (is_lost() && same_rate && jitters) {

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "chips/threshold_detectors.hpp"
+#include "core/levels.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/chips/error_rates.hpp"
 #include "ocisac/chips/sequence_detector.hpp"
@@ -18,7 +19,6 @@ namespace {
 
 constexpr double kSlicedExposure = 1.5;  // chips; longer exposures close the slicer's eye
 constexpr double kHardlyMore = 1.5;      // times the error rate of the ML sequence
-constexpr double kHardlyAny = 1e-9;
 
 // Estimates x = M⁻¹z by forward substitution; optionally with decisions fed back in their place.
 std::vector<double> estimates(const ChipEquations& equations, bool feed_decisions_back) {
@@ -69,7 +69,7 @@ bool is_sliceable(Problem& problem) {
   const ChipQuestion& question = problem.question;
   if (!(question.clock.exposure_rows < kSlicedExposure * question.clock.rows_per_chip)) return false;
   const double errors = slicer_error_rate(question.clock, question.noise);
-  return errors < kHardlyAny || errors < kHardlyMore * sequence_error_rate(problem.equations());
+  return errors < kEqual || errors < kHardlyMore * sequence_error_rate(problem.equations());
 }
 
 struct Detector {

@@ -45,10 +45,6 @@ bool is_small(std::span<const double> swings, std::size_t k) {
   return swings[k] < kSmallSwing * weighted_median(std::span(around).first(last - first));
 }
 
-double passing(std::span<const double> signal, std::size_t n, double level) {
-  return static_cast<double>(n) - 1 + (level - signal[n - 1]) / (signal[n] - signal[n - 1]);
-}
-
 }  // namespace
 
 std::vector<std::size_t> turning_points(std::span<const double> signal, double hysteresis) {
@@ -97,6 +93,18 @@ std::vector<std::size_t> prune_turning_points(std::span<const double> signal, st
   return points;
 }
 
+double crossing(std::span<const double> signal, std::size_t from, std::size_t to, double level) {
+  const bool up = signal[to] > signal[from];
+  const auto passed = [&](std::size_t n) { return (signal[n] > level) == up; };
+  const auto place = [&](std::size_t n) {
+    return static_cast<double>(n) - 1 + (level - signal[n - 1]) / (signal[n] - signal[n - 1]);
+  };
+  std::size_t first = from + 1, last = to;
+  while (first < to && !passed(first)) ++first;
+  while (last > first && passed(last - 1)) --last;
+  return 0.5 * (place(first) + place(last));
+}
+
 Edges edges_between(std::span<const double> signal, std::span<const std::size_t> points, double share,
                     std::size_t around) {
   Edges edges;
@@ -111,11 +119,7 @@ Edges edges_between(std::span<const double> signal, std::span<const std::size_t>
     }
     double level = low + share * (high - low);
     if (level <= darker || level >= brighter) level = darker + share * (brighter - darker);
-    const auto passed = [&](std::size_t n) { return (signal[n] > level) == up; };
-    std::size_t first = from + 1, last = to;
-    while (first < to && !passed(first)) ++first;
-    while (last > first && passed(last - 1)) --last;
-    edges.rows.push_back(0.5 * (passing(signal, first, level) + passing(signal, last, level)));
+    edges.rows.push_back(crossing(signal, from, to, level));
     edges.rising.push_back(up);
   }
   return edges;

@@ -19,6 +19,9 @@ struct Edges {
   std::vector<std::uint8_t> rising;  // 1: from dark to bright; alternates
 };
 
+// Where the signal crosses a level between two rows on either side of it: the middle of its first and last passage.
+double crossing(std::span<const double> signal, std::size_t from, std::size_t to, double level);
+
 // Places where the signal crosses `share` of the height (from dark to bright) between neighbouring turning points, or,
 // where that crosses this edge, of the height between the darkest and the brightest of `around` more to either side:
 // chips shorter than the exposure do not reach the level of longer runs.

@@ -22,7 +22,6 @@ constexpr int kSearchRounds = 4;
 constexpr std::size_t kSearchParts = 3;                           // parts of the frame
 constexpr std::size_t kGuessesTried = 18, kGuessesOfUnknown = 6;  // for a known exposure; per exposure if unknown
 constexpr std::size_t kStartsRefined = 3;                         // best starts over all parts and exposures
-constexpr std::size_t kStartsCompared = 8;                        // per part
 constexpr double kHopeless = 1.5;     // half the distance of the closest pair over the noise
 constexpr double kFirstNoise = 0.05;  // relative to the swing
 constexpr double kSureGrowth = 1.35;  // of the residual, from the best part to the whole frame
@@ -165,7 +164,7 @@ std::optional<RefinedChannel> compare_starts(const IterationContext& context, st
   for (const Start& start : starts) {
     auto part = std::ranges::find(parts, start.part.begin, [](const auto& known) { return known.first.begin; });
     if (part == parts.end()) part = parts.insert(part, {start.part, {}});
-    if (part->second.size() < kStartsCompared) part->second.push_back(start.channel);
+    if (part->second.size() < kMaxClocks) part->second.push_back(start.channel);
   }
   // Uses half of the remaining effort, to keep the rest for the final detection.
   RefineOptions options = context.options;

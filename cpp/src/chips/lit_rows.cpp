@@ -6,21 +6,17 @@
 #include <vector>
 
 #include "chips/edges.hpp"
+#include "core/levels.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr double kTurnErrors =
-    8;  // standard deviations that a turn of the light has at least: 300 rows of noise span 6
-constexpr double kNoiseErrors = 4.5;   // standard deviations of a row that is lit
-constexpr double kMinUnsteady = 0.01;  // of the span: light that varies less is steady
-constexpr double kNoiseKept = 2;       // standard deviations
-constexpr double kMinTurn = 0.15;      // of the span of the signal
-// Rows that are dark if as long: times the second longest run of the light, its longest (of a preamble), shortest runs.
-constexpr double kDarkRuns = 4, kMinDarkRuns = 1.5;
-constexpr double kDarkChips = 16;
-constexpr double kDarkChance = 0.01;  // of a run as long as the dark rows beyond a lamp
+constexpr double kNoiseErrors = 4.5;  // standard deviations of a row that is lit
+constexpr double kNoiseKept = 2;      // standard deviations
+constexpr double kMinTurn = 0.15;     // of the span of the signal
+constexpr double kMinDarkRuns =
+    1.5;  // times the longest run of the light, of a preamble: rows that are dark if as long
 constexpr std::size_t kMinTurns = 8;
 
 // The value at an index of the sorted ones.
@@ -54,7 +50,7 @@ std::size_t dark_rows(std::span<const double> signal, std::size_t steady, double
   const auto part = signal.last(steady);
   const double level = quantile(part, part.size() / 2);
   const double uneven = std::hypot(spread, dark.texture * level);
-  if (unsteadiness(part) > std::max(kMinUnsteady * span, kNoiseKept * std::min(uneven, 0.5 * dark.most_noise * span)))
+  if (unsteadiness(part) > std::max(kNextToNone * span, kNoiseKept * std::min(uneven, 0.5 * dark.most_noise * span)))
     return 0;
   const double departure =
       std::max(kNoiseErrors * std::min(uneven, dark.most_noise * span), dark.least_departure * span);
@@ -92,7 +88,7 @@ LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& s
   const double chips = std::accumulate(runs.begin(), runs.end(), 0.0) / static_cast<double>(lit.shortest);
   const double alike =
       1 - (static_cast<double>(runs.size()) + 1) / (std::max(chips, static_cast<double>(runs.size())) + 2);
-  const double rare = static_cast<double>(lit.shortest) * std::log(kDarkChance) / std::log(alike);
+  const double rare = static_cast<double>(lit.shortest) * std::log(kNextToNone) / std::log(alike);
   const auto enough = [&](bool expected) {
     const double more = kMinDarkRuns * longest;
     if (dark.expected) return std::min(more, rare);

@@ -14,6 +14,11 @@ struct LitRows {
   std::size_t shortest = 0;  // rows from a turning point of the light to the next, lower quartile: about a chip
 };
 
+// Standard deviations that a turn of the light has at least: 300 rows of noise span 6.
+inline constexpr double kTurnErrors = 8;
+// Rows that are dark if as long: times the second longest run of the light; shortest runs.
+inline constexpr double kDarkRuns = 4, kDarkChips = 16;
+
 // What is known of rows that the lamp does not reach.
 struct DarkRows {
   double least_departure = 0.125;  // of the light's swing: a row further from the dark level is lit, whatever the noise

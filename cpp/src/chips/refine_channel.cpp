@@ -9,6 +9,7 @@
 #include "chips/channel_equations.hpp"
 #include "chips/channel_growth.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 #include "ocisac/chips/chip_equations.hpp"
 #include "ocisac/chips/sequence_detector.hpp"
 
@@ -17,7 +18,6 @@ namespace ocisac {
 namespace {
 
 constexpr double kFollowed = 0.25;         // fraction of the fitted rows over which a slope is extrapolated
-constexpr double kMinSwing = 0.1;          // relative to the middle of those rows
 constexpr double kCertainPhase = 0.04;     // chips; with a larger standard error other rates are tried
 constexpr double kCertainExposure = 0.06;  // chips; with a larger standard error other exposures are tried
 constexpr double kMaxExposureMove = 0.8;
@@ -31,17 +31,14 @@ constexpr double kMaxGrowth = 2, kMaxWarpedGrowth = 1.15;
 // Min growth factor of the rows per round, in up to three attempts.
 constexpr std::array kGrowths{1.3, 1.2, 1.12};
 constexpr std::array kWarpedGrowths{1.12, 1.06, 1.2};  // the warp beyond the rows is extrapolated
-constexpr int kMaxRounds = 40;
-constexpr int kSettlingRounds = 4;               // with all rows
+constexpr int kWholeRounds = 4;                        // with all rows
 constexpr double kEven = 1.15, kEvenErrors = 6;  // ratio of the residuals of two parts of the frame; standard errors
 constexpr double kSmoothRows = 4;
-constexpr double kWindowChips = 30;    // length of a part, beside the exposure
-constexpr double kUnsureFrame = 0.3;   // chips; max standard error at the frame's ends without a comparison of clocks
-constexpr double kMinMove = 0.25;      // chips at the rows' ends
-constexpr std::size_t kMaxClocks = 8;  // max number kept
-constexpr double kReach = 20;          // max cost above the best clock, nats
-constexpr double kAlike = 0.12;        // chips, at the rows' ends and of exposure: closer clocks are equal
-constexpr int kWholeRounds = 3;
+constexpr double kWindowChips = 30;   // length of a part, beside the exposure
+constexpr double kUnsureFrame = 0.3;  // chips; max standard error at the frame's ends without a comparison of clocks
+constexpr double kMinMove = 0.25;     // chips at the rows' ends
+constexpr double kReach = 20;         // max cost above the best clock, nats
+constexpr double kAlike = 0.12;       // chips, at the rows' ends and of exposure: closer clocks are equal
 
 // Degrees of dark and swing that minimise Schwarz's criterion at a fixed clock. In a part of the frame, at most lines.
 ChannelModel choose_levels(const IterationContext& context, const KnownChips& chips, const ChipClock& clock,
@@ -80,7 +77,7 @@ std::optional<FoundChips> detect_rows(const IterationContext& context, const Cha
   const auto held = [&](std::size_t row) {
     return std::clamp(static_cast<double>(row), first - beyond, std::max(first, last) + beyond);
   };
-  const double least = kMinSwing * channel.swing_at(0.5 * (first + last + 1), signal.size());
+  const double least = kSmallShare * channel.swing_at(0.5 * (first + last + 1), signal.size());
   const auto swing_at = [&](std::size_t row) { return std::max(channel.swing_at(held(row), signal.size()), least); };
   std::vector<double> rows;
   for (std::size_t n = range.begin; n < range.end; ++n) {
@@ -112,7 +109,7 @@ bool IterationContext::may_try(RowRange range, const ChipClock& clock, double fi
   return options.effort->take(rows * (fits + 1) + rows / clock.rows_per_chip * states / kStatesPerRow);
 }
 
-std::optional<Iteration> iterate(const IterationContext& context, const ChannelEstimate& channel, RowRange range) {
+std::optional<RefinedChannel> iterate(const IterationContext& context, const ChannelEstimate& channel, RowRange range) {
   check_interrupt();
   if (!context.may_try(range, channel.clock, kLevelFits)) return std::nullopt;
   auto chips = detect_rows(context, channel, range);
@@ -122,7 +119,7 @@ std::optional<Iteration> iterate(const IterationContext& context, const ChannelE
   auto fitted = fit_channel(context.signal, inner, channel.clock, choose_levels(context, inner, channel.clock, most),
                             context.options.effort);
   if (!fitted || !(fitted->swing[0] > 0)) return std::nullopt;
-  return Iteration{std::move(*fitted), std::move(*chips)};
+  return RefinedChannel{std::move(*fitted), std::move(chips->levels), chips->first};
 }
 
 std::vector<ResidualWindow> residual_windows(std::span<const double> left, const ChannelEstimate& channel) {
@@ -183,7 +180,8 @@ ChannelEstimate with_rate_moved(ChannelEstimate channel, RowRange range, double 
 
 // The best of several iterations by residual: where the clock is uncertain at the ends of the rows, also with a higher
 // and a lower rate; where the exposure is uncertain, also with a longer and a shorter one.
-std::optional<Iteration> iterate_best(const IterationContext& context, const ChannelEstimate& channel, RowRange range) {
+std::optional<RefinedChannel> iterate_best(const IterationContext& context, const ChannelEstimate& channel,
+                                           RowRange range) {
   auto best = iterate(context, channel, range);
   const double error = end_error(channel, range);
   if (!(error > kCertainPhase)) return best;
@@ -239,31 +237,26 @@ RowRange grown(const ChannelEstimate& channel, std::size_t frame_rows, double mi
 }
 
 std::optional<RefinedChannel> grow(const IterationContext& context, const ChannelEstimate& start, double min_growth) {
-  ChannelEstimate channel = start;
-  FoundChips last;
-  RowWarp warp;
+  RefinedChannel now{start, {}};
   const double max_growth = context.options.warped ? kMaxWarpedGrowth : kMaxGrowth;
   std::vector<double> even_rows;
   IterationContext even = context;
   int settling = 0;
-  bool settled = false;
-  for (int round = 0; round < kMaxRounds && settling < kSettlingRounds && !settled; ++round) {
-    const RowRange range = grown(channel, context.signal.size(), min_growth, max_growth);
-    if (context.options.warped) even.signal = even_rows = unwarped(context.signal, warp);
-    auto iteration = iterate_best(even, channel, range);
-    if (!iteration) return std::nullopt;
+  for (int round = 0; round < kManyIterations && settling < kWholeRounds && !now.settled; ++round) {
+    const RowRange range = grown(now.channel, context.signal.size(), min_growth, max_growth);
+    if (context.options.warped) even.signal = even_rows = unwarped(context.signal, now.warp);
+    auto next = iterate_best(even, now.channel, range);
+    if (!next) return std::nullopt;
     const bool whole = range.size() == context.signal.size();
     settling += whole;
-    settled = whole && iteration->chips == last;
+    next->settled = whole && next->first == now.first && next->chips == now.chips;
     if (context.options.warped) {
-      warp = fit_warp(even_rows, warp, iteration->chips.known(), iteration->channel);
-      set_rate(start.clock.rows_per_chip, warp, iteration->channel.clock);
+      next->warp = fit_warp(even_rows, now.warp, {next->chips, next->first}, next->channel);
+      set_rate(start.clock.rows_per_chip, next->warp, next->channel.clock);
     }
-    channel = std::move(iteration->channel);
-    last = std::move(iteration->chips);
+    now = std::move(*next);
   }
-  if (settling == 0) return std::nullopt;
-  return RefinedChannel{std::move(channel), std::move(last.levels), last.first, settled, false, std::move(warp)};
+  return settling > 0 ? std::optional(std::move(now)) : std::nullopt;
 }
 
 }  // namespace

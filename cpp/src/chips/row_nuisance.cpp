@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "core/levels.hpp"
 #include "ocisac/core/require.hpp"
 #include "rows/fit.hpp"
 
@@ -16,8 +16,6 @@ using Eigen::VectorXd;
 
 constexpr double kMaxSlowTerms = 160;  // a frame of 0.3 s at 260 Hz; the time grows with the square
 constexpr std::size_t kSwingDegree = 2;
-constexpr double kMinSlope = 1e-9;      // of its squares, not explained by the other columns
-constexpr double kShortestPart = 1e-6;  // cycles; a shorter exposure is none
 
 std::size_t slow_terms(std::size_t rows, const RowNuisance& nuisance) {
   return static_cast<std::size_t>(std::min(std::ceil(2 * static_cast<double>(rows) * nuisance.slow), kMaxSlowTerms));
@@ -43,7 +41,7 @@ void find_tone_steps(const RowSampling& rows, const ConstMatrix& model, const No
     first_tone += terms;
     const VectorXd shared = model.transpose() * slope;
     const double own = slope.squaredNorm() - shared.dot(solved.inverse * shared);
-    fit.tone_steps.push_back(own > kMinSlope * slope.squaredNorm() ? slope.dot(left) / own : 0.0);
+    fit.tone_steps.push_back(own > kEqual * slope.squaredNorm() ? slope.dot(left) / own : 0.0);
     squares += std::pow(fit.tone_steps.back(), 2) * slope.squaredNorm();
   }
   fit.moved_by_steps = std::sqrt(squares / static_cast<double>(model.rows()));
@@ -55,7 +53,7 @@ double exposed_square(double cycles, double exposure) {
     const double part = at - std::floor(at);
     return 0.5 * std::min(part, 1 - part);
   };
-  if (exposure <= kShortestPart) return cycles - std::floor(cycles) < 0.5 ? 0.5 : -0.5;
+  if (exposure <= kEqual) return cycles - std::floor(cycles) < 0.5 ? 0.5 : -0.5;
   return (integral(cycles + 0.5 * exposure) - integral(cycles - 0.5 * exposure)) / exposure;
 }
 
@@ -100,7 +98,7 @@ std::vector<double> without_square_wave(std::span<const double> signal, double f
   const Eigen::MatrixXd constant = Eigen::MatrixXd::Constant(values.size(), 1, 1 / std::sqrt(values.size()));
   const FrequencyFit tone = refine_frequencies(rows, {frequency}, constant, values);
   const double found = tone.frequencies[0];
-  const double phase = std::atan2(tone.amplitudes(0), tone.amplitudes(1)) / (2 * std::numbers::pi);  // cycles
+  const double phase = std::atan2(tone.amplitudes(0), tone.amplitudes(1)) / kTwoPi;  // cycles
   VectorXd wave(values.size());
   for (Index n = 0; n < wave.size(); ++n)
     wave(n) = exposed_square(found * rows.times[static_cast<std::size_t>(n)] + phase, found * exposure_rows);

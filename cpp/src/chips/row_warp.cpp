@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "columns/moving_mean.hpp"
+#include "ocisac/chips/refine_channel.hpp"
 #include "rows/exposed_chips.hpp"
 
 namespace ocisac {
@@ -15,7 +16,6 @@ namespace {
 
 constexpr double kNearbyChips = 4;  // either side, for the noise of a row
 constexpr double kMaxCorrelation = 0.95;
-constexpr double kMinNoise = 1e-4;  // of a row, relative to the swing
 
 // Displacement and its rate: mean and covariance (xx, xr, rr).
 struct Motion {
@@ -131,7 +131,7 @@ RowWarp fit_warp(std::span<const double> even_rows, const RowWarp& warp, const K
   const auto near_squares = moving_mean(squares, reach), near_products = moving_mean(products, reach);
   std::vector<double> noise(rows);
   for (std::size_t n = 0; n < rows; ++n) {
-    const double least = std::max(kMinNoise * channel.swing_at(static_cast<double>(n), rows), 1e-300);
+    const double least = std::max(kMinDetectorNoise * channel.swing_at(static_cast<double>(n), rows), 1e-300);
     const double correlation =
         !doubtful ? 0.0 : std::clamp(near_products[n] / std::max(near_squares[n], least * least), 0.0, kMaxCorrelation);
     if (n < channel.rows.begin || n >= channel.rows.end) {

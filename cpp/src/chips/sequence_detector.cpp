@@ -324,8 +324,6 @@ class Trellis {
   std::vector<std::optional<Grouping>> groupings_;  // (back) on demand
 };
 
-constexpr double kMaxSummedRows = 1 << 17;  // per chip: above, sums over rows equal integrals to 1e-10
-
 // Mean square difference between the rows of 01 and 10, for exposures of `length` chips: the integral over chips of the
 // squared difference, 2·(C(0) − C(length))/length², with C the autocorrelation of a triangle two chips wide (a cubic
 // B-spline).
@@ -346,32 +344,7 @@ std::vector<double> detect_sequence(const ChipQuestion& question) {
 double closest_pair_distance(double rows_per_chip, double exposure_rows) {
   require_positive("rows_per_chip", rows_per_chip);
   require_positive("exposure_rows", exposure_rows);
-  constexpr int kPlaces = 16;  // positions of a chip relative to the rows
-  const double length = exposure_rows / rows_per_chip;
-  if (rows_per_chip > kMaxSummedRows) return std::sqrt(rows_per_chip * mean_square_difference(length));
-  // Bright from 0 to 1, dark from 1 to 2, integrated up to a place.
-  const auto area = [](double place) { return std::clamp(place, 0.0, 1.0) - std::clamp(place - 1, 0.0, 1.0); };
-  // Rows differ while the chips enter or leave the exposure; between, the exposure contains both entirely.
-  const double changing = std::floor(2 * rows_per_chip) + 2, all = std::floor(exposure_rows) + changing;
-  double lowest = std::numeric_limits<double>::infinity();
-  for (int place = 0; place < kPlaces; ++place) {
-    double squares = 0;
-    const auto add = [&](double from, double count) {
-      for (int k = 0; k < static_cast<int>(count); ++k) {
-        const double end = (from + k + static_cast<double>(place) / kPlaces) / rows_per_chip;
-        const double off = (area(end) - area(end - length)) / length;
-        squares += off * off;
-      }
-    };
-    if (length > 2 + 2 / rows_per_chip) {
-      add(0, changing);
-      add(std::floor(exposure_rows), changing);
-    } else {
-      add(0, all);
-    }
-    lowest = std::min(lowest, squares);
-  }
-  return std::isfinite(length) ? std::sqrt(lowest) : 0.0;
+  return std::sqrt(rows_per_chip * mean_square_difference(exposure_rows / rows_per_chip));
 }
 
 }  // namespace ocisac

@@ -3,28 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/levels.hpp"
+
 namespace ocisac {
 
 namespace {
-
-constexpr int kRounds = 4;
-
-// Integral of the linearly interpolated signal from row 0.
-class Area {
- public:
-  explicit Area(std::span<const double> signal) : signal_(signal), total_(signal.size(), 0.0) {
-    for (std::size_t n = 1; n < signal.size(); ++n) total_[n] = total_[n - 1] + 0.5 * (signal[n] + signal[n - 1]);
-  }
-  [[nodiscard]] double to(double place) const {
-    const auto n = std::min(static_cast<std::size_t>(place), signal_.size() - 2);
-    const double part = place - static_cast<double>(n);
-    return total_[n] + part * (signal_[n] + 0.5 * part * (signal_[n + 1] - signal_[n]));
-  }
-
- private:
-  std::span<const double> signal_;
-  std::vector<double> total_;
-};
 
 // Line through the other chips of a kind, weighted by distance, evaluated at chip `at`; its slope is regularised if
 // there are few.
@@ -97,12 +80,18 @@ std::vector<double> chip_values(std::span<const double> signal, const ChipGrid& 
   const double period = grid.clock.rows_per_chip;
   const double reach = std::max(exposure_rows ? 0.4 * std::max(period - *exposure_rows, 0.0) : 0.25 * period, 0.5);
   const auto last = static_cast<double>(signal.size() - 1);
-  const Area area(signal);
+  std::vector<double> total(signal.size(), 0.0);  // integral of the linearly interpolated signal from row 0
+  for (std::size_t n = 1; n < signal.size(); ++n) total[n] = total[n - 1] + 0.5 * (signal[n] + signal[n - 1]);
+  const auto area_to = [&](double place) {
+    const auto n = std::min(static_cast<std::size_t>(place), signal.size() - 2);
+    const double part = place - static_cast<double>(n);
+    return total[n] + part * (signal[n] + 0.5 * part * (signal[n + 1] - signal[n]));
+  };
   std::vector<double> values(grid.count);
   for (std::size_t k = 0; k < grid.count; ++k) {
     const double low = std::clamp(grid.centre(k) - reach, 0.0, last),
                  high = std::clamp(grid.centre(k) + reach, 0.0, last);
-    values[k] = (area.to(high) - area.to(low)) / (high - low);
+    values[k] = (area_to(high) - area_to(low)) / (high - low);
   }
   return values;
 }
@@ -112,7 +101,7 @@ std::optional<SlicedChips> slice(std::span<const double> signal, const ChipGrid&
   const auto values = chip_values(signal, grid, exposure_rows);
   std::vector<std::uint8_t> bits(guess.begin(), guess.end());
   SlicedChips decided;
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kMaxIterations; ++round) {
     if (!holds_both(bits)) return std::nullopt;
     decided = decide(values, bits);
     if (decided.bits == bits) break;

@@ -11,6 +11,7 @@
 #include <optional>
 #include <utility>
 
+#include "core/levels.hpp"
 #include "core/softplus.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
@@ -25,26 +26,23 @@ constexpr std::size_t kNumberBytes = 1, kChecksumBytes = 4;
 constexpr std::size_t kUsualData = 85, kMaxData = 170;   // bytes of a codeword of 255
 constexpr std::size_t kMinBlocks = 4, kMaxBlocks = 256;  // each digit of the length has a block
 constexpr unsigned kHeaderMask = 0x5AA5;
-constexpr double kSureBit = 2;                       // nats: a byte with a smaller |llr| is an erasure
-constexpr double kMaxSoftBit = 60;                   // nats
-constexpr std::ptrdiff_t kMaxSlip = 2;               // chips
-constexpr std::size_t kMaxDoubtful = 8;              // stretches
-constexpr std::size_t kMaxWaiting = 131072;          // chips
-constexpr double kSureChip = 6;                      // nats; bounds what one chip says of a place
-constexpr double kMinPlaceVariance = 0.01;           // chips²
-constexpr double kPlaceErrors = 4, kMaxPlaces = 24;  // standard errors, chips: places compared, on either side
+constexpr double kSureBit = 2;               // nats: a byte with a smaller |llr| is an erasure
+constexpr double kMaxSoftBit = 60;           // nats
+constexpr std::ptrdiff_t kMaxSlip = 2;       // chips
+constexpr std::size_t kMaxDoubtful = 8;      // stretches
+constexpr std::size_t kMaxWaiting = 131072;  // chips
+constexpr double kSureChip = 6;              // nats; bounds what one chip says of a place
+constexpr double kMinPlaceVariance = 0.01;   // chips²
+constexpr double kMaxPlaces = 24;            // chips: places compared, on either side
 constexpr std::size_t kHeadersKept = 16;
 constexpr double kLooseWalk = 2;  // chips² from header to header, over the square of their number
 constexpr std::size_t kHeadersOfRate = 4;
 constexpr double kEvenWalk = 1;                          // chips² from header to header
-constexpr double kCountError = 0.3;                      // chips, of places that a wrong clock rounded
-constexpr double kWholePause = 0.1;                      // chips; errors of a pause by two headers
 constexpr double kSteadyClock = 1;                       // nats
 constexpr double kWholeDrift = 0.5;                      // chips; a tracked clock is whole chips off
 constexpr double kHeadersMissed = 5;                     // expected since the last one
 constexpr std::size_t kUnplaced = 12;                    // stretches
 constexpr double kSlipChance = 1e-4, kElsewhere = 1e-3;  // probabilities of each slip of a chip or two; of any place
-constexpr double kSurePlace = 0.99;                      // probability
 constexpr double kScatterKept = 0.8;                     // of the variance about the origin, from header to header
 
 constexpr std::array<std::uint8_t, 14> kStandard = {0, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 1};
@@ -212,7 +210,7 @@ std::optional<unsigned> decide_header(std::span<const double> llr, double chance
     best = sent ^ kHeaderMask;
   }
   evidence += std::log(all * chance * 0x10000U / kHeaders);  // over bits at random
-  return highest < all * kSurePlace * (1 + std::exp(-evidence)) ? std::nullopt : std::optional(best);
+  return highest < all * (1 - kNextToNone) * (1 + std::exp(-evidence)) ? std::nullopt : std::optional(best);
 }
 
 // The block whose preamble begins at a chip, `chance` that one does. Absent where another header, bytes, or chips at
@@ -224,7 +222,7 @@ std::optional<BlockSighting> read_block(std::size_t chip, double chance, const C
   // Upper bounds of the evidence that bits, and all words, can add.
   const double of_bits = std::log(0x10000U * chance / kHeaders);
   const double most = of_bits + static_cast<double>(header_chips(format) - 16) * std::numbers::ln2;
-  const double sure = std::log(kSurePlace / (1 - kSurePlace));
+  const double sure = std::log((1 - kNextToNone) / kNextToNone);
   double evidence = 0;
   for (std::size_t k = 0; k < preamble.size(); ++k) {
     evidence += chips.of_chip(static_cast<std::ptrdiff_t>(chip + k), preamble[k] != 0);
@@ -481,7 +479,7 @@ void PacketAssembler::learn_pause(const Header& header, std::optional<double> to
   const double pause = (header.chip - last.chip) / static_cast<double>(blocks) - static_cast<double>(block_chips_);
   const double whole = std::nearbyint(pause);
   unsigned shown = 0;
-  if (whole > 0 && std::abs(pause - whole) < kWholePause) {
+  if (whole > 0 && std::abs(pause - whole) < std::sqrt(kMinPlaceVariance)) {
     const auto chip = static_cast<std::size_t>(header.chip - header.place);
     const double evidence = pause_evidence(tail_, chip, static_cast<std::size_t>(whole), format_.line_code);
     const double drift = pause * static_cast<double>(blocks) / (header.time - last.time);
@@ -540,7 +538,7 @@ void PacketAssembler::set_rate(double chips) {
     const Stretch &first = waiting_.front(), &last = waiting_.back();
     now = last.time();
     counted = (last.place() - first.place()) / (now - first.time());
-    error = kCountError;
+    error = 1 / std::sqrt(12.0);  // a wrong clock rounded the places
   }
   const auto moved = [&](double time) { return (chips - counted) * (now - time); };
   for (Stretch& stretch : waiting_) {
@@ -642,7 +640,7 @@ PacketAssembler::Agreement PacketAssembler::follow(Stretch& stretch) {
     const double own = stretch.errors.scatter * stretch.errors.scatter;
     const double variance = origin_ ? place_variance(stretch, *origin_) : 0;
     const double off = origin_ ? difference(seen, origin_at(stretch, *origin_), cycle()) : 0;
-    const double allowed = static_cast<double>(kMaxSlip) + 0.5 + kPlaceErrors * std::sqrt(variance);
+    const double allowed = static_cast<double>(kMaxSlip) + 0.5 + kSure * std::sqrt(variance);
     const bool contradicts = origin_ && std::abs(off) > allowed;
     if (contradicts && !doubtful_) {
       doubtful_ = *stretch.origin;
@@ -720,12 +718,12 @@ std::optional<std::ptrdiff_t> PacketAssembler::likely_place(const Stretch& stret
     const double expected = stretch.place() - origin_at(stretch, origin);
     const double nearest = std::nearbyint(expected);
     const double most = drift_ ? 0.5 * static_cast<double>(period()) : kMaxPlaces;
-    const double reach = std::clamp(std::ceil(kPlaceErrors * deviation), static_cast<double>(kMaxSlip), most);
+    const double reach = std::clamp(std::ceil(kSure * deviation), static_cast<double>(kMaxSlip), most);
     for (double chip = nearest - reach; chip <= nearest + reach; ++chip) {
       const double errors = (chip - expected) / deviation;
       const double slip = std::abs(chip - nearest) <= static_cast<double>(kMaxSlip) ? kSlipChance : 0.0;
       priors[modulo(static_cast<std::ptrdiff_t>(chip), cycle())] +=
-          weight * (std::exp(-0.5 * errors * errors) / (deviation * std::sqrt(2 * std::numbers::pi)) + slip);
+          weight * (std::exp(-0.5 * errors * errors) / (deviation * std::sqrt(kTwoPi)) + slip);
     }
   }
   ChipEvidence evidence_of(stretch.llr, format_.line_code);
@@ -736,7 +734,7 @@ std::optional<std::ptrdiff_t> PacketAssembler::likely_place(const Stretch& stret
   const auto most = std::ranges::max_element(places);
   double all = std::exp(std::min(elsewhere - most->first, 700.0));
   for (const auto& [logarithm, place] : places) all += std::exp(logarithm - most->first);
-  if (1 < kSurePlace * all) return std::nullopt;
+  if (1 < (1 - kNextToNone) * all) return std::nullopt;
   return most->second;
 }
 
@@ -760,8 +758,8 @@ void PacketAssembler::place_block(std::span<const double> chips, std::size_t blo
   }
 }
 
-void PacketAssembler::add(const Stretch& stretch, std::ptrdiff_t place, float sign, StretchReport& report) {
-  for_blocks(stretch.llr.size(), place, [&](std::ptrdiff_t start, std::size_t block) {
+void PacketAssembler::add(const Stretch& stretch, float sign, StretchReport& report) {
+  for_blocks(stretch.llr.size(), *stretch.joined, [&](std::ptrdiff_t start, std::size_t block) {
     place_block(block_at(stretch.llr, start), block, sign, report);
   });
 }
@@ -769,16 +767,18 @@ void PacketAssembler::add(const Stretch& stretch, std::ptrdiff_t place, float si
 // Stretches that were placed since the last header have no place: the next one contradicts the clock.
 void PacketAssembler::take_back() {
   StretchReport unused;
-  for (const Joined& joined : joined_) add(joined.stretch, joined.place, -1, unused);
+  for (const Stretch& stretch : joined_) add(stretch, -1, unused);
   joined_.clear();
 }
 
 void PacketAssembler::place_waiting(StretchReport& report) {
-  std::erase_if(waiting_, [&](const Stretch& stretch) {  // where the clock is gone, headers alone have a place
+  std::erase_if(waiting_, [&](Stretch& stretch) {  // where the clock is gone, headers alone have a place
     if (stretch.epoch == epoch_) return false;
     if (!stretch.blocks.empty() && stretch.blocks.back().parity == parity_.value &&
-        stretch.blocks.back().block < layout_->blocks)
-      add(stretch, modulo(stretch.first - origin_by(stretch, stretch.blocks.back()), cycle()), 1, report);
+        stretch.blocks.back().block < layout_->blocks) {
+      stretch.joined = modulo(stretch.first - origin_by(stretch, stretch.blocks.back()), cycle());
+      add(stretch, 1, report);
+    }
     return true;
   });
   std::vector<bool> agrees;
@@ -809,31 +809,29 @@ void PacketAssembler::place_waiting(StretchReport& report) {
   if (!origin_) return;
   std::optional<Origin> next;
   std::deque<Stretch> still;
-  std::vector<std::optional<std::ptrdiff_t>> places(waiting_.size());
   for (std::size_t k = waiting_.size(); k-- > 0;) {
-    const Stretch& stretch = waiting_[k];
+    Stretch& stretch = waiting_[k];
     if (!agrees[k]) continue;
     if (stretch.origin) {
-      places[k] = modulo(stretch.first - *stretch.origin, cycle());
+      stretch.joined = modulo(stretch.first - *stretch.origin, cycle());
       next = origins[k];
       continue;
     }
     std::vector<Origin> about;
     if (origins[k]) about.push_back(*origins[k]);
     if (next) about.push_back(*next);
-    if (!about.empty()) places[k] = likely_place(stretch, about);
+    if (!about.empty()) stretch.joined = likely_place(stretch, about);
   }
-  for (std::size_t k = 0; k < waiting_.size(); ++k) {
-    Stretch& stretch = waiting_[k];
-    if (!places[k]) {
+  for (Stretch& stretch : waiting_) {
+    if (!stretch.joined) {
       still.push_back(std::move(stretch));
       continue;
     }
-    add(stretch, *places[k], 1, report);
+    add(stretch, 1, report);
     if (stretch.origin)
       joined_.clear();
     else
-      joined_.push_back({std::move(stretch), *places[k]});
+      joined_.push_back(std::move(stretch));
   }
   while (still.size() > kMaxDoubtful) still.pop_front();
   if (joined_.size() > kMaxDoubtful) joined_.erase(joined_.begin());
@@ -894,7 +892,7 @@ StretchReport PacketAssembler::push(std::ptrdiff_t first, std::span<const double
   for (double value : llr) require(!std::isnan(value), "llr", value, "numbers");
   require_not_negative("scatter", errors.scatter);
   StretchReport report;
-  const double doubt = kPlaceErrors * std::hypot(errors.scatter, errors.slip);
+  const double doubt = kSure * std::hypot(errors.scatter, errors.slip);
   if (end_ && static_cast<double>(first) + doubt < static_cast<double>(*end_)) {
     report.outcome = StretchOutcome::repeated;
   } else if (std::ranges::all_of(llr, [](double value) { return value == 0; })) {

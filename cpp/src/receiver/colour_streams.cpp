@@ -5,7 +5,9 @@
 #include <cmath>
 #include <cstdint>
 
+#include "chips/channel_growth.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 #include "core/linear_algebra.hpp"
 
 namespace ocisac {
@@ -18,9 +20,6 @@ using Eigen::VectorXd;
 
 constexpr double kAgreement = 0.95;    // of decisions, or of opposite ones: one stream
 constexpr double kMinOpposite = 0.25;  // of the largest swing: less may be the camera's colour correction
-constexpr double kMinSwing = 0.02;     // of the largest swing: a colour without the light
-constexpr int kRounds = 20;
-constexpr double kMinSpread = 1e-9;  // of a colour's noise, relative to its swing
 
 // Decisions of −1 and 1 of each stream, (chips × streams).
 using Streams = MatrixXd;
@@ -85,13 +84,13 @@ MatrixXd with_course(const Streams& streams) {
 Mixing fit_mixing(const MatrixXd& values, const Streams& streams) {
   const MatrixXd terms = with_course(streams);
   MatrixXd normal = gram(terms.transpose());
-  normal.diagonal().array() += 1e-9 * static_cast<double>(terms.rows());
+  normal.diagonal().array() += kEqual * static_cast<double>(terms.rows());
   Mixing mixing{product(inverse(normal), transposed_product(terms, values)), {}};
   const MatrixXd rest = values - product(terms, mixing.gains);
   mixing.variance = rest.colwise().squaredNorm().transpose() / static_cast<double>(values.rows());
   for (Index c = 0; c < values.cols(); ++c)
-    mixing.variance(c) = std::max(
-        mixing.variance(c), kMinSpread * (values.col(c).squaredNorm() / static_cast<double>(values.rows()) + 1e-300));
+    mixing.variance(c) = std::max(mixing.variance(c),
+                                  kEqual * (values.col(c).squaredNorm() / static_cast<double>(values.rows()) + 1e-300));
   return mixing;
 }
 
@@ -125,7 +124,7 @@ Streams separated(const MatrixXd& values, const MatrixXd& signals) {
   Streams streams(signals.rows(), signals.cols());
   for (Index k = 0; k < signals.cols(); ++k) streams.col(k) = decisions(signals.col(k));
   streams = without_duplicates(streams);
-  for (int round = 0; round < kRounds && streams.cols() > 0; ++round) {
+  for (int round = 0; round < kManyIterations && streams.cols() > 0; ++round) {
     check_interrupt();
     const Streams next = without_duplicates(nearest(values, fit_mixing(values, streams)));
     if (next.cols() == streams.cols() && next == streams) break;
@@ -142,7 +141,7 @@ VectorXd unmixing(const Mixing& mixing, Index stream, const std::vector<Index>& 
     scaled.col(c) = mixing.gains.col(colours[static_cast<std::size_t>(c)]).head(count) /
                     std::sqrt(mixing.variance(colours[static_cast<std::size_t>(c)]));
   MatrixXd normal = gram(scaled);
-  normal.diagonal().array() += 1e-9 * normal.trace();
+  normal.diagonal().array() += kEqual * normal.trace();
   const VectorXd of_colours = product(inverse(normal), scaled).row(stream).transpose();
   VectorXd weights = VectorXd::Zero(mixing.gains.cols());
   for (Index c = 0; c < scaled.cols(); ++c) {
@@ -174,7 +173,7 @@ std::vector<ColourStream> colour_streams(const std::vector<std::vector<double>>&
   const VectorXd swings = (levels.colwise().squaredNorm() / static_cast<double>(levels.rows())).cwiseSqrt().transpose();
   std::vector<Index> by_swing;
   for (Index c = 0; c < swings.size(); ++c)
-    if (swings(c) > kMinSwing * swings.maxCoeff()) by_swing.push_back(c);
+    if (swings(c) > kNextToNone * swings.maxCoeff()) by_swing.push_back(c);
   std::ranges::sort(by_swing, [&](Index a, Index b) { return swings(a) > swings(b); });
   if (by_swing.empty()) return {};
   by_swing.resize(std::min<std::size_t>(by_swing.size(), 3));

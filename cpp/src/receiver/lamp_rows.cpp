@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "chips/edges.hpp"
+#include "chips/lit_rows.hpp"
 #include "ocisac/core/constants.hpp"
 #include "rows/fit.hpp"
 
@@ -15,10 +16,9 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kTurnErrors = 8, kMinTurn = 0.05;  // noise; span of the signal
-constexpr double kGapRuns = 4, kGapChips = 16;      // times the longest run of chips, the shortest ones
-constexpr std::size_t kMinEdges = 6;                // of a lamp
-constexpr double kLitShare = 0.25;                  // of the brightest pixel: an isophote of a round lamp is round, too
+constexpr double kMinTurn = 0.05;     // of the span of the signal
+constexpr std::size_t kMinEdges = 6;  // of a lamp
+constexpr double kLitShare = 0.25;    // of the brightest pixel: an isophote of a round lamp is round, too
 constexpr std::size_t kMinWidths = 6;
 constexpr double kMaxError = 0.03;  // of the largest width
 constexpr double kFurthest = 0.25;  // of the measured rows, beyond them
@@ -47,9 +47,9 @@ double gap_length(std::span<const double> runs, bool bright_first) {
   auto& [dark, bright] = kinds;
   if (dark.empty() || bright.empty()) return kInfinity;
   std::ranges::sort(dark);
-  const double least = std::max(kGapRuns * *std::ranges::max_element(bright), kGapChips * dark[dark.size() / 4]);
+  const double least = std::max(kDarkRuns * *std::ranges::max_element(bright), kDarkChips * dark[dark.size() / 4]);
   for (std::size_t k = dark.size() / 2; k + 1 < dark.size(); ++k)
-    if (dark[k + 1] > std::max(kGapRuns * dark[k], least)) return dark[k + 1];
+    if (dark[k + 1] > std::max(kDarkRuns * dark[k], least)) return dark[k + 1];
   return kInfinity;
 }
 

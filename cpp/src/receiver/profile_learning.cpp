@@ -7,9 +7,10 @@
 #include <utility>
 
 #include "columns/moving_mean.hpp"
+#include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "receiver/reading_trust.hpp"
-#include "receiver/repeated_frames.hpp"
+#include "receiver/rows_of_noise.hpp"
 #include "rows/verdict.hpp"
 
 namespace ocisac {
@@ -23,12 +24,9 @@ constexpr std::size_t kProfileRounds = 12;
 constexpr std::array kShapeWeights{1.0, 1.0, 0.1, 0.01, 0.001};  // by round: prior of the first shape
 constexpr double kProfileSearches = 6;                           // frames' efforts for the kept frames, in a round
 constexpr double kProfileGain = 0.95;      // max ratio of the noise of a round to that of the round before
-constexpr double kBetterProfile = 0.8;     // the same of a profile that replaces one in use
 constexpr double kMaxProfileGrowth = 1.5;  // ratio of a frame's noise to that of those that the profile is of
-constexpr double kMinProfileSwing = 0.1;   // of the largest: darker rows are not read
-constexpr double kMinFittedSwing = 0.15;   // the same of a fitted profile, of the median
+constexpr double kMinFittedSwing = 0.15;   // of the median, of a fitted profile: darker rows are not read
 constexpr std::size_t kOwnSmoothing = 3;   // rows either side, of the swing at a lamp's ends
-constexpr double kMinOwnSwing = 0.5;       // of the smoothed swing, of a row at a lamp's end
 constexpr double kModeratelySlow = 0.3;    // chips, of rise and fall
 constexpr double kProfileChips = 8;        // chips either side over which a profile's swing is smoothed, at least
 
@@ -40,10 +38,10 @@ bool is_bright(const RowProfile& profile, RowRange rows) {
 // The first profile's bright rows. Its smoothing reaches beyond the end of a lamp, where chips could be invented that
 // show nothing of themselves: rows at the ends must swing by themselves about as much as those nearby.
 RowRange swinging_rows(const RowProfile& first, std::span<const ProfileFrame> frames) {
-  RowRange rows = profile_rows(first, kMinProfileSwing);
+  RowRange rows = profile_rows(first, kSmallShare);
   const auto own = first_profile(frames, kOwnSmoothing);
   if (!own) return rows;
-  const auto swings = [&](std::size_t row) { return own->swing[row] > kMinOwnSwing * first.swing[row]; };
+  const auto swings = [&](std::size_t row) { return own->swing[row] > kMostly * first.swing[row]; };
   while (rows.size() > 0 && !swings(rows.begin)) ++rows.begin;
   while (rows.size() > 0 && !swings(rows.end - 1)) --rows.end;
   return rows;
@@ -231,7 +229,7 @@ std::optional<Learned> learn_rows(const RowReader& reader, const FrameHistory& h
   auto own = first_profile(signals, 0);
   if (!own) return std::nullopt;
   const std::size_t count = own->swing.size();  // some chips are alike in all frames by chance:
-  RowRange rows = profile_rows({own->dark, moving_mean(own->swing, smoothing(state) / 4)}, kMinProfileSwing);
+  RowRange rows = profile_rows({own->dark, moving_mean(own->swing, smoothing(state) / 4)}, kSmallShare);
   rows = lamp_rows(*own, rows);
   if (rows.begin > 0) rows.begin += kOwnSmoothing;
   if (rows.end < count) rows.end -= kOwnSmoothing;
@@ -263,7 +261,7 @@ std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row
     now.profile.noise = noise;
     now.profile.fits = frames_at_least(Trust::fits, now.frames) >= enough && round > 0;
     const bool slower = best && now.state.model.slow_light && !best->state.model.slow_light;
-    const double highest = best ? (slower ? kBetterProfile : 1.0) * best->profile.noise : kMaxRelativeNoise;
+    const double highest = best ? (slower ? kLessNoise : 1.0) * best->profile.noise : kMaxRelativeNoise;
     if (round > 0 && readable && (noise < highest || (now.profile.fits && !slower))) best = now;
     if (best && best->profile.fits) break;
     const bool finds_tone = readable && finds_tone_left(reader, now);
@@ -404,7 +402,7 @@ std::optional<Learned> learn_profile(const RowReader& reader, const FrameHistory
   for (Learned& start : starts(reader, history, state))
     if ((learned = learn_from(reader, history.first_row, std::move(start)))) break;
   const auto& used = history.profile;
-  if (learned && used && !learned->profile.fits && !(learned->profile.noise < kBetterProfile * used->noise))
+  if (learned && used && !learned->profile.fits && !(learned->profile.noise < kLessNoise * used->noise))
     return std::nullopt;
   return learned;
 }

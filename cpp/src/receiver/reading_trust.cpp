@@ -8,6 +8,7 @@
 #include <span>
 
 #include "chips/channel_growth.hpp"
+#include "core/levels.hpp"
 
 namespace ocisac {
 
@@ -20,9 +21,7 @@ constexpr double kMaxCorrelation = 0.3;                       // right frames ha
 constexpr double kChangedRows = 1.5;                          // chips, by one of them
 constexpr double kExcessChips = 8;                            // either side, in which the residual is alike
 constexpr double kExcessErrors = 5;                           // standard errors
-constexpr double kMinDeviations = 3;                          // standard deviations of the count of violations
-constexpr int kHalvings = 30;
-constexpr double kSureErrors = 0.05;           // chips in a frame
+constexpr double kSureErrors = 0.05;                          // chips in a frame
 constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
 // Words that violate the code, at the place of words with the fewest.
@@ -157,9 +156,9 @@ bool agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
     std::ranges::transform(llr, turned.begin(), std::negate{});
     seen = std::min(seen, violations(turned, code) - allowed);  // the light may be dark for 1
   }
-  if (seen <= expected + kMinDeviations * std::sqrt(expected + 1)) return true;
+  if (seen <= expected + kWeak * std::sqrt(expected + 1)) return true;
   double low = 0, high = 1;
-  for (int k = 0; k < kHalvings; ++k) {
+  for (int k = 0; k < kManyIterations; ++k) {
     const double scale = 0.5 * (low + high);
     (expected_errors(llr, scale) > kWrongPerViolation * seen ? low : high) = scale;
   }

@@ -25,6 +25,7 @@ inline constexpr double kMaxRelativeNoise = 1.0 / 3;  // of a frame that can be 
 inline constexpr double kNoResidual = 0.005;          // the same: rounding to whole values may be correlated
 inline constexpr double kSamePhase = 0.1;             // chips, by which clocks differ without a wrong chip
 inline constexpr double kAsNoisy = 1.2;               // ratio of what two readings leave that are as good
+inline constexpr double kLessNoise = 0.8;             // the same, required of another model
 
 // Those of a reading's chips. Where more is left than white noise, the noise is of unknown size, as Student's t has it:
 //

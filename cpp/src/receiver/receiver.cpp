@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "core/levels.hpp"
 #include "lights/light_regions.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
@@ -19,9 +20,8 @@ constexpr double kFalseLights = 0.1;           // a picture; regions without dat
 constexpr std::size_t kSearchedColumns = 640;  // evenly spaced, at most
 constexpr std::size_t kMinMargin = 8;          // columns added on either side of a light's region
 constexpr std::size_t kRegionsOfLight = 4;     // that a search may propose, for each light that is allowed
-constexpr double kSamePlace = 0.5;
-constexpr std::size_t kMaxAttempts = 12;  // frames in which a proposal is searched
-constexpr std::size_t kGivenUp = 90;      // frames without reception until a light is dropped
+constexpr std::size_t kMaxAttempts = 12;       // frames in which a proposal is searched
+constexpr std::size_t kGivenUp = 90;           // frames without reception until a light is dropped
 
 // Every `step`-th column.
 AnyFramesView thinned(const AnyFramesView& frame, std::size_t step) {
@@ -88,7 +88,7 @@ std::vector<Region> several_lights(const AnyFramesView& frame, const Camera& cam
   std::ranges::stable_sort(regions, std::ranges::greater{}, &Region::pixels);
   std::vector<Region> apart;
   for (const Region& region : regions)
-    if (std::ranges::none_of(apart, [&](const Region& r) { return shared_of_smaller(r, region) > kSamePlace; }))
+    if (std::ranges::none_of(apart, [&](const Region& r) { return shared_of_smaller(r, region) > kMostly; }))
       apart.push_back(region);
   std::ranges::sort(apart, {}, [](const Region& r) { return std::pair(r.x, r.y); });
   return apart;
@@ -191,7 +191,7 @@ void Receiver::search_several(const AnyFramesView& frame) {
   }
   auto& [regions, agreed, searched] = proposal_;
   const bool agrees = agreed > 0 && std::ranges::equal(found, regions, [](const Region& a, const Region& b) {
-                        return shared_of_larger(a, b) > kSamePlace;
+                        return shared_of_larger(a, b) > kMostly;
                       });
   agreed = agrees ? agreed + 1 : 1;
   if (agrees)
@@ -206,12 +206,12 @@ void Receiver::search_several(const AnyFramesView& frame) {
 // Adds new lights. Received lights keep their region; lost ones get the detected region.
 void Receiver::adopt(const std::vector<Region>& found) {
   std::erase_if(lights_, [&](const LightReceiver& light) {
-    const auto within = [&](const Region& region) { return shared_of_smaller(light.region(), region) > kSamePlace; };
+    const auto within = [&](const Region& region) { return shared_of_smaller(light.region(), region) > kMostly; };
     return light.unseen() >= kGivenUp || std::ranges::count_if(found, within) > 1;  // covers several lights
   });
   for (const Region& region : found) {
     const auto same = std::ranges::find_if(
-        lights_, [&](const auto& light) { return shared_of_smaller(light.region(), region) > kSamePlace; });
+        lights_, [&](const auto& light) { return shared_of_smaller(light.region(), region) > kMostly; });
     if (same == lights_.end()) {
       if (lights_.size() < options_.max_sources) add(region, true);
     } else if (same->unseen() >= LightReceiver::kFramesAgreed) {

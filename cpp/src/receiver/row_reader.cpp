@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/rows/chip_clock.hpp"
@@ -18,21 +19,19 @@ namespace {
 constexpr double kFrameTimeError = 1e-4;   // relative standard error of a nominal frame time
 constexpr double kSurePrediction = 0.15;   // chips; max standard error at which a predicted phase is used alone
 constexpr double kSameExposure = 0.1;      // chips; a change by which a predicted phase is not sure
-constexpr double kBrighter = 0.08;         // relative, of the mean from frame to frame: exposure or gain changed
-constexpr double kMinVariance = 0.25;      // of a frame's rows over that of the last one with the same light
+constexpr double kLittleNoise = 0.06;      // relative to the swing: excludes a lost clock in any part
 constexpr double kNarrowTolerance = 2e-3;  // relative, of a rate estimated from frames
 constexpr double kWideTolerance = 0.02;    // relative, of a nominal rate
+constexpr double kBrighter = 0.08;         // relative, of the mean from frame to frame: exposure or gain changed
+constexpr double kMinVariance = 0.25;      // of a frame's rows over that of the last one with the same light
 constexpr double kMaxNoiseRatio = 2;       // ratio to the last frame
-constexpr double kLittleNoise = 0.06;      // relative to the swing: excludes a lost clock in any part
 constexpr double kMaxWrongExposure = 2;    // ratio; a stated one is believed so far
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 7000;
 constexpr double kMaxSearchRows = 2048;      // rows that count for the bound of the search
 constexpr double kPreambleShare = 0.3;       // of the effort, for an exposure that a preamble shows
 constexpr std::size_t kPhases = 6;           // tried per chip without a prediction
 constexpr double kMinChips = 12;             // in a frame
-constexpr double kFollowedEffort = 0.1;      // of the others' effort, where a clock is tracked
 constexpr double kWarpEffort = 3;            // of the other models'
-constexpr double kBetter = 0.8;              // ratio of the residual noise required of another model
 constexpr double kEdgeStd = 0.15;            // chips, of edges that lie off the clock; right within a factor of two
 constexpr std::array kSlownesses{1.0, 0.6};  // chips; initial rise and fall, right within half a chip
 constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
@@ -430,12 +429,12 @@ void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) cons
     tried.may_follow = state.fits;
     tried.effort = frame.effort_of_others;
     tried.is_noise.reset();
-    if (!searches) tried.effort.rows *= kFollowedEffort;
+    if (!searches) tried.effort.rows *= kSmallShare;
     if (model.warped) tried.effort.rows *= kWarpEffort;
     auto other = !model.loose_edges ? read_with(model, tried, state)
                  : best.reading     ? loosened(frame.signal, *best.reading, model.exposure_known, &tried.effort)
                                     : std::nullopt;
-    if (!other || (best.reading && other->relative_noise > kBetter * best.reading->relative_noise)) continue;
+    if (!other || (best.reading && other->relative_noise > kLessNoise * best.reading->relative_noise)) continue;
     const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
     if (state.exposure && std::max(exposure / *state.exposure, *state.exposure / exposure) > kMaxWrongExposure)
       continue;

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "receiver/repeated_frames.hpp"
+#include "receiver/rows_of_noise.hpp"
 
 namespace {
 

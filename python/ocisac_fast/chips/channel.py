@@ -546,8 +546,8 @@ def chip_llr(
 def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
     """Distance, in swings, between the rows of the two closest sequences of chips: 01 and 10.
 
-    It is the minimum over the phase of the chips relative to the rows. From exposures of about two chips on, no other
-    pair is closer. Noise sigma of a row gives about Q(distance/(2 sigma)) errors per chip for any receiver.
+    It is the root mean square over the phase of the chips relative to the rows. From exposures of about two chips on,
+    no other pair is closer. Noise sigma of a row gives about Q(distance/(2 sigma)) errors per chip for any receiver.
 
     Args:
         rows_per_chip: above 0.

@@ -91,17 +91,20 @@ def chip_llr(
 
 
 def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
-    """Square root of the minimum, over 16 phases of the chips, of the sum of squared differences of the rows."""
+    """Square root of the mean, over all phases of the chips, of the sum of squared differences of the rows.
+
+    It is an integral of parabolas between the ends of the chips in the exposure, by Simpson's rule.
+    """
     length = exposure_rows / rows_per_chip
 
-    def area(ends: FloatArray) -> FloatArray:
-        return np.asarray(np.clip(ends, 0, 1) - np.clip(ends - 1, 0, 1))
+    def difference(ends: FloatArray) -> FloatArray:
+        area = [np.clip(at, 0, 1) - np.clip(at - 1, 0, 1) for at in (ends, ends - length)]
+        return np.asarray((area[0] - area[1]) / length)
 
-    squares = []
-    for place in np.arange(16) / 16:
-        ends = np.arange(place, rows_per_chip * (length + 2)) / rows_per_chip
-        squares.append(np.sum(((area(ends) - area(ends - length)) / length) ** 2))
-    return float(np.sqrt(min(squares)))
+    ends = np.unique([0, 1, 2, length, 1 + length, 2 + length])
+    begin, end = ends[:-1], ends[1:]
+    squares = [difference(at) ** 2 for at in (begin, (begin + end) / 2, end)]
+    return float(np.sqrt(rows_per_chip * np.sum((end - begin) / 6 * (squares[0] + 4 * squares[1] + squares[2]))))
 
 
 def expose_chips(chips: npt.ArrayLike, rows: int, clock: ChipClock, *, first: int = 0) -> FloatArray:

@@ -27,8 +27,8 @@ inline constexpr double kLongestDetectedExposure = 15;
 std::vector<double> detect_sequence(const ChipQuestion& question);
 
 // Distance, over the swing, between the rows of two sequences that differ by 01 for 10: the closest pair for exposures
-// from about two chips on. Minimum over the chips' positions relative to the rows. Noise σ of a row gives about
-// Q(distance/(2σ)) errors per chip.
+// from about two chips on. Root mean square over the chips' positions relative to the rows. Noise σ of a row gives
+// about Q(distance/(2σ)) errors per chip.
 double closest_pair_distance(double rows_per_chip, double exposure_rows);
 
 }  // namespace ocisac

@@ -150,8 +150,9 @@ class PacketAssembler {
     std::ptrdiff_t blocks_first;  // chip from which `blocks` count: `first`, or of the stretch before
     std::vector<BlockSighting> blocks;
     PlaceErrors errors;
-    double slips;                          // variance of the clock's jumps up to here, chips²
-    std::optional<std::ptrdiff_t> origin;  // by its headers
+    double slips;                            // variance of the clock's jumps up to here, chips²
+    std::optional<std::ptrdiff_t> origin;    // by its headers
+    std::optional<std::ptrdiff_t> joined{};  // its place in the cycle
 
     [[nodiscard]] double place() const { return static_cast<double>(first) + errors.offset; }
     [[nodiscard]] double time() const { return errors.time.value_or(place()); }
@@ -173,10 +174,6 @@ class PacketAssembler {
     double chips;         // sent per unit of time
     std::size_t headers;  // between which it was learned
     double step;          // time from one to the next
-  };
-  struct Joined {
-    Stretch stretch;
-    std::ptrdiff_t place;  // in the cycle
   };
   enum class Agreement { agrees, disagrees, breaks };
   struct Vote {
@@ -204,7 +201,7 @@ class PacketAssembler {
   [[nodiscard]] double origin_at(const Stretch& stretch, const Origin& origin) const;
   Agreement follow(Stretch& stretch);
   void place_waiting(StretchReport& report);
-  void add(const Stretch& stretch, std::ptrdiff_t place, float sign, StretchReport& report);
+  void add(const Stretch& stretch, float sign, StretchReport& report);
   void take_back();
   [[nodiscard]] std::optional<std::ptrdiff_t> likely_place(const Stretch& stretch,
                                                            std::span<const Origin> origins) const;
@@ -234,7 +231,7 @@ class PacketAssembler {
   bool inverted_ = false;              // so are the chips received; they are kept as they were sent
   double headers_missed_ = 0;          // that would have been seen since the last one
   std::size_t unplaced_ = 0;           // stretches in a row
-  std::vector<Joined> joined_;         // placed by the clock, since the last header
+  std::vector<Stretch> joined_;        // placed by the clock, since the last header
   std::optional<std::ptrdiff_t> end_;  // chip after the last stretch
   std::vector<double> tail_;           // its last chips, in which a block may have begun
   std::deque<Stretch> waiting_;
