@@ -17,7 +17,6 @@ namespace ocisac {
 namespace {
 
 constexpr double kLikelyOdds = 10, kSureOdds = 400;  // of a light against none: it is said, it is removed
-constexpr double kColoursDiffer = 0.7;               // relative deviation of a colour's tones from those of all
 constexpr double kMaxWorse = 0.25;                   // of the groups of columns
 constexpr double kLeastMove = 0.05;                  // cycles from frame to frame
 constexpr double kByChance = 13.8;                   // chi square of two terms that one in a thousand exceeds
@@ -46,7 +45,7 @@ std::vector<std::vector<SlowTone>> tones_of_colours(std::span<const BandedPictur
       own.modes[k] += common[k] - all.modes[k];
       own.variance[k] += all.variance[k];
     }
-    found.push_back(refitted_tones({&own, 1}, tones, kColoursDiffer * swing_of(tones)));
+    found.push_back(refitted_tones({&own, 1}, tones, kMostly * swing_of(tones)));
   }
   return found;
 }
