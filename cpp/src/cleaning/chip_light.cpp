@@ -210,7 +210,7 @@ std::optional<ChipFit> fitted_chips(const Values& rows, const Values& weight, Fl
 std::optional<ModelledLight> find_chip_light(const ColumnBundles& picture, const RowLight& rows, bool always) {
   require(rows.light.size() == picture.rows() && rows.information.size() == picture.rows(), "rows", rows.light.size(),
           "one value a row");
-  const Flags refused = flag::no_signal | (always ? 0 : flag::too_few_edges);
+  const Flags refused = flag::no_signal | flag_if(!always, flag::too_few_edges);
   const std::optional<ChipFit> best = fitted_chips(levelled(rows.light), rows.information, refused);
   if (!best || (!always && best->explained < kEnough)) return {};
   Values light = fully_modulated_rows(best->light);

@@ -95,7 +95,7 @@ Calibration find_lamp(const AnyFramesView& frames, const FrequencySearch& search
   // A lamp that is no likely tone, such as data, counts only beside a tone of the whole frame.
   const bool uncertain = light.share == 0 || light.probability < kLikely;
   const bool doubtful = contested || (uncertain && !answered(whole)) || is_narrow(all);
-  const Flags flags = (own.saturated ? flag::saturated : 0) | (doubtful ? flag::model_misfit : 0);
+  const Flags flags = flag_if(own.saturated, flag::saturated) | flag_if(doubtful, flag::model_misfit);
   return {kNaN, kNaN, {light.frequency, light.frequency_std, light.snr, 3, flags, std::move(all)}, light.probability};
 }
 

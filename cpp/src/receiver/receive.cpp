@@ -385,7 +385,7 @@ bool decode(const CombinedColumn& column, const Search& what, Received& received
   }
   const bool few_edges = edges > 0 && edges < what.sure_edges;
   received.weights = column.weights;
-  received.flags = (column.saturated ? flag::saturated : 0) | (few_edges ? flag::too_few_edges : 0);
+  received.flags = flag_if(column.saturated, flag::saturated) | flag_if(few_edges, flag::too_few_edges);
   if (!decoded) {
     if (!few_edges) received.flags |= flag::no_signal;
     if (what.exposure_rows.value_or(0.0) * what.range.lowest > kLongestSliced) received.flags |= flag::long_exposure;
@@ -511,7 +511,7 @@ bool decode_within(const CombinedColumn& column, const LitRows& lit, const Searc
 bool decode_any(const CombinedColumn& column, const Search& what, double row_time, Received& received) {
   if (is_noise(column.signal)) {
     received.weights = column.weights;
-    received.flags = (column.saturated ? flag::saturated : 0) | flag::no_signal;
+    received.flags = flag_if(column.saturated, flag::saturated) | flag::no_signal;
     return false;
   }
   const bool decoded = decode(column, what, received);

@@ -127,7 +127,8 @@ HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones)
   for (std::size_t i = 1; i < model.estimates; ++i) model.covariance[i * model.estimates + i] = kInfinity;
   for (const ModelTone& tone : tones) {
     require_positive("frequency", tone.cycles_per_row);
-    const Flags too_few_rows = rows <= model.estimates ? flag::unresolvable : 0;  // one additional row for the noise
+    const Flags too_few_rows =
+        flag_if(rows <= model.estimates, flag::unresolvable);  // one additional row for the noise
     model.tone_flags.push_back(frequency_flags(tone.cycles_per_row, rows) | too_few_rows);
   }
 

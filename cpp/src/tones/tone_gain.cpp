@@ -127,7 +127,7 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
   const bool any = kernels::gains_of_fit(estimates, {&result.gain[first], &result.gain_std[first], &result.phase[first],
                                                      &result.mean[first], &result.snr[first], remarks.data()});
   for (std::size_t i = 0; i < count; ++i)
-    result.flags[first + i] = tone.flags | (tops[i] >= level ? flag::saturated : 0);
+    result.flags[first + i] = tone.flags | flag_if(tops[i] >= level, flag::saturated);
   if (!any && context.step <= 1 && !(tone.flags & flag::unresolvable)) return;
   Recurrences recurrences;
   if (context.step > 0) recurrences = recurrences_of(tone.cycles_per_row, context.shape.rows);
@@ -237,7 +237,7 @@ std::shared_ptr<const HarmonicModel> model_of(const Context& context) {
 Tone tone_of(const Camera& camera, double frequency, const ToneGainOptions& options, std::size_t row_count) {
   const auto rows = static_cast<double>(row_count);
   const auto response = exposure_response(frequency, camera.exposure.value_or(0));
-  Tone tone{frequency, frequency * camera.row_time, std::abs(response) < kNearNull ? flag::near_null : 0,
+  Tone tone{frequency, frequency * camera.row_time, flag_if(std::abs(response) < kNearNull, flag::near_null),
             -std::arg(response)};
   const double position = tone.cycles_per_row * rows, nearest = std::nearbyint(position);
   require(tone.cycles_per_row > 0 && position < 0x1p52, "frequency", frequency,
@@ -921,7 +921,7 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
     const PooledColumn pooled = pool_columns(frames, context, frame);
     std::ranges::copy(pooled.signal, &signals[frame * rows]);
     background[frame] = pooled.background;
-    known[frame] = (pooled.saturated ? flag::saturated : 0) | (pooled.negative ? flag::model_misfit : 0);
+    known[frame] = flag_if(pooled.saturated, flag::saturated) | flag_if(pooled.negative, flag::model_misfit);
   });
   Camera camera = *context.camera;
   camera.tone_curve = {};
