@@ -239,6 +239,7 @@ def test_signals_at_random_times(name, tmp_path):
             shutil.rmtree(tmp_path / "out")
         else:
             out.write_bytes(b"old")
+        left = set(tmp_path.rglob(".*"))  # by SIGKILL: one that is interrupted as it starts removes none
         with start() as child:
             time.sleep(duration * draw.uniform(0.2, 1.0))
             child.send_signal(number)
@@ -249,7 +250,7 @@ def test_signals_at_random_times(name, tmp_path):
             whole = name == "clean" and out.read_bytes() != b"old" and len(read_frames(out).frames) == 20
             assert whole or out.read_bytes() in (b"old", new)
         if number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) and child.returncode >= 0:
-            assert not list(tmp_path.rglob(".*"))
+            assert set(tmp_path.rglob(".*")) <= left
     with start() as last:
         assert last.wait(timeout=60) == 0
     assert not list(tmp_path.rglob(".*"))

@@ -102,7 +102,7 @@ def _cleaned(cycles: float, seeds: tuple[int, ...] = (1, 2, 3)) -> Point:
     spot=12,
     fails_by=0.15,
     good=0.07,
-    silent=(1.5, 2.0),
+    silent=(2.0,),
 )
 def _bands() -> Iterator[Point]:
     for cycles in (0.5, 1.0, 1.5, 2.0, 3.0, 6.0, 12.0, 24.0, 48.0):

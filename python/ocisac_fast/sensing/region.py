@@ -250,6 +250,8 @@ def measure(
     kind, axis, kind_flags = kind_of(seen, common, doubt, known.axis, known.timing_tolerance)
     facts: dict[str, Any] = motion_facts(kind, axis, seen, known, columns_advance)
     kind = facts["kind"]
+    if kind != "light":
+        flags &= ~Flag.MODEL_MISFIT  # the columns of a texture have phases of their own
     flags |= kind_flags | facts.pop("flags")
     ratio = (1.0 if request.waveform == "tone" else 2.0 * float(np.sinc(request.duty))) * request.depth
     gains = _gains(region, camera, fitted, frames_advance, ambient, ratio)
