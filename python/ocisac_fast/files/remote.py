@@ -54,7 +54,7 @@ def _bounded() -> dict[str, Any]:
     """Options of clients of HTTP, whose servers may send more than was asked for, without an end."""
     import aiohttp
 
-    class Response(aiohttp.ClientResponse):
+    class Response(aiohttp.ClientResponse):  # type: ignore[misc]
         async def read(self) -> bytes:
             data = bytearray()
             async for piece in self.content.iter_chunked(_PIECE):
