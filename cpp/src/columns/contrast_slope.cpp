@@ -18,7 +18,6 @@ constexpr std::size_t kApart = 2;       // columns: neighbours share light by op
 constexpr std::size_t kMaxPairs = 256;  // of columns, evenly spaced
 constexpr std::size_t kMinPairs = 8;
 constexpr std::size_t kGroups = 8;   // of rows
-constexpr double kMinDepth = 0.3;    // relative to the largest
 constexpr double kAlike = 0.35;      // (a − b)/(a + b) of the depths of a pair
 constexpr double kFloor = 1.0 / 64;  // of the brightest row
 
