@@ -323,3 +323,35 @@ def test_results_below_a_linked_folder_are_no_recordings(sources, tmp_path):
     for _ in range(2):
         done = measure_recordings(tmp_path / "link", GAIN, output=sources / "results").progress
         assert (done.recordings, done.failed) == (COUNT, 0)
+
+
+def test_a_cleaned_file_is_that_of_its_recording_as_it_is(tmp_path, monkeypatch):
+    """One of an earlier state goes: also where the new one stays as it is, is damaged, or changes meanwhile."""
+    folder, output = tmp_path / "in", tmp_path / "out"
+    folder.mkdir()
+    clean = ["batch", str(folder), "-o", str(output), "--workers", "0", "clean", "--row-time", str(ROW_TIME)]
+    again = [*clean[:4], "--again", *clean[4:]]
+    even = np.full((2, 240, 48), 90, np.uint8)
+    for frames, code, cleaned in (
+        (lamp(2, 0), 0, 1),
+        (even, 0, 0),
+        (lamp(3, 1), 0, 1),
+        (None, 3, 0),
+        (lamp(2, 2), 0, 1),
+    ):
+        if frames is None:
+            (folder / "a.npy").write_bytes(b"garbage")
+        else:
+            np.save(folder / "a.npy", frames)
+        assert main(clean) == code
+        assert len(list((output / "cleaned").iterdir())) == cleaned
+        rows = read_results(output)
+        values = [] if rows is None else rows.column("cleaned").to_pylist()
+        assert {value is not None for value in values} <= {bool(cleaned)}
+    np.save(folder / "a.npy", lamp(4, 3))
+    states = iter("12345678")
+    with monkeypatch.context() as changing:
+        changing.setattr("ocisac_fast.batch.jobs.local_entry", lambda path: type("Entry", (), {"state": next(states)}))
+        assert main(clean) == 3
+    assert not list((output / "cleaned").iterdir())
+    assert main(again) == 0

@@ -308,6 +308,26 @@ def test_a_frame_of_many_gigabytes_is_refused_before_it_is_read(tmp_path, shape,
         next(iter(stream))
 
 
+def test_arrays_one_after_the_other_are_read_in_a_file_as_in_a_pipe(tmp_path):
+    frames = np.arange(4 * 6 * 5, dtype=np.uint8).reshape(4, 6, 5)
+    with open(tmp_path / "two.npy", "wb") as file:
+        np.save(file, frames)
+        np.save(file, frames[::-1])
+    np.testing.assert_array_equal(read_frames(tmp_path / "two.npy").frames, np.concatenate([frames, frames[::-1]]))
+    with open(tmp_path / "two.npy", "ab") as file:
+        file.write(b"more")
+    with pytest.raises(FileError, match=r"two\.npy: after the array: bytes that are no \.npy file"):
+        read_frames(tmp_path / "two.npy")
+
+
+@pytest.mark.parametrize("shape", ["1+" * 4000 + "1", "~" * 3000 + "1", "-" * 9000 + "1", "(" * 9000])
+def test_a_header_nested_too_deeply_is_damaged(tmp_path, shape):
+    header = f"{{'descr':'|u1','fortran_order':False,'shape':({shape},)}}\n".encode()
+    (tmp_path / "a.npy").write_bytes(b"\x93NUMPY\1\0" + struct.pack("<H", len(header)) + header)
+    with pytest.raises(FileError, match=r"a\.npy: damaged \.npy file"):
+        read_frames(tmp_path / "a.npy")
+
+
 PEAK = """
 import sys
 from ocisac_fast.files import FileError, read_frames

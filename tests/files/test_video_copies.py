@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 import re
 import subprocess
 import sys
@@ -190,3 +191,18 @@ def test_sound_of_standard_input_is_kept_or_named(tmp_path: Path, name: str) -> 
         assert done.returncode == 0
         assert sound_of(tmp_path / "out.mkv") == ([] if is_pipe else sound_of(tmp_path / name))
         assert (b"warning: the sound of a pipe is left out, allowed: a file" in done.stderr) == is_pipe
+
+
+@pytest.mark.parametrize("replace", ["file", "pipe"])
+def test_sound_and_tags_are_those_of_the_file_that_was_opened(tmp_path, replace):
+    for name in ("a.mkv", "b.mkv"):
+        make_video(tmp_path / name, "yuv420p", BT709, LIMITED, "aac")
+    with open_recording(tmp_path / "a.mkv") as stream:
+        if replace == "file":
+            (tmp_path / "b.mkv").replace(tmp_path / "a.mkv")
+        else:
+            (tmp_path / "a.mkv").unlink()
+            os.mkfifo(tmp_path / "a.mkv")
+        with pytest.raises(FileError, match=r"a\.mkv: replaced while it was read"):
+            write_frames(tmp_path / "out.mkv", iter(stream), like=stream)
+    assert not (tmp_path / "out.mkv").exists()

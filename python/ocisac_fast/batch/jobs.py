@@ -137,19 +137,24 @@ class Work:
         if self.task.command == "clean" and results is not None:
             with results.cleaned(job.entry) as (local, final, cleaned):
                 found = Measurement.of(path, self.task, cleaned=local)
+                _require_unchanged(job.entry)
             found.facts["cleaned"] = cleaned
-            if final != local:
+            if cleaned and final != local:
                 found = replace(found, table=_with_cleaned(found.table, final))
         else:
             found = Measurement.of(path, self.task, part=job.part, start=job.start)
-        if is_local and local_entry(path).state != job.entry.state:
-            raise FileError("changed while it was measured")
+        _require_unchanged(job.entry)
         frames = found.facts["frames"] or 0
         if results is None:
             return Report(job, frames=frames, table=found.table)
         facts = {**found.facts, "size": job.entry.size, "state": job.entry.state}
         written = {**facts.get("cleaned", {}), **results.write_rows(job.name, found.table, facts)}
         return Report(job, frames=frames, written=written)
+
+
+def _require_unchanged(entry: Entry) -> None:
+    if not is_remote(entry.path) and local_entry(entry.path).state != entry.state:
+        raise FileError("changed while it was measured")
 
 
 def _with_cleaned(table: Any, path: str) -> Any:

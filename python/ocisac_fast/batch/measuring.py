@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -75,7 +76,8 @@ class Measurement:
             warnings.simplefilter("always")
             rows = _rows(path, task, part, start, cleaned)
         picture = task.picture
-        names = plain({"path": path, **({} if cleaned is None else {"cleaned": cleaned})})
+        is_cleaned = cleaned is not None and os.path.exists(cleaned)  # else every frame stays as it is
+        names = plain({"path": path, **({"cleaned": cleaned} if is_cleaned else {})})
         named = [{**names, **row} for row in rows]
         facts = {
             "path": path,

@@ -34,6 +34,7 @@ from ocisac_fast.batch.recordings import Entry
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.output import plain
 from ocisac_fast.cli.text import one_line
+from ocisac_fast.core.checks import parsed_json
 from ocisac_fast.files import FileWarning, Part, atomic_path
 from ocisac_fast.files.extras import pyarrow
 from ocisac_fast.files.remote import file_system, is_remote
@@ -307,10 +308,12 @@ class Results:
         written: dict[str, int] = {}
         if self.is_local:
             place = self._path(name)
+            _unlink(place)  # of an earlier state of the recording
             try:
                 yield place, place, written
-            except OSError as error:
-                if error.filename != place:
+            except Exception as error:
+                _unlink(place)
+                if not isinstance(error, OSError) or error.filename != place:
                     raise
                 raise ResultsError(f"{self.folder}: {error.strerror}") from error
             if os.path.exists(place):  # else every frame stays as it is
@@ -382,8 +385,8 @@ class Results:
         """The object of a file; empty where it is another program's or damaged."""
         self._require_file(name)
         try:
-            found = json.loads(self._system.cat_file(self._path(name)))
-        except (FileNotFoundError, ValueError, RecursionError):
+            found = parsed_json(self._system.cat_file(self._path(name)))
+        except (FileNotFoundError, ValueError):
             return {}
         return found if isinstance(found, dict) else {}
 
@@ -479,9 +482,14 @@ def _place(name: str) -> str:
     return f"rows/{name[:2]}/{name}"
 
 
+def _unlink(place: str) -> None:
+    with contextlib.suppress(FileNotFoundError):
+        os.unlink(place)
+
+
 def _facts(rows: Any) -> dict[str, Any]:
     """The facts beside the rows in a schema's metadata; empty where another program wrote it."""
-    found = json.loads((rows.metadata or {}).get(_METADATA, b"{}"))
+    found = parsed_json((rows.metadata or {}).get(_METADATA, b"{}"))
     return found if isinstance(found, dict) else {}
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import click
 from ocisac_fast.cli.output import emit_facts, emit_json
 from ocisac_fast.cli.outputs import InputFile, read_input, writes
 from ocisac_fast.cli.pictures import json_option
-from ocisac_fast.core.checks import shown
+from ocisac_fast.core.checks import parsed_json, shown
 
 _File = InputFile(exists=True, dir_okay=False, path_type=Path)
 
@@ -101,7 +100,7 @@ def _read(path: Path, names: tuple[str, ...]) -> dict[Any, tuple[float, ...]]:
         if not line.strip():
             continue
         try:
-            record = json.loads(line)
+            record = parsed_json(line)
             light = record["light"]
             values = [float(record[name]) for name in names]
             if "width" in record and "height" in record and len(names) == 2:

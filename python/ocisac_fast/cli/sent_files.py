@@ -12,6 +12,8 @@ import numpy.typing as npt
 
 from ocisac_fast.cli.output import emit_facts
 from ocisac_fast.cli.outputs import read_input
+from ocisac_fast.files import FileError
+from ocisac_fast.files.arrays import stream_arrays
 from ocisac_fast.packets.fsk import FskTransmission
 from ocisac_fast.packets.transmission import Transmission
 
@@ -19,7 +21,11 @@ from ocisac_fast.packets.transmission import Transmission
 def read_bits(path: str) -> npt.NDArray[np.int64]:
     """The bits of a .txt of ``transmit`` (0 and 1, and white space) or a .npy."""
     if path.lower().endswith(".npy"):
-        values = np.asarray(np.load(io.BytesIO(read_input(path)), allow_pickle=False)).ravel()
+        try:
+            with stream_arrays(io.BytesIO(read_input(path))) as arrays:
+                values = np.concatenate([array.ravel() for array in arrays])
+        except FileError as error:
+            raise FileError(f"{path}: {error}") from error
     else:
         values = np.frombuffer(b"".join(read_input(path).split()), np.uint8) - np.uint8(ord("0"))
     if values.size == 0 or not np.isin(values, (0, 1)).all():

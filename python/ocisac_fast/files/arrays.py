@@ -20,6 +20,8 @@ from ocisac_fast.files.remote import RemotePath
 from ocisac_fast.files.videos import Prefixed
 
 MAGIC = b"\x93NUMPY"
+# MemoryError: of the parser, whose stack a nested header fills.
+_DAMAGED = (ValueError, SyntaxError, TypeError, OverflowError, RecursionError, MemoryError, tokenize.TokenError)
 
 
 def open_array(path: Path | RemotePath, part: Part | None = None) -> RecordingStream:
@@ -36,6 +38,10 @@ def open_array(path: Path | RemotePath, part: Part | None = None) -> RecordingSt
         size, need = file.seek(0, os.SEEK_END), begin + header.bytes
         if need > size:
             raise FileError(f"truncated: {size} bytes, its header announces {need}")
+        if need < size and part is None:  # arrays one after the other, as in a pipe
+            file.seek(0)
+            opened.pop_all()
+            return stream_arrays(file)
         file.seek(begin + (0 if part is None else header.frame_bytes * part.first))
         opened.pop_all()
     count = header.frame_count
@@ -86,7 +92,7 @@ def _read_header(stream: BinaryIO) -> _Header:
         version = np.lib.format.read_magic(stream)
         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         header = _Header(*read(stream))
-    except (ValueError, SyntaxError, TypeError, OverflowError, tokenize.TokenError) as error:
+    except _DAMAGED as error:
         raise FileError(f"damaged .npy file ({' '.join(str(error).split())})") from error
     if header.dtype.kind not in "buif":
         raise FileError(f"array of {header.dtype}, allowed: real numbers")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
@@ -138,6 +139,7 @@ class VideoFormat:
 
     Attributes:
         path: place of the file, from which its sound is read; None: a pipe.
+        status: of the file that was opened there; None: a remote one.
         has_sound: the file has sound.
         codec, pixel_format: names in FFmpeg.
         limited: luma has black at 16 (of 8 bits).
@@ -149,6 +151,7 @@ class VideoFormat:
     """
 
     path: Any
+    status: os.stat_result | None
     has_sound: bool
     codec: str
     pixel_format: str

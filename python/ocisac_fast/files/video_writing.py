@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import warnings
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
@@ -173,7 +174,7 @@ def _sound(av: Any, container: Any, like: RecordingStream | None, opened: contex
             warnings.warn("the sound of a pipe is left out, allowed: a file", FileWarning, stacklevel=2)
         return iter(())
     path = like.video.path
-    original = opened.enter_context(opened_video(opened.enter_context(path.open("rb"))))
+    original = opened.enter_context(opened_video(opened.enter_context(_again(like.video))))
     container.metadata.update({k: v for k, v in original.metadata.items() if k.lower() not in _FILE_TAGS})
     copies = {}
     for audio in original.streams.audio:
@@ -189,6 +190,21 @@ def _sound(av: Any, container: Any, like: RecordingStream | None, opened: contex
         else:  # PyAV before 14
             copies[audio.index] = container.add_stream(template=audio)
     return _copied(original, copies)
+
+
+def _again(video: VideoFormat) -> Any:
+    """The file of a video, opened once more.
+
+    Raises:
+        FileError: another file, or a pipe, has its name now.
+    """
+    if video.status is None:
+        return video.path.open("rb")
+    file = os.fdopen(os.open(video.path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb")
+    if not os.path.samestat(os.fstat(file.fileno()), video.status):
+        file.close()
+        raise FileError(f"{video.path}: replaced while it was read")
+    return file
 
 
 def _copied(original: Any, copies: dict[int, Any]) -> Iterator[Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
+import os
 import re
 import shutil
 import struct
@@ -76,6 +77,7 @@ def open_video(
     av = pyav()
     is_path = isinstance(source, (Path, RemotePath))
     file: Any = source.open("rb") if isinstance(source, (Path, RemotePath)) else source
+    status = os.fstat(file.fileno()) if isinstance(source, Path) else None
     try:
         if not is_path and not file.seekable():
             file = _seekable_where_needed(file)
@@ -87,7 +89,7 @@ def open_video(
             file.seek(0)  # a cut file was asked for a place before its begin, where an index should be
             file = Prefixed(b"", file)
             opened = opened_video(file, container)
-        return _stream(av, opened, file, name, colour, part, source if is_path else None)
+        return _stream(av, opened, file, name, colour, part, source if is_path else None, status)
     except (FileError, MemoryError):  # PyAV's MemoryError is one of FFmpeg's errors too
         file.close()
         raise
@@ -141,7 +143,7 @@ class Prefixed:
 
 
 def _stream(
-    av: Any, container: Any, file: Any, name: str, colour: bool, part: Part | None, path: Any
+    av: Any, container: Any, file: Any, name: str, colour: bool, part: Part | None, path: Any, status: Any
 ) -> RecordingStream:
     def close() -> None:
         container.close()
@@ -166,7 +168,7 @@ def _stream(
     timed = container.format.name != JPEGS
     rate = float(stream.average_rate) if stream.average_rate and timed else None
     stamps: list[int | None] = []
-    form = _format(pixel_format, context, stream.time_base, path, bool(container.streams.audio))
+    form = _format(pixel_format, context, stream.time_base, path, status, bool(container.streams.audio))
     ending = Ending(container, stream, file)
     return RecordingStream(
         _frames(av, container, stream, name, values, part, form, ending, stamps if timed else []),
@@ -181,9 +183,12 @@ def _stream(
     )
 
 
-def _format(pixel_format: str, context: Any, time_base: Fraction | None, path: Any, has_sound: bool) -> VideoFormat:
+def _format(
+    pixel_format: str, context: Any, time_base: Fraction | None, path: Any, status: Any, has_sound: bool
+) -> VideoFormat:
     return VideoFormat(
         path,
+        status,
         has_sound,
         context.codec.name,
         pixel_format,

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ocisac_fast.core.checks import NotNegative, checked, shown
+from ocisac_fast.core.checks import NotNegative, checked, parsed_json, shown
 
 
 @checked
@@ -46,8 +46,8 @@ def merge_receptions(lines: Iterable[str | Mapping[str, Any]], *, window: NotNeg
 
 def _read(line: str | Mapping[str, Any], number: int) -> dict[str, Any]:
     try:
-        record = json.loads(line) if isinstance(line, str) else dict(line)
-    except json.JSONDecodeError as error:
+        record = parsed_json(line) if isinstance(line, str) else dict(line)
+    except ValueError as error:
         raise ValueError(f"line {number}: got {shown(line)}, allowed: a JSON object") from error
     if not isinstance(record, dict):
         raise ValueError(f"line {number}: got {shown(line)}, allowed: a JSON object")
