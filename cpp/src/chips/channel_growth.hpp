@@ -10,7 +10,6 @@
 
 namespace ocisac {
 
-inline constexpr int kManyIterations = 40;  // of small steps that convergence ends before
 
 // Data shared by all iterations of a frame.
 struct IterationContext {

@@ -7,6 +7,7 @@
 
 #include "chips/edges.hpp"
 #include "core/levels.hpp"
+#include "core/statistics.hpp"
 
 namespace ocisac {
 
@@ -29,18 +30,9 @@ double quantile(std::span<const double> values, std::size_t index) {
 
 // Standard deviation about a straight line.
 double unsteadiness(std::span<const double> part) {
-  const auto count = static_cast<double>(part.size()), middle = 0.5 * (count - 1);
-  double mean = 0, slope = 0, moment = 0, squares = 0;
-  for (std::size_t n = 0; n < part.size(); ++n) {
-    const double along = static_cast<double>(n) - middle;
-    mean += part[n] / count;
-    slope += along * part[n];
-    moment += along * along;
-  }
-  slope /= std::max(moment, 1.0);
-  for (std::size_t n = 0; n < part.size(); ++n)
-    squares += std::pow(part[n] - mean - slope * (static_cast<double>(n) - middle), 2);
-  return std::sqrt(squares / count);
+  std::vector<double> rest(part.begin(), part.end());
+  remove_line(rest);
+  return std::sqrt(product_at_lag(rest, 0) / static_cast<double>(rest.size()));
 }
 
 // Rows from the end of `signal` on that stay near the level of its steady part, which is `steady` rows long; none where

@@ -4,10 +4,13 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <span>
+#include <utility>
 #include <variant>
 #include <vector>
 
 #include "core/levels.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 
 namespace ocisac {
@@ -54,11 +57,11 @@ PairedColumns paired_columns(const AnyFramesView& frames, std::size_t frame, con
       frames);
 }
 
-double sum_of(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
+double sum_of(std::span<const double> values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
 // Depth of the course in each column of (rows × columns), relative to the column's mean and in the course's unit.
 std::vector<double> depths(const std::vector<double>& columns, std::size_t count, const std::vector<double>& course) {
-  const double mean = sum_of(course) / static_cast<double>(course.size());
+  const double mean = mean_of(course);
   std::vector<double> depth(count), sums(count);
   for (std::size_t i = 0; i < columns.size(); ++i) {
     depth[i % count] += columns[i] * (course[i / count] - mean);
@@ -82,17 +85,57 @@ std::vector<std::size_t> alike_pairs(const PairedColumns& columns, const std::ve
   return alike;
 }
 
-// Residual of a straight line.
-void remove_line(std::span<double> values) {
-  const auto count = static_cast<double>(values.size());
-  double mean = 0, slope = 0, square = 0;
-  for (const double value : values) mean += value / count;
-  const auto place = [&](std::size_t n) { return static_cast<double>(n) - (count - 1) / 2; };
-  for (std::size_t n = 0; n < values.size(); ++n) {
-    slope += place(n) * values[n];
-    square += place(n) * place(n);
+// Of each two adjacent rows: relative squared contrast between the columns, log light, course.
+struct RowContrast {
+  std::vector<double> contrast, light, along;
+};
+
+// Empty where the rows have no light or no contrast.
+RowContrast row_contrast(const PairedColumns& columns, const std::vector<std::size_t>& pairs,
+                         const std::vector<double>& course) {
+  std::vector<double> means(course.size());
+  for (std::size_t n = 0; n < means.size(); ++n)
+    for (const std::size_t k : pairs)
+      means[n] += (columns.first[n * columns.pairs + k] + columns.second[n * columns.pairs + k]) / 2;
+  const double floor = kFloor * *std::ranges::max_element(means);
+  if (!(floor > 0)) return {};
+  RowContrast rows;
+  for (std::size_t n = 0; n + 1 < means.size(); ++n) {
+    double product = 0;
+    for (const std::size_t k : pairs) {
+      const std::size_t i = n * columns.pairs + k, next = i + columns.pairs;
+      product += (columns.second[i] - columns.first[i]) * (columns.second[next] - columns.first[next]);
+    }
+    const double both = (std::max(means[n], 0.0) + floor) * (std::max(means[n + 1], 0.0) + floor);
+    rows.contrast.push_back(product / both);
+    rows.light.push_back(std::log(both) / 2);
+    rows.along.push_back(course[n] + course[n + 1]);
   }
-  for (std::size_t n = 0; n < values.size(); ++n) values[n] -= mean + slope / std::max(square, 1.0) * place(n);
+  const double mean = mean_of(rows.contrast);
+  if (!(mean > 0)) return {};
+  for (double& value : rows.contrast) value /= mean;
+  return rows;
+}
+
+// Σ contrast·course / Σ light·course, and its jackknife over groups of rows, in each of which the course has no line.
+ContrastSlope slope_of(RowContrast rows) {
+  std::array<double, kGroups> products{}, lights{};
+  const std::size_t count = rows.contrast.size();
+  for (std::size_t group = 0; group < kGroups; ++group) {
+    const std::size_t begin = group * count / kGroups, end = (group + 1) * count / kGroups;
+    remove_line(std::span(rows.along).subspan(begin, end - begin));
+    for (std::size_t n = begin; n < end; ++n) {
+      products[group] += rows.contrast[n] * rows.along[n];
+      lights[group] += rows.light[n] * rows.along[n];
+    }
+  }
+  const double product = sum_of(products), light = sum_of(lights);
+  ContrastSlope found{product / light, 0};
+  double scatter = 0;
+  for (std::size_t group = 0; group < kGroups; ++group)
+    scatter += std::pow((product - products[group]) / (light - lights[group]) - found.slope, 2);
+  found.std = std::sqrt(scatter * (kGroups - 1) / kGroups);
+  return std::isfinite(found.std) ? found : ContrastSlope{};
 }
 
 }  // namespace
@@ -108,50 +151,12 @@ ContrastSlope contrast_slope(const AnyFramesView& frames, std::size_t frame, con
   if (columns.pairs < kMinPairs || box.height < 4 * kGroups) return {};
   std::vector<double> own(course.begin(), course.end());
   for (std::size_t n = own.size(); n < box.height; ++n) {
-    const auto row = columns.first.begin() + static_cast<std::ptrdiff_t>(n * columns.pairs);
-    own.push_back(std::accumulate(row, row + static_cast<std::ptrdiff_t>(columns.pairs), 0.0));
+    own.push_back(sum_of(std::span(columns.first).subspan(n * columns.pairs, columns.pairs)));
   }
   const std::vector<std::size_t> pairs = alike_pairs(columns, own);
   if (pairs.size() < kMinPairs) return {};
-  std::vector<double> means(box.height);
-  for (std::size_t n = 0; n < box.height; ++n)
-    for (const std::size_t k : pairs)
-      means[n] += (columns.first[n * columns.pairs + k] + columns.second[n * columns.pairs + k]) / 2;
-  const double floor = kFloor * *std::ranges::max_element(means);
-  if (!(floor > 0)) return {};
-  std::vector<double> contrast, light, along;
-  for (std::size_t n = 0; n + 1 < box.height; ++n) {
-    double product = 0;
-    for (const std::size_t k : pairs) {
-      const std::size_t i = n * columns.pairs + k, next = i + columns.pairs;
-      product += (columns.second[i] - columns.first[i]) * (columns.second[next] - columns.first[next]);
-    }
-    const double both = (std::max(means[n], 0.0) + floor) * (std::max(means[n + 1], 0.0) + floor);
-    contrast.push_back(product / both);
-    light.push_back(std::log(both) / 2);
-    along.push_back(own[n] + own[n + 1]);
-  }
-  const double mean = sum_of(contrast) / static_cast<double>(contrast.size());
-  if (!(mean > 0)) return {};
-  std::array<double, kGroups> products{}, lights{};
-  double all_products = 0, all_lights = 0;
-  for (std::size_t group = 0; group < kGroups; ++group) {
-    const std::size_t begin = group * contrast.size() / kGroups, end = (group + 1) * contrast.size() / kGroups;
-    const std::span with(&along[begin], end - begin);
-    remove_line(with);
-    for (std::size_t n = begin; n < end; ++n) {
-      products[group] += contrast[n] / mean * along[n];
-      lights[group] += light[n] * along[n];
-    }
-    all_products += products[group];
-    all_lights += lights[group];
-  }
-  ContrastSlope found{all_products / all_lights, 0};
-  double scatter = 0;
-  for (std::size_t group = 0; group < kGroups; ++group)
-    scatter += std::pow((all_products - products[group]) / (all_lights - lights[group]) - found.slope, 2);
-  found.std = std::sqrt(scatter * (kGroups - 1) / kGroups);
-  return std::isfinite(found.std) ? found : ContrastSlope{};
+  RowContrast rows = row_contrast(columns, pairs, own);
+  return rows.contrast.empty() ? ContrastSlope{} : slope_of(std::move(rows));
 }
 
 }  // namespace ocisac

@@ -1,5 +1,5 @@
 // Light multiplies a picture, so its rows keep the contrast between their columns; lines of text, of bricks and of
-// boards have theirs in dark or in bright rows alone.
+// boards have more of it in dark rows.
 #pragma once
 
 #include <cstddef>

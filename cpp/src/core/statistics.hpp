@@ -1,6 +1,7 @@
 // Sums that tell how numbers vary.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <numeric>
 #include <span>
@@ -16,6 +17,19 @@ inline double squares_about_mean(std::span<const double> values) {
   double squares = 0;
   for (const double value : values) squares += (value - mean) * (value - mean);
   return squares;
+}
+
+// Leaves the residual of the least-squares straight line.
+inline void remove_line(std::span<double> values) {
+  const double mean = mean_of(values), middle = 0.5 * (static_cast<double>(values.size()) - 1);
+  const auto along = [&](std::size_t n) { return static_cast<double>(n) - middle; };
+  double product = 0, square = 0;
+  for (std::size_t n = 0; n < values.size(); ++n) {
+    product += along(n) * values[n];
+    square += along(n) * along(n);
+  }
+  const double slope = product / std::max(square, 1.0);
+  for (std::size_t n = 0; n < values.size(); ++n) values[n] -= mean + slope * along(n);
 }
 
 // Σ x(n − lag)·x(n).

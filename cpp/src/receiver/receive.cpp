@@ -128,15 +128,8 @@ std::pair<Edges, std::vector<double>> edges_of(std::span<const double> signal, c
     const double level = 0.25 * (seen.bright[k] + seen.dark[k] + seen.bright[k + 1] + seen.dark[k + 1]);
     const auto low = static_cast<std::size_t>(std::max(std::floor(grid.centre(k)), 0.0));
     const auto high = std::min(static_cast<std::size_t>(std::ceil(grid.centre(k + 1))), signal.size() - 1);
-    const auto passed = [&](std::size_t n) { return (signal[n] > level) == up; };
-    if (passed(low) || !passed(high)) continue;
-    std::size_t first = low + 1, last = high;
-    while (!passed(first)) ++first;
-    while (passed(last - 1)) --last;
-    const auto place = [&](std::size_t n) {
-      return static_cast<double>(n) - 1 + (level - signal[n - 1]) / (signal[n] - signal[n - 1]);
-    };
-    result.first.rows.push_back(0.5 * (place(first) + place(last)));
+    if ((signal[low] > level) == up || (signal[high] > level) != up) continue;
+    result.first.rows.push_back(crossing(signal, low, high, level));
     result.first.rising.push_back(up);
     result.second.push_back(static_cast<double>(grid.first + static_cast<std::ptrdiff_t>(k) + 1));
   }
@@ -241,6 +234,18 @@ Decoded spread_over(std::span<const double> signal, Decoded lit) {
     spread.detection.relative_levels.push_back(is_lit ? seen.relative_levels[nearest] : 0.0);
   }
   return spread;
+}
+
+ChipGrid grid_of(const Received& received) {
+  return {{received.rows_per_chip, received.phase}, 0, received.bits.size()};
+}
+
+// Rows of the chips, of a frame of so many.
+RowRange rows_of(const Received& received, std::size_t rows) {
+  const auto most = static_cast<double>(rows), chips = static_cast<double>(received.bits.size());
+  const double begin = std::clamp(received.phase, 0.0, most),
+               end = std::clamp(received.phase + chips * received.rows_per_chip, begin, most);
+  return {static_cast<std::size_t>(begin), static_cast<std::size_t>(end)};
 }
 
 // Signal-to-noise ratio of the chips, and whether some are weak.
@@ -410,7 +415,7 @@ std::vector<double> difference(std::span<const double> a, std::span<const double
 
 // Adds light that was removed before detection: reported levels are those of the pixels.
 void add_to_levels(Received& received, std::span<const double> light, std::optional<double> exposure_rows) {
-  const ChipGrid grid{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
+  const ChipGrid grid = grid_of(received);
   const auto values = chip_values(light, grid, exposure_rows);
   for (std::size_t k = 0; k < values.size(); ++k) {
     received.detection.dark[k] += values[k];
@@ -547,7 +552,7 @@ bool decode_any(const CombinedColumn& column, const Search& what, double row_tim
 // with a chip that is neither, or where the lamp is narrower than a column.
 void fit_to_outline(const AnyFramesView& colour, const CombinedColumn& column, const Search& what, Received& received) {
   const SlicedChips seen = received.detection;
-  const ChipGrid grid{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
+  const ChipGrid grid = grid_of(received);
   std::vector<std::size_t> bright;
   for (std::size_t k = 0; k < grid.count; ++k)
     if (seen.bits[k] && seen.relative_levels[k] != 0)
@@ -592,9 +597,13 @@ void fit_to_outline(const AnyFramesView& colour, const CombinedColumn& column, c
   rate_chips(received);
 }
 
+double product_of(const std::vector<double>& a, const std::vector<double>& b) {
+  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+}
+
 // Correlation of the changes from chip to chip between two halves of the columns, by weight; 1 for a single column.
 double agreement_of_halves(const AnyFramesView& colour, const Received& received, std::optional<double> exposure_rows) {
-  const ChipGrid grid{{received.rows_per_chip, received.phase}, 0, received.bits.size()};
+  const ChipGrid grid = grid_of(received);
   const std::span weights(received.weights);
   std::array<std::vector<double>, 2> changes;
   std::size_t middle = 0;
@@ -615,11 +624,8 @@ double agreement_of_halves(const AnyFramesView& colour, const Received& received
     std::adjacent_difference(changes[half].begin(), changes[half].end(), changes[half].begin());
     changes[half].front() = 0;
   }
-  const auto product = [](const auto& a, const auto& b) {
-    return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
-  };
-  const double energy = product(changes[0], changes[0]) * product(changes[1], changes[1]);
-  return energy > 0 ? product(changes[0], changes[1]) / std::sqrt(energy) : 1.0;
+  const double energy = product_of(changes[0], changes[0]) * product_of(changes[1], changes[1]);
+  return energy > 0 ? product_of(changes[0], changes[1]) / std::sqrt(energy) : 1.0;
 }
 
 // True if the columns share the chips: all but noise, of which each half has twice that of all, 1/snr of the chips'
@@ -631,12 +637,9 @@ bool is_common(const AnyFramesView& colour, const Received& received, const Tone
   const auto lit = [](double weight) { return weight != 0; };
   const auto first = std::ranges::find_if(received.weights, lit);
   const auto last = std::find_if(received.weights.rbegin(), received.weights.rend(), lit).base();
-  const auto rows = static_cast<double>(shape_of(colour).rows);
-  const double begin = std::clamp(received.phase, 0.0, rows),
-               end = std::clamp(received.phase + static_cast<double>(received.bits.size()) * received.rows_per_chip,
-                                begin, rows);
-  const Region box{static_cast<std::size_t>(first - received.weights.begin()), static_cast<std::size_t>(begin),
-                   static_cast<std::size_t>(last - first), static_cast<std::size_t>(end - begin)};
+  const RowRange rows = rows_of(received, shape_of(colour).rows);
+  const Region box{static_cast<std::size_t>(first - received.weights.begin()), rows.begin,
+                   static_cast<std::size_t>(last - first), rows.size()};
   return !contrast_slope(colour, received.frame, box, curve).is_of_texture();
 }
 
@@ -702,7 +705,7 @@ double differing(const Received& a, const Received& b) {
 std::vector<Received> streams_of(const Source& source, std::size_t frame, const Camera& camera, const Search& what) {
   const Received& first = source.received;
   if (source.columns.size() < 2 || first.bits.size() < kMinChipsOfStreams) return {first};
-  const ChipGrid grid{{first.rows_per_chip, first.phase}, 0, first.bits.size()};
+  const ChipGrid grid = grid_of(first);
   std::vector<std::vector<double>> values;
   for (const auto& column : source.columns) values.push_back(chip_values(column.signal, grid, what.exposure_rows));
   const auto streams = colour_streams(values);
@@ -822,11 +825,9 @@ std::vector<double> changes_of(const AnyFramesView& colour, std::size_t frame, c
           if (source.weights[k] != 0) lit.push_back(k);
         const std::size_t every = 1 + lit.size() / kComparedColumns;
         const auto lag = static_cast<std::size_t>(std::max(std::round(source.rows_per_chip), 1.0));
-        const double length = static_cast<double>(source.bits.size()) * source.rows_per_chip;
-        const auto begin = static_cast<std::size_t>(std::max(source.phase, 0.0));
-        const auto end = std::min(view.rows, static_cast<std::size_t>(std::max(source.phase + length, 0.0)));
+        const RowRange seen = rows_of(source, view.rows);
         std::vector<double> rows, changes;
-        for (std::size_t n = begin; n < end; ++n) {
+        for (std::size_t n = seen.begin; n < seen.end; ++n) {
           double sum = 0;
           for (std::size_t k = 0; k < lit.size(); k += every)
             sum += source.weights[lit[k]] * static_cast<double>(view(frame, n, lit[k]));
@@ -846,10 +847,7 @@ bool stands_still(const AnyFramesView& colour, const Received& source, std::size
   const auto is_same = [&](const Received& one) { return one.frame == other && is_one_lamp(source, one); };
   if (std::ranges::any_of(received, is_same)) return true;
   const auto own = changes_of(colour, source.frame, source), same = changes_of(colour, other, source);
-  const auto product = [](const auto& a, const auto& b) {
-    return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
-  };
-  const double energy = product(own, own) * product(same, same), common = product(own, same);
+  const double energy = product_of(own, own) * product_of(same, same), common = product_of(own, same);
   return common > 0 && energy - common * common < energy / source.snr;
 }
 
