@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ocisac_fast as ocisac
-from ocisac_fast import Camera, Chips, SquareWave, Tone, integrate_exposure
+from ocisac_fast import Camera, Chips, SquareWave, Tone, demo, integrate_exposure
 from ocisac_fast.scene.simulation import texture
 
 ROW_TIME, ROWS, COLUMNS, SWING = 22.2e-6, 1080, 64, 80.0
@@ -66,3 +66,10 @@ def test_texture_gives_no_bits_beyond_the_lamp(share):
         reflectance = texture(ROWS, COLUMNS, 0.08, seed=seed)
         filmed = Filmed(seed, rows_per_chip, share, reflectance=reflectance)
         filmed.check(ocisac.receive(filmed.pixels, filmed.camera)[0])
+
+
+def test_a_lamp_without_data_beside_stripes_that_move_gives_no_bits():
+    # Its own wave, removed as that of another lamp, leaves chips that repeat with it.
+    frames = np.stack(list(demo.video_frames()))
+    for got in ocisac.receive(frames, Camera(ROW_TIME)):
+        assert not got.bits or got.flags
