@@ -76,9 +76,9 @@ py::list push(Shared<Receiver>& receiver, const std::vector<py::array>& colours,
   return list;
 }
 
-py::tuple push_fsk(FskReceiver& receiver, const std::vector<py::array>& colours, std::optional<std::int64_t> frame) {
+py::tuple push_fsk(Shared<FskReceiver>& receiver, const std::vector<py::array>& colours, std::optional<std::int64_t> frame) {
   const auto views = views_of(colours);
-  const FskFrame result = unlocked([&] { return receiver.push(views, frame); });
+  const FskFrame result = receiver.call([&](FskReceiver& alone) { return alone.push(views, frame); });
   py::object symbol = py::none(), stretch = py::none();
   if (result.symbol) symbol = symbol_tuple(*result.symbol);
   if (result.stretch) stretch = stretch_tuple(*result.stretch);
@@ -97,10 +97,10 @@ void register_receiver(py::module_& module) {
            arg("waveform"), arg("duty"), arg("background"), arg("sense_frequency"), arg("whole_picture"),
            arg("regions"), arg("max_sources"))
       .def("push", &push, arg("colours"), arg("number"), arg("time"), arg("exposure"), arg("gain"));
-  py::class_<FskReceiver>(module, "FskReceiver")
+  py::class_<Shared<FskReceiver>>(module, "FskReceiver")
       .def(py::init([](const Camera& camera, std::vector<double> tones, std::size_t block_bytes,
                        const std::string& preamble) {
-             return FskReceiver(camera, std::move(tones), block_bytes, preamble_of(preamble));
+             return Shared(FskReceiver(camera, std::move(tones), block_bytes, preamble_of(preamble)));
            }),
            arg("camera"), arg("tones"), arg("block_bytes"), arg("preamble"))
       .def("push", &push_fsk, arg("colours"), arg("frame"));

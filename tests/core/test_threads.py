@@ -19,6 +19,7 @@ from valid_calls import VALID
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Chips
+from ocisac_fast.receiver import FskReceiver
 
 THREADS = 8
 CAMERA = Camera(22.2e-6, 100e-6, frame_time=1 / 30)
@@ -74,8 +75,15 @@ def test_eight_threads_give_the_results_of_one():
         assert sorted(pool.map(hammer, range(THREADS))) == list(range(THREADS))
 
 
-def test_an_object_that_threads_share_takes_one_call_at_a_time():
-    receiver = ocisac.Receiver(CAMERA, chip_rate=11700.0)
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: ocisac.Receiver(CAMERA, chip_rate=11700.0),
+        lambda: FskReceiver(CAMERA, [1000.0, 1500.0, 2000.0, 2500.0]),
+    ],
+)
+def test_an_object_that_threads_share_takes_one_call_at_a_time(make):
+    receiver = make()
     together = threading.Barrier(THREADS)
 
     def push(thread):
