@@ -76,7 +76,8 @@ py::list push(Shared<Receiver>& receiver, const std::vector<py::array>& colours,
   return list;
 }
 
-py::tuple push_fsk(Shared<FskReceiver>& receiver, const std::vector<py::array>& colours, std::optional<std::int64_t> frame) {
+py::tuple push_fsk(Shared<FskReceiver>& receiver, const std::vector<py::array>& colours,
+                   std::optional<std::int64_t> frame) {
   const auto views = views_of(colours);
   const FskFrame result = receiver.call([&](FskReceiver& alone) { return alone.push(views, frame); });
   py::object symbol = py::none(), stretch = py::none();

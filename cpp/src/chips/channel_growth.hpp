@@ -10,7 +10,6 @@
 
 namespace ocisac {
 
-
 // Data shared by all iterations of a frame.
 struct IterationContext {
   std::span<const double> signal;
