@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -102,11 +103,29 @@ def test_pulses_split_across_frames_are_enough() -> None:
     made = [recording(duty) for duty in (0.2, 0.5)]
     bands = [pulse_bands(light) for light, _ in made]
     assert min(one.split.size for one in bands) > 20
-    split = [type(one)(np.zeros(0), one.split, one.row_count, one.ramps) for one in bands]
+    split = [replace(one, whole=np.zeros(0)) for one in bands]
     found = calibrate_pulses(split, made[0][1], (0.2, 0.5))
     assert found.row_time == pytest.approx(46e-6, rel=2e-3)
     assert math.isnan(found.offset)
     assert np.isnan(found.rows).all()
+
+
+@pytest.mark.parametrize("duties", [(0.02, 0.04, 0.08), (0.03, 0.1)])
+@pytest.mark.parametrize("exposure", [0.7e-3, 1e-3])
+def test_pulses_shorter_than_the_exposure_are_flagged(duties: tuple[float, ...], exposure: float) -> None:
+    """Their bands are as long as the exposure, whatever the duty."""
+    made = [recording(duty, exposure=exposure, noise=0.003) for duty in duties]
+    found = calibrate_pulses([light for light, _ in made], made[0][1], duties)
+    assert "short_pulses" in found.flags
+
+
+def test_rows_that_too_few_frames_show_lit_are_flagged() -> None:
+    camera, lights = Camera(22.2e-6, 0.5e-3, 1 / 29.3), []
+    for duty in (0.05, 0.1):
+        light = integrate_exposure(SquareWave(60.0, duty=duty), camera, 720, frames=60)
+        lights.append(20 + 180 * light + np.random.default_rng(1).normal(0, 0.3, light.shape))
+    found = calibrate_pulses(lights, 60.0, (0.05, 0.1))
+    assert "short_pulses" in found.flags
 
 
 def test_one_duty_has_an_error_that_covers_the_offset() -> None:

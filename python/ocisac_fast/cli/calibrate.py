@@ -45,7 +45,7 @@ def calibrate(
 
     All frames that fit into 64 MiB are used together; without a light there is no answer. With --pulses the light is
     lit at most once per frame; each FILE is a video at one duty, all of one camera and exposure, and all frames are
-    used. Two or more duties give T_r at any exposure.
+    used. Two or more duties give T_r at any exposure shorter than the pulses.
     """
     unknown = dataclasses.replace(picture, row_time=None, exposure=None)  # the row time is estimated
     if pulses is not None:

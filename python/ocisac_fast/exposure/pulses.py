@@ -33,7 +33,7 @@ _NORMAL_MAD = 1.4826  # standard deviation of a normal distribution over its med
 _REACH = 12  # rows of a ramp on either side of its middle
 _BOX_ROWS = np.arange(0.0, 20.01, 0.25)
 _BLUR_ROWS = np.concatenate([[1e-3], np.arange(0.1, 4.01, 0.1)])
-_MAX_MISFIT = 0.1  # of a ramp
+_MAX_MISFIT = 0.1  # of a ramp, of a level, of the rows
 _erf = np.vectorize(math.erf, otypes=[float])
 
 
@@ -46,12 +46,14 @@ class PulseBands(Result):
         split: (frames,) lit rows of frames that begin and end lit, with one dark interval in between.
         row_count: rows of a frame that the lamp lights.
         ramps: (ramps, points) light at -12 .. 12 rows from half height into a band, steps of 1/2; 0 to 1.
+        levels: (rows,) linear light of each lit row above its dark one; NaN in rows beside the lamp.
     """
 
     whole: Float64s
     split: Float64s
     row_count: int
     ramps: Float64s
+    levels: Float64s
 
     @property
     def period_rows(self) -> tuple[float, float]:
@@ -81,7 +83,9 @@ class PulseCalibration(Result):
         pulse_widths: (recordings,) rows * row_time - offset in s: the measured t_on.
         bands: of each recording.
         flags: "one_duty": the row time is that without an offset; "model_misfit": the ramps do not fit a lamp's edges;
-            "period_misfit": ``period_rows`` of this row time are not 1/frequency, so that the duties are off.
+            "period_misfit": ``period_rows`` of this row time are not 1/frequency, so that the duties are off;
+            "short_pulses": a tenth of the rows or more are darker by a tenth or more in one recording than in another:
+            pulses shorter than the exposure, whose bands do not follow the duty, or too few frames.
     """
 
     row_time: float
@@ -114,7 +118,7 @@ def pulse_bands(light: npt.ArrayLike) -> PulseBands:
     signal = np.asarray(light, dtype=np.float64)
     if signal.ndim != 2 or min(signal.shape) < 2 or not np.all(np.isfinite(signal)):
         raise ValueError(f"light: got shape {signal.shape}, allowed: (frames, rows), two of each at least, finite")
-    share, whole_frame = _lit_share(signal)
+    share, levels = _lit_share(signal)
     whole: list[float] = []
     split: list[float] = []
     ramps: list[Float64s] = []
@@ -124,10 +128,12 @@ def pulse_bands(light: npt.ArrayLike) -> PulseBands:
             if begin > _REACH and end < row.size - 1 - _REACH:
                 whole.append(end - begin)
                 ramps += [_ramp(row, begin, 1.0), _ramp(row, end, -1.0)]
-        if whole_frame and falls.size == 1 and rises.size == 1 and rises[0] - falls[0] > 2 * _REACH:
+        if not np.isnan(levels).any() and falls.size == 1 and rises.size == 1 and rises[0] - falls[0] > 2 * _REACH:
             split.append(row.size - (rises[0] - falls[0]))
     points = 4 * _REACH + 1
-    return PulseBands(np.array(whole), np.array(split), signal.shape[1], np.reshape(ramps, (len(ramps), points)))
+    return PulseBands(
+        np.array(whole), np.array(split), signal.shape[1], np.reshape(ramps, (len(ramps), points)), levels
+    )
 
 
 @checked
@@ -137,7 +143,8 @@ def calibrate_pulses(
     """Estimate row time, exposure and pulse width from a lamp lit about once a frame, jointly from several duties.
 
     Args:
-        recordings: of the same camera and exposure, each (frames, rows) or the result of :func:`pulse_bands`.
+        recordings: of the same camera, lamp, exposure and gain, each (frames, rows) or the result of
+            :func:`pulse_bands`; pulses are longer than the exposure.
         frequency: of the lamp in Hz, above 0.
         duties: lit share of the period of each recording, above 0 and below 1.
 
@@ -162,7 +169,12 @@ def calibrate_pulses(
         row_time_std = math.hypot(row_time_std, off)
     seen = np.array([one.whole.mean() if one.whole.size >= _MIN_PULSES else math.nan for one in bands])
     exposure_std = math.hypot(ramp.box_std * row_time, ramp.box * row_time_std)
-    named = {"one_duty": not jointly, "model_misfit": ramp.misfit > _MAX_MISFIT, "period_misfit": is_off}
+    named = {
+        "one_duty": not jointly,
+        "model_misfit": ramp.misfit > _MAX_MISFIT,
+        "period_misfit": is_off,
+        "short_pulses": _has_short_pulses(bands),
+    }
     return PulseCalibration(
         *(row_time, row_time_std, period, period_std, offset, offset_std),
         *(ramp.box * row_time, exposure_std, ramp.blur, ramp.misfit),
@@ -183,6 +195,16 @@ def _mean_period(bands: Sequence[PulseBands]) -> tuple[float, float]:
     found = np.array([one.period_rows for one in bands])
     found = found[np.isfinite(found[:, 0])]
     return (float(found[:, 0].mean()), float(found[:, 1].mean())) if found.size else (math.nan, math.nan)
+
+
+def _has_short_pulses(bands: Sequence[PulseBands]) -> bool:
+    """A pulse shorter than the exposure is darker than a longer one, in all rows alike."""
+    if len({one.levels.size for one in bands}) > 1:
+        return False
+    levels = np.array([one.levels for one in bands])
+    levels = levels[:, np.isfinite(levels).all(axis=0)]
+    darker = levels < (1.0 - _MAX_MISFIT) * levels.max(axis=0)
+    return bool(levels.size) and bool((darker.mean(axis=1) > _MAX_MISFIT).any())
 
 
 def _spread(rows: Float64s) -> float:
@@ -218,8 +240,8 @@ def _points(bands: Sequence[PulseBands], lit: Float64s) -> _Points:
     return _Points(*(np.array(column) for column in zip(*points, strict=True)))
 
 
-def _lit_share(signal: Float64s) -> tuple[Float64s, bool]:
-    """Light of each row from 0 (dark) to 1 (lit) in the longest run of bright rows; True if these are all rows."""
+def _lit_share(signal: Float64s) -> tuple[Float64s, Float64s]:
+    """Light of each row from 0 (dark) to 1 (lit) in the longest run of bright rows, and its level when lit."""
     low, top = np.percentile(signal, _DARK_SHARE, axis=0), signal.max(axis=0)
     if not (top - low).max() > 0.0:
         raise ValueError("light: got rows that do not change, allowed: a lamp that is lit in some frames")
@@ -235,7 +257,9 @@ def _lit_share(signal: Float64s) -> tuple[Float64s, bool]:
     longest = np.argmax(edges[1::2] - edges[::2])
     first, last = edges[2 * longest], edges[2 * longest + 1]
     share = (signal[:, first:last] - dark[first:last]) / full[first:last]
-    return share, bool(last - first == signal.shape[1])
+    levels = np.full(signal.shape[1], np.nan)
+    levels[first:last] = full[first:last]
+    return share, levels
 
 
 def _plateau(signal: Float64s, noise: Float64s) -> Float64s:
