@@ -39,6 +39,14 @@ def test_an_exposure_as_long_as_the_frame_has_no_channel():
         assert find_channel(signal_of_rows, rows_per_chip=5.0, exposure_rows=exposure) is None
 
 
+def test_chips_of_next_to_no_rows_are_refused():
+    for rows_per_chip in (1e-300, 1e-9):
+        with pytest.raises(ValueError, match="rows_per_chip: got 1e-.*, allowed: 0.01 to 100000"):
+            find_channel(np.linspace(0, 1, 400), rows_per_chip=rows_per_chip, exposure_rows=28.0)
+        with pytest.raises(ValueError, match="rows_per_chip: got 1e-.*, allowed: 0.01 to 1000"):
+            detector_error_rates(rows_per_chip, 0.0, 0.1)
+
+
 @pytest.mark.parametrize("chip_rate", [None, 1e4])
 @pytest.mark.parametrize("shape", [(20_000, 4), (99_999, 1), (99_999, 10)])
 @pytest.mark.parametrize("program", ["Receiver", "receive"])

@@ -9,6 +9,7 @@
 #include "chips/threshold_detectors.hpp"
 #include "ocisac/chips/reduced_search.hpp"
 #include "ocisac/core/require.hpp"
+#include "rows/exposed_chips.hpp"
 
 namespace ocisac {
 
@@ -176,8 +177,8 @@ double sequence_error_rate(const ChipEquations& equations) {
 }
 
 DetectorErrorRates detector_error_rates(double rows_per_chip, double exposure_rows, double noise) {
-  require(rows_per_chip > 0 && rows_per_chip <= kMaxRowsPerChip, "rows_per_chip", rows_per_chip,
-          "above 0, at most 1000");
+  require(rows_per_chip >= kMinRowsPerChip && rows_per_chip <= kMaxRowsPerChip, "rows_per_chip", rows_per_chip,
+          "0.01 to 1000");
   require(exposure_rows >= 0 && exposure_rows <= kLongestReducedExposure * rows_per_chip, "exposure_rows",
           exposure_rows, "0 to 24 chips, in rows");
   require_positive("noise", noise);

@@ -11,6 +11,7 @@
 #include "ocisac/chips/reduced_search.hpp"
 #include "ocisac/chips/refine_channel.hpp"
 #include "ocisac/core/require.hpp"
+#include "rows/exposed_chips.hpp"
 
 namespace ocisac {
 
@@ -186,7 +187,7 @@ std::optional<RefinedChannel> compare_starts(const IterationContext& context, st
 
 std::optional<RefinedChannel> find_channel(std::span<const double> signal, const ChannelSearch& search,
                                            const DetectChips& detect, const RefineOptions& options) {
-  require_positive("rows_per_chip", search.rows_per_chip);
+  check_rows_per_chip(search.rows_per_chip);
   require(search.tolerance >= 0 && search.tolerance < 0.5, "tolerance", search.tolerance, "0 to 0.5");
   if (search.exposure_rows) require_not_negative("exposure_rows", *search.exposure_rows);
   require(search.max_exposure_chips >= 0 && search.max_exposure_chips <= kLongestReducedExposure, "max_exposure_chips",

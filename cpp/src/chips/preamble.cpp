@@ -6,12 +6,12 @@
 
 #include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
+#include "rows/exposed_chips.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr double kMinRowsPerChip = 0.01, kMaxRowsPerChip = 1e5;
 constexpr double kPhaseSlack = 0.2;      // max error of the grid of rates at the ends of the preamble, chips
 constexpr double kPlaceStep = 0.3;       // chips, step of the grid of positions; at most a row
 constexpr std::size_t kCandidates = 12;  // positions for fits of the channel
@@ -170,8 +170,7 @@ std::optional<PreambleMatch> match_at(std::span<const double> signal, const Wind
 
 std::vector<PreambleMatch> find_preamble(std::span<const double> signal, std::span<const double> preamble,
                                          const PreambleSearch& search) {
-  require(search.rows_per_chip >= kMinRowsPerChip && search.rows_per_chip <= kMaxRowsPerChip, "rows_per_chip",
-          search.rows_per_chip, "0.01 to 100000");  // time and memory grow with it and its inverse
+  check_rows_per_chip(search.rows_per_chip);
   require(search.tolerance >= 0 && search.tolerance < 0.5, "tolerance", search.tolerance, "0 to 0.5");
   if (search.exposure_rows) require_not_negative("exposure_rows", *search.exposure_rows);
   require_positive("max_exposure_chips", search.max_exposure_chips);

@@ -27,6 +27,10 @@ ChipGrid affecting_chips(const ChipClock& clock, std::size_t rows) {
   return {clock, first, static_cast<std::size_t>(last - first + 1)};
 }
 
+void check_rows_per_chip(double rows_per_chip) {
+  require(rows_per_chip >= kMinRowsPerChip && rows_per_chip <= 1e5, "rows_per_chip", rows_per_chip, "0.01 to 100000");
+}
+
 void check_clock(const ChipClock& clock) {
   require_positive("rows_per_chip", clock.rows_per_chip);
   require_finite("phase", clock.phase);

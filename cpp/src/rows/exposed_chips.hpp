@@ -90,6 +90,9 @@ class ChipBox {
   double first_;
 };
 
+// Time and memory grow with the rows of a chip and with their inverse.
+inline constexpr double kMinRowsPerChip = 0.01;
+void check_rows_per_chip(double rows_per_chip);
 void check_clock(const ChipClock& clock);
 void check_chips(const KnownChips& chips);
 

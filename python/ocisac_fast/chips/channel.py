@@ -388,7 +388,7 @@ def find_preamble(
     Args:
         signal: (rows,) a column, or columns combined, that contains the whole sequence.
         preamble: (chips,) levels, 0 dark to 1 bright, at least two.
-        rows_per_chip: nominal, rows.
+        rows_per_chip: nominal, 0.01 to 100,000 rows.
         tolerance: maximum relative deviation of the true rows per chip, 0 to 0.5.
         exposure_rows: known exposure, rows; None: estimated.
         max_exposure_chips: upper bound of an estimated exposure, chips. The sequence must be 6 chips longer.
@@ -475,7 +475,7 @@ def find_channel(
     Args:
         signal: (rows,) a column, or columns combined.
         detect: a detector of exposed chips as :data:`Detect`; None: ``"auto"`` of :func:`detect_chips`.
-        rows_per_chip: nominal, rows.
+        rows_per_chip: nominal, 0.01 to 100,000 rows.
         tolerance: maximum relative deviation of the true rows per chip, 0 to 0.5.
         exposure_rows: known exposure, rows; None: estimated.
         max_exposure_chips: upper bound of an estimated exposure, chips.

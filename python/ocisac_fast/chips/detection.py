@@ -106,7 +106,7 @@ def detector_error_rates(rows_per_chip: float, exposure_rows: float, noise: floa
     left out.
 
     Args:
-        rows_per_chip: above 0, at most 1000: the computing time grows with its square.
+        rows_per_chip: 0.01 to 1000: the computing time grows with its square.
         exposure_rows: rows, 0 to 24 chips.
         noise: standard deviation of a row over the swing from steady dark to steady bright, above 0.
 
