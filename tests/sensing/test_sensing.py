@@ -249,6 +249,17 @@ def test_speed_and_texture_give_each_other():
     assert by_speed.spatial_frequency == pytest.approx(200, abs=4 * by_speed.spatial_frequency_std)
 
 
+@pytest.mark.parametrize("stated", [{"spatial_frequency": 200.0}, {"speed": SPEED}])
+@pytest.mark.parametrize("wrong", [1.0, 0.7, 2.0])
+def test_a_texture_that_contradicts_what_is_stated_is_flagged(stated, wrong):
+    frames = texture(1, 720, 20, 200, SPEED, per_column=-0.21)
+    ((name, value),), pitch = stated.items(), 0.21 / 200
+    found = ocisac.sense_region(
+        frames, camera(), motion=KnownMotion(axis="across", pitch=pitch, **{name: wrong * value})
+    )
+    assert bool(found.flags & Flag.MODEL_MISFIT) == (wrong != 1)
+
+
 PITCH = 1e-4
 
 

@@ -13,6 +13,7 @@ from ocisac_fast.sensing.motion import KnownMotion, Motion, Seen, across_rows, a
 Kind = Literal["light", "moving", "still", "unknown"]
 
 _NEAR_MISS = 10.0  # timing tolerances within which a light is not excluded
+_SAME_TEXTURE = 0.1  # by which a stated spatial frequency or speed may differ from that of the columns
 
 
 def seen_by(fitted: Fitted, advance: PhaseAdvance, camera: Camera) -> Seen:
@@ -77,6 +78,14 @@ def motion_facts(kind: Kind, axis: str | None, seen: Seen, known: KnownMotion, a
         per_pixel, pixel_std = advance.cycles, advance.std
         direction = -int(math.copysign(1, advance.cycles)) if abs(advance.cycles) > 4.0 * advance.std else 0
     flags = motion.flags | (Flag.AMBIGUOUS_MOTION if axis is None else Flag(0))
+    speed = _speed(motion, known, abs(per_pixel), pixel_std)
+    if known.pitch is not None and not math.isclose(
+        speed["spatial_frequency"] * known.pitch,
+        abs(per_pixel),
+        rel_tol=_SAME_TEXTURE,
+        abs_tol=4.0 * pixel_std if math.isfinite(pixel_std) else math.inf,
+    ):
+        flags |= Flag.MODEL_MISFIT
     return {
         "kind": kind,
         "motion_frequency": abs(motion.frequency),
@@ -84,7 +93,7 @@ def motion_facts(kind: Kind, axis: str | None, seen: Seen, known: KnownMotion, a
         "motion_candidates": motion.candidates,
         "direction": direction,
         "flags": flags,
-        **_speed(motion, known, abs(per_pixel), pixel_std),
+        **speed,
     }
 
 

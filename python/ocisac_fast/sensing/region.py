@@ -89,7 +89,8 @@ class SensedRegion(Result):
         spatial_frequency, spatial_frequency_std: of the texture along the motion, 1/m; std 0 for a given value.
         background_given: True if a background was given; otherwise a light's gain is its share of the light times
             |sinc|.
-        flags: of :class:`ocisac_fast.Flag`; MODEL_MISFIT also where the frame time is shorter than the rows or the
+        flags: of :class:`ocisac_fast.Flag`; MODEL_MISFIT also where the columns contradict a stated spatial frequency
+            or speed by more than a tenth (with the pitch), and where the frame time is shorter than the rows or the
             exposure take.
     """
 
