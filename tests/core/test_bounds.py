@@ -41,9 +41,9 @@ def test_an_exposure_as_long_as_the_frame_has_no_channel():
 
 def test_chips_of_next_to_no_rows_are_refused():
     for rows_per_chip in (1e-300, 1e-9):
-        with pytest.raises(ValueError, match="rows_per_chip: got 1e-.*, allowed: 0.01 to 100000"):
+        with pytest.raises(ValueError, match=r"rows_per_chip: got 1e-.*, allowed: 0.01 to 100000"):
             find_channel(np.linspace(0, 1, 400), rows_per_chip=rows_per_chip, exposure_rows=28.0)
-        with pytest.raises(ValueError, match="rows_per_chip: got 1e-.*, allowed: 0.01 to 1000"):
+        with pytest.raises(ValueError, match=r"rows_per_chip: got 1e-.*, allowed: 0.01 to 1000"):
             detector_error_rates(rows_per_chip, 0.0, 0.1)
 
 
