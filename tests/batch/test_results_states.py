@@ -19,7 +19,8 @@ pytest.importorskip("pyarrow.parquet")
 import pyarrow as pa
 from lamp_recordings import ROW_TIME, SHORT, lamp
 
-from ocisac_fast.batch import ResultsError, Task, cluster, measure_recordings, read_results
+from ocisac_fast.batch import ResultsError, Task, cluster, measure_recordings, read_failures, read_results
+from ocisac_fast.batch.results import Results
 from ocisac_fast.cli import main
 from ocisac_fast.files import FileWarning
 
@@ -198,17 +199,70 @@ def test_again_in_a_new_folder_and_after_cleaning(sources, tmp_path):
 # Damage
 
 
-@pytest.mark.parametrize("damage", ["missing", "empty", "longer"])
-def test_a_cleaned_file_that_is_not_as_written_is_made_again(sources, tmp_path, damage):
+@pytest.mark.parametrize("kind", ["empty", "longer", "link", "lost link", "pipe", "folder"])
+@pytest.mark.parametrize("is_changed", [False, True])
+def test_a_cleaned_file_that_no_run_wrote_stays(sources, tmp_path, kind, is_changed):
+    """One that was edited was removed without a word."""
     cleaning = Task("clean", {"row_time": ROW_TIME})
     measure_recordings(sources, cleaning, output=tmp_path / "c")
     victim = min((tmp_path / "c" / "cleaned").iterdir())
     data = victim.read_bytes()
-    victim.unlink() if damage == "missing" else victim.write_bytes(data + b"more" if damage == "longer" else b"")
-    again = measure_recordings(sources, cleaning, output=tmp_path / "c").progress
-    assert (again.finished, again.skipped) == (COUNT, COUNT - 1)
-    assert victim.read_bytes() == data
+    victim.unlink()
+    make = {
+        "empty": victim.touch,
+        "longer": lambda: victim.write_bytes(data + b"more"),
+        "link": lambda: victim.symlink_to(sources / "0.npy"),
+        "lost link": lambda: victim.symlink_to("nowhere"),
+        "pipe": lambda: os.mkfifo(victim),
+        "folder": victim.mkdir,
+    }
+    make[kind]()
+    there = os.lstat(victim)
+    if is_changed:
+        for path in sources.iterdir():
+            np.save(path, lamp(SHORT + 1, 7, (96, 8)))
+    for _ in range(2):
+        done = measure_recordings(sources, cleaning, output=tmp_path / "c")
+        assert done.failures["message"].to_pylist() == [
+            f"cleaned/{victim.name} is not as a run wrote it, and stays; allowed: another place for it"
+        ]
+        assert (done.progress.finished, len(read_results(tmp_path / "c"))) == (2, 2 * (SHORT + is_changed))
+        assert (os.path.samestat(there, os.lstat(victim)), there.st_size) == (True, os.lstat(victim).st_size)
+    victim.rmdir() if kind == "folder" else victim.unlink()
+    assert measure_recordings(sources, cleaning, output=tmp_path / "c").progress.finished == COUNT
     assert measure_recordings(sources, cleaning, output=tmp_path / "c").progress.skipped == COUNT
+    assert victim.is_file()
+
+
+def test_a_cleaned_file_that_appears_meanwhile_stays(sources, tmp_path, monkeypatch):
+    def written(self, name, rows, facts):
+        place = next(iter(facts["cleaned"]))
+        (tmp_path / "c" / place).write_text("mine")
+        return before(self, name, rows, facts)
+
+    before = Results.write_rows
+    monkeypatch.setattr(Results, "write_rows", written)
+    done = measure_recordings(sources, Task("clean", {"row_time": ROW_TIME}), output=tmp_path / "c")
+    assert (done.progress.failed, read_results(tmp_path / "c")) == (COUNT, None)
+    assert "appeared during this run, and is kept" in done.failures["message"][0].as_py()
+    assert {path.read_text() for path in (tmp_path / "c" / "cleaned").iterdir()} == {"mine"}
+
+
+def test_rows_whose_cleaned_file_is_missing_are_measured_again(sources, tmp_path):
+    """A run that is killed between them leaves rows alone, which its manifest may not name."""
+    cleaning = Task("clean", {"row_time": ROW_TIME})
+    measure_recordings(sources, cleaning, output=tmp_path / "c")
+    for number, victim in enumerate(sorted((tmp_path / "c" / "cleaned").iterdir())[:2]):
+        victim.unlink()
+        if number == 0:
+            manifest = json.loads((tmp_path / "c" / "manifest.json").read_text())
+            (tmp_path / "c" / "manifest.json").write_text(
+                json.dumps({"files": {name: n for name, n in manifest["files"].items() if victim.name[:16] not in name}})
+            )
+    for skipped in (COUNT - 2, COUNT):
+        done = measure_recordings(sources, cleaning, output=tmp_path / "c").progress
+        assert (done.finished, done.skipped) == (COUNT, skipped)
+    assert len(list((tmp_path / "c" / "cleaned").iterdir())) == COUNT
 
 
 @pytest.mark.parametrize("name", ["task.json", "manifest.json"])
@@ -216,8 +270,29 @@ def test_a_cleaned_file_that_is_not_as_written_is_made_again(sources, tmp_path, 
 def test_a_pipe_in_the_folder_is_not_waited_for(sources, results, name, again):
     (results / name).unlink()
     os.mkfifo(results / name)
-    with pytest.raises(ResultsError, match=f"{name}(, and no| is a pipe or a device; allowed: another folder)"):
+    with pytest.raises(ResultsError, match=f"{name}(, and no| is a link, a pipe or a device; allowed: another folder)"):
         measure_recordings(sources, GAIN, output=results, again=again)
+
+
+@pytest.mark.parametrize("kind", ["rows/*/*.parquet", "failures/*.parquet", "task.json"])
+@pytest.mark.parametrize("again", [False, True])
+@pytest.mark.parametrize("as_link", [False, True])
+def test_no_pipe_is_read_and_no_link_followed_at_the_name_of_a_result(sources, tmp_path, kind, again, as_link):
+    (sources / "bad.npy").write_bytes(b"")
+    (tmp_path / "precious").write_text("mine")
+    measure_recordings(sources, GAIN, output=tmp_path / "o")
+    place = next((tmp_path / "o").glob(kind))
+    place.unlink()
+    place.symlink_to(tmp_path / "precious") if as_link else os.mkfifo(place)
+    for act in (lambda: measure_recordings(sources, GAIN, output=tmp_path / "o", again=again), lambda: _summary(tmp_path)):
+        with pytest.raises(ResultsError, match=f"{place.name}( is a link, a pipe or|, which no run wrote|, and no)"):
+            act()
+    assert os.path.lexists(place)
+    assert (tmp_path / "precious").read_text() == "mine"
+
+
+def _summary(folder):
+    return read_results(folder / "o"), read_failures(folder / "o")
 
 
 def test_a_full_disk_is_no_failure_of_a_recording(sources, tmp_path, monkeypatch):

@@ -188,6 +188,8 @@ class _Campaign:
                 if present:
                     self._present[entry.key] = present
         self._remove(stale)
+        if self._waiting and self._task.command == "clean":
+            self._results.remove_cleaned({entry.key for entry in self._waiting})
 
     def _next_jobs(self) -> Jobs:
         if self._stretches:

@@ -14,6 +14,7 @@ from ocisac_fast.batch.measuring import Measurement, Start, build, start_of
 from ocisac_fast.batch.recordings import Entry, local_entry
 from ocisac_fast.batch.results import Results, ResultsError, rows_name
 from ocisac_fast.batch.task import Task
+from ocisac_fast.cli.errors import INPUT_ERRORS, error_text
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files import FileError, Part
 from ocisac_fast.files.remote import is_remote
@@ -119,6 +120,8 @@ class Work:
         except click.UsageError as error:
             raise ValueError(error.format_message()) from error
         except Exception as error:  # whatever a recording provokes, the others are measured
+            if results is not None:
+                results.remove([job.name])  # whose cleaned file has no name
             return Report(job, failure=_message(error, job.entry.path))
 
     def _measured(self, job: Job, results: Results | None) -> Report:
@@ -135,14 +138,15 @@ class Work:
                 common = replace(job, frame_count=parts[-1].stop, start=start)
                 return Report(job, stretches=tuple(replace(common, part=part) for part in parts))
         if self.task.command == "clean" and results is not None:
-            with results.cleaned(job.entry) as (local, final, cleaned):
+            with results.cleaned(job.entry) as (local, name, final):
                 found = Measurement.of(path, self.task, cleaned=local)
-                _require_unchanged(job.entry)
-            found.facts["cleaned"] = cleaned
-            if cleaned and final != local:
-                found = replace(found, table=_with_cleaned(found.table, final))
-        else:
-            found = Measurement.of(path, self.task, part=job.part, start=job.start)
+                if os.path.exists(local):  # else every frame stays as it is
+                    found.facts["cleaned"] = {name: os.stat(local).st_size}
+                    found = replace(found, table=_with_cleaned(found.table, final))
+                return self._written(job, found, results)
+        return self._written(job, Measurement.of(path, self.task, part=job.part, start=job.start), results)
+
+    def _written(self, job: Job, found: Measurement, results: Results | None) -> Report:
         _require_unchanged(job.entry)
         frames = found.facts["frames"] or 0
         if results is None:
@@ -166,10 +170,5 @@ def _with_cleaned(table: Any, path: str) -> Any:
 
 
 def _message(error: Exception, path: str) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        text = error.strerror
-    elif isinstance(error, (OSError, ValueError, ArithmeticError, click.ClickException)):
-        text = error.format_message() if isinstance(error, click.ClickException) else str(error)
-    else:
-        text = f"{type(error).__name__}: {error}"
+    text = error_text(error) if isinstance(error, INPUT_ERRORS) else f"{type(error).__name__}: {error}"
     return one_line(text.removeprefix(f"{path}: "))

@@ -35,9 +35,10 @@ from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.output import plain
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.core.checks import parsed_json
-from ocisac_fast.files import FileWarning, Part, atomic_path
+from ocisac_fast.files import FileError, FileWarning, Part, atomic_path
 from ocisac_fast.files.extras import pyarrow
 from ocisac_fast.files.remote import file_system, is_remote
+from ocisac_fast.files.writing import fixed_outputs
 
 _METADATA = b"ocisac"
 _TASK, _MANIFEST, _FOLDERS = "task.json", "manifest.json", ("rows", "failures", "cleaned")
@@ -171,7 +172,7 @@ class Results:
     def _discard(self, keys: set[str]) -> None:
         """Remove the files of the manifest; what is left is named, and refused where the recordings of ``keys`` go."""
         there = [name for name in (_TASK, _MANIFEST, *_FOLDERS) if self._system.exists(self._path(name))]
-        if there and not self._is_as_written(_TASK):
+        if there and self._length(_TASK) != self._lengths.get(_TASK, -1):
             raise ResultsError(
                 f"{self.folder}: holds {there[0]}, and no {_MANIFEST} of `ocisac batch` that says what --again may "
                 "remove; allowed: another folder"
@@ -194,25 +195,24 @@ class Results:
             text = f"{self.folder}: kept, since no run wrote it: {named}"
             warnings.warn(text, FileWarning, stacklevel=4)
 
-    def _is_as_written(self, name: str) -> bool:
+    def _length(self, name: str) -> int | None:
         with contextlib.suppress(FileNotFoundError):
-            return name in self._lengths and self._system.info(self._path(name)).get("size") == self._lengths[name]
-        return False
+            return _length_of(self._system.info(self._path(name)))
+        return None
 
-    def _all_found(self) -> dict[str, int]:
+    def _all_found(self) -> dict[str, int | None]:
         """Lengths of all files but what killed runs left, which the next file of the same name removes."""
         self._system.invalidate_cache()
         every = [pair for folder in _FOLDERS for pair in self._found(folder).items()]
         return {name: length for name, length in every if not re.search(r"/\.[0-9a-f]{16}\.\w+$", name)}
 
-    def _found(self, folder: str) -> dict[str, int]:
-        """Lengths of the files below a folder of the results, by name below the results."""
+    def _found(self, folder: str) -> dict[str, int | None]:
+        """Lengths of what is below a folder of the results, by name below the results; None of what is no file."""
         if not self._system.exists(self._path(folder)):
             return {}
         found = self._system.find(self._path(folder), detail=True)
         start = len(self._path(""))
-        files = ((name, entry) for name, entry in sorted(found.items()) if entry.get("type") != _NO_FILE)
-        return {name[start:]: entry.get("size") for name, entry in files}
+        return {name[start:]: _length_of(entry) for name, entry in sorted(found.items())}
 
     def contains(self, path: str) -> bool:
         """True for this folder, which may be in the campaign's, and for a path in it, through any links."""
@@ -250,6 +250,12 @@ class Results:
                 self._held[place] = length
         return checked
 
+    def remove_cleaned(self, keys: set[str]) -> None:
+        """Remove what was cleaned of recordings in an earlier state; what is not as a run wrote it stays."""
+        with self._errors():
+            found = [name for name, length in self._found("cleaned").items() if self._lengths.get(name) == length]
+        self.remove([name for name in (PurePosixPath(each).name for each in found) if key_of(name) in keys], "cleaned")
+
     def _lost_keys(self) -> set[str]:
         """Keys of recordings of which the cleaned file is not as it was written."""
         written = {name: length for name, length in self._lengths.items() if name.startswith("cleaned/")}
@@ -259,16 +265,21 @@ class Results:
     def _listed(self, kind: str) -> dict[str, int]:
         with self._errors():
             self._system.invalidate_cache()
-            return {place: length for place, length in self._found(kind).items() if _OURS.fullmatch(place)}
+            found = {place: length for place, length in self._found(kind).items() if _OURS.fullmatch(place)}
+            for place in (place for place, length in found.items() if length is None):
+                self._require_file(place)
+            return {place: length for place, length in found.items() if length is not None}
 
     def holds(self, name: str, task: Task) -> tuple[dict[str, Any], dict[str, int]] | None:
-        """The facts of a whole file of rows of this task and version, and lengths of its files; None without it."""
+        """The facts of a whole file of rows of this task and version, and lengths of its files; None without them."""
         facts, written = self._written_with(_place(name))
-        return (facts, written) if (facts.get("task"), facts.get("build")) == (task.facts(), build()) else None
+        is_whole = all(self._length(each) == length for each, length in written.items())
+        return (facts, written) if is_whole and (facts.get("task"), facts.get("build")) == (task.facts(), build()) else None
 
     def _written_with(self, place: str) -> tuple[dict[str, Any], dict[str, int]]:
         """The facts of a whole file of rows, and lengths of its files; empty of what no run wrote."""
         with contextlib.suppress(OSError, ValueError):
+            self._require_file(place)
             with self._system.open(self._path(place), "rb") as file:
                 facts = _facts(pyarrow("pyarrow.parquet").read_schema(file))
             if "task" in facts:
@@ -297,34 +308,44 @@ class Results:
                     self._system.rm_file(self._path(place))
 
     @contextlib.contextmanager
-    def cleaned(self, entry: Entry) -> Iterator[tuple[str, str, dict[str, int]]]:
-        """A local path to write a cleaned recording to, the path where it will be, and then its length by its name."""
+    def cleaned(self, entry: Entry) -> Iterator[tuple[str, str, str]]:
+        """A local path to write a cleaned recording to, its name below the folder, and the path where it will be.
+
+        It gets this name at the end, after its rows: a run that is killed leaves nothing that no rows name.
+
+        Raises:
+            FileError: something has the name, which no run wrote as it is.
+        """
         source = PurePosixPath(entry.path)
         stem = source.stem.encode(errors="surrogateescape")[-_MAX_STEM:].decode(errors="ignore")
-        name = f"cleaned/{entry.key}-{stem}{_PICTURES.get(source.suffix.lower(), '.mkv')}"
+        suffix = _PICTURES.get(source.suffix.lower(), ".mkv")
+        name = f"cleaned/{entry.key}-{stem}{suffix}"
+        place = self._path(name)
         with self._errors():
             self._require_folder()
             self._system.makedirs(self._path("cleaned"), exist_ok=True)
-        written: dict[str, int] = {}
-        if self.is_local:
-            place = self._path(name)
-            _unlink(place)  # of an earlier state of the recording
+            is_taken = self._system.lexists(place)
+        if is_taken:
+            raise FileError(f"{name} is not as a run wrote it, and stays; allowed: another place for it")
+        with contextlib.ExitStack() as after:
+            folder = self._path("cleaned") if self.is_local else after.enter_context(tempfile.TemporaryDirectory())
+            temporary = f"{folder}/.{entry.key}{suffix}"
+            _unlink(temporary)  # of a run that was killed
+            after.callback(_unlink, temporary)
             try:
-                yield place, place, written
-            except Exception as error:
-                _unlink(place)
-                if not isinstance(error, OSError) or error.filename != place:
+                yield temporary, name, place if self.is_local else self._system.unstrip_protocol(place)
+            except OSError as error:
+                if error.filename != temporary:
                     raise
                 raise ResultsError(f"{self.folder}: {error.strerror}") from error
-            if os.path.exists(place):  # else every frame stays as it is
-                written[name] = os.stat(place).st_size
-            return
-        with tempfile.TemporaryDirectory() as folder:
-            local = str(Path(folder) / PurePosixPath(name).name)
-            yield local, self._system.unstrip_protocol(self._path(name)), written
+            if not os.path.exists(temporary):  # every frame stays as it is
+                return
+            if self.is_local:
+                with fixed_outputs([place], replace=False), atomic_path(place) as new:
+                    os.replace(temporary, new)
+                return
             with self._errors():
-                if os.path.exists(local):
-                    written[name] = self._write(name, Path(local).read_bytes())
+                self._write(name, Path(temporary).read_bytes())
 
     def every_part(self) -> Iterator[tuple[dict[str, Any], Any]]:
         """Facts and rows of each file of rows of the folder's task, in the order of names."""
@@ -391,9 +412,10 @@ class Results:
         return found if isinstance(found, dict) else {}
 
     def _require_file(self, name: str) -> None:
+        path = self._path(name)
         with contextlib.suppress(FileNotFoundError):
-            if self._system.info(self._path(name)).get("type") == _NO_FILE:
-                raise ResultsError(f"{self.folder}: {name} is a pipe or a device; allowed: another folder")
+            if (self.is_local and os.path.islink(path)) or self._system.info(path).get("type") == _NO_FILE:
+                raise ResultsError(f"{self.folder}: {name} is a link, a pipe or a device; allowed: another folder")
 
     def _path(self, name: str) -> str:
         return f"{self._root.rstrip('/')}/{name}"
@@ -480,6 +502,10 @@ def key_of(name: str) -> str:
 
 def _place(name: str) -> str:
     return f"rows/{name[:2]}/{name}"
+
+
+def _length_of(entry: Mapping[str, Any]) -> int | None:
+    return None if entry.get("islink") or entry.get("type") == _NO_FILE else entry.get("size")
 
 
 def _unlink(place: str) -> None:

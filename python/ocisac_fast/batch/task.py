@@ -114,8 +114,7 @@ def _arguments(command: str, words: tuple[str, ...]) -> Mapping[str, Any]:
 
 def _context(command: str, words: Sequence[str], path: str, cleaned: str | None) -> click.Context:
     targets = [cleaned or "cleaned.mkv"] if command == "clean" else []
-    flags = ["--json", *(["--force"] if targets else [])]
-    return _command(command).make_context(command, [*words, *flags, "--", path, *targets])
+    return _command(command).make_context(command, [*words, "--json", "--", path, *targets])
 
 
 def _command(name: str) -> click.Command:
