@@ -868,6 +868,59 @@ def test_arrays_by_standard_input_come_frame_by_frame():
     assert rest[-1] == "standard input: after the array: bytes that are no .npy file"
 
 
+def mp4(path, count, flags):
+    """Bytes of an MP4 of key frames, and what SUMS prints of them."""
+    frames = random_frames((count, 48, 64), np.uint8)
+    with av.open(str(path), "w", format="mp4", options={"movflags": flags}) as container:
+        stream = container.add_stream("libx264", rate=30)
+        stream.height, stream.width, stream.pix_fmt = 48, 64, "yuv420p"
+        stream.options = {"preset": "ultrafast", "g": "1"}
+        for frame in frames:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="gray").reformat(format="yuv420p")))
+        container.mux(stream.encode(None))
+    return path.read_bytes(), [f"uint8 (48, 64) {frame.sum()}" for frame in read_frames(path).frames]
+
+
+@pytest.mark.parametrize("flags", ["frag_keyframe+empty_moov", "faststart"])
+def test_an_mp4_whose_index_is_before_its_frames_is_read_from_a_pipe_as_it_comes(flags, tmp_path):
+    """It was spooled to its end, which a live stream has not; what came before the pipe ended is read."""
+    data, whole = mp4(tmp_path / "a.mp4", 120, flags)
+    begin = data[: len(data) * 3 // 4]
+    lines, rest, _ = piped(SUMS.replace("RAW", "None"), begin, data[len(begin) :])
+    assert (len(whole), lines + rest) == (120, whole)
+    lines, (*rest, last), _ = piped(SUMS.replace("RAW", "None"), begin)
+    assert lines + rest == whole[: 1 + len(rest)]
+    assert len(rest) > 80
+    assert last.startswith("warning: standard input: truncated or damaged video")
+
+
+class Endless(io.RawIOBase):
+    """A head, and zeros for ever."""
+
+    def __init__(self, head):
+        self.head = head
+
+    def readable(self):
+        return True
+
+    def readinto(self, buffer):
+        piece, self.head = self.head[: len(buffer)], self.head[len(buffer) :]
+        buffer[:] = piece.ljust(len(buffer), b"\0")
+        return len(buffer)
+
+
+@pytest.mark.parametrize("index", ["behind", "none"])
+def test_an_mp4_of_a_pipe_without_an_end_is_one_line(index, tmp_path, monkeypatch):
+    """It filled the disk of temporary files."""
+    data, _ = mp4(tmp_path / "a.mp4", 2, "disable_chpl")
+    head = data[: data.index(b"mdat") + 4] if index == "behind" else data[:12]
+    monkeypatch.setattr("ocisac_fast.files.videos._MOST_SPOOLED", 4 << 20)
+    monkeypatch.setattr(sys, "stdin", types.SimpleNamespace(buffer=io.BufferedReader(Endless(head))))
+    message = "an index behind more than 4 MiB, allowed: a file" if index == "behind" else "not a picture, a video"
+    with pytest.raises(FileError, match=f"standard input: {message}"):
+        read_frames("-")
+
+
 @pytest.mark.parametrize(("form", "dtype"), [("5x7", "u1"), ("5x7:gray8", "u1"), ("5x7:gray16le", "<u2")])
 def test_raw_frames_by_standard_input_and_from_files(tmp_path, form, dtype):
     frames = random_frames((3, 7, 5), np.dtype(dtype))

@@ -7,7 +7,6 @@ import errno
 import io
 import os
 import re
-import shutil
 import struct
 import tempfile
 import warnings
@@ -23,6 +22,7 @@ from ocisac_fast.files.colours import Conversion, rgb_format, rgb_white
 from ocisac_fast.files.extras import opened_video, pyav
 from ocisac_fast.files.parts import HEAD_BYTES, JPEGS, Ending, decoded_part, video_key_frames
 from ocisac_fast.files.profiles import response_of_video, transfer_of
+from ocisac_fast.files.raw import MOST_BYTES, read_bytes, require_at_most
 from ocisac_fast.files.recording import (
     FileError,
     FileWarning,
@@ -45,6 +45,7 @@ _INTERLACED = (
 )
 _UNKNOWN = "not a picture, a video or a .npy array, or damaged beyond reading"
 _MAX_PIXELS = 1 << 28
+_PIECE, _MOST_SPOOLED = 1 << 20, 4 << 30  # bytes of a pipe, which may have no end
 _decoder_threads: ContextVar[int] = ContextVar("decoder_threads", default=0)  # 0: one for each processor
 
 
@@ -99,14 +100,29 @@ def open_video(
 
 
 def _seekable_where_needed(file: BinaryIO) -> BinaryIO:
-    """Spool MP4, whose index may be at its end, to a seekable file; other kinds are read as a stream."""
-    head = file.read(12)
-    prefixed = Prefixed(head, file)
-    if head[4:8] != b"ftyp":
-        return prefixed  # type: ignore[return-value]
-    spool = tempfile.TemporaryFile()  # noqa: SIM115 (the stream closes it)
-    shutil.copyfileobj(prefixed, spool)
-    spool.seek(0)
+    """Spool MP4 whose index is behind its frames to a seekable file; all else is read as a stream, which may be live."""
+    head = read_bytes(file, 12)
+    at, kind = 0, bytes(head[4:8])
+    while kind not in (b"moov", b"mdat") and head[4:8] == b"ftyp":  # boxes of ISO 14496-12: size, kind, content
+        size = int.from_bytes(head[at : at + 4], "big")
+        at += size
+        require_at_most(MOST_BYTES, at)
+        head += read_bytes(file, at + 8 - len(head))
+        kind = bytes(head[at + 4 : at + 8])
+        if size < 8 or len(kind) < 4:
+            raise FileError(_UNKNOWN)
+    stream = Prefixed(bytes(head), file)
+    if kind != b"mdat":
+        return stream  # type: ignore[return-value]
+    with contextlib.ExitStack() as opened:
+        spool = opened.enter_context(tempfile.TemporaryFile())
+        while piece := stream.read(_PIECE):
+            if spool.tell() + len(piece) > _MOST_SPOOLED:
+                most = f"{_MOST_SPOOLED >> 20} MiB"
+                raise FileError(f"an index behind more than {most}, allowed: a file, or an index before the frames")
+            spool.write(piece)
+        spool.seek(0)
+        opened.pop_all()  # the stream closes it
     return spool
 
 
