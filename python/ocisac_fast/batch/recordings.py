@@ -108,11 +108,12 @@ def _remote(path: str) -> Iterator[Entry]:
     entries: dict[str, Any] = {inner: {"size": None}}
     with contextlib.suppress(Exception):  # whatever a server answers: measuring the path names the failure
         entries = _listed(system, inner)
-    # Listed names lack the host and the user of the path on some file systems.
-    root = path.removesuffix(inner) if path.endswith(inner) else None
+    # Listed names lack the host and the user of the path on some file systems, and the archive that they are in.
+    place = next((each for each in (path.partition("::")[0], path) if each.endswith(inner)), None)
     for name, entry in entries.items():
         if entry.get("type") != "directory":
-            yield _entry(str(system.unstrip_protocol(name)) if root is None else root + name, entry)
+            whole = place and place.removesuffix(inner) + name + path[len(place) :]
+            yield _entry(whole or str(system.unstrip_protocol(name)), entry)
 
 
 def _listed(system: Any, path: str) -> dict[str, Any]:

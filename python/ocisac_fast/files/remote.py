@@ -93,7 +93,7 @@ class RemotePath:
     """What the readers use of ``pathlib.Path``, for a file of any file system."""
 
     def __init__(self, url: str) -> None:
-        self._url = url
+        self.url = url
         self._system, self._path = file_system(url)
         with _one_line_errors(url):
             self._entry = self._system.info(self._path)
@@ -102,16 +102,16 @@ class RemotePath:
 
     def open(self, mode: str = "rb") -> BinaryIO:
         size = self._entry.get("size")
-        with _one_line_errors(self._url):
+        with _one_line_errors(self.url):
             if size is not None and size <= _WHOLE:
                 return io.BytesIO(_fetched(self._system, self._path, size, str(modified(self._entry))))
             opened = self._system.open(self._path, mode, block_size=_PIECE, cache_type="readahead")
             if size is not None:
-                return io.BufferedReader(_Ranges(opened, self._url))
+                return io.BufferedReader(_Ranges(opened, self))
             with opened:  # without a stated size there are no ranges
                 data = opened.read(_WHOLE + 1)
         if len(data) > _WHOLE:
-            raise FileError(f"{self._url}: no stated size, and more than {_WHOLE >> 20} MiB")
+            raise FileError(f"{self.url}: no stated size, and more than {_WHOLE >> 20} MiB")
         return io.BytesIO(data)
 
     def read_bytes(self) -> bytes:
@@ -122,8 +122,8 @@ class RemotePath:
 class _Ranges(io.RawIOBase):
     """A file that is read by ranges."""
 
-    def __init__(self, file: Any, url: str) -> None:
-        self._file, self._url = file, url
+    def __init__(self, file: Any, place: RemotePath) -> None:
+        self._file, self._place = file, place  # whose file system closes an archive once nothing needs it
 
     def readable(self) -> bool:
         return True
@@ -132,7 +132,7 @@ class _Ranges(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int:
-        with _one_line_errors(self._url):
+        with _one_line_errors(self._place.url):
             data = self._file.read(min(len(buffer), _PIECE))
         buffer[: len(data)] = data
         return len(data)
