@@ -894,6 +894,24 @@ def test_an_mp4_whose_index_is_before_its_frames_is_read_from_a_pipe_as_it_comes
     assert last.startswith("warning: standard input: truncated or damaged video")
 
 
+@pytest.mark.filterwarnings("ignore:.*truncated")
+@pytest.mark.parametrize("suffix", [".npy", ".mkv"])
+@pytest.mark.parametrize("change", ["in place", "longer", "replaced"])
+def test_a_file_that_changes_while_it_is_read_is_refused(suffix, change, tmp_path):
+    """The answer was a mixture of two recordings, without a word."""
+    path, other = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
+    for seed, place in enumerate((path, other)):
+        write_frames(place, random_frames((40, 48, 64), np.uint8, seed))
+    data = other.read_bytes()
+    with open_recording(path) as stream, pytest.raises(FileError, match=f"^{path}: changed while it was read: "):
+        for number, _ in enumerate(stream):
+            if number == 0 and change == "replaced":
+                other.replace(path)
+            elif number == 0:
+                with path.open("r+b" if change == "in place" else "ab") as file:
+                    file.write(data)
+
+
 class Endless(io.RawIOBase):
     """A head, and zeros for ever."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import sys
@@ -10,15 +11,22 @@ from typing import Any
 
 import click
 
-from ocisac_fast.files import FileError
 from ocisac_fast.files.raw import read_whole
+from ocisac_fast.files.reading import name_of, named
 from ocisac_fast.files.remote import local_part
 from ocisac_fast.files.writing import fixed_outputs
 
 _STANDARD = "-"  # input or output
 
 
-class InputFile(click.Path):
+class _NamedFile(click.Path):
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value == "":  # pathlib would take it for this folder
+            raise click.UsageError("got a file without a name, allowed: a file, or -")
+        return super().convert(value, param, ctx)
+
+
+class InputFile(_NamedFile):
     """A file that a command reads; checked where it is opened."""
 
     def files(self, path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
@@ -26,7 +34,7 @@ class InputFile(click.Path):
         return (local_part(os.fspath(path)),)
 
 
-class OutputFile(click.Path):
+class OutputFile(_NamedFile):
     """A file that a command with `writes` writes."""
 
 
@@ -39,14 +47,9 @@ def read_input(path: str | os.PathLike[str]) -> bytes:
     Raises:
         FileError: more than 64 MiB.
     """
-    is_standard = os.fspath(path) == _STANDARD
-    try:
-        if is_standard:
-            return read_whole(sys.stdin.buffer)
-        with open(path, "rb") as file:
-            return read_whole(file)
-    except FileError as error:
-        raise FileError(f"{'standard input' if is_standard else os.fspath(path)}: {error}") from error
+    with named(name_of(path)), contextlib.ExitStack() as opened:
+        is_standard = os.fspath(path) == _STANDARD
+        return read_whole(sys.stdin.buffer if is_standard else opened.enter_context(open(path, "rb")))
 
 
 def writes(function: Callable[..., Any]) -> Callable[..., Any]:

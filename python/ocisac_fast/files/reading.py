@@ -8,7 +8,7 @@ import stat
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from ocisac_fast.core.checks import checked
 from ocisac_fast.files.arrays import MAGIC, open_array, stream_arrays
@@ -47,7 +47,7 @@ def read_frames(
         FileError: a ValueError: empty, truncated, damaged, absurdly large, or none of these kinds.
         OSError: the file is missing, a directory, or not permitted.
     """
-    with open_recording(path, colour=colour, raw=raw) as stream, _named(_name(path)):
+    with open_recording(path, colour=colour, raw=raw) as stream, named(name_of(path)):
         return stream.read(max_bytes)
 
 
@@ -65,9 +65,9 @@ def open_recording(
     Args:
         part: a stretch from ``cut_recording``; default: all frames.
     """
-    name = _name(path)
+    name, before = name_of(path), _state(path)
     form = None if raw is None else RawFormat.parse(raw)
-    with _named(name):
+    with named(name):
         if form is not None:
             file = _standard_input() if os.fspath(path) == STANDARD_INPUT else _place(path).open("rb")
             stream = open_raw(file, form, part)
@@ -75,7 +75,7 @@ def open_recording(
             stream = _of_stream(_standard_input(), name, colour)
         else:
             stream = _of_file(_place(path), name, colour, part)
-    return stream.map_frames(lambda frames: _named_frames(name, frames))
+    return stream.map_frames(lambda frames: _unchanged_frames(path, before, frames))
 
 
 @checked
@@ -160,12 +160,12 @@ def _of_pictures(head: bytes, file: BinaryIO, name: str, colour: bool) -> Record
     return open_picture(bytes(data))
 
 
-def _name(path: str | os.PathLike[str]) -> str:
+def name_of(path: str | os.PathLike[str]) -> str:
     return "standard input" if os.fspath(path) == STANDARD_INPUT else os.fspath(path)
 
 
 @contextlib.contextmanager
-def _named(name: str) -> Iterator[None]:
+def named(name: str) -> Iterator[None]:
     """Prefix error messages with the file's name; errors of the system have it as theirs."""
     try:
         yield
@@ -178,6 +178,16 @@ def _named(name: str) -> Iterator[None]:
         raise FileError(message if message.startswith(f"{name}: ") else f"{name}: {message}") from error.__cause__
 
 
-def _named_frames(name: str, frames: Iterator[Frame]) -> Iterator[Frame]:
-    with _named(name):
+def _state(path: str | os.PathLike[str]) -> Any:
+    """What changes with a file; None of all else, such as a pipe."""
+    with contextlib.suppress(OSError, ValueError):
+        there = os.stat(path)
+        return (there.st_ino, there.st_size, there.st_mtime_ns) if stat.S_ISREG(there.st_mode) else None
+    return None
+
+
+def _unchanged_frames(path: str | os.PathLike[str], before: Any, frames: Iterator[Frame]) -> Iterator[Frame]:
+    with named(name_of(path)):
         yield from frames
+        if _state(path) != before:
+            raise FileError("changed while it was read: its frames may be of two recordings")
