@@ -108,6 +108,8 @@ def clean(
         signal.raise_signal(stop[0])
     if marks is not None:
         write_frames(marks, cleaner.marks)
+    if cleaner.lost is not None:
+        raise cleaner.lost
     if not cleaner.facts:
         raise click.ClickException(f"{source}: no frame in it")
     if not as_json:
@@ -165,6 +167,7 @@ class _Cleaner:
         self.facts: list[dict[str, Any]] = []
         self.marks: list[Frame] = []
         self.reasons: Counter[str] = Counter()
+        self.lost: OSError | None = None  # lines of JSON
         self._picture = picture
         self._stream = stream
         self._is_carried = not each and not options["still"] and stream.frame_count != 1
@@ -280,7 +283,10 @@ class _Cleaner:
             as_decoded = done.unchanged[k] and self._options["keep"] == "picture"
             yield views[k] if as_decoded else np.ascontiguousarray(frame.reshape(views[0].shape))
             if self._as_json:
-                emit_json(facts)
+                try:
+                    emit_json(facts)
+                except OSError as error:  # nobody reads the lines, or a disk is full: OUT is written nevertheless
+                    self.lost = error
 
 
 def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:

@@ -159,9 +159,11 @@ def emit_table(
         console = Console(highlight=False, width=_UNBROKEN)
     cells = [[printable(cell) for cell in row] for row in rows]
     dropped = _too_wide(console.width, header_row, cells, left, spare) if header else []
-    _print_table(console, title, header_row, cells, header, left, dropped)
-    if dropped:
-        console.print(f"not shown: {', '.join(dropped)} (--json has all)\n")
+    with console.capture() as shown:  # rich itself would end the program at a closed pipe
+        _print_table(console, title, header_row, cells, header, left, dropped)
+        if dropped:
+            console.print(f"not shown: {', '.join(dropped)} (--json has all)\n")
+    print(shown.get(), end="")
 
 
 def _too_wide(
