@@ -4,9 +4,11 @@
 #include <malloc.h>
 #endif
 
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <iostream>
 #include <new>
 #include <stdexcept>
 #include <string>
@@ -58,7 +60,9 @@ int main(int argc, char** argv) {
   };
   try {
     const auto settings = read_settings(argc, argv);
-    return settings ? run(*settings, began) : kDone;
+    if (settings) return run(*settings, began);
+    if (!std::cout.flush()) throw std::system_error(errno, std::generic_category(), "output");  // help or version
+    return kDone;
   } catch (const std::invalid_argument& problem) {
     return fail(problem, kRefused);
   } catch (const std::exception& problem) {

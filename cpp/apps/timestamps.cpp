@@ -21,13 +21,14 @@ namespace ocisac::apps {
 namespace {
 
 constexpr double kLongestGap = 1e9;  // frames
+constexpr double kLatest = 1e15;     // ms, of any clock; squares of much larger times overflow
 constexpr std::chrono::milliseconds kLongestWait{2000}, kPause{2};
 
 std::optional<double> milliseconds(std::string_view text) {
   while (!text.empty() && (text.back() == '\r' || text.back() == ' ')) text.remove_suffix(1);
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  const bool whole = error == std::errc{} && end == text.data() + text.size() && std::isfinite(value);
+  const bool whole = error == std::errc{} && end == text.data() + text.size() && std::abs(value) < kLatest;
   return whole ? std::optional(value) : std::nullopt;
 }
 

@@ -95,6 +95,10 @@ def test_version_and_help(receiver):
     for inner in ("ENUM", "FLOAT", "TEXT", "UINT", "[UNIT]", "{"):
         assert inner not in done.stdout
     assert not done.stderr
+    for word in ("--version", "--help"):
+        with open("/dev/full", "w") as full:
+            done = subprocess.run([receiver, word], stdout=full, stderr=subprocess.PIPE, timeout=60)
+        assert (done.returncode, done.stderr) == (1, b"ocisac-rx: output: No space left on device\n")
 
 
 def test_bits_are_those_that_were_sent(receiver):
