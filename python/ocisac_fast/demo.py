@@ -6,7 +6,6 @@ import contextlib
 import math
 import os
 import re
-import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -177,7 +176,7 @@ def _placed(target: Path, force: bool) -> Iterator[Path]:
                 raise FileError(f"{target}: not of the demo, allowed: another --directory, or --force to replace it")
             return
         with fixed_outputs((target,), replace=force), atomic_path(target) as temporary:
-            shutil.copyfile(made, temporary)
+            temporary.write_bytes(made.read_bytes())
 
 
 def _show_the_same(made: Path, other: Path) -> bool:
