@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ pytest.importorskip("pyarrow.parquet")
 import pyarrow as pa
 from lamp_recordings import ROW_TIME, SHORT, lamp
 
-from ocisac_fast.batch import ResultsError, Task, cluster, measure_recordings, read_failures, read_results
+from ocisac_fast.batch import ResultsError, Task, cluster, measure_recordings, read_results, summarize
 from ocisac_fast.batch.results import Results
 from ocisac_fast.cli import main
 from ocisac_fast.files import FileWarning
@@ -199,100 +200,77 @@ def test_again_in_a_new_folder_and_after_cleaning(sources, tmp_path):
 # Damage
 
 
-@pytest.mark.parametrize("kind", ["empty", "longer", "link", "lost link", "pipe", "folder"])
+FOREIGN = {
+    "edited": lambda place: place.write_text("mine"),
+    "link": lambda place: place.symlink_to(__file__),
+    "pipe": os.mkfifo,
+    "folder": os.mkdir,
+}
+CLEAN = Task("clean", {"row_time": ROW_TIME})
+
+
+@pytest.mark.parametrize("kind", FOREIGN)
 @pytest.mark.parametrize("is_changed", [False, True])
 def test_a_cleaned_file_that_no_run_wrote_stays(sources, tmp_path, kind, is_changed):
-    """One that was edited was removed without a word."""
-    cleaning = Task("clean", {"row_time": ROW_TIME})
-    measure_recordings(sources, cleaning, output=tmp_path / "c")
-    victim = min((tmp_path / "c" / "cleaned").iterdir())
-    data = victim.read_bytes()
+    output = tmp_path / "c"
+    measure_recordings(sources, CLEAN, output=output)
+    victim = min((output / "cleaned").iterdir())
     victim.unlink()
-    make = {
-        "empty": victim.touch,
-        "longer": lambda: victim.write_bytes(data + b"more"),
-        "link": lambda: victim.symlink_to(sources / "0.npy"),
-        "lost link": lambda: victim.symlink_to("nowhere"),
-        "pipe": lambda: os.mkfifo(victim),
-        "folder": victim.mkdir,
-    }
-    make[kind]()
+    FOREIGN[kind](victim)
     there = os.lstat(victim)
-    if is_changed:
-        for path in sources.iterdir():
-            np.save(path, lamp(SHORT + 1, 7, (96, 8)))
+    for path in sources.iterdir() if is_changed else ():
+        np.save(path, lamp(SHORT + 1, 7, (96, 8)))
     for _ in range(2):
-        done = measure_recordings(sources, cleaning, output=tmp_path / "c")
-        assert done.failures["message"].to_pylist() == [
-            f"cleaned/{victim.name} is not as a run wrote it, and stays; allowed: another place for it"
-        ]
-        assert (done.progress.finished, len(read_results(tmp_path / "c"))) == (2, 2 * (SHORT + is_changed))
-        assert (os.path.samestat(there, os.lstat(victim)), there.st_size) == (True, os.lstat(victim).st_size)
-    victim.rmdir() if kind == "folder" else victim.unlink()
-    assert measure_recordings(sources, cleaning, output=tmp_path / "c").progress.finished == COUNT
-    assert measure_recordings(sources, cleaning, output=tmp_path / "c").progress.skipped == COUNT
+        (message,) = measure_recordings(sources, CLEAN, output=output).failures["message"].to_pylist()
+        assert message.startswith(f"cleaned/{victim.name} is not as a run wrote it, and stays; allowed: ")
+        assert len(read_results(output)) == 2 * (SHORT + is_changed)
+        assert (os.lstat(victim).st_ino, os.lstat(victim).st_mtime_ns) == (there.st_ino, there.st_mtime_ns)
+    victim.rename(tmp_path / "mine")
+    for skipped in (2, COUNT):
+        assert measure_recordings(sources, CLEAN, output=output).progress.skipped == skipped
     assert victim.is_file()
 
 
 def test_a_cleaned_file_that_appears_meanwhile_stays(sources, tmp_path, monkeypatch):
-    def written(self, name, rows, facts):
-        place = next(iter(facts["cleaned"]))
-        (tmp_path / "c" / place).write_text("mine")
-        return before(self, name, rows, facts)
+    def written(results, name, rows, facts):
+        (tmp_path / "c" / next(iter(facts["cleaned"]))).write_text("mine")
+        return before(results, name, rows, facts)
 
     before = Results.write_rows
     monkeypatch.setattr(Results, "write_rows", written)
-    done = measure_recordings(sources, Task("clean", {"row_time": ROW_TIME}), output=tmp_path / "c")
+    done = measure_recordings(sources, CLEAN, output=tmp_path / "c")
     assert (done.progress.failed, read_results(tmp_path / "c")) == (COUNT, None)
-    assert "appeared during this run, and is kept" in done.failures["message"][0].as_py()
+    assert done.failures["message"][0].as_py().endswith(": appeared during this run, and is kept")
     assert {path.read_text() for path in (tmp_path / "c" / "cleaned").iterdir()} == {"mine"}
 
 
-def test_rows_whose_cleaned_file_is_missing_are_measured_again(sources, tmp_path):
-    """A run that is killed between them leaves rows alone, which its manifest may not name."""
-    cleaning = Task("clean", {"row_time": ROW_TIME})
-    measure_recordings(sources, cleaning, output=tmp_path / "c")
-    for number, victim in enumerate(sorted((tmp_path / "c" / "cleaned").iterdir())[:2]):
-        victim.unlink()
-        if number == 0:
-            manifest = json.loads((tmp_path / "c" / "manifest.json").read_text())
-            (tmp_path / "c" / "manifest.json").write_text(
-                json.dumps({"files": {name: n for name, n in manifest["files"].items() if victim.name[:16] not in name}})
-            )
-    for skipped in (COUNT - 2, COUNT):
-        done = measure_recordings(sources, cleaning, output=tmp_path / "c").progress
-        assert (done.finished, done.skipped) == (COUNT, skipped)
-    assert len(list((tmp_path / "c" / "cleaned").iterdir())) == COUNT
+def test_a_run_that_is_killed_before_a_cleaned_file_has_its_name_is_resumed(sources, tmp_path):
+    measure_recordings(sources, CLEAN, output=tmp_path / "c")
+    victim, manifest = min((tmp_path / "c" / "cleaned").iterdir()), tmp_path / "c" / "manifest.json"
+    victim.unlink()
+    files = json.loads(manifest.read_text())["files"].items()
+    manifest.write_text(json.dumps({"files": {name: size for name, size in files if victim.name[:16] not in name}}))
+    for skipped in (COUNT - 1, COUNT):
+        assert measure_recordings(sources, CLEAN, output=tmp_path / "c").progress.skipped == skipped
+    assert victim.is_file()
 
 
-@pytest.mark.parametrize("name", ["task.json", "manifest.json"])
-@pytest.mark.parametrize("again", [False, True])
-def test_a_pipe_in_the_folder_is_not_waited_for(sources, results, name, again):
-    (results / name).unlink()
-    os.mkfifo(results / name)
-    with pytest.raises(ResultsError, match=f"{name}(, and no| is a link, a pipe or a device; allowed: another folder)"):
-        measure_recordings(sources, GAIN, output=results, again=again)
-
-
-@pytest.mark.parametrize("kind", ["rows/*/*.parquet", "failures/*.parquet", "task.json"])
-@pytest.mark.parametrize("again", [False, True])
-@pytest.mark.parametrize("as_link", [False, True])
-def test_no_pipe_is_read_and_no_link_followed_at_the_name_of_a_result(sources, tmp_path, kind, again, as_link):
-    (sources / "bad.npy").write_bytes(b"")
-    (tmp_path / "precious").write_text("mine")
-    measure_recordings(sources, GAIN, output=tmp_path / "o")
-    place = next((tmp_path / "o").glob(kind))
+@pytest.mark.parametrize("kind", ["rows/*/*.parquet", "failures/*.parquet", "task.json", "manifest.json"])
+@pytest.mark.parametrize("foreign", ["link", "pipe"])
+def test_no_pipe_is_waited_for_and_no_link_followed_at_the_name_of_a_result(sources, results, kind, foreign):
+    (sources / "bad.npy").touch()
+    measure_recordings(sources, GAIN, output=results)
+    place, before = next(results.glob(kind)), Path(__file__).read_bytes()
     place.unlink()
-    place.symlink_to(tmp_path / "precious") if as_link else os.mkfifo(place)
-    for act in (lambda: measure_recordings(sources, GAIN, output=tmp_path / "o", again=again), lambda: _summary(tmp_path)):
-        with pytest.raises(ResultsError, match=f"{place.name}( is a link, a pipe or|, which no run wrote|, and no)"):
-            act()
-    assert os.path.lexists(place)
-    assert (tmp_path / "precious").read_text() == "mine"
-
-
-def _summary(folder):
-    return read_results(folder / "o"), read_failures(folder / "o")
+    FOREIGN[foreign](place)
+    message = f"{place.name}(, and no|, which no run wrote| is a link, a pipe or a device; allowed: another folder)"
+    for again in (False, True):
+        with pytest.raises(ResultsError, match=message):
+            measure_recordings(sources, GAIN, output=results, again=again)
+    if kind != "manifest.json":
+        with pytest.raises(ResultsError, match=message):
+            summarize(results)
+    assert (place.is_file(), Path(__file__).read_bytes()) == (foreign == "link", before)
 
 
 def test_a_full_disk_is_no_failure_of_a_recording(sources, tmp_path, monkeypatch):

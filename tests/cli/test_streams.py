@@ -98,17 +98,12 @@ def test_a_closed_output_is_no_file_s_number(folder):
     assert "more" not in (folder / "out.csv").read_text()
 
 
-@pytest.mark.parametrize("words", [["info"], ["gain", "b.png", *GAIN], ["clean", "b.png", "c.png", "--row-time", "22.2us"]])
-@pytest.mark.parametrize("as_json", [False, True])
-def test_a_closed_pipe_has_its_exit_code_and_the_work_is_done(words, as_json, folder):
-    """It was that of the tables' library, and `clean --json` wrote nothing."""
+@pytest.mark.parametrize("words", [["info"], ["gain", "b.png", *GAIN], ["clean", "b.png", "c.png"]])
+@pytest.mark.parametrize("form", [[], ["--json"]])
+def test_a_closed_pipe_has_its_exit_code_and_the_work_is_done(words, form, folder):
     (folder / "c.png").unlink(missing_ok=True)
     reader, writer = os.pipe()
     os.close(reader)
-    done = subprocess.run(
-        [*OCISAC, *words, *["--json"] * as_json], cwd=folder, stdout=writer, stderr=subprocess.PIPE, timeout=60
-    )
-    os.close(writer)
-    assert done.returncode == 141
-    assert b"Traceback" not in done.stderr
+    with open(writer, "w") as closed:
+        assert subprocess.run([*OCISAC, *words, *form], cwd=folder, stdout=closed, timeout=60).returncode == 141
     assert (folder / "c.png").exists() == (words[0] == "clean")

@@ -104,17 +104,14 @@ def test_times_are_waited_for_as_a_camera_writes_them(receiver, packets, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("times", "message"),
-    [
-        ([0.0], "fewer times than frames"),
-        ([10.0, 5.0, 20.0], "ascending times in ms, one a line"),
-        ([1e299, 1e300, 1e301], "ascending times in ms, one a line"),
-    ],
+    ("times", "message"), [([0.0], "fewer times than frames"), ([10.0, 5.0, 20.0], "ascending times in ms, one a line")]
 )
 def test_times_without_meaning_are_refused(receiver, packets, tmp_path, times, message):
     done = run(receiver, packets[: 3 * ROWS * COLUMNS], *PACKETS, *with_times(tmp_path, times))
     assert done.returncode == 2
     assert message in done.stderr.decode()
+    done = run(receiver, packets, *PACKETS, *with_times(tmp_path, [1e299, 1e300, 1e301]))
+    assert b"ascending times" in done.stderr
     assert run(receiver, packets, *PACKETS, "--timestamps", str(tmp_path / "none")).returncode == 1
 
 

@@ -274,7 +274,11 @@ class Results:
         """The facts of a whole file of rows of this task and version, and lengths of its files; None without them."""
         facts, written = self._written_with(_place(name))
         is_whole = all(self._length(each) == length for each, length in written.items())
-        return (facts, written) if is_whole and (facts.get("task"), facts.get("build")) == (task.facts(), build()) else None
+        return (
+            (facts, written)
+            if is_whole and (facts.get("task"), facts.get("build")) == (task.facts(), build())
+            else None
+        )
 
     def _written_with(self, place: str) -> tuple[dict[str, Any], dict[str, int]]:
         """The facts of a whole file of rows, and lengths of its files; empty of what no run wrote."""

@@ -19,14 +19,7 @@ from ocisac_fast.files.writing import fixed_outputs
 _STANDARD = "-"  # input or output
 
 
-class _NamedFile(click.Path):
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if value == "":  # pathlib would take it for this folder
-            raise click.UsageError("got a file without a name, allowed: a file, or -")
-        return super().convert(value, param, ctx)
-
-
-class InputFile(_NamedFile):
+class InputFile(click.Path):
     """A file that a command reads; checked where it is opened."""
 
     def files(self, path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
@@ -34,7 +27,7 @@ class InputFile(_NamedFile):
         return (local_part(os.fspath(path)),)
 
 
-class OutputFile(_NamedFile):
+class OutputFile(click.Path):
     """A file that a command with `writes` writes."""
 
 

@@ -100,7 +100,7 @@ def open_video(
 
 
 def _seekable_where_needed(file: BinaryIO) -> BinaryIO:
-    """Spool MP4 whose index is behind its frames to a seekable file; all else is read as a stream, which may be live."""
+    """Spool MP4 whose index is behind its frames to a seekable file; all else is read as a stream, maybe a live one."""
     head = read_bytes(file, 12)
     at, kind = 0, bytes(head[4:8])
     while kind not in (b"moov", b"mdat") and head[4:8] == b"ftyp":  # boxes of ISO 14496-12: size, kind, content
