@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.chips import ChipClock, chip_llr, expose_chips
+from ocisac_fast.core.arrays import Float64s
 
-Float64s = npt.NDArray[np.float64]
 ROWS = 1080
 
 

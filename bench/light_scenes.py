@@ -64,16 +64,8 @@ def scene(random: np.random.Generator, lights: int, kind: str) -> tuple[np.ndarr
         inside = (y - row) ** 2 + (x - column) ** 2 < (size / 2) ** 2
         picture = np.where(inside, 20.0 + swing * light[:, None], picture)
         cycles = size * frequency * ROW_TIME
-        truth.append(
-            {
-                "row": row,
-                "column": column,
-                "size": size,
-                "frequency": frequency,
-                "cycles": cycles,
-                "ratio": swing / 2 / noise,
-            }
-        )
+        place = {"row": row, "column": column, "size": size, "frequency": frequency}
+        truth.append({**place, "cycles": cycles, "ratio": swing / 2 / noise})
     stored = np.clip(np.rint(picture + noise * random.standard_normal(picture.shape)), 0, 255).astype(np.uint8)
     return stored, truth, noise
 
@@ -107,6 +99,16 @@ def data_scene(random: np.random.Generator, code: str, kind: str) -> tuple[np.nd
     return stored, {"row": row, "column": column, "size": size, "chip": rows_per_chip, "ratio": swing / 2 / noise}
 
 
+def _is_within(source: LightSource, light: dict[str, float], height: float, width: float | None = None) -> bool:
+    """True if a box has its middle in a region about the light's, square without a width."""
+    down, across = source.y + source.height / 2 - light["row"], source.x + source.width / 2 - light["column"]
+    return abs(down) < height / 2 and abs(across) < (height if width is None else width) / 2
+
+
+def _is_light(source: LightSource, light: dict[str, float], height: float, width: float | None = None) -> bool:
+    return _is_within(source, light, height, width) and abs(source.frequency / light["frequency"] - 1) < 0.03
+
+
 def data_lights(count: int) -> dict[str, dict[str, float]]:
     """By code: shares of the lights that are detected (a box at their middle, at least half as high), and that are
     detected as data lights; number of other boxes per picture."""
@@ -117,13 +119,7 @@ def data_lights(count: int) -> dict[str, dict[str, float]]:
             random = np.random.default_rng(40_000 + seed)
             frame, light = data_scene(random, code, GROUNDS[seed % len(GROUNDS)])
             boxes = [s for s in detect_sources(frame, CAMERA) if s.reflection_of is None]
-            own = [
-                s
-                for s in boxes
-                if abs(s.y + s.height / 2 - light["row"]) < light["size"] / 4
-                and abs(s.x + s.width / 2 - light["column"]) < light["size"] / 4
-                and s.height >= light["size"] / 2
-            ]
+            own = [s for s in boxes if _is_within(s, light, light["size"] / 2) and s.height >= light["size"] / 2]
             found += bool(own)
             told += bool(own) and own[0].carries_data
             others += len(boxes) - bool(own)
@@ -171,13 +167,7 @@ def neighbours(count: int) -> dict[str, float]:
         hits = 0
         for light in truth:
             top, left = light["row"] - light["height"] / 2, light["column"] - light["width"] / 2
-            own = [
-                s
-                for s in found
-                if abs(s.y + s.height / 2 - light["row"]) < light["height"] / 2
-                and abs(s.x + s.width / 2 - light["column"]) < light["width"] / 2
-                and abs(s.frequency / light["frequency"] - 1) < 0.03
-            ]
+            own = [s for s in found if _is_light(s, light, light["height"], light["width"])]
             if not own:
                 continue
             hits += 1
@@ -201,14 +191,7 @@ def judge(found: list[LightSource], truth: list[dict[str, float]]) -> tuple[list
     rest = [s for s in found if s.reflection_of is None]
     hits, true = [], [False] * len(rest)
     for light in truth:
-        near = [
-            k
-            for k, s in enumerate(rest)
-            if not true[k]
-            and abs(s.y + s.height / 2 - light["row"]) < light["size"] / 2
-            and abs(s.x + s.width / 2 - light["column"]) < light["size"] / 2
-            and abs(s.frequency / light["frequency"] - 1) < 0.03
-        ]
+        near = [k for k, s in enumerate(rest) if not true[k] and _is_light(s, light, light["size"])]
         hits.append(bool(near))
         if near:
             true[near[0]] = True

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import Float64s
 
-Float64s = npt.NDArray[np.float64]
 Bytes = npt.NDArray[np.uint8]
 
 _PHASES = 16  # light phases over which the bound is averaged

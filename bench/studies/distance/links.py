@@ -18,8 +18,6 @@ from ocisac_fast.packets import PacketAssembler, PacketFormat, Transmission, tra
 from ocisac_fast.receiver import MultiReceiver, SourceFrame
 from ocisac_fast.scene import PathLoss, Pinhole, Pose, Rectangle, Scene, Sensor, Source, render
 
-Float64s = npt.NDArray[np.float64]
-
 ROWS, ROW_TIME, FRAME_TIME = 1080, 15e-6, 1 / 30
 CHIP_RATE, EXPOSURE = 25e3, 120e-6  # 2.7 rows a chip, 3 chips of exposure
 FOCAL_LENGTH, PIXEL_PITCH, LENS_BLUR = 12e-3, 3e-6, 1.0  # m, m, px

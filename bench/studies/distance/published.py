@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.chips import ChipClock, chip_llr, closest_pair_distance, expose_chips
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.light.waveforms import Chips, SquareWave, integrate_exposure
 from ocisac_fast.lights import detect_sources
 from ocisac_fast.packets import encode_line_code
-
-Float64s = npt.NDArray[np.float64]
 
 # Matus et al., Sensors 20 (2020) 757: largest correlation with the chips sent; clipped at a share of the peak.
 MATUS_CHIP, MATUS_EXPOSURE = 1 / 3600, 300e-6  # s

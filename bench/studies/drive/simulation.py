@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.exposure.choice import best_exposure
 from ocisac_fast.exposure.controller import (
@@ -24,8 +25,6 @@ from ocisac_fast.exposure.controller import (
 )
 from ocisac_fast.light.waveforms import Tone, integrate_exposure
 from ocisac_fast.tones.frequency import find_frequency
-
-Float64s = npt.NDArray[np.float64]
 
 ROWS, COLUMNS, ROW_TIME, FRAME_TIME = 1080, 8, 22.2e-6, 1 / 30
 RANGE = (ROW_TIME, 450 * ROW_TIME)  # exposures of the camera, in steps of a row

@@ -19,7 +19,6 @@ from ocisac_fast.core.flags import Flag
 from ocisac_fast.tones.gain import ToneGain
 from studies.chart.measuring import rms as rms
 
-Float64s = npt.NDArray[np.float64]
 Measuring = Callable[[], "Iterator[Point]"]
 
 

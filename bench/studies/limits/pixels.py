@@ -13,7 +13,7 @@ from ocisac_fast.light.waveforms import SquareWave, integrate_exposure
 from ocisac_fast.tones.gain import tone_gain
 from studies.chart.scenes import Scene
 from studies.limits.catalogue import Point, compared, limit
-from studies.limits.plain_methods import fitted_gain, rounded_bin_gain, transform_gain
+from studies.limits.plain_methods import fitted_gain, gain_of_frame, rounded_bin_gain, transform_gain
 
 _BASE = Scene("limits", "", 12.0, rows=720, columns=200)
 
@@ -29,10 +29,7 @@ _BASE = Scene("limits", "", 12.0, rows=720, columns=200)
 )
 def _clipping() -> Iterator[Point]:
     for peak in (180, 230, 260, 290, 320, 400, 600):
-        scene = dataclasses.replace(_BASE, mean=peak / 1.504)
-        frame = next(scene.frames(1))
-        found = tone_gain(frame, scene.camera, scene.frequency)
-        yield compared(peak, scene.gain, rounded_bin_gain(scene, frame), found)
+        yield gain_of_frame(peak, dataclasses.replace(_BASE, mean=peak / 1.504), rounded_bin_gain)
 
 
 @limit(

@@ -10,8 +10,10 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.light.response import exposure_response
+from ocisac_fast.tones.gain import tone_gain
 from studies.chart.methods import GAIN_METHODS
 from studies.chart.scenes import Float64s, Scene
+from studies.limits.catalogue import Point, compared
 
 _CHARTED = {method.name: method for method in GAIN_METHODS}
 
@@ -24,6 +26,13 @@ def _charted(name: str) -> Callable[[Scene, npt.NDArray[Any]], Float64s]:
 rounded_bin_gain = _charted("rounded bin, numpy.fft float64")  # the paper's: the bin nearest to the tone over bin 0
 transform_gain = _charted("DTFT, matrix product float64")  # Fourier sum at the exact frequency over the mean
 fitted_gain = _charted("fit, matrix product float64, D=1")  # least squares of mean and one tone
+
+
+def gain_of_frame(x: float, scene: Scene, plain: Any, scale: float = 1.0, **options: Any) -> Point:
+    """Gains of a frame of the scene by a plain method and by the library; ``options`` are those of ``tone_gain``."""
+    frame = next(scene.frames(1))
+    found = tone_gain(frame, scene.camera, scene.frequency, **options)
+    return compared(x, scene.gain, plain(scene, frame), found, scale)
 
 
 def peak_frequency(columns: npt.NDArray[Any]) -> Float64s:

@@ -16,13 +16,9 @@ from ocisac_fast.tones.gain import tone_gain
 from ocisac_fast.tones.varying_tone import varying_tone_gain
 from studies.chart.scenes import Float64s, Scene
 from studies.limits.catalogue import Point, compared, limit, rms, shared_flags
-from studies.limits.plain_methods import fitted_gain, peak_frequency, rounded_bin_gain, transform_gain
+from studies.limits.plain_methods import fitted_gain, gain_of_frame, peak_frequency, rounded_bin_gain, transform_gain
 
 _BASE = Scene("limits", "", 12.0, rows=720, columns=200)
-
-
-def _frame(scene: Scene) -> npt.NDArray[np.uint8]:
-    return next(scene.frames(1))
 
 
 @limit(
@@ -37,9 +33,7 @@ def _frame(scene: Scene) -> npt.NDArray[np.uint8]:
 def _null_gain() -> Iterator[Point]:
     for distance in (1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3):
         scene = dataclasses.replace(_BASE, exposure_cycles=1.0 + distance)
-        frame = _frame(scene)
-        found = tone_gain(frame, scene.camera, scene.frequency)
-        yield compared(distance, scene.gain, transform_gain(scene, frame), found, 1.0 / scene.gain)
+        yield gain_of_frame(distance, scene, transform_gain, 1.0 / scene.gain)
 
 
 @limit(
@@ -53,10 +47,7 @@ def _null_gain() -> Iterator[Point]:
 )
 def _few_cycles() -> Iterator[Point]:
     for cycles in (0.1, 0.2, 0.4, 0.7, 1.2, 1.6, 2.4, 4.3):
-        scene = dataclasses.replace(_BASE, cycles=cycles)
-        frame = _frame(scene)
-        found = tone_gain(frame, scene.camera, scene.frequency)
-        yield compared(cycles, scene.gain, transform_gain(scene, frame), found)
+        yield gain_of_frame(cycles, dataclasses.replace(_BASE, cycles=cycles), transform_gain)
 
 
 @limit(
@@ -86,9 +77,7 @@ def _few_cycles_frequency() -> Iterator[Point]:
 def _short() -> Iterator[Point]:
     for rows in (3, 4, 5, 7, 11, 23, 101):
         scene = Scene("limits", "", 0.23 * rows, rows=rows, columns=400, noise=8.0)
-        frame = next(scene.frames(1))
-        found = tone_gain(frame, scene.camera, scene.frequency)
-        yield compared(rows, scene.gain, fitted_gain(scene, frame), found)
+        yield gain_of_frame(rows, scene, fitted_gain)
 
 
 @limit(
@@ -103,9 +92,7 @@ def _short() -> Iterator[Point]:
 def _harmonics() -> Iterator[Point]:
     for cycles in (1.2, 1.7, 2.3, 3.7, 6.3, 12.3):
         scene = dataclasses.replace(_BASE, cycles=cycles, exposure_cycles=0.1, depth=0.9, waveform="square")
-        frame = _frame(scene)
-        found = tone_gain(frame, scene.camera, scene.frequency, waveform="square")
-        yield compared(cycles, scene.gain, fitted_gain(scene, frame), found)
+        yield gain_of_frame(cycles, scene, fitted_gain, waveform="square")
 
 
 @limit(
@@ -120,16 +107,14 @@ def _harmonics() -> Iterator[Point]:
 def _half_row_rate() -> Iterator[Point]:
     for bins in (1e-3, 1e-2, 0.03, 0.1, 0.3, 1.3):
         scene = dataclasses.replace(_BASE, cycles=_BASE.rows / 2 - bins, exposure_cycles=0.3)
-        frame = _frame(scene)
-        found = tone_gain(frame, scene.camera, scene.frequency)
-        yield compared(bins, scene.gain, transform_gain(scene, frame), found)
+        yield gain_of_frame(bins, scene, transform_gain)
 
 
 @limit("Row aliasing", "f·T_r", "RMS error of the depth", spot=0.85, fails_by=0.3, good=0.02)
 def _alias() -> Iterator[Point]:
     for per_row in (0.15, 0.3, 0.45, 0.55, 0.7, 0.85, 0.95):
         scene = dataclasses.replace(_BASE, cycles=per_row * _BASE.rows, exposure_cycles=0.8 * per_row)
-        frame = _frame(scene)
+        frame = next(scene.frames(1))
         seen = float(np.median(peak_frequency(frame)))
         shown = dataclasses.replace(scene, cycles=seen * scene.rows)
         plain = transform_gain(shown, frame) / np.sinc(0.8 * seen) * scene.gain
@@ -147,10 +132,7 @@ def _alias() -> Iterator[Point]:
 )
 def _rounded_bin() -> Iterator[Point]:
     for distance in (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5):
-        scene = dataclasses.replace(_BASE, cycles=8.0 + distance)
-        frame = _frame(scene)
-        found = tone_gain(frame, scene.camera, scene.frequency)
-        yield compared(distance, scene.gain, rounded_bin_gain(scene, frame), found)
+        yield gain_of_frame(distance, dataclasses.replace(_BASE, cycles=8.0 + distance), rounded_bin_gain)
 
 
 @limit(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 
 import numpy as np
@@ -46,29 +47,24 @@ def _motion(speed: float, spatial_frequency: float | None = None) -> Point:
 _SPEEDS = (0.02, 0.05, 0.15, 0.5, 1.751, 3.0)
 
 
-@limit(
-    "Motion along the rows",
-    "speed against the read-out, m/s",
-    "RMS error of f_x·v, Hz",
+_limit_of_speed = functools.partial(
+    limit,
+    sweep="speed against the read-out, m/s",
+    error="RMS error of f_x·v, Hz",
     spot=1.751,
     fails_by=500.0,
     good=0.05,
     flags=Flag.AMBIGUOUS_MOTION | Flag.AMBIGUOUS_KIND,
 )
+
+
+@_limit_of_speed("Motion along the rows")
 def _motion_along() -> Iterator[Point]:
     for speed in _SPEEDS:
         yield _motion(speed, spatial_frequency=_TEXTURE)
 
 
-@limit(
-    "Motion from two frames alone",
-    "speed against the read-out, m/s",
-    "RMS error of f_x·v, Hz",
-    spot=1.751,
-    fails_by=500.0,
-    good=0.05,
-    flags=Flag.AMBIGUOUS_MOTION | Flag.AMBIGUOUS_KIND,
-)
+@_limit_of_speed("Motion from two frames alone")
 def _motion_frames() -> Iterator[Point]:
     for speed in _SPEEDS:
         yield _motion(speed)

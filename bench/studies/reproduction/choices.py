@@ -7,15 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.exposure.choice import best_exposure
-
-FloatArray = npt.NDArray[np.float64]
 
 PRINTED_MEAN, PRINTED_LARGEST = 0.0571, 0.3662  # the paper's deviations of its closed form
 SLOWEST = 100.0  # Hz, f_min of figure 13
 
 
-def signed_objective(exposure: npt.ArrayLike, *frequencies: float) -> FloatArray:
+def signed_objective(exposure: npt.ArrayLike, *frequencies: float) -> Float64s:
     """Eq. 18 as printed, without magnitudes."""
     time = np.asarray(exposure, dtype=np.float64)
     return np.asarray(sum(np.sin(np.pi * f * time) / (np.pi * f) for f in frequencies))
@@ -30,12 +29,12 @@ class Deviations:
         exact, closed_form: (100,) objective, s.
     """
 
-    inverse_ratio: FloatArray
-    exact: FloatArray
-    closed_form: FloatArray
+    inverse_ratio: Float64s
+    exact: Float64s
+    closed_form: Float64s
 
     @property
-    def loss(self) -> FloatArray:
+    def loss(self) -> Float64s:
         """(100,) relative loss of the closed form."""
         return 1.0 - self.closed_form / self.exact
 

@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Literal
 
 from ocisac_fast import _core
-from ocisac_fast.core.checks import checked_class, shown
+from ocisac_fast.core.checks import checked_class
 
 
 @checked_class
@@ -33,9 +33,6 @@ class Camera:
         scan_axis: direction in which the rows are read out, in pictures as stored: ``"y"`` down, ``"-y"`` up, ``"x"``
             to the right, ``"-x"`` to the left. Pictures and boxes in arguments and results are as stored; "rows" are
             the camera's rows and "columns" are perpendicular to them.
-
-    Raises:
-        ValueError: a value that is not finite or outside its range; the message names it.
     """
 
     row_time: float | None
@@ -50,8 +47,6 @@ class Camera:
     _handle: _core.Camera = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        if self.scan_axis not in ("y", "-y", "x", "-x"):
-            raise ValueError(f"scan_axis: got {shown(self.scan_axis)}, allowed: 'y', '-y', 'x' or '-x'")
         for name, value in (("exposure", self.exposure), ("frame_time", self.frame_time)):
             if self.row_time is None and value is not None:
                 raise ValueError(f"{name}: got {value}, allowed: None where row_time is None")

@@ -10,9 +10,8 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import checked
-
-Float64s = npt.NDArray[np.float64]
 
 
 @checked

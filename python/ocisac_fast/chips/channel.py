@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import Count, Finite, NotNegative, Positive, Within, checked, checked_class
 from ocisac_fast.core.results import Result
 
-FloatArray = npt.NDArray[np.float64]
 Degree = Annotated[int, Within(0, 6)]
 
 
@@ -31,7 +31,7 @@ class ClockErrors(Result):
     """
 
     chip: int
-    covariance: FloatArray
+    covariance: Float64s
 
     @property
     def phase_std(self) -> float:
@@ -58,9 +58,6 @@ class ChipClock:
         rows_per_chip: length of a chip, rows, above 0; need not be whole.
         phase: row at which chip 0 begins, fractional, in the middle of the exposure (of its edge's ramp).
         exposure_rows: exposure, rows, 0 or above; values below 0.001 rows are raised to it.
-
-    Raises:
-        ValueError: a value outside its range; the message names it.
     """
 
     rows_per_chip: Positive
@@ -68,7 +65,7 @@ class ChipClock:
     exposure_rows: NotNegative
 
     def _for_core(self) -> tuple[float, float, float]:
-        return float(self.rows_per_chip), float(self.phase), float(self.exposure_rows)
+        return self.rows_per_chip, self.phase, self.exposure_rows
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -91,8 +88,8 @@ class ChannelEstimate(Result):
     phase: float
     exposure_rows: float
     errors: ClockErrors
-    dark: FloatArray
-    swing: FloatArray
+    dark: Float64s
+    swing: Float64s
     noise: float
     rows: tuple[int, int]
     converged: bool
@@ -103,7 +100,7 @@ class ChannelEstimate(Result):
         return ChipClock(rows_per_chip=self.rows_per_chip, phase=self.phase, exposure_rows=self.exposure_rows)
 
     @checked
-    def levels(self, rows: int) -> FloatArray:
+    def levels(self, rows: int) -> Float64s:
         """(2, rows): level of steady 0 and of steady 1 in each of the ``rows`` rows of a frame."""
         along = np.linspace(-1, 1, rows) if rows > 1 else np.zeros(1)
         dark = np.polynomial.legendre.legval(along, self.dark)
@@ -153,7 +150,7 @@ class RefinedChannel(Result):
     """
 
     channel: ChannelEstimate
-    chips: FloatArray
+    chips: Float64s
     first: int
     settled: bool
     even: bool
@@ -176,7 +173,7 @@ class TrackedClock(Result):
     phase: float
     exposure_rows: float
     chip: int
-    covariance: FloatArray
+    covariance: Float64s
     chips_lost: float
 
     @property
@@ -208,7 +205,7 @@ class TrackedClock(Result):
 
 # detect(rows, rows_per_chip, phase, exposure_rows, noise, first, count) returns the levels of chips first ... first +
 # count - 1, all chips that `rows` (0 steady dark, 1 steady bright) see; `phase` is relative to the first of the rows.
-Detect = Callable[[FloatArray, float, float, float, float, int, int], npt.ArrayLike]
+Detect = Callable[[Float64s, float, float, float, float, int, int], npt.ArrayLike]
 
 
 @checked_class
@@ -222,17 +219,12 @@ class ClockTracker:
         frame_rows_std: standard error of ``frame_rows``, which is estimated along with the clock.
         drift: relative random walk of the chip rate from one frame to the next.
         exposure_wander: relative random walk of the exposure.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
 
     def __init__(
         self, frame_rows: float, *, frame_rows_std: float = 0.0, drift: float = 1e-6, exposure_wander: float = 1e-4
     ) -> None:
-        self._handle = _core.ClockTracker(
-            float(frame_rows), float(frame_rows_std), float(drift), float(exposure_wander)
-        )
+        self._handle = _core.ClockTracker(frame_rows, frame_rows_std, drift, exposure_wander)
 
     @checked
     def update(self, frame: int, channel: ChannelEstimate) -> bool:
@@ -245,9 +237,9 @@ class ClockTracker:
         Raises:
             ValueError: a frame that is not after the last one.
         """
-        covariance = [float(value) for value in channel.errors.covariance.ravel()]
+        covariance = channel.errors.covariance.ravel().tolist()
         clock = (channel.rows_per_chip, channel.phase, channel.exposure_rows)
-        return self._handle.update(int(frame), *clock, channel.errors.chip, covariance)
+        return self._handle.update(frame, *clock, channel.errors.chip, covariance)
 
     @checked
     def predict(self, frame: int) -> TrackedClock | None:
@@ -256,7 +248,7 @@ class ClockTracker:
         Raises:
             ValueError: a frame before the last update.
         """
-        values = self._handle.predict(int(frame))
+        values = self._handle.predict(frame)
         if values is None:
             return None
         rows_per_chip, phase, exposure_rows, chip, covariance, lost = values
@@ -268,7 +260,7 @@ class ClockTracker:
 
 
 @checked
-def expose_chips(chips: npt.ArrayLike, rows: Count, clock: ChipClock, *, first: int = 0) -> FloatArray:
+def expose_chips(chips: npt.ArrayLike, rows: Count, clock: ChipClock, *, first: int = 0) -> Float64s:
     """Chips integrated over the exposure of each row: s_n = (1/exposure) times their integral over the exposure.
 
     Args:
@@ -279,11 +271,8 @@ def expose_chips(chips: npt.ArrayLike, rows: Count, clock: ChipClock, *, first: 
 
     Returns:
         (rows,) float64.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
-    return _core.expose_chips(_vector(chips, "chips"), int(first), int(rows), *clock._for_core())
+    return _core.expose_chips(_vector(chips, "chips"), first, rows, *clock._for_core())
 
 
 @checked
@@ -310,18 +299,15 @@ def fit_channel(
 
     Returns:
         The channel; None if there are fewer rows than unknowns, or the chips (all alike) do not determine it.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
     values = _core.fit_channel(
         _vector(signal, "signal"),
         _vector(chips, "chips"),
-        int(first),
+        first,
         *clock._for_core(),
-        int(dark_degree),
-        int(swing_degree),
-        bool(exposure_known),
+        dark_degree,
+        swing_degree,
+        exposure_known,
     )
     return None if values is None else _channel(values)
 
@@ -352,19 +338,16 @@ def clock_bounds(
 
     Returns:
         The bounds; None if the chips do not determine the channel.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
     values = _core.clock_bounds(
         _vector(chips, "chips"),
-        int(first),
+        first,
         *clock._for_core(),
         _vector(swing, "swing"),
-        float(noise),
-        int(dark_degree),
-        int(swing_degree),
-        bool(exposure_known),
+        noise,
+        dark_degree,
+        swing_degree,
+        exposure_known,
     )
     return None if values is None else _errors(values)
 
@@ -396,18 +379,15 @@ def find_preamble(
 
     Returns:
         The matches, the most certain first; empty if the sequence is not detected.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
     found = _core.find_preamble(
         _vector(signal, "signal"),
         _vector(preamble, "preamble"),
-        float(rows_per_chip),
-        float(tolerance),
-        None if exposure_rows is None else float(exposure_rows),
-        float(max_exposure_chips),
-        int(max_matches),
+        rows_per_chip,
+        tolerance,
+        exposure_rows,
+        max_exposure_chips,
+        max_matches,
     )
     return [PreambleMatch(_channel(values), explained, certainty) for values, explained, certainty in found]
 
@@ -438,19 +418,16 @@ def refine_channel(
 
     Returns:
         The channel with all chips of the frame; None if the detected chips do not determine one.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
     given = np.asarray(known, dtype=np.float64)
     values = _core.refine_channel(
         _vector(signal, "signal"),
         as_tuple(start),
         detect,
-        bool(exposure_known),
-        int(highest_degree),
+        exposure_known,
+        highest_degree,
         given if given.size == 0 else _vector(given, "known"),
-        int(known_first),
+        known_first,
     )
     return None if values is None else _refined(values)
 
@@ -484,19 +461,16 @@ def find_channel(
 
     Returns:
         The channel with all chips of the frame, numbered from an arbitrary one; None if no start leads to one.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
     values = _core.find_channel(
         _vector(signal, "signal"),
-        float(rows_per_chip),
-        float(tolerance),
-        None if exposure_rows is None else float(exposure_rows),
-        float(max_exposure_chips),
+        rows_per_chip,
+        tolerance,
+        exposure_rows,
+        max_exposure_chips,
         detect,
-        bool(exposure_known),
-        int(highest_degree),
+        exposure_known,
+        highest_degree,
     )
     return None if values is None else _refined(values)
 
@@ -510,7 +484,7 @@ def chip_llr(
     first: int,
     count: Annotated[int, Within(0)],
     method: str = "mlse",
-) -> FloatArray:
+) -> Float64s:
     """Maximum-likelihood detection of chips with intersymbol interference from the exposure, with soft outputs.
 
     The exposure is a box, so each row is a known weighted sum of the chips it sees. Forward and backward passes over
@@ -528,18 +502,8 @@ def chip_llr(
 
     Returns:
         (count,) ln p(rows | bright) - ln p(rows | dark): above 0 for a bright chip; 0 for a chip that reaches no row.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
-    return _core.chip_llr(
-        _vector(rows, "rows"),
-        *clock._for_core(),
-        float(noise),
-        int(first),
-        int(count),
-        method,
-    )
+    return _core.chip_llr(_vector(rows, "rows"), *clock._for_core(), noise, first, count, method)
 
 
 @checked
@@ -552,11 +516,8 @@ def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
     Args:
         rows_per_chip: above 0.
         exposure_rows: rows, above 0.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
-    return _core.closest_pair_distance(float(rows_per_chip), float(exposure_rows))
+    return _core.closest_pair_distance(rows_per_chip, exposure_rows)
 
 
 @checked
@@ -577,10 +538,8 @@ def pool_estimates(values: npt.ArrayLike, errors: npt.ArrayLike) -> Pooled:
     return Pooled(value, std, count)
 
 
-def _vector(values: npt.ArrayLike, name: str) -> FloatArray:
+def _vector(values: npt.ArrayLike, name: str) -> Float64s:
     array = np.asarray(values)
-    if array.dtype.kind not in "buif":
-        raise ValueError(f"{name}: got dtype {array.dtype}, allowed: real numbers")
     if array.ndim != 1 or array.size == 0:
         raise ValueError(f"{name}: got shape {array.shape}, allowed: a vector of at least one value")
     return np.ascontiguousarray(array, dtype=np.float64)
@@ -599,11 +558,11 @@ def _channel(values: tuple[Any, ...]) -> ChannelEstimate:
 
 def as_tuple(channel: ChannelEstimate) -> tuple[Any, ...]:
     """The channel in the form that the core reads."""
-    errors = (channel.errors.chip, [float(value) for value in channel.errors.covariance.ravel()])
+    errors = (channel.errors.chip, channel.errors.covariance.ravel().tolist())
     clock = (channel.rows_per_chip, channel.phase, channel.exposure_rows)
     return (*clock, errors, list(channel.dark), list(channel.swing), channel.noise, *channel.rows, channel.converged)
 
 
-def _refined(values: tuple[tuple[Any, ...], FloatArray, int, bool, bool]) -> RefinedChannel:
+def _refined(values: tuple[tuple[Any, ...], Float64s, int, bool, bool]) -> RefinedChannel:
     channel, chips, first, settled, even = values
     return RefinedChannel(_channel(channel), chips, first, settled, even)

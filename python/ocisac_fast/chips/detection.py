@@ -10,11 +10,10 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.chips.channel import ChannelEstimate, as_tuple
-from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.arrays import Float64s, as_columns
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.results import Result
 
-FloatArray = npt.NDArray[np.float64]
 DETECTORS = tuple(_core.detector_names())  # of the list in cpp/src/chips/detect_chips.cpp, "auto" the last
 
 
@@ -29,7 +28,7 @@ class DetectedChips(Result):
         method: the detector used; for ``"auto"`` the selected one.
     """
 
-    llr: FloatArray
+    llr: Float64s
     first: int
     method: str
 
@@ -109,8 +108,5 @@ def detector_error_rates(rows_per_chip: float, exposure_rows: float, noise: floa
         rows_per_chip: 0.01 to 1000: the computing time grows with its square.
         exposure_rows: rows, 0 to 24 chips.
         noise: standard deviation of a row over the swing from steady dark to steady bright, above 0.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
-    return DetectorErrorRates(*_core.detector_error_rates(float(rows_per_chip), float(exposure_rows), float(noise)))
+    return DetectorErrorRates(*_core.detector_error_rates(rows_per_chip, exposure_rows, noise))

@@ -14,12 +14,10 @@ from ocisac_fast._core import CleaningVerdict, ModelledLight, SceneLight, Stored
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light, saturation_level, stored_values
 from ocisac_fast.cleaning.stored import BlockShares, lowered
-from ocisac_fast.core.arrays import as_frames, in_stored_order
-from ocisac_fast.core.checks import Within, checked, checked_class
+from ocisac_fast.core.arrays import Float64s, as_frames, in_stored_order
+from ocisac_fast.core.checks import Count, Share, Within, checked, checked_class
 from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
-
-FloatArray = npt.NDArray[np.float64]
 
 _MUCH_LEFT, _MUCH_TEXTURE = 0.5, 1.0  # of the bands' swing; dB: a remark
 
@@ -58,14 +56,14 @@ class CleanedFrames(Result):
 
     frames: npt.NDArray[Any]
     marks: npt.NDArray[np.uint8]
-    light: FloatArray
+    light: Float64s
     share: npt.NDArray[np.float32]
     model: tuple[str, ...]
-    frequency: FloatArray
-    toe: FloatArray
-    light_left: FloatArray
-    texture_change: FloatArray
-    slow_bands: FloatArray
+    frequency: Float64s
+    toe: Float64s
+    light_left: Float64s
+    texture_change: Float64s
+    slow_bands: Float64s
     unchanged: tuple[str, ...]
 
     @property
@@ -101,21 +99,12 @@ class CleaningOptions:
         toe: toe t of the tone curve: light x is stored as x^2/(x + t white), then by the tone curve of ``camera``; 0 to
             1. None: estimated where the light is chips, the tone curve is not linear and the toe reduces the share of
             the rows' swing that chips leave unexplained by 40 %; else 0.
-
-    Raises:
-        ValueError: a value outside its range; the message names it.
     """
 
-    noise: float | None = None
+    noise: Annotated[float, Within(1e-100)] | None = None
     max_gain: Annotated[float, Within(1.0, above=True)] = 8.0
     fill: bool = False
-    toe: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.noise is not None and not (np.isfinite(self.noise) and self.noise >= 1e-100):
-            raise ValueError(f"noise: got {self.noise}, allowed: a finite number, 1e-100 or above")
-        if self.toe is not None and not 0 <= self.toe <= 1:
-            raise ValueError(f"toe: got {self.toe}, allowed: 0 to 1")
+    toe: Share | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,9 +161,6 @@ def remove_bands(
 
     Returns:
         :class:`CleanedFrames`.
-
-    Raises:
-        ValueError: an argument outside its range or of the wrong shape or type; the message names it.
     """
     task = Task(model, keep, level, options or CleaningOptions())
     stack = stacked(frames, "frames", camera.scan_axis)
@@ -213,8 +199,8 @@ def collected(done: list[Done], camera: Camera, dimensions: int) -> CleanedFrame
 
 @checked
 def subtract_still(
-    frames: npt.ArrayLike, camera: Camera, *, still: npt.ArrayLike | None = None, neighbours: int = 8
-) -> FloatArray:
+    frames: npt.ArrayLike, camera: Camera, *, still: npt.ArrayLike | None = None, neighbours: Count = 8
+) -> Float64s:
     """Subtract the static picture from frames, so that a faint light over a textured background can be received.
 
     The result is light(frame) - light(still) + mean of light(still), in linear light above dark. Use it with a camera
@@ -245,13 +231,11 @@ def subtract_still(
     else:
         if len(stack) < 2:
             raise ValueError("frames: got 1 frame, allowed: at least 2, or still=")
-        if neighbours < 1:
-            raise ValueError(f"neighbours: got {neighbours}, allowed: 1 or more")
         background = np.stack([_mean_of_others(light, k, neighbours) for k in range(len(light))])
     return _as_given(light - background + background.mean(), camera.scan_axis, np.ndim(frames))
 
 
-def _mean_of_others(light: FloatArray, index: int, neighbours: int) -> FloatArray:
+def _mean_of_others(light: Float64s, index: int, neighbours: int) -> Float64s:
     others = sorted((k for k in range(len(light)) if k != index), key=lambda k: (abs(k - index), k))
     return np.asarray(light[others[:neighbours]].mean(axis=0))
 
@@ -278,7 +262,7 @@ def _as_given(stack: npt.NDArray[Any], scan_axis: str, dimensions: int) -> npt.N
 
 def _given_light(
     light: npt.ArrayLike | Waveform, camera: Camera, start: float, shape: tuple[int, ...]
-) -> tuple[FloatArray, float]:
+) -> tuple[Float64s, float]:
     """Light of each row of each frame, and that of a fully lit row."""
     count, rows = shape
     if isinstance(light, Waveform):
@@ -322,7 +306,7 @@ class Estimate:
 
 
 def estimate_of(
-    stack: npt.NDArray[Any], found: tuple[StoredScene, SceneLight, list[tuple[FloatArray, int, int]]]
+    stack: npt.NDArray[Any], found: tuple[StoredScene, SceneLight, list[tuple[Float64s, int, int]]]
 ) -> Estimate:
     """The core's results for these frames."""
     scene, light, shares = found
@@ -335,7 +319,7 @@ def colours_of(stack: npt.NDArray[Any]) -> list[npt.NDArray[Any]]:
 
 
 def _estimated(
-    frames: npt.NDArray[Any], part: slice, camera: Camera, given: tuple[FloatArray, float] | None, task: Task
+    frames: npt.NDArray[Any], part: slice, camera: Camera, given: tuple[Float64s, float] | None, task: Task
 ) -> Estimate:
     stack, options = frames[part], task.options
     rows, full = (None, 1.0) if given is None else (given[0][part], given[1])
@@ -422,7 +406,7 @@ def _restore(
         out.share[:] = share
     gain = np.minimum(gain, max_gain)
 
-    def stored_of(values: FloatArray) -> npt.NDArray[Any]:
+    def stored_of(values: Float64s) -> npt.NDArray[Any]:
         return stored_values(lowered(values, scene.toe, scene.white), camera, stored.dtype)
 
     if task.keep == "bands":
@@ -434,7 +418,7 @@ def _restore(
     out.picture[:] = np.where(saturated, stored, values)
 
 
-def _filled(values: FloatArray, lost: npt.NDArray[np.bool_]) -> FloatArray:
+def _filled(values: Float64s, lost: npt.NDArray[np.bool_]) -> Float64s:
     """Interpolate lost pixels linearly between the nearest valid pixels of their column."""
     rows = len(values)
     place = np.arange(rows)[:, None]

@@ -5,20 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from ocisac_fast.core.arrays import Float64s
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockShares:
     """Shares (rows, columns) of blocks of pixels, ``rows`` by ``columns`` large."""
 
-    share: FloatArray
+    share: Float64s
     rows: int = 1
     columns: int = 1
 
-    def enlarged(self, shape: tuple[int, int]) -> FloatArray:
+    def enlarged(self, shape: tuple[int, int]) -> Float64s:
         """The share of each pixel, interpolated between the centres of the blocks."""
         values = self.share
         for axis, block in enumerate((self.rows, self.columns)):
@@ -33,7 +32,7 @@ class BlockShares:
         return values
 
 
-def lowered(light: FloatArray, toe: float, white: float) -> FloatArray:
+def lowered(light: Float64s, toe: float, white: float) -> Float64s:
     """Stored values x^2/(x + t W) of light x, toe t and white light W; odd symmetry below dark."""
     if toe == 0.0:
         return light

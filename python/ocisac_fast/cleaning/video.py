@@ -60,9 +60,6 @@ class VideoCleaner:
 
         Returns:
             :class:`CleanedFrames` of this frame.
-
-        Raises:
-            ValueError: a wrong shape or type; the message gives what is allowed.
         """
         return self._cleaned(frame, lambda colours: self._stream.push(colours, time))
 
@@ -76,9 +73,6 @@ class VideoCleaner:
 
         Returns:
             :class:`CleanedFrames` of it: unchanged where the last frame has no slow light, or another one.
-
-        Raises:
-            ValueError: a wrong shape or type; the message gives what is allowed.
         """
         return self._cleaned(frame, lambda colours: self._stream.again(colours, ago))
 

@@ -12,6 +12,7 @@ from ocisac_fast.core.checks import shown
 from ocisac_fast.core.regions import Region
 
 Columns = npt.NDArray[Any]
+Float64s = npt.NDArray[np.float64]
 
 _MAX_UINT16 = 65535
 _COLOURS = 4  # maximum number of colours of a picture

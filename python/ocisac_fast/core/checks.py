@@ -86,13 +86,22 @@ ShareAboveZero = Annotated[float, Within(0.0, 1.0, above=True)]
 ShareBelowOne = Annotated[float, Within(0.0, 1.0, below=True)]
 InnerShare = Annotated[float, Within(0.0, 1.0, above=True, below=True)]
 Count = Annotated[int, Within(1)]
+_ERRORS = "Raises:\n    ValueError: an argument outside its range or of a wrong type or shape; the message names it.\n"
+
+
+def _with_errors(text: str | None) -> str | None:
+    """A docstring that says what is raised where it names no errors of its own."""
+    if text is None or "Raises:" in text:
+        return text
+    error = "ValueError: an argument outside its range or of a wrong type or shape; the message names it."
+    return f"{inspect.cleandoc(text)}\n\nRaises:\n    {error}\n"
 
 
 def checked(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
     """Raise a ValueError that names the argument if its type is not the annotated one, or the number out of its range.
 
     Numbers, texts, paths, arrays, sequences and classes are checked before the call. Arrays must be of real numbers;
-    a masked array may mask none of them.
+    a masked array may mask none of them. The docstring says so, unless it has a section of errors.
     """
     names = tuple(inspect.signature(function).parameters)
     tests: dict[str, _Test] = {}
@@ -108,6 +117,7 @@ def checked(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _
                 tests[name](name, value)
         return function(*args, **kwargs)
 
+    wrapped.__doc__ = _with_errors(function.__doc__)
     return wrapped
 
 
@@ -125,6 +135,7 @@ def check_arguments(function: Callable[..., Any], arguments: Mapping[str, Any]) 
 def checked_class(kind: type[_Class]) -> type[_Class]:
     """:func:`checked` for the arguments of the constructor."""
     kind.__init__ = checked(kind.__init__)  # type: ignore[method-assign]
+    kind.__doc__ = _with_errors(kind.__doc__)
     return kind
 
 

@@ -10,10 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import Within, checked
 from ocisac_fast.core.results import Result
-
-Float64s = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -96,9 +95,6 @@ def exposure_objective(
 
     Returns:
         A float for scalar arguments, else an array of the broadcast shape.
-
-    Raises:
-        ValueError: an argument outside its range.
     """
     numbers, shape = _problems(exposure, f_comm, f_sense, *more)
     objectives = _core.exposure_objective(numbers[:, 0].copy(), numbers[:, 1:].copy(), _weights(weights))

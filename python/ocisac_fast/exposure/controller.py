@@ -159,9 +159,6 @@ class LevelTargets:
         max_saturated: share of pixels above which the frame counts as saturated; 0 to below 1. Exposure times gain is
             then reduced to 0.7 of its value, and the limit, relative to the scene's brightness, recovers by 0.2 % per
             frame.
-
-    Raises:
-        ValueError: a value outside its range; the message names it.
     """
 
     floor: ShareBelowOne = 0.05
@@ -215,20 +212,20 @@ class ExposureController:
     ) -> None:
         targets = levels or LevelTargets()
         self._controller = _core.ExposureController(
-            shortest=float(exposures[0]),
-            longest=float(exposures[1]),
-            step=float(step),
-            lowest_gain=float(gains[0]),
-            highest_gain=float(gains[1]),
-            comm_weight=float(weights[0]),
-            sense_weight=float(weights[1]),
-            hysteresis=float(hysteresis),
-            level_floor=float(targets.floor),
-            level_aim=float(targets.aim),
-            level_ceiling=float(targets.ceiling),
-            max_saturated=float(targets.max_saturated),
-            min_snr=float(min_snr),
-            noise_level=math.inf if noise_level is None else float(noise_level),
+            shortest=exposures[0],
+            longest=exposures[1],
+            step=step,
+            lowest_gain=gains[0],
+            highest_gain=gains[1],
+            comm_weight=weights[0],
+            sense_weight=weights[1],
+            hysteresis=hysteresis,
+            level_floor=targets.floor,
+            level_aim=targets.aim,
+            level_ceiling=targets.ceiling,
+            max_saturated=targets.max_saturated,
+            min_snr=min_snr,
+            noise_level=math.inf if noise_level is None else noise_level,
         )
         self._last = _NAN
 
@@ -246,7 +243,7 @@ class ExposureController:
         ).reshape(-1, 6)
         values = [measurement.exposure, measurement.gain, measurement.level, measurement.peak, measurement.saturated]
         exposure, gain, objective, best, best_objective, low, high, noise, level, reasons = self._controller.update(
-            table, *(float(value) for value in values)
+            table, *values
         )
         before = self._last if math.isnan(measurement.exposure) else measurement.exposure
         self._last = exposure
@@ -286,9 +283,8 @@ def best_noisy_exposure(
     Raises:
         ValueError: an argument out of its range, or no multiple of ``step`` within ``bounds``.
     """
-    low, high = float(bounds[0]), float(bounds[1])
     each = [np.asarray(values, np.float64) for values in (frequencies, weights)]
-    exposure, objective = _core.best_noisy_exposure(each[0], each[1], float(noise_exposure), low, high, float(step))
+    exposure, objective = _core.best_noisy_exposure(each[0], each[1], noise_exposure, *bounds, step)
     return BestExposure(exposure, objective)
 
 

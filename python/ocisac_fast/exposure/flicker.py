@@ -17,11 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import InnerShare, Positive, ShareAboveZero, checked, checked_class
 from ocisac_fast.core.results import Result
 from ocisac_fast.exposure.fronts import Points, efficient_points
-
-Float64s = npt.NDArray[np.float64]
 
 LONGEST_EXPOSURE = 0.1  # s, upper default bound
 MAINS_DRIFT = 0.01  # share; EN 50160: 50 Hz +- 1 % during 99.5 % of a year
@@ -38,9 +37,6 @@ class FlickeringLight:
         duty: bright share of a PWM period, above 0 and below 1 (0.5: a square wave); None: a raised cosine. The
             modulation decreases with the duty, so a bound for one duty holds for all larger ones.
         depth: (max - min) / (max + min) of the light itself, above 0, at most 1.
-
-    Raises:
-        ValueError: a value outside its range.
     """
 
     frequency: Positive
@@ -198,9 +194,6 @@ def flicker_front(
         lights: at least one.
         bounds: (shortest, longest) in s; None: above 0 and up to 0.1 s.
         points: 2 to 10 million, equally spaced. The nulls of the lights within the bounds are added.
-
-    Raises:
-        ValueError: an argument outside its range.
     """
     if len(lights) == 0:
         raise ValueError("lights: got none, allowed: at least one")

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import NotNegative, Positive, checked, shown
 from ocisac_fast.core.results import Result
 from ocisac_fast.exposure.flicker import FlickeringLight
-
-Float64s = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -58,9 +57,6 @@ def flicker_indices(
         background: steady light on the same pixels in units of the lamp's peak, 0 or above.
         contrast: (y + B - B) / B above which the lamp is detected, 0 or above.
         tolerance: share of the mean within which modulation is mitigated, above 0.
-
-    Raises:
-        ValueError: an argument outside its range.
     """
     times = np.asarray(exposure, dtype=np.float64)
     if not np.all(np.isfinite(times) & (times > 0.0)):

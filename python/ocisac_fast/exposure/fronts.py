@@ -9,10 +9,10 @@ from typing import Annotated
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import Positive, Within, checked
 from ocisac_fast.core.results import Result
 
-Float64s = npt.NDArray[np.float64]
 Points = Annotated[int, Within(2, 10_000_000)]
 
 
@@ -49,9 +49,6 @@ def exposure_front(
         bounds: (shortest, longest) in s, 0 <= shortest < longest; None: up to 1/min(f_comm, f_sense).
         noise_exposure: T_n in s, above 0; infinite: noise does not depend on the exposure.
         points: 2 to 10 million, equally spaced.
-
-    Raises:
-        ValueError: an argument out of its range.
     """
     low, high = (0.0, 1.0 / min(f_comm, f_sense)) if bounds is None else bounds
     if not (0.0 <= low < high < math.inf):

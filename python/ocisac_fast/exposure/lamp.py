@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import InnerShare, ShareBelowOne, Within, checked, shown
 from ocisac_fast.core.results import Result
 from ocisac_fast.exposure.flicker import (
@@ -17,8 +18,6 @@ from ocisac_fast.exposure.flicker import (
     cycles_below,
     exposure_modulation,
 )
-
-Float64s = npt.NDArray[np.float64]
 
 DIGITAL_SUM_SPANS = {"manchester": 2, "4b6b": 4, "8b10b": 6}  # largest - smallest running sum of chips as +-1
 _HALVINGS = 60
@@ -64,9 +63,6 @@ def flicker_free_frequencies(
         duty: of PWM, above 0 and below 1; the result also holds for larger ones. None: a raised cosine.
         depth: (max - min) / (max + min) of the lamp itself.
         exposure_spread: relative tolerance of each exposure, +-, 0 to below 1.
-
-    Raises:
-        ValueError: an argument outside its range.
     """
     times = _checked_exposures(exposures)
     light = FlickeringLight(1.0, uncertainty=0.0, duty=duty, depth=depth)
@@ -118,9 +114,6 @@ def smallest_flicker_free_duty(frequency: float, exposures: Sequence[float], bel
 
     Returns:
         Above 0 and below 1; 0 if every duty satisfies the bound.
-
-    Raises:
-        ValueError: an argument outside its range.
     """
     times = _checked_exposures(exposures)
 
@@ -157,9 +150,6 @@ def flicker_free_chip_rate(
         exposures: of the cameras, s, above 0, at least one.
         below: bound of (max - min) / (max + min), above 0 and below 1.
         digital_sum_span: of the line code, as in ``DIGITAL_SUM_SPANS``; 1 or above.
-
-    Raises:
-        ValueError: an argument outside its range.
     """
     return digital_sum_span / below / float(_checked_exposures(exposures).min())
 

@@ -16,10 +16,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import Positive, checked
 from ocisac_fast.core.results import Result
-
-Float64s = npt.NDArray[np.float64]
 
 _DARK_SHARE = 5.0  # percentile over the frames that estimates the dark level
 _PLATEAU_SHARE = 90.0  # percentile of lit samples, on the plateau of pulses that are longer than the exposure

@@ -75,9 +75,6 @@ class _Recorded:
             row_time: time from one row to the next, s, above 0; None: unknown, rates are per row.
             exposure: exposure time of a row, s, 0 or above; None: unknown.
             dark_level: stored value of no light; None: that of the file.
-
-        Raises:
-            ValueError: a value outside its range.
         """
         response = self.response
         return Camera(

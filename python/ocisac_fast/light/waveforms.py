@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable
-from dataclasses import KW_ONLY, dataclass, field, fields
+from dataclasses import KW_ONLY, dataclass, fields
 from operator import add, mul
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -23,8 +23,6 @@ def _as_levels(values: npt.ArrayLike, name: str) -> npt.NDArray[np.float64]:
     array = np.asarray(values)
     if array.ndim != 1 or array.size == 0:
         raise ValueError(f"{name}: got shape {array.shape}, allowed: one dimension, at least one level")
-    if array.dtype.kind not in "buif":
-        raise ValueError(f"{name}: got dtype {array.dtype}, allowed: real numbers")
     levels = array.astype(np.float64)
     levels.flags.writeable = False
     return levels
@@ -38,14 +36,19 @@ class Waveform:
     """Light over time: immutable base class of all waveforms; ``+`` and ``*`` accept waveforms and numbers."""
 
     _handle: _core.Waveform
+    _made: ClassVar[Callable[..., _core.Waveform]]  # of the arguments; of two parts for a combination
     __array_ufunc__ = None  # NumPy leaves the operators to this class
 
-    def _hold(self, handle: _core.Waveform) -> None:
-        object.__setattr__(self, "_handle", handle)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_handle", self._made(*self._values().values()))
+
+    def _take(self, **values: object) -> None:
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
 
     def _values(self) -> dict[str, Any]:
         """The arguments that construct this waveform."""
-        return {item.name: getattr(self, item.name) for item in fields(self) if item.init}  # type: ignore[arg-type]
+        return {item.name: getattr(self, item.name) for item in fields(self)}  # type: ignore[arg-type]
 
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
@@ -88,10 +91,7 @@ class Constant(Waveform):
     """
 
     level: float
-    _handle: _core.Waveform = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        self._hold(_core.constant(self.level))
+    _made = staticmethod(_core.constant)
 
 
 @checked_class
@@ -104,9 +104,6 @@ class Tone(Waveform):
         amplitude: the light at the maximum for depth 1; finite, within 1e100 of 0.
         phase: rad at t = 0, finite.
         depth: 0 (steady) to 1 (dark at the minimum).
-
-    Raises:
-        ValueError: a value that is not finite or outside its range; the message names it.
     """
 
     frequency: float
@@ -114,10 +111,7 @@ class Tone(Waveform):
     amplitude: float = 1.0
     phase: float = 0.0
     depth: float = 1.0
-    _handle: _core.Waveform = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        self._hold(_core.tone(self.frequency, self.amplitude, self.phase, self.depth))
+    _made = staticmethod(_core.tone)
 
 
 @checked_class
@@ -133,9 +127,6 @@ class SquareWave(Waveform):
         duty: bright share of a period, above 0 and below 1.
         amplitude: the light of a pulse; finite, within 1e100 of 0.
         phase: rad at t = 0, finite.
-
-    Raises:
-        ValueError: a value that is not finite or outside its range; the message names it.
     """
 
     frequency: float
@@ -143,10 +134,7 @@ class SquareWave(Waveform):
     duty: float = 0.5
     amplitude: float = 1.0
     phase: float = 0.0
-    _handle: _core.Waveform = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        self._hold(_core.square_wave(self.frequency, self.duty, self.amplitude, self.phase))
+    _made = staticmethod(_core.square_wave)
 
 
 @checked_class
@@ -162,9 +150,6 @@ class TriangleWave(Waveform):
         amplitude: the light at the maximum for depth 1; finite, within 1e100 of 0.
         phase: rad at t = 0, finite.
         depth: 0 (steady) to 1 (dark at the minimum).
-
-    Raises:
-        ValueError: a value that is not finite or outside its range; the message names it.
     """
 
     frequency: float
@@ -172,10 +157,7 @@ class TriangleWave(Waveform):
     amplitude: float = 1.0
     phase: float = 0.0
     depth: float = 1.0
-    _handle: _core.Waveform = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        self._hold(_core.triangle_wave(self.frequency, self.amplitude, self.phase, self.depth))
+    _made = staticmethod(_core.triangle_wave)
 
 
 @checked_class
@@ -204,7 +186,7 @@ class Chips(Waveform):
     amplitude: float = 1.0
     rise: float = 0.0
     fall: float = 0.0
-    _handle: _core.Waveform = field(init=False, repr=False)
+    _made = staticmethod(_core.chips)
 
     def __init__(
         self,
@@ -221,11 +203,9 @@ class Chips(Waveform):
             if set(levels) - {"0", "1"}:
                 raise ValueError(f"levels: got {shown(levels)}, allowed: a string of 0 and 1")
             levels = [int(level) for level in levels]
-        values = (_as_levels(levels, "levels"), chip_rate, start, bool(repeat), amplitude, rise, fall)
-        names = ("levels", "chip_rate", "start", "repeat", "amplitude", "rise", "fall")
-        for name, value in zip(names, values, strict=True):
-            object.__setattr__(self, name, value)
-        self._hold(_core.chips(*values))
+        self._take(levels=_as_levels(levels, "levels"), chip_rate=chip_rate, start=start, repeat=bool(repeat))
+        self._take(amplitude=amplitude, rise=rise, fall=fall)
+        self.__post_init__()
 
 
 @checked_class
@@ -248,34 +228,26 @@ class Samples(Waveform):
     sample_rate: float
     start: float = 0.0
     repeat: bool = False
-    _handle: _core.Waveform = field(init=False, repr=False)
+    _made = staticmethod(_core.samples)
 
     def __init__(self, values: npt.ArrayLike, sample_rate: float, *, start: float = 0.0, repeat: bool = False) -> None:
-        held = (_as_levels(values, "values"), sample_rate, start, bool(repeat))
-        for name, value in zip(("values", "sample_rate", "start", "repeat"), held, strict=True):
-            object.__setattr__(self, name, value)
-        self._hold(_core.samples(*held))
+        self._take(values=_as_levels(values, "values"), sample_rate=sample_rate, start=start, repeat=bool(repeat))
+        self.__post_init__()
 
 
 @dataclass(frozen=True, eq=False)
 class _Combination(Waveform):
     parts: tuple[Waveform, ...]
-    _handle: _core.Waveform = field(init=False, repr=False)
 
     def __init__(self, parts: Iterable[Waveform | float]) -> None:
         held = tuple(part if isinstance(part, Waveform) else Constant(part) for part in parts)
         if not held:
             raise ValueError("parts: got none, allowed: at least one waveform")
-        object.__setattr__(self, "parts", held)
         handles = [part._handle for part in held]
         while len(handles) > 1:  # pairwise, to avoid quadratic copying in long sums
             pairs = zip(handles[::2], handles[1::2], strict=False)
-            handles = [self._operator()(a, b) for a, b in pairs] + handles[len(handles) & ~1 :]
-        self._hold(handles[0])
-
-    @staticmethod
-    def _operator() -> Callable[[_core.Waveform, _core.Waveform], _core.Waveform]:
-        raise NotImplementedError
+            handles = [self._made(a, b) for a, b in pairs] + handles[len(handles) & ~1 :]
+        self._take(parts=held, _handle=handles[0])
 
 
 @checked_class
@@ -286,9 +258,7 @@ class Sum(_Combination):
         ValueError: no parts, or more than 4096 terms after products are expanded.
     """
 
-    @staticmethod
-    def _operator() -> Callable[[_core.Waveform, _core.Waveform], _core.Waveform]:
-        return add
+    _made = staticmethod(add)
 
 
 @checked_class
@@ -300,9 +270,7 @@ class Product(_Combination):
             above 1e300.
     """
 
-    @staticmethod
-    def _operator() -> Callable[[_core.Waveform, _core.Waveform], _core.Waveform]:
-        return mul
+    _made = staticmethod(mul)
 
 
 _AnyCombination = TypeVar("_AnyCombination", Sum, Product)
@@ -410,7 +378,4 @@ def sample_waveform(waveform: Waveform, times: npt.ArrayLike) -> npt.NDArray[np.
     Raises:
         ValueError: a time that is not a finite real number, or one more than 2^50 cycles or chips away.
     """
-    array = np.asarray(times)
-    if array.dtype.kind not in "buif":
-        raise ValueError(f"times: got dtype {array.dtype}, allowed: real numbers")
-    return np.asarray(_core.sample_waveform(waveform._handle, array), dtype=np.float64)
+    return np.asarray(_core.sample_waveform(waveform._handle, np.asarray(times)), dtype=np.float64)

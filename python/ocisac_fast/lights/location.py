@@ -11,10 +11,9 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.core.results import Result
-
-Float64s = npt.NDArray[np.float64]
 
 _COLLINEAR = 1e-3  # second over first singular value of the lights' places
 _LIKELIHOOD = 9.2  # max. difference of the sums of squares of alternatives: 1 % for two degrees of freedom

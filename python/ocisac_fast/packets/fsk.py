@@ -12,12 +12,11 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import Invertible, Within, checked
 from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Chips, Product, Sum, Tone, Waveform
 from ocisac_fast.packets.transmission import PacketFormat, transmit
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -75,8 +74,8 @@ class FskSymbol(Result):
     """
 
     symbol: int
-    log_likelihoods: FloatArray
-    llr: FloatArray
+    log_likelihoods: Float64s
+    llr: Float64s
     snr: float
     error_rate: float
     amplitude: float
@@ -101,9 +100,6 @@ def fsk_transmit(
         tones: Hz; 2, 4, 8, ... 256 of them, all different. Orthogonal if spaced by multiples of
             1 / (rows * row_time); away from the nulls of the exposure, f = k / exposure.
         block_bytes: coded bytes of a block; shorter blocks repeat the header more often.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
     frequencies = fsk_tones(tones)
     format = PacketFormat(line_code="none", block_bytes=block_bytes, preamble=preamble)
@@ -144,9 +140,8 @@ def fsk_demodulate(
     largest = float(np.abs(rows).max(initial=0.0))
     if not largest <= 1e100:
         raise ValueError(f"column: got {largest}, allowed: finite numbers of at most 1e100")
-    given = None if amplitude is None else float(amplitude)
     signal = rows.astype(np.float64).tolist()
-    return FskSymbol(*_core.fsk_demodulate(camera._handle, list(fsk_tones(tones)), signal, given))
+    return FskSymbol(*_core.fsk_demodulate(camera._handle, list(fsk_tones(tones)), signal, amplitude))
 
 
 @checked
@@ -156,7 +151,7 @@ def fsk_symbol_error_rate(tones: int, snr: float) -> float:
     sum over k = 1 ... M - 1 of (-1)^(k+1) C(M - 1, k) / (k + 1) exp(-k / (k + 1) snr). Raises ValueError for fewer than
     two tones and a ratio below 0.
     """
-    return _core.fsk_symbol_error_rate(int(tones), float(snr))
+    return _core.fsk_symbol_error_rate(tones, snr)
 
 
 def fsk_tones(tones: Sequence[float]) -> tuple[float, ...]:

@@ -28,9 +28,6 @@ class PacketFormat:
         line_code: "none" (NRZ), "manchester", "4b6b", "8b10b", or a table: 2, 4, 16 or 256 words of 0 and 1.
         block_bytes: coded bytes of a block, 1 to 255. Short blocks have more preambles, long ones have less overhead.
         preamble: "standard" (14 chips), or "lengthened" (42) for exposures above 8 chips.
-
-    Raises:
-        ValueError: a value outside its range; the message names it.
     """
 
     line_code: str | Sequence[str] = "manchester"
@@ -142,9 +139,6 @@ def transmit(payload: bytes | npt.ArrayLike, *, format: PacketFormat | None = No
         payload: bytes, or (bytes,) uint8; at least 1, at most :func:`longest_payload`.
         format: as the receiver expects it; None: the defaults of :class:`PacketFormat`.
         number: of the packet, 0 to 255; increased by 1 (modulo 256) for each following packet.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
     data = _as_bytes(payload)
     format = format or PacketFormat()
@@ -230,7 +224,7 @@ class PacketAssembler:
         Raises:
             ValueError: a wrong shape, or NaN; a negative scatter.
         """
-        return Stretch._of(self._handle.push(int(first), _as_ratios(llr), float(scatter)))
+        return Stretch._of(self._handle.push(first, _as_ratios(llr), scatter))
 
     def lose_clock(self) -> None:
         """Reset the position after a jump of the clock: received bytes are kept, the next header gives the position."""
@@ -259,10 +253,9 @@ def _as_bytes(payload: bytes | npt.ArrayLike) -> ByteArray:
 
 
 def _as_ratios(llr: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    array = np.asarray(llr)
-    if array.ndim != 1 or (array.size and array.dtype.kind not in "buif"):
-        raise ValueError(f"llr: got shape {array.shape} of {array.dtype}, allowed: one dimension of real numbers")
-    ratios = np.ascontiguousarray(array, np.float64)
+    ratios = np.asarray(llr, np.float64)
+    if ratios.ndim != 1:
+        raise ValueError(f"llr: got shape {ratios.shape}, allowed: one dimension of real numbers")
     if np.isnan(ratios).any():
         raise ValueError("llr: got NaN, allowed: numbers")
-    return ratios
+    return np.ascontiguousarray(ratios)

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.results import Result
 from ocisac_fast.receiver.blind import Received
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 _MAX_CHANCE = 0.01
@@ -156,7 +156,7 @@ def _slips(bits: npt.NDArray[np.int8], sent: npt.NDArray[np.int8], sent_at: IntA
     """
     offsets = np.arange(-_MAX_SLIP, _MAX_SLIP + 1)
 
-    def wrong(row: int) -> FloatArray:
+    def wrong(row: int) -> Float64s:
         places = sent_at[row] + offsets
         differs = (sent[places % sent.size] != bits[row]).astype(np.float64)
         return differs if repeat else np.where((places < 0) | (places >= sent.size), 0.5, differs)  # as if by chance
@@ -178,7 +178,7 @@ def _slips(bits: npt.NDArray[np.int8], sent: npt.NDArray[np.int8], sent_at: IntA
     return offsets[path]
 
 
-def _log_choose(count: int) -> FloatArray:
+def _log_choose(count: int) -> Float64s:
     """(count + 1,) logarithms of the binomial coefficients."""
     factorial = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1.0, count + 1)))])
     return np.asarray(factorial[-1] - factorial - factorial[::-1])

@@ -10,12 +10,10 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import as_frames, split_colours
+from ocisac_fast.core.arrays import Float64s, as_frames, split_colours
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.results import Result
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -59,12 +57,12 @@ class Received(Result):
     chip_rate_std: float
     phase: float
     snr: float
-    levels: FloatArray
-    relative_levels: FloatArray
-    weights: FloatArray
+    levels: Float64s
+    relative_levels: Float64s
+    weights: Float64s
     columns: npt.NDArray[np.intp]
     flags: Flag
-    colour_weights: FloatArray
+    colour_weights: Float64s
 
 
 @checked
@@ -98,9 +96,6 @@ def receive(
         colours, which are unmixed blindly (camera
         and lamp have other primaries). Further ones are returned only if their bits are certain or
         those of a lamp without data (PERIODIC).
-
-    Raises:
-        ValueError: an argument outside its range or of the wrong shape or type; the message names it.
     """
     rate = None if chip_rate is None else float(chip_rate)
     results = _core.receive(

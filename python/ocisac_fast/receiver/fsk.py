@@ -57,9 +57,6 @@ class FskReceiver:
         block_bytes: coded bytes of a block.
         preamble: "standard" or "lengthened".
         colour: index of the colour to use. None: the one with the strongest light.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
 
     __slots__ = ("_camera", "_colour", "_handle")

@@ -12,15 +12,13 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import as_frames, box_in_time_order, split_colours, stored_box
+from ocisac_fast.core.arrays import Float64s, as_frames, box_in_time_order, split_colours, stored_box
 from ocisac_fast.core.checks import Finite, InnerShare, Positive, checked, checked_class, count, shown
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
 from ocisac_fast.core.results import Result
 from ocisac_fast.exposure.choice import BestExposure
 from ocisac_fast.packets.transmission import PacketFormat, Payload, Stretch
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -63,7 +61,7 @@ class ReceivedFrame(Result):
     exposure_std: float
     snr: float
     error_rate: float
-    llr: FloatArray
+    llr: Float64s
     stretch: Stretch | None
     flags: Flag
     streams: tuple[ReceivedFrame, ...] = ()
@@ -93,9 +91,6 @@ class Receiver:
         search_passes: max. number of passes over a frame's rows in a search for its chips, which bounds the time;
             infinity: no bound. A preamble is found in about 50. None: 2000 for a known exposure, else 7000, below
             a second for 1080 rows.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
 
     __slots__ = ("_camera", "_colour", "_handle")
@@ -164,9 +159,6 @@ class GainOptions:
         waveform: ``"tone"``, or ``"square"`` with the harmonics below half the row rate.
         duty: bright share of the square wave, inside (0, 1).
         background: light of other sources, DN above dark.
-
-    Raises:
-        ValueError: a value outside its range; the message names it.
     """
 
     frequency: Positive | None = None
@@ -239,9 +231,6 @@ class MultiReceiver:
         data: receive chips.
         gain: measure the gain of each light's tone with these options; None: no gain.
         sense_frequency: Hz of the moving scene, for the suggested exposure.
-
-    Raises:
-        ValueError: an argument outside its range; the message names it.
     """
 
     __slots__ = ("_camera", "_colour", "_handle", "_make", "_regions")
@@ -267,8 +256,8 @@ class MultiReceiver:
             _core.Receiver,
             **_data_options(camera, chip_rate, format, search_passes),
             **_gain_options(gain),
-            sense_frequency=None if sense_frequency is None else float(sense_frequency),
-            data=bool(data),
+            sense_frequency=sense_frequency,
+            data=data,
             whole_picture=False,
             max_sources=count("max_sources", max_sources, 1),
         )
@@ -320,8 +309,8 @@ def _data_options(
 ) -> dict[str, Any]:
     return {
         "camera": camera._handle,
-        "chip_rate": None if chip_rate is None else float(chip_rate),
-        "search_passes": None if search_passes is None else float(search_passes),
+        "chip_rate": chip_rate,
+        "search_passes": search_passes,
         **(format or PacketFormat())._for_core(),
     }
 

@@ -17,21 +17,20 @@ from ocisac_fast.chips.channel import (
     Pooled,
 )
 from ocisac_fast.chips.detection import DetectedChips, DetectorErrorRates
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.reference.camera import linear_light
 from ocisac_fast.reference.tones import equalize
 
-FloatArray = npt.NDArray[np.float64]
-
 
 def detect_sequence(
-    rows: FloatArray,
+    rows: Float64s,
     rows_per_chip: float,
     phase: float,
     exposure_rows: float,
-    noise: float | FloatArray,
+    noise: float | Float64s,
     first: int,
     count: int,
-) -> FloatArray:
+) -> Float64s:
     """Detect chips first ... first + count - 1 as the sequence with the least squared error (Viterbi).
 
     A :data:`ocisac_fast.chips.channel.Detect`: rows are 0 for steady dark and 1 for steady bright, chip 0 begins at row
@@ -72,7 +71,7 @@ def chip_llr(
     noise: float,
     first: int,
     count: int,
-) -> FloatArray:
+) -> Float64s:
     """Exhaustive search: least squares over all sequences with a chip bright, and with it dark. At most 16 chips."""
     if count > 16:
         raise ValueError(f"count: got {count}, allowed: at most 16")
@@ -97,7 +96,7 @@ def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
     """
     length = exposure_rows / rows_per_chip
 
-    def difference(ends: FloatArray) -> FloatArray:
+    def difference(ends: Float64s) -> Float64s:
         area = [np.clip(at, 0, 1) - np.clip(at - 1, 0, 1) for at in (ends, ends - length)]
         return np.asarray((area[0] - area[1]) / length)
 
@@ -107,13 +106,13 @@ def closest_pair_distance(rows_per_chip: float, exposure_rows: float) -> float:
     return float(np.sqrt(rows_per_chip * np.sum((end - begin) / 6 * (squares[0] + 4 * squares[1] + squares[2]))))
 
 
-def expose_chips(chips: npt.ArrayLike, rows: int, clock: ChipClock, *, first: int = 0) -> FloatArray:
+def expose_chips(chips: npt.ArrayLike, rows: int, clock: ChipClock, *, first: int = 0) -> Float64s:
     """Sum of chips times their overlap with the row's exposure; the first and last chip extend to infinity."""
     numbers = np.array([clock.rows_per_chip, clock.phase, clock.exposure_rows])
     return _exposed(np.asarray(chips, dtype=float), rows, numbers, first)
 
 
-def _exposed(levels: FloatArray, rows: int, clock: FloatArray, first: int) -> FloatArray:
+def _exposed(levels: Float64s, rows: int, clock: Float64s, first: int) -> Float64s:
     """:func:`expose_chips` for rows per chip, phase and exposure in ``clock``."""
     rows_per_chip, phase, exposure_rows = clock
     length = max(exposure_rows, 1e-3)
@@ -124,7 +123,7 @@ def _exposed(levels: FloatArray, rows: int, clock: FloatArray, first: int) -> Fl
     return np.asarray(np.maximum(overlap, 0) @ levels / length)
 
 
-def rows_of(chips: int, rows: int, clock: FloatArray, first: int) -> tuple[int, int]:
+def rows_of(chips: int, rows: int, clock: Float64s, first: int) -> tuple[int, int]:
     """First row that sees known chips only, and the one after the last."""
     rows_per_chip, phase, exposure_rows = clock
     begin = phase + first * rows_per_chip + exposure_rows / 2
@@ -133,20 +132,20 @@ def rows_of(chips: int, rows: int, clock: FloatArray, first: int) -> tuple[int, 
     return low, int(np.clip(np.floor(end) + 1, low, rows))
 
 
-def legendre(rows: int, degree: int) -> FloatArray:
+def legendre(rows: int, degree: int) -> Float64s:
     """(rows, degree + 1) Legendre polynomials over -1 ... 1."""
     along = np.linspace(-1, 1, rows) if rows > 1 else np.zeros(1)
     return np.asarray(np.polynomial.legendre.legvander(along, degree), dtype=float)
 
 
-def derivatives(chips: FloatArray, rows: int, clock: FloatArray, first: int) -> FloatArray:
+def derivatives(chips: Float64s, rows: int, clock: Float64s, first: int) -> Float64s:
     """(rows, 3) derivatives of s by phase (of the middle chip), rows per chip and exposure, by central differences.
 
     s is piecewise linear: a difference is exact unless a chip's edge lies within its step of the exposure's end.
     """
     middle = first + len(chips) // 2
 
-    def exposed(phase: float, rows_per_chip: float, exposure_rows: float) -> FloatArray:
+    def exposed(phase: float, rows_per_chip: float, exposure_rows: float) -> Float64s:
         start = phase - middle * rows_per_chip
         return _exposed(chips, rows, np.array([rows_per_chip, start, exposure_rows]), first)
 
@@ -160,7 +159,7 @@ def derivatives(chips: FloatArray, rows: int, clock: FloatArray, first: int) -> 
     return np.stack(columns, axis=1)
 
 
-def invert(normal: FloatArray, exposure_known: bool) -> FloatArray | None:
+def invert(normal: Float64s, exposure_known: bool) -> Float64s | None:
     """(3, 3) covariance of the clock for unit noise; an undetermined exposure has infinite variance."""
     for unknowns in ([0, 1],) if exposure_known else ([0, 1, 2], [0, 1]):
         kept = unknowns + list(range(3, len(normal)))
@@ -191,7 +190,7 @@ def fit_channel(
     at = np.array([clock.rows_per_chip, clock.phase, max(clock.exposure_rows, 1e-3)])
     used: tuple[int, int] | None = None
 
-    def linear(clock: FloatArray, kept: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def linear(clock: Float64s, kept: slice) -> tuple[Float64s, Float64s, Float64s]:
         s = _exposed(levels, rows, clock, first)
         design = np.hstack([dark, swing * s[:, None]])[kept]
         solution = np.linalg.lstsq(design, values[kept], rcond=None)[0]
@@ -318,8 +317,8 @@ def detect_chips(
 
 
 def _detect(
-    rows: FloatArray, channel: ChannelEstimate, noise: FloatArray, chips: npt.NDArray[Any], method: str
-) -> FloatArray:
+    rows: Float64s, channel: ChannelEstimate, noise: Float64s, chips: npt.NDArray[Any], method: str
+) -> Float64s:
     box = _shares(np.arange(rows.size), chips, channel.rows_per_chip, channel.phase, channel.exposure_rows)
     if method in ("mlse", "reduced"):
         clock = {name: getattr(channel, name) for name in ("rows_per_chip", "phase", "exposure_rows")}
@@ -342,8 +341,8 @@ def _detect(
 
 
 def _by_threshold(
-    rows: FloatArray, channel: ChannelEstimate, noise: FloatArray, chips: npt.NDArray[Any], box: FloatArray, method: str
-) -> FloatArray:
+    rows: Float64s, channel: ChannelEstimate, noise: Float64s, chips: npt.NDArray[Any], box: Float64s, method: str
+) -> Float64s:
     period, middles = channel.rows_per_chip, channel.phase + (chips + 0.5) * channel.rows_per_chip
     if method == "slicer":
         weights = _windows(middles, max(0.4 * (period - channel.exposure_rows), 0.5), rows.size)
@@ -360,7 +359,7 @@ def _by_threshold(
     return np.where(seen, (weights @ light - 0.5) * own_gain / (variance + np.sum(others**2) / 4), 0.0)
 
 
-def _inverse_response(channel: ChannelEstimate, noise: float) -> tuple[float, FloatArray, float]:
+def _inverse_response(channel: ChannelEstimate, noise: float) -> tuple[float, Float64s, float]:
     """Gain of a chip, gains of its neighbours and noise variance, from one chip and one row amid many rows."""
     period, exposure_rows = channel.rows_per_chip, channel.exposure_rows
     length = 24 * exposure_rows + 32 * period + 128
@@ -375,13 +374,13 @@ def _inverse_response(channel: ChannelEstimate, noise: float) -> tuple[float, Fl
     return float(gains[away == 0][0]), gains[away != 0], float(noise**2 * np.sum(kernel**2))
 
 
-def _equalized(rows: FloatArray, exposure_rows: float) -> FloatArray:
+def _equalized(rows: Float64s, exposure_rows: float) -> Float64s:
     return equalize(rows, Camera(row_time=1.0, exposure=exposure_rows))
 
 
 def _shares(
     rows: npt.ArrayLike, chips: npt.NDArray[Any], period: float, phase: float, exposure_rows: float
-) -> FloatArray:
+) -> Float64s:
     """(rows, chips) overlaps; their sum is 1 where the chips cover the row's exposure."""
     length = max(exposure_rows, 1e-3)
     begin, low = phase + chips * period, np.asarray(rows)[:, None] - length / 2
@@ -389,7 +388,7 @@ def _shares(
     return np.asarray(np.maximum(overlap, 0) / length)
 
 
-def _windows(middles: FloatArray, reach: float, rows: int) -> FloatArray:
+def _windows(middles: Float64s, reach: float, rows: int) -> Float64s:
     """(chips, rows): overlap of each row with the middle of each chip, sum 1; 0 outside the rows."""
     row = np.arange(rows)
     overlap = np.minimum(middles[:, None] + reach, row + 0.5) - np.maximum(middles[:, None] - reach, row - 0.5)
@@ -438,7 +437,7 @@ def _inverse_error_rate(rows_per_chip: float, exposure_rows: float, phase: float
     return _error_rate(np.concatenate([[own], others]), variance)
 
 
-def _error_rate(gains: FloatArray, variance: float) -> float:
+def _error_rate(gains: Float64s, variance: float) -> float:
     """P(gains[0]/2 + sum of +-gains[1:]/2 + noise < 0), integrated by the midpoint rule."""
     step = np.pi / (np.sum(np.abs(gains)) + 8 * np.sqrt(variance)) / 2
     at = step * np.arange(0.5, 9 / (np.sqrt(variance) * step))
@@ -446,7 +445,7 @@ def _error_rate(gains: FloatArray, variance: float) -> float:
     return float(max(0.5 - step / np.pi * np.sum(characteristic * np.sin(0.5 * gains[0] * at) / at), 0))
 
 
-def _union_bound(squares: FloatArray, chip: int, band: int) -> float:
+def _union_bound(squares: Float64s, chip: int, band: int) -> float:
     patterns = [((0,), (1,)), ((0, 1), (1, -1)), ((0, 1, 2), (1, -1, 1))]
     patterns += [((0, 1, gap, gap + 1), (1, -1, 1, -1)) for gap in (band, band - 1) if gap > 1]
     total = 0.0

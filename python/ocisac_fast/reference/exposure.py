@@ -11,13 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.exposure.choice import BestExposure
 from ocisac_fast.exposure.flicker import FlickeringLight
 from ocisac_fast.exposure.flicker_indices import FlickerIndices
 from ocisac_fast.light.waveforms import SquareWave, Tone, Waveform
 from ocisac_fast.reference.light import integrate_exposure
-
-Float64s = npt.NDArray[np.float64]
 
 
 def exposure_objective(

@@ -8,12 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.reference.camera import linear_light, saturation_level
 from ocisac_fast.tones.gain import ToneGain
 from ocisac_fast.tones.varying_tone import VaryingToneGain
-
-FloatArray = npt.NDArray[np.float64]
 
 
 def tone_gain(
@@ -93,8 +92,8 @@ def _tone_gain(
 
 
 def _pool(
-    light: FloatArray, ambient: FloatArray, saturated: npt.NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+    light: Float64s, ambient: Float64s, saturated: npt.NDArray[np.bool_]
+) -> tuple[Float64s, Float64s, npt.NDArray[np.bool_]]:
     """Combine the columns of each frame, weighted by brightness, without saturated ones if others remain."""
     weights = np.maximum(light.mean(axis=1) - ambient, 0.0)
     dark = np.flatnonzero(~weights.any(axis=1))
@@ -231,7 +230,7 @@ def _untie(arrays: list[Any], biased: npt.NDArray[np.bool_], lights: _TiedHarmon
             flags[i] &= ~np.uint32(Flag.HARMONICS_DROPPED)
 
 
-def _phase(cycles_per_row: float, rows: npt.ArrayLike) -> FloatArray:
+def _phase(cycles_per_row: float, rows: npt.ArrayLike) -> Float64s:
     """2 pi cycles_per_row row, with whole cycles subtracted in extended precision."""
     cycles = np.longdouble(cycles_per_row) * np.asarray(rows, dtype=np.longdouble)
     return np.asarray(2 * np.pi * (cycles - np.rint(cycles)).astype(np.float64))
@@ -242,7 +241,7 @@ def _at_half_row_rate(c: float) -> bool:
     return bool(abs(2 * c - np.rint(2 * c)) <= 8 * np.finfo(float).eps * c)
 
 
-def _fit(frame: FloatArray, cycles: FloatArray, harmonics_of: Any) -> Any:
+def _fit(frame: Float64s, cycles: Float64s, harmonics_of: Any) -> Any:
     """For each tone: (mean, a, b, noise variance, unit covariance of them), with y = mean + a cos + b sin at row 0."""
     rows = frame.shape[0]
     flags = [Flag(0)] * len(cycles)
@@ -284,7 +283,7 @@ def _fit(frame: FloatArray, cycles: FloatArray, harmonics_of: Any) -> Any:
         yield (*solution[pick], noise, covariance[np.ix_(pick, pick)]), flags[k]
 
 
-def _dft(frame: FloatArray, cycles: FloatArray, _harmonics_of: Any) -> Any:
+def _dft(frame: Float64s, cycles: Float64s, _harmonics_of: Any) -> Any:
     """Steps 1-4 of the paper; the noise is the residual without mean and bin."""
     rows = frame.shape[0]
     spectrum = np.fft.fft(frame, axis=0)
@@ -312,9 +311,9 @@ def _gain(
     frequency: float,
     camera: Camera,
     ratio: float,
-    ambient: FloatArray,
+    ambient: Float64s,
     saturated: Any,
-) -> tuple[FloatArray, ...]:
+) -> tuple[Float64s, ...]:
     """Gain, its standard error by the delta method, phase, mean, signal-to-noise ratio and flags of each column."""
     mean, a, b, noise, covariance = parts
     mean = mean - ambient
@@ -419,7 +418,7 @@ def varying_tone_gain(
     return _result(results, masks)
 
 
-def _result(values: FloatArray, flags: npt.NDArray[np.uint32]) -> VaryingToneGain:
+def _result(values: Float64s, flags: npt.NDArray[np.uint32]) -> VaryingToneGain:
     gain, gain_std, mean, bias, bias_std = values
     return VaryingToneGain(gain, gain_std, mean, bias, bias_std, flags)
 
@@ -432,7 +431,7 @@ def _usable(every: list[int], rows: int, cycles: float, degree: int) -> tuple[li
     return kept, Flag.HARMONICS_DROPPED if len(kept) < len(every) else Flag(0)
 
 
-def _design(rows: int, cycles: float, harmonics: list[int], degree: int) -> FloatArray:
+def _design(rows: int, cycles: float, harmonics: list[int], degree: int) -> Float64s:
     """Legendre polynomials, alone and times cosine and sine of each harmonic, phases from the middle row."""
     u = np.arange(rows) - (rows - 1) / 2
     polynomials = legendre.legvander(2 * u / rows, degree)
@@ -443,7 +442,7 @@ def _design(rows: int, cycles: float, harmonics: list[int], degree: int) -> Floa
     return np.hstack(parts)
 
 
-def _amplitude(found: FloatArray, covariance: FloatArray, terms: int) -> tuple[float, FloatArray]:
+def _amplitude(found: Float64s, covariance: Float64s, terms: int) -> tuple[float, Float64s]:
     """Mean over x of the tone's amplitude (eight Gauss-Legendre points) and its derivatives."""
     places, shares = legendre.leggauss(8)
     slope = np.zeros(len(found))
@@ -462,7 +461,7 @@ def _amplitude(found: FloatArray, covariance: FloatArray, terms: int) -> tuple[f
     return float(amplitude), slope
 
 
-def amplitude_spectrum(signal: FloatArray) -> FloatArray:
+def amplitude_spectrum(signal: Float64s) -> Float64s:
     """Amplitude over mean at (0 ... 2 rows) / (4 rows) cycles per row, with a Hann window."""
     rows, mean = len(signal), signal.mean()
     window = np.hanning(rows + 2)[1:-1]
@@ -471,7 +470,7 @@ def amplitude_spectrum(signal: FloatArray) -> FloatArray:
     return np.asarray(2.0 * np.abs(lines @ ((signal - mean) * window)) / scale)
 
 
-def equalize(columns: npt.ArrayLike, camera: Camera, *, max_boost: float = 10.0) -> FloatArray:
+def equalize(columns: npt.ArrayLike, camera: Camera, *, max_boost: float = 10.0) -> Float64s:
     """Subtract the line, extend the ends by linear prediction, multiply the DFT by G, add the shifted line.
 
     The method ``inverse``; uses np.fft, np.linalg and np.polynomial; see docs/explanation/tones.md.
@@ -494,14 +493,14 @@ def equalize(columns: npt.ArrayLike, camera: Camera, *, max_boost: float = 10.0)
     return np.moveaxis(result, -1, axis)
 
 
-def covariance(rows_apart: npt.ArrayLike, exposure_rows: float) -> FloatArray:
+def covariance(rows_apart: npt.ArrayLike, exposure_rows: float) -> Float64s:
     """Covariance of two rows: white light after the exposure, plus a smooth course of 100 times its variance."""
     k = np.abs(np.asarray(rows_apart, dtype=np.float64))
     smooth = 100 / (1 + (k / (2 * exposure_rows + 16)) ** 2)
     return np.asarray(np.maximum(0, 1 - k / max(exposure_rows, 1)) + smooth)
 
 
-def continuation(rows: int, exposure_rows: float) -> FloatArray:
+def continuation(rows: int, exposure_rows: float) -> Float64s:
     """(predicted, used) weights that extrapolate from the last rows, the nearest first, with a fade to 0."""
     used = min(int(np.ceil(4 * exposure_rows)) + 16, 1024, rows)
     predicted = min(int(np.ceil(4 * exposure_rows)) + 32, 1024, rows)
@@ -524,7 +523,7 @@ def optimal_length(length: int) -> int:
         length += 1
 
 
-def _equalize_column(column: FloatArray, exposure_rows: float, weights: FloatArray, max_boost: float) -> FloatArray:
+def _equalize_column(column: Float64s, exposure_rows: float, weights: Float64s, max_boost: float) -> Float64s:
     rows = len(column)
     n = np.arange(rows)
     line = np.polynomial.Polynomial.fit(n, column, 1) if rows > 1 else np.polynomial.Polynomial([column[0]])

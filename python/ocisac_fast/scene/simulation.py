@@ -10,13 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import Finite, NotNegative, Positive, Within, checked
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 from ocisac_fast.scene.geometry import MAX_PIXELS, Pixels
 
 _TEXTURE_SCALES = ((8.0, 0.2), (40.0, 0.8))  # standard deviation of a Gaussian in px, its share of the variance
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @checked
@@ -73,18 +72,18 @@ def simulate_frames(
     factors = swing * _as_map("reflectance", reflectance, rows, columns)
     random, clock = np.random.default_rng(seed), np.random.default_rng([seed, 1])
 
-    def exposed(light: Waveform, frame: int, begin: float) -> FloatArray:
+    def exposed(light: Waveform, frame: int, begin: float) -> Float64s:
         numbers = None if frames == 1 else [frame]
         return integrate_exposure(light, camera, rows, start=begin, frames=numbers).reshape(rows, 1)
 
-    def light_of(frame: int) -> FloatArray:
+    def light_of(frame: int) -> Float64s:
         begin = start + (clock.uniform(-jitter, jitter) if jitter else 0.0)
         light = shares * exposed(waveform, frame, begin)
         if ambient is not None:
             light = light + exposed(ambient, frame, begin)
         return dark_level + factors * light
 
-    def stored(light: FloatArray) -> npt.NDArray[Any]:
+    def stored(light: Float64s) -> npt.NDArray[Any]:
         values = np.broadcast_to(light, (rows, columns))
         if noise:
             values = values + noise * random.standard_normal((rows, columns))
@@ -98,7 +97,7 @@ def simulate_frames(
 
 
 @checked
-def lamp_bar(rows: int, columns: int, width: Positive, *, tilt: float = 0.0) -> FloatArray:
+def lamp_bar(rows: int, columns: int, width: Positive, *, tilt: float = 0.0) -> Float64s:
     """Share of its light that reaches each pixel from a bar along the rows through the middle of the picture.
 
     Args:
@@ -117,7 +116,7 @@ def lamp_bar(rows: int, columns: int, width: Positive, *, tilt: float = 0.0) -> 
 
 
 @checked
-def texture(rows: int, columns: int, contrast: NotNegative, *, seed: int = 0) -> FloatArray:
+def texture(rows: int, columns: int, contrast: NotNegative, *, seed: int = 0) -> Float64s:
     """Reflectance of a rough wall: exp(contrast * z), z a Gaussian random field of variance 1.
 
     z is the sum of two fields of white noise, smoothed by Gaussians of 8 and 40 px, with 0.2 and 0.8 of the variance;
@@ -139,7 +138,7 @@ def texture(rows: int, columns: int, contrast: NotNegative, *, seed: int = 0) ->
     return np.asarray(np.exp(contrast * log))
 
 
-def _as_map(name: str, values: npt.ArrayLike, rows: int, columns: int) -> FloatArray:
+def _as_map(name: str, values: npt.ArrayLike, rows: int, columns: int) -> Float64s:
     array = np.asarray(values, dtype=np.float64)
     try:
         np.broadcast_to(array, (rows, columns))

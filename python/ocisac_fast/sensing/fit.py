@@ -13,8 +13,8 @@ from ocisac_fast import _core
 from ocisac_fast._core import linear_fit, product
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
+from ocisac_fast.core.arrays import Float64s
 
-Float64s = npt.NDArray[np.float64]
 Complexes = npt.NDArray[np.complex128]
 
 _SEARCHED = 8  # max. number of blocks of 64 columns in a search

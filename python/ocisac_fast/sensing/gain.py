@@ -11,9 +11,8 @@ import numpy.typing as npt
 from ocisac_fast._core import product
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.sensing.fit import Columns, Fitted, fit, make_model
-
-Float64s = npt.NDArray[np.float64]
 
 _CHUNK = 1 << 19  # samples, of which float64 stays in the cache
 _MAX_DRAWN = 64  # columns

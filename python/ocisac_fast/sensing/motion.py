@@ -54,9 +54,6 @@ class KnownMotion:
         timing_tolerance: relative error of the frame time over the row time, above 0 up to 0.01. A component whose
             advance fits c T_f/T_r within it is a light, or moves across the rows; up to ten times the tolerance this is
             flagged; beyond, it moves along the rows.
-
-    Raises:
-        ValueError: a value outside its range; the message names it.
     """
 
     axis: Literal["across", "along"] | None = None

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import as_grey_frames, stored_box
+from ocisac_fast.core.arrays import Float64s, as_grey_frames, stored_box
 from ocisac_fast.core.checks import InnerShare, NotNegative, Positive, Within, checked, checked_class, shown
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
@@ -37,8 +37,6 @@ from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.tones.frequency import find_frequency
 from ocisac_fast.tones.gain import tone_gain
 from ocisac_fast.tones.varying_tone import varying_tone_gain
-
-Float64s = npt.NDArray[np.float64]
 
 _COMMON_PHASE = 0.1  # rad; max. RMS spread of a light's phase over the columns
 
@@ -206,9 +204,6 @@ def sense_region(
 
     Returns:
         :class:`SensedRegion`.
-
-    Raises:
-        ValueError: an argument outside its range or of the wrong shape; the message names it.
     """
     value: float | None
     if isinstance(frequency, MeasuredFrequency):

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.regions import Region
-
-Float64s = npt.NDArray[np.float64]
 
 _STRIP = 16  # columns
 _MAX_SKIPPED = 4

@@ -10,11 +10,10 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import as_columns, in_time_order
+from ocisac_fast.core.arrays import Float64s, as_columns, in_time_order
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.results import Result
 
-Float64s = npt.NDArray[np.float64]
 Light = TypeVar("Light", Float64s, npt.NDArray[np.float32])
 
 

@@ -10,11 +10,9 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.arrays import Float64s, as_columns
 from ocisac_fast.core.checks import check_arguments
 from ocisac_fast.core.results import Result
-
-FloatArray = npt.NDArray[np.float64]
 
 _NO_BACKGROUND = np.zeros(0)
 
@@ -42,11 +40,11 @@ class ToneGain(Result):
         flags: uint32 masks of :class:`ocisac_fast.Flag`.
     """
 
-    gain: FloatArray
-    gain_std: FloatArray
-    phase: FloatArray
-    mean: FloatArray
-    snr: FloatArray
+    gain: Float64s
+    gain_std: Float64s
+    phase: Float64s
+    mean: Float64s
+    snr: Float64s
     flags: npt.NDArray[np.uint32]
 
 
@@ -127,7 +125,7 @@ def result_shape(columns: npt.NDArray[Any]) -> tuple[int, ...]:
     return columns.shape[:-2] + columns.shape[-1:] * (columns.ndim > 1)
 
 
-def background_values(background: npt.ArrayLike | float, columns: npt.NDArray[Any]) -> FloatArray:
+def background_values(background: npt.ArrayLike | float, columns: npt.NDArray[Any]) -> Float64s:
     """The background in the form that the core reads: empty for none, one value, or one per column and frame."""
     if isinstance(background, float):
         return np.array((background,)) if background else _NO_BACKGROUND

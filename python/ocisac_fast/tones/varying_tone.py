@@ -13,7 +13,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import as_columns
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.results import Result
-from ocisac_fast.tones.gain import FloatArray, background_values, result_shape
+from ocisac_fast.tones.gain import Float64s, background_values, result_shape
 
 
 @dataclass(frozen=True, repr=False)
@@ -31,11 +31,11 @@ class VaryingToneGain(Result):
             the standard error of ``tone_gain``.
     """
 
-    gain: FloatArray
-    gain_std: FloatArray
-    mean: FloatArray
-    bias: FloatArray
-    bias_std: FloatArray
+    gain: Float64s
+    gain_std: Float64s
+    mean: Float64s
+    bias: Float64s
+    bias_std: Float64s
     flags: npt.NDArray[np.uint32]
 
 
@@ -76,9 +76,6 @@ def varying_tone_gain(
     Returns:
         :class:`VaryingToneGain`. Values that cannot be estimated are NaN and flagged: UNRESOLVABLE if the rows are too
         few for the model or its terms are collinear.
-
-    Raises:
-        ValueError: an argument outside its range or of the wrong shape; the message names it.
     """
     array = as_columns(columns, scan_axis=camera.scan_axis)
     results = _core.varying_tone_gain(
