@@ -20,8 +20,6 @@ from ocisac_fast.cli.pictures import PictureOptions
 from ocisac_fast.files import FileWarning, Part, cut_recording, open_recording
 from ocisac_fast.files.remote import RemotePath, is_remote
 
-_PIECE = 1 << 20
-
 
 def measure_recording(path: str, task: Task, *, cleaned: str | None = None) -> Any:
     """Measure one recording.
@@ -116,11 +114,8 @@ def build() -> dict[str, str]:
 
 def content_hash(path: str) -> str:
     """SHA-256 of a file's bytes, hexadecimal."""
-    sha = hashlib.sha256()
     with RemotePath(path).open() if is_remote(path) else open(path, "rb") as file:
-        while piece := file.read(_PIECE):
-            sha.update(piece)
-    return sha.hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
 
 
 def _rows(

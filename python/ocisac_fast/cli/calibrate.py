@@ -47,7 +47,7 @@ def calibrate(
     lit at most once per frame; each FILE is a video at one duty, all of one camera and exposure, and all frames are
     used. Two or more duties give T_r at any exposure shorter than the pulses.
     """
-    unknown = dataclasses.replace(picture, row_time=None, exposure=None)  # the row time is estimated
+    unknown = dataclasses.replace(picture, row_time=None, exposure=None, frame_rate=None)  # the row time is estimated
     if pulses is not None:
         _calibrate_pulses(files, float(frequency), pulses, unknown, as_json)
         return
@@ -65,8 +65,8 @@ def calibrate(
     if not found.cycles_per_row > 0.0 or Flag.NO_TONE in result.flags:
         raise FileError(f"{files[0]}: no light that varies along the rows was found: --region x,y,w,h within the lamp")
     lit = columns[..., some_columns(found.columns.used)]
-    advance = None if camera.frame_time is None else float(frequency) * camera.frame_time
-    still = warn_of_texture(lit, dataclasses.replace(per_row, frame_time=None), found.cycles_per_row, advance)
+    advance = None if picture.frame_rate is None else frequency / picture.frame_rate
+    still = warn_of_texture(lit, per_row, found.cycles_per_row, advance)
     if not still and Flag.MODEL_MISFIT in result.flags:
         warn_of_calibration(result.row_time * columns.shape[1])
     cycles = found.cycles_per_row * columns.shape[1]

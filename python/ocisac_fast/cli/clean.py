@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import signal
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -15,8 +16,15 @@ import numpy as np
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, number, progress, rate
 from ocisac_fast.cli.outputs import INPUT, OUTPUT, writes
-from ocisac_fast.cli.pictures import PictureOptions, cropped, json_option, picture_options, select, stack
-from ocisac_fast.cli.units import RATE, Quantity
+from ocisac_fast.cli.pictures import (
+    PictureOptions,
+    cropped,
+    frame_rate_option,
+    json_option,
+    picture_options,
+    select,
+    stack,
+)
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import KEPT_FRAMES, FileError, Frame, RecordingStream
 from ocisac_fast.files.video_writing import USUAL_CRF
@@ -53,7 +61,6 @@ _HEADER = (
 @click.option("--fill", is_flag=True, help="Interpolate pixels that are too dark to restore.")
 @click.option("--still", is_flag=True, help="Static scene: clean all frames together.")
 @click.option("--each", is_flag=True, help="Clean every frame by itself: slower, nothing is carried on.")
-@click.option("--frame-rate", type=RATE, help="Frame rate of the recording; default: from the file.")
 @click.option(
     "--max-gain", type=float, default=8.0, show_default=True, help="Rows that need a larger gain are too dark."
 )
@@ -64,6 +71,7 @@ _HEADER = (
 @click.option("--keep-partial", is_flag=True, help="After Ctrl-C keep OUT with the frames done, instead of nothing.")
 @click.option("--marks", type=OUTPUT, help="Picture of the marks: 0, saturated 128, too dark 255.")
 @picture_options
+@frame_rate_option
 @writes
 @json_option
 def clean(
@@ -76,7 +84,6 @@ def clean(
     fill: bool,
     toe: float | None,
     each: bool,
-    frame_rate: Quantity | None,
     crf: float | None,
     keep_partial: bool,
     **options: Any,
@@ -96,8 +103,9 @@ def clean(
         open_recording(source, colour=picture.channel != "y", raw=picture.raw) as stream,
         _stopping(keep_partial) as stop,
     ):
-        if frame_rate is not None:
-            stream.frame_rate = float(frame_rate)
+        if picture.frame_rate is not None:
+            stream.frame_rate = float(picture.frame_rate)
+            picture = dataclasses.replace(picture, frame_rate=None)  # the stream's camera has it
         cleaner = _Cleaner(picture, stream, each, marks is not None, options, stop, as_json)
         frames = cleaner.frames(progress(stream, "cleaning", stream.frame_count))
         if crf is None and picture.channel == "auto" and stream.video is not None and stream.video.codec in _LOSSY:

@@ -10,30 +10,25 @@ import click
 from ocisac_fast.cli.output import emit_facts, emit_json
 from ocisac_fast.cli.outputs import InputFile, read_input, writes
 from ocisac_fast.cli.pictures import json_option
-from ocisac_fast.core.checks import parsed_json, shown
+from ocisac_fast.cli.units import Parsed
+from ocisac_fast.core.checks import parsed_json
 
 _File = InputFile(exists=True, dir_okay=False, path_type=Path)
 
 
-def _numbers(_: click.Context, parameter: click.Parameter, text: str | None) -> tuple[float, ...] | None:
-    if text is None:
-        return None
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError as error:
-        raise click.BadParameter(f"got {shown(text)}, allowed: numbers with commas between", param=parameter) from error
+_NUMBERS = Parsed("TEXT", lambda text: tuple(float(part) for part in text.split(",")), "numbers with commas between")
 
 
 @click.command(short_help="Position of the camera from lights at known places.")
 @click.argument("lights", type=_File)
 @click.argument("seen", type=_File)
-@click.option("--focal", callback=_numbers, required=True, help="Focal length in pixels; one number or X,Y.")
-@click.option("--centre", callback=_numbers, required=True, help="Principal point X,Y in pixels.")
-@click.option("--distortion", callback=_numbers, help="OpenCV's coefficients k1,k2,p1,p2[,k3].")
+@click.option("--focal", type=_NUMBERS, required=True, help="Focal length in pixels; one number or X,Y.")
+@click.option("--centre", type=_NUMBERS, required=True, help="Principal point X,Y in pixels.")
+@click.option("--distortion", type=_NUMBERS, help="OpenCV's coefficients k1,k2,p1,p2[,k3].")
 @click.option(
     "--noise", type=float, default=1.0, show_default=True, help="Standard error of a light's position, pixels."
 )
-@click.option("--inside", callback=_numbers, help="Bounds XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX of the position, metres.")
+@click.option("--inside", type=_NUMBERS, help="Bounds XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX of the position, metres.")
 @writes
 @json_option
 def locate(

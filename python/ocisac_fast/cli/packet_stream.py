@@ -22,7 +22,6 @@ class PacketOptions:
 
     chip_rate: float | None
     format: PacketFormat
-    frame_time: float | None
     sources: int
     regions: tuple[Region, ...]
     tones: tuple[float, ...]
@@ -45,7 +44,7 @@ class PacketStream:
     def push(self, frame: Frame, camera: Camera, number: int) -> Iterator[dict[str, Any]]:
         """The objects of the next frame; ``number``: in the file."""
         if self._camera is None:
-            self._camera = dataclasses.replace(camera, frame_time=self._options.frame_time or camera.frame_time)
+            self._camera = camera
             self._receiver = self._make(self._camera)
         self._frames += 1
         self._rows = rows_and_columns(frame.shape, self._camera)[0]

@@ -19,9 +19,9 @@ import numpy as np
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_note, is_collected, table_of_objects
 from ocisac_fast.cli.outputs import OUTPUT
-from ocisac_fast.cli.units import RATE, ROW_TIME, TIME, ParameterType, Quantity
+from ocisac_fast.cli.units import RATE, ROW_TIME, TIME, Parsed, Quantity
 from ocisac_fast.core.arrays import as_frames
-from ocisac_fast.core.checks import one_of, shown
+from ocisac_fast.core.checks import one_of
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files import Part, RecordingStream, open_recording
 from ocisac_fast.files.extras import pyarrow, savemat
@@ -33,46 +33,31 @@ _BATCH_BYTES = 64 << 20
 _SURE_LIGHT = 0.998  # probability of a light that contradicts a statement
 
 
-class _Region(ParameterType):
-    name = "x,y,w,h"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        match = re.fullmatch(r"\s*(\d{1,9})\s*,\s*(\d{1,9})\s*,\s*(\d{1,9})\s*,\s*(\d{1,9})\s*", str(value))
-        if match is None:
-            self.fail(f"got {shown(value)}, allowed: four whole numbers x,y,w,h in pixels, such as 0,0,640,480")
-        return Region(*(int(number) for number in match.groups()))
+def _region(text: str) -> Region:
+    if not re.fullmatch(r"\s*\d{1,9}\s*(,\s*\d{1,9}\s*){3}", text):
+        raise ValueError(text)
+    return Region(*map(int, text.split(",")))
 
 
-REGION = _Region()
+def _tone_curve(text: str) -> tuple[str, float]:
+    curve, _, power = text.lower().partition(":")
+    if curve not in ("linear", "srgb", "hlg", "pq", "gamma") or (power and curve != "gamma"):
+        raise ValueError(text)
+    return curve, float(power or 2.2)
 
 
-class _ToneCurve(ParameterType):
-    name = "linear|gamma[:2.2]|srgb|hlg|pq"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, tuple):
-            return value
-        curve, _, power = str(value).lower().partition(":")
-        if curve in ("linear", "srgb", "hlg", "pq", "gamma") and (not power or curve == "gamma"):
-            try:
-                return curve, float(power or 2.2)
-            except ValueError:
-                pass
-        self.fail(f"got {shown(value)}, allowed: linear, srgb, hlg, pq, gamma or gamma:POWER")
+def _channel(text: str) -> str | int:
+    word = text.lower()
+    if word in ("auto", "y", *_RED_GREEN_BLUE):
+        return word
+    if not re.fullmatch(r"\d{1,3}", word):
+        raise ValueError(text)
+    return int(word)
 
 
-class _Channel(ParameterType):
-    name = "auto|r|g|b|y|INDEX"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        word = str(value).lower()
-        if word in ("auto", "y", *_RED_GREEN_BLUE):
-            return word
-        if re.fullmatch(r"\d{1,3}", word):
-            return int(word)
-        self.fail(f"got {shown(value)}, allowed: auto, r, g, b, y or an index from 0")
+REGION = Parsed("x,y,w,h", _region, "four whole numbers x,y,w,h in pixels, such as 0,0,640,480")
+_TONE_CURVE = Parsed("linear|gamma[:2.2]|srgb|hlg|pq", _tone_curve, "linear, srgb, hlg, pq, gamma or gamma:POWER")
+_CHANNEL = Parsed("auto|r|g|b|y|INDEX", _channel, "auto, r, g, b, y or an index from 0")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -95,7 +80,7 @@ class PictureOptions:
     @classmethod
     def taken_from(cls, arguments: dict[str, Any]) -> PictureOptions:
         """Remove the common options from a command's arguments."""
-        names = (field.name for field in dataclasses.fields(cls) if field.name != "frame_rate")
+        names = [field.name for field in dataclasses.fields(cls) if field.name in arguments]
         return cls(**{name: arguments.pop(name) for name in names})
 
     def camera(self, stream: RecordingStream, usual: Mapping[str, str] | None = None) -> Camera:
@@ -105,6 +90,8 @@ class PictureOptions:
         """
         if self.row_time is None and self.exposure is not None:
             raise click.UsageError("--exposure: needs --row-time")
+        if self.row_time is None and self.frame_rate is not None:
+            raise click.UsageError("--frame-rate: needs --row-time")
         row_time, exposure = (None if one is None else float(one) for one in (self.row_time, self.exposure))
         camera = stream.camera(row_time=row_time, exposure=exposure)
         curve, gamma = self.tone_curve or (
@@ -228,7 +215,6 @@ class OpenPictures:
     camera: Camera
     frames: Iterator[Frame]
     frame_count: int | None
-    frame_rate: float | None
 
     def batches(self, later_bytes: int = _BATCH_BYTES) -> Iterator[Frame]:
         """The frames in arrays (frames, height, width, colours) of a bounded size, after the first of another.
@@ -307,7 +293,7 @@ class _Reader:
             self._stream.close()
             raise
         arranged = (select(frame, options) for frame in itertools.chain([first], frames))
-        return OpenPictures(camera, arranged, self._stream.frame_count, self._stream.frame_rate)
+        return OpenPictures(camera, arranged, self._stream.frame_count)
 
     def __exit__(self, *_: object) -> None:
         self._stream.close()
@@ -325,7 +311,7 @@ def open_pictures(
 
 def select(frame: Frame, options: PictureOptions) -> Frame:
     """Region and channel as (height, width[, colours]), as stored: a view except for channel y."""
-    return _channel(cropped(frame, options.region), options.channel)
+    return _of_channel(cropped(frame, options.region), options.channel)
 
 
 def cropped(frame: Frame, region: Region | None) -> Frame:
@@ -339,7 +325,7 @@ def cropped(frame: Frame, region: Region | None) -> Frame:
     return frame[region.y : region.bottom, region.x : region.right]
 
 
-def _channel(frame: Frame, channel: str | int) -> Frame:
+def _of_channel(frame: Frame, channel: str | int) -> Frame:
     """Select a channel; a grey picture has only y, 0 and auto."""
     colours = frame.shape[2] if frame.ndim == 3 else 1
     index = _RED_GREEN_BLUE.get(channel, 0) if isinstance(channel, str) else channel
@@ -386,10 +372,10 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
             help="Direction in which rows are read out: y: down, x: right; auto: y or x, whichever shows lights.",
         ),
         click.option("--region", type=REGION, help="Part of the picture, from its top left corner."),
-        click.option("--channel", type=_Channel(), default="auto", show_default=True),
+        click.option("--channel", type=_CHANNEL, default="auto", show_default=True),
         click.option("--waveform", type=click.Choice(["tone", "square"]), default="tone", show_default=True),
         click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave."),
-        click.option("--tone-curve", type=_ToneCurve(), help="Default: from the file, else as usual for its kind."),
+        click.option("--tone-curve", type=_TONE_CURVE, help="Default: from the file, else as usual for its kind."),
         click.option("--dark-level", type=float, help="Stored value of no light; default: from the file, else 0."),
         click.option(
             "--raw", metavar="WIDTHxHEIGHT[:gray8|gray16le]", help="Frames without headers, for example from a pipe."
@@ -401,15 +387,8 @@ def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
     return wrapped
 
 
-def frame_rate_option(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--frame-rate``, which sets the frame time of the picture's camera; below `picture_options`."""
-
-    @click.option("--frame-rate", type=RATE, help="Frame rate of the recording; default: from the file.")
-    @functools.wraps(function)
-    def wrapped(*, picture: PictureOptions, frame_rate: Quantity | None, **arguments: Any) -> Any:
-        return function(picture=dataclasses.replace(picture, frame_rate=frame_rate), **arguments)
-
-    return wrapped
+# Below `picture_options`: sets the frame time of the picture's camera.
+frame_rate_option = click.option("--frame-rate", type=RATE, help="Frame rate of the recording; default: from the file.")
 
 
 def _table_path(ctx: click.Context, param: click.Parameter, path: str | None) -> str | None:

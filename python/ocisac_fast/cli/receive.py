@@ -16,6 +16,7 @@ from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import (
     REGION,
     PictureOptions,
+    frame_rate_option,
     json_option,
     open_pictures,
     picture_options,
@@ -24,7 +25,7 @@ from ocisac_fast.cli.pictures import (
 )
 from ocisac_fast.cli.sent_files import ErrorCount
 from ocisac_fast.cli.text import one_line
-from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, RATE, Quantity
+from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame
 from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
@@ -39,7 +40,6 @@ from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 )
 @click.option("--block-bytes", type=int, help="Coded bytes of a packet's block  [default: 16, with --fsk 4]")
 @click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
-@click.option("--frame-rate", type=RATE, help="Frame rate, which joins frames to packets; default: from the video.")
 @click.option(
     "--sources", type=click.IntRange(1, 64), default=8, show_default=True, help="Max. number of lights with packets."
 )
@@ -49,6 +49,7 @@ from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 @click.option("--frequency", type=FREQUENCY, help="Frequency of that tone; default: estimated at detection.")
 @click.option("--sent", type=INPUT, help="Bits that are sent over and over (.txt, .npy): count the errors.")
 @picture_options
+@frame_rate_option
 @plot_option("the combined column of the first frame with its chips")
 @writes
 @json_option
@@ -59,7 +60,6 @@ def receive(
     packets: bool,
     block_bytes: int | None,
     preamble: str,
-    frame_rate: Quantity | None,
     sources: int,
     source_region: tuple[Region, ...],
     fsk: tuple[Quantity, ...] | None,
@@ -83,14 +83,10 @@ def receive(
     errors = ErrorCount(sent)
     tones = tuple(picture.check_frequency("--fsk", tone) or 0.0 for tone in fsk or ())
     packets = packets or line_code not in (None, "none") or bool(tones)
-    if frame_rate is not None and picture.row_time is None:
-        raise click.UsageError("--frame-rate: needs --row-time")
-    seconds = None if frame_rate is None else 1.0 / float(frame_rate)
     size = block_bytes if block_bytes is not None else 4 if tones else 16
     options = PacketOptions(
         chip_rate=rate,
         format=PacketFormat(line_code=line_code or "manchester", block_bytes=size, preamble=preamble),
-        frame_time=seconds,
         sources=sources,
         regions=source_region,
         tones=tones,

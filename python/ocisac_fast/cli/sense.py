@@ -25,6 +25,7 @@ from ocisac_fast.cli.output import (
 from ocisac_fast.cli.outputs import INPUT, writes
 from ocisac_fast.cli.pictures import (
     PictureOptions,
+    frame_rate_option,
     grey_of,
     json_option,
     open_pictures,
@@ -33,7 +34,7 @@ from ocisac_fast.cli.pictures import (
     rows_and_columns,
     with_colours,
 )
-from ocisac_fast.cli.units import FREQUENCY, LENGTH, RATE
+from ocisac_fast.cli.units import FREQUENCY, LENGTH
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame, gathered
 
@@ -57,7 +58,6 @@ _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 @click.option(
     "--frames", type=click.IntRange(1), default=8, show_default=True, help="Number of successive frames used."
 )
-@click.option("--frame-rate", type=RATE, help="Frame rate of the recording; default: from the file.")
 @click.option("--frequency", type=FREQUENCY, help="Frequency in the columns of --region; default: estimated.")
 @click.option(
     "--motion", type=click.Choice(["across", "along"]), help="Motion of the texture: across or along the rows."
@@ -71,6 +71,7 @@ _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 @click.option("--unlit", type=INPUT, help="Recording of the same view without the lights.")
 @click.option("--beside", is_flag=True, help="Measure the lights' background beside them.")
 @picture_options
+@frame_rate_option
 @plot_option("the first frame with its regions")
 @writes
 @json_option
@@ -81,21 +82,17 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
     is measured as one region; without it, lights and moving textures are detected. Several successive frames separate
     textures from lights, and motion along the rows from motion across them.
     """
-    if picture.row_time is None:
-        for name in ("frame_rate", "speed"):
-            if options[name] is not None:
-                raise click.UsageError(f"--{name.replace('_', '-')}: needs --row-time")
+    if picture.row_time is None and options["speed"] is not None:
+        raise click.UsageError("--speed: needs --row-time")
     from ocisac_fast.sensing.picture import SEARCHED
 
     with open_pictures(file, picture, axis_of_light=False) as pictures:
         greys = (grey_of(frame) for frame in itertools.islice(pictures.frames, frames))
         count = min(frames, pictures.frame_count or frames)
         first = gathered(itertools.islice(greys, SEARCHED), min(count, SEARCHED))
-        rate, stored = options.pop("frame_rate"), pictures.camera
-        stored = stored if rate is None else dataclasses.replace(stored, frame_time=1.0 / float(rate))
         if options["unlit"] is not None:
             options["unlit"] = _read_unlit(options["unlit"], picture, count)
-        found = _along_best_axis(first, stored, picture, options)
+        found = _along_best_axis(first, pictures.camera, picture, options)
         kept = gathered((found.part.cut(frame) for frame in itertools.chain(first, greys)), count)
     regions = found.measure(kept) if len(kept) > len(first) else found.regions
     camera = found.camera

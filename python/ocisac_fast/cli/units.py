@@ -17,6 +17,23 @@ if TYPE_CHECKING:
 else:  # generic only for type checkers
     ParameterType = click.ParamType
 
+
+class Parsed(ParameterType):
+    """What ``parse`` makes of a word, or ValueError of it where the word is not one of those ``allowed``."""
+
+    def __init__(self, name: str, parse: Callable[[str], Any], allowed: str) -> None:
+        self.name = name
+        self._parse, self._allowed = parse, allowed
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if not isinstance(value, str):
+            return value
+        try:
+            return self._parse(value)
+        except (ValueError, ZeroDivisionError, OverflowError):
+            self.fail(f"got {shown(value)}, allowed: {self._allowed}")
+
+
 _PREFIXES = {"": 1.0, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({_NUMBER})(?:/({_NUMBER}))?\s*([a-zA-Zµμ]*)\s*")
@@ -99,19 +116,7 @@ def share(text: str) -> float:
     return float(number) / (float(divisor) if slash else 1.0) / (100.0 if text.endswith("%") else 1.0)
 
 
-class _Share(ParameterType):
-    name = "SHARE"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        if isinstance(value, float):
-            return value
-        try:
-            return share(str(value))
-        except (ValueError, ZeroDivisionError):
-            self.fail(f"got {shown(value)}, allowed: a share such as 0.02, 2% or 1/50")
-
-
-SHARE = _Share()
+SHARE = Parsed("SHARE", share, "a share such as 0.02, 2% or 1/50")
 _MOST_VALUES = 10_000
 _RANGE = f"LOW..HIGH:COUNT, such as 10us..11ms:50, 0 < LOW < HIGH, COUNT 2 to {_MOST_VALUES}"
 _WIDE = 10.0  # ratio of the ends above which values are in equal ratios
