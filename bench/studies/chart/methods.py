@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.tones.gain import tone_gain
-from studies.chart.scenes import Bytes, Float64s, Scene, design_matrix, least_squares, odd_harmonics
+from studies.chart.scenes import Bytes, Scene, design_matrix, least_squares, odd_harmonics
 
 Values = npt.NDArray[Any]
 FloatType = type[np.float32] | type[np.float64]

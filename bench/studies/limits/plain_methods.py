@@ -9,10 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.light.response import exposure_response
 from ocisac_fast.tones.gain import tone_gain
 from studies.chart.methods import GAIN_METHODS
-from studies.chart.scenes import Float64s, Scene
+from studies.chart.scenes import Scene
 from studies.limits.catalogue import Point, compared
 
 _CHARTED = {method.name: method for method in GAIN_METHODS}

@@ -9,9 +9,9 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning import remove_bands
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.light.waveforms import Tone, Waveform, integrate_exposure, sample_waveform
 from ocisac_fast.tones.equalization import equalize
-from studies.chart.scenes import Float64s
 from studies.limits.catalogue import Point, limit, rms
 from studies.limits.plain_methods import circular_inverse
 

@@ -10,11 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.tones.frequency import find_frequency
 from ocisac_fast.tones.gain import tone_gain
 from ocisac_fast.tones.varying_tone import varying_tone_gain
-from studies.chart.scenes import Float64s, Scene
+from studies.chart.scenes import Scene
 from studies.limits.catalogue import Point, compared, limit, rms, shared_flags
 from studies.limits.plain_methods import fitted_gain, gain_of_frame, peak_frequency, rounded_bin_gain, transform_gain
 

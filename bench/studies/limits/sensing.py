@@ -8,13 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.reference import tone_gain
 from ocisac_fast.sensing.contrast import restore_contrast
 from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.sensing.region import sense_region
 from ocisac_fast.tones.frequency import find_frequency
-from studies.chart.scenes import Float64s
 from studies.limits.catalogue import Point, limit, rms, shared_flags
 from studies.limits.plain_methods import circular_inverse
 

@@ -21,7 +21,7 @@ from ocisac_fast.batch.results import Results
 from ocisac_fast.batch.summary import Summary, summarize
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.errors import SOME_FAILED
-from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, with_spread
+from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, facts_of, with_spread
 from ocisac_fast.cli.outputs import OUTPUT, InputFile, writes
 from ocisac_fast.cli.pictures import json_option
 from ocisac_fast.cli.text import one_line
@@ -178,13 +178,7 @@ def _shown() -> Iterator[Any]:
 
 def _emit(done: Outcome, output: str, as_json: bool) -> None:
     progress = done.progress
-    facts = {
-        "recordings": progress.recordings,
-        "finished": progress.finished,
-        "skipped": progress.skipped,
-        "failed": progress.failed,
-        "frames": progress.frames,
-    }
+    facts = facts_of(progress, "recordings finished skipped failed frames")
     if as_json:
         emit_json({"output": output, **facts})
         return
@@ -209,17 +203,8 @@ def _summarize(folder: str, plot: str | None, as_json: bool) -> None:
         _draw(found, path)
     if as_json:
         for one in found.recordings:
-            value = {"value": one.value, "value_std": one.spread}
-            emit_json(
-                {
-                    "path": one.path,
-                    "frames": one.frames,
-                    "of": found.label,
-                    **value,
-                    "flags": dict(one.flags),
-                    "warnings": list(one.warnings),
-                }
-            )
+            value = {"of": found.label, "value": one.value, "value_std": one.spread}
+            emit_json({**facts_of(one, "path frames"), **value, "flags": dict(one.flags), "warnings": one.warnings})
         for failed, message in found.failures:
             emit_json({"path": failed, "failure": message})
         return

@@ -42,7 +42,7 @@ def on_cluster(client: Any, work: Work, next_jobs: Callable[[], Jobs]) -> Genera
     try:
         while True:
             if time.monotonic() > counted + _RECOUNT_SECONDS:  # workers come and go
-                limit = _IN_FLIGHT * max(_thread_count(client), 2)
+                limit = _IN_FLIGHT * max(thread_count(client), 2)
                 counted = time.monotonic()
             while len(running) < limit and (jobs := next_jobs()):
                 _submit(client, work, jobs, running, ended)
@@ -117,16 +117,12 @@ def _lost(client: Any) -> ClusterError:
     return ClusterError(f"scheduler {address}: lost; what is finished is kept, run again to go on")
 
 
-def _thread_count(client: Any) -> int:
-    try:
-        return sum(client.nthreads().values())
-    except Exception:
-        raise _lost(client) from None
-
-
 def thread_count(client: Any) -> int:
     """Threads of all workers, at least 1."""
-    return max(_thread_count(client), 1)
+    try:
+        return max(int(sum(client.nthreads().values())), 1)
+    except Exception:
+        raise _lost(client) from None
 
 
 def _require_same_version(client: Any) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from ocisac_fast.batch.fields import FIELDS
+from ocisac_fast.cli.options import taken
 from ocisac_fast.cli.output import plain
 from ocisac_fast.cli.pictures import PictureOptions
 from ocisac_fast.core.checks import shown
@@ -73,7 +74,7 @@ class Task:
     def arguments(self) -> tuple[dict[str, Any], PictureOptions]:
         """The command's arguments, converted, and apart from them the common options."""
         arguments = dict(_arguments(self.command, tuple(self._words())))
-        return arguments, PictureOptions.taken_from(arguments)
+        return arguments, taken(PictureOptions, arguments)
 
     @property
     def picture(self) -> PictureOptions:

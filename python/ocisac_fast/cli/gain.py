@@ -285,7 +285,8 @@ def frame_gains(
         gains, of_columns = [], []
         span, of_span = light.pooled(options["background"])
         pooled_options = {**options, "background": of_span, "pooled": True}
-        for batch in _shown(itertools.chain(parts, batches), pictures.frame_count, at_once):
+        total = None if pictures.frame_count is None else math.ceil(pictures.frame_count / at_once)
+        for batch in progress(itertools.chain(parts, batches), "measuring", total):
             every = batch[..., light.colour or 0]
             gains.append(tone_gain(every[..., span], camera, light.frequency, **pooled_options))
             if per_column:
@@ -338,11 +339,6 @@ def _misfit(columns: Frame, camera: Camera, frequency: float, options: dict[str,
     names = ("waveform", "duty", "background")
     found = varying_tone_gain(column, Camera(camera.row_time), frequency, **{name: options[name] for name in names})
     return int(found.flags) & Flag.MODEL_MISFIT
-
-
-def _shown(batches: Iterator[Frame], frame_count: int | None, batch_frames: int) -> Iterator[Frame]:
-    total = None if frame_count is None else math.ceil(frame_count / batch_frames)
-    return progress(batches, "measuring", total)
 
 
 def inverse_variance_weights(spreads: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

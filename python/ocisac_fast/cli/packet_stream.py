@@ -8,25 +8,65 @@ import math
 from collections.abc import Iterator
 from typing import Any, Literal
 
+import click
+
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cli.options import option
 from ocisac_fast.cli.output import decibels, facts_of, flag_names, quantity
-from ocisac_fast.cli.pictures import PictureOptions, rows_and_columns
+from ocisac_fast.cli.pictures import REGION, PictureOptions, rows_and_columns
+from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame
-from ocisac_fast.packets.transmission import PacketFormat, transmit
+from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat, transmit
 
 
-@dataclasses.dataclass
+@dataclasses.dataclass(frozen=True)
 class PacketOptions:
-    """Options of the command line; ``tones``: CM-FSK if not empty, else chips."""
+    """Options of `ocisac receive` for chips and packets."""
 
-    chip_rate: float | None
-    format: PacketFormat
-    sources: int
-    regions: tuple[Region, ...]
-    tones: tuple[float, ...]
-    gain: bool
-    frequency: float | None
+    chip_rate: Quantity | None = option(  # noqa: RUF009, a field
+        "--chip-rate", type=FREQUENCY, help="Chips per second; default: estimated in every frame."
+    )
+    line_code: str | None = option(
+        "--line-code", type=click.Choice(LINE_CODES), help="Line code of packets  [default: manchester]"
+    )
+    packets: bool = option(
+        "--packets", is_flag=True, help="Receive packets of `ocisac transmit`; implied by a --line-code but none."
+    )
+    block_bytes: int | None = option(
+        "--block-bytes", type=int, help="Coded bytes of a packet's block  [default: 16, with --fsk 4]"
+    )
+    preamble: str = option(
+        "--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True
+    )
+    sources: int = option(
+        "--sources",
+        type=click.IntRange(1, 64),
+        default=8,
+        show_default=True,
+        help="Max. number of lights with packets.",
+    )
+    source_region: tuple[Region, ...] = option(
+        "--source-region", type=REGION, multiple=True, help="Region of a light with packets; repeatable."
+    )
+    fsk: tuple[Quantity, ...] | None = option(
+        "--fsk", type=FREQUENCIES, help="Tones of CM-FSK, one per frame, such as 1kHz,1.2kHz."
+    )
+    gain: bool = option("--gain", is_flag=True, help="Measure the gain of each light's tone too.")
+    frequency: Quantity | None = option(  # noqa: RUF009, a field
+        "--frequency", type=FREQUENCY, help="Frequency of that tone; default: estimated at detection."
+    )
+
+    @property
+    def asked(self) -> bool:
+        """True if packets are to be received."""
+        return self.packets or self.line_code not in (None, "none") or bool(self.fsk)
+
+    @property
+    def format(self) -> PacketFormat:
+        """Format of the sender's packets."""
+        size = self.block_bytes if self.block_bytes is not None else 4 if self.fsk else 16
+        return PacketFormat(line_code=self.line_code or "manchester", block_bytes=size, preamble=self.preamble)
 
 
 class PacketStream:
@@ -35,6 +75,10 @@ class PacketStream:
     def __init__(self, options: PacketOptions, picture: PictureOptions) -> None:
         self._options = options
         self._picture = picture
+        self._asked_rate = picture.check_frequency("--chip-rate", options.chip_rate)
+        self._tones = tuple(picture.check_frequency("--fsk", tone) or 0.0 for tone in options.fsk or ())
+        self._frequency = picture.check_frequency("--frequency", options.frequency)
+        self._format = options.format
         self._receiver: Any = None
         self._camera: Camera | None = None
         self._rows = self._frames = self._payloads = self._payload_bytes = self._with_data = self._blocks = 0
@@ -48,7 +92,7 @@ class PacketStream:
             self._receiver = self._make(self._camera)
         self._frames += 1
         self._rows = rows_and_columns(frame.shape, self._camera)[0]
-        if self._options.tones:
+        if self._tones:
             result = self._receiver.push(frame)
             self._count(result)
             self._with_data += result.outcome == "received"
@@ -77,7 +121,7 @@ class PacketStream:
             return count
         seconds = self._frames * camera.frame_time
         count += f", {quantity(8.0 * self._payload_bytes / seconds, 'bit/s', 4)}"
-        if self._options.tones or not math.isfinite(self._chip_rate):
+        if self._tones or not math.isfinite(self._chip_rate):
             return count
         from ocisac_fast.packets.goodput import possible_goodput
 
@@ -86,7 +130,7 @@ class PacketStream:
             camera,
             chip_rate=self._chip_rate,
             rows=self._rows,
-            format=self._options.format,
+            format=self._format,
         )
         through = quantity(possible.gap, "bit/s", 4)
         return f"{count}; a light's chips through the gap: {through}, as packets: {quantity(possible.code, 'bit/s', 4)}"
@@ -104,34 +148,33 @@ class PacketStream:
 
     def _hint(self) -> str:
         """Hint that a frame shows less than one block."""
-        if self._camera is None or self._options.tones or not math.isfinite(self._chip_rate):
+        if self._camera is None or self._tones or not math.isfinite(self._chip_rate):
             return ""
-        options = self._options
-        sent = transmit(b"-", format=options.format)
+        sent = transmit(b"-", format=self._format)
         shown = int(self._rows * self._camera.row_period * self._chip_rate)
         if sent.block_chips <= shown:
             return ""
         return (
-            f"; a block of {options.format.block_bytes} bytes is {sent.block_chips} chips, a frame shows {shown}: "
+            f"; a block of {self._format.block_bytes} bytes is {sent.block_chips} chips, a frame shows {shown}: "
             "smaller blocks show more headers"
         )
 
     def _make(self, camera: Camera) -> Any:
         options = self._options
-        if options.tones:
+        if self._tones:
             from ocisac_fast.receiver import FskReceiver
 
-            packets = options.format
-            return FskReceiver(camera, options.tones, block_bytes=packets.block_bytes, preamble=packets.preamble)
+            size = self._format.block_bytes
+            return FskReceiver(camera, self._tones, block_bytes=size, preamble=options.preamble)
         from ocisac_fast.receiver import GainOptions, MultiReceiver
 
         waveform: Literal["square", "tone"] = "square" if self._picture.waveform == "square" else "tone"
-        gain = GainOptions(frequency=options.frequency, waveform=waveform, duty=self._picture.duty)
+        gain = GainOptions(frequency=self._frequency, waveform=waveform, duty=self._picture.duty)
         return MultiReceiver(
             camera,
-            chip_rate=options.chip_rate,
-            format=options.format,
-            regions=[self._picture.in_region(region) for region in options.regions],
+            chip_rate=self._asked_rate,
+            format=self._format,
+            regions=[self._picture.in_region(region) for region in options.source_region],
             max_sources=options.sources,
             gain=gain if options.gain else None,
         )
@@ -170,7 +213,7 @@ class PacketStream:
             "rows": self._rows,
             "bits": "" if seen is None else "".join("1" if llr > 0.0 else "0" for llr in seen.llr),
             "symbol": None if seen is None else seen.symbol,
-            "tone_hz": None if seen is None else self._options.tones[seen.symbol],
+            "tone_hz": None if seen is None else self._tones[seen.symbol],
             "snr_db": math.nan if seen is None else decibels(seen.snr),
             "error_rate": math.nan if seen is None else seen.error_rate,
             "outcome": result.outcome,

@@ -17,6 +17,7 @@ import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cli.options import option, options_of
 from ocisac_fast.cli.output import emit_note, is_collected, table_of_objects
 from ocisac_fast.cli.outputs import OUTPUT
 from ocisac_fast.cli.units import RATE, ROW_TIME, TIME, Parsed, Quantity
@@ -56,32 +57,47 @@ def _channel(text: str) -> str | int:
 
 
 REGION = Parsed("x,y,w,h", _region, "four whole numbers x,y,w,h in pixels, such as 0,0,640,480")
-_TONE_CURVE = Parsed("linear|gamma[:2.2]|srgb|hlg|pq", _tone_curve, "linear, srgb, hlg, pq, gamma or gamma:POWER")
-_CHANNEL = Parsed("auto|r|g|b|y|INDEX", _channel, "auto, r, g, b, y or an index from 0")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PictureOptions:
-    """Options for reading a recording; names and values as on the command line."""
+    """Options for reading a recording."""
 
-    row_time: Quantity | None
-    exposure: Quantity | None
-    scan_axis: str
-    region: Region | None
-    channel: str | int
-    waveform: str
-    duty: float
-    tone_curve: tuple[str, float] | None
-    dark_level: float | None
-    white_level: float | None
-    raw: str | None = None
+    row_time: Quantity | None = option(  # noqa: RUF009, a field
+        "--row-time", type=ROW_TIME, help="Time from one row to the next; without it, rates are per row."
+    )
+    exposure: Quantity | None = option("--exposure", type=TIME, help="Exposure time of a row.")  # noqa: RUF009, a field
+    scan_axis: str = option(
+        "--scan-axis",
+        type=click.Choice(["auto", "y", "x", "-y", "-x"]),
+        default="auto",
+        show_default=True,
+        help="Direction in which rows are read out: y: down, x: right; auto: y or x, whichever shows lights.",
+    )
+    region: Region | None = option("--region", type=REGION, help="Part of the picture, from its top left corner.")  # noqa: RUF009, a field
+    channel: str | int = option(
+        "--channel",
+        type=Parsed("auto|r|g|b|y|INDEX", _channel, "auto, r, g, b, y or an index from 0"),
+        default="auto",
+        show_default=True,
+    )
+    waveform: str = option("--waveform", type=click.Choice(["tone", "square"]), default="tone", show_default=True)
+    duty: float = option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave.")
+    tone_curve: tuple[str, float] | None = option(
+        "--tone-curve",
+        type=Parsed("linear|gamma[:2.2]|srgb|hlg|pq", _tone_curve, "linear, srgb, hlg, pq, gamma or gamma:POWER"),
+        help="Default: from the file, else as usual for its kind.",
+    )
+    dark_level: float | None = option(
+        "--dark-level", type=float, help="Stored value of no light; default: from the file, else 0."
+    )
+    raw: str | None = option(
+        "--raw", metavar="WIDTHxHEIGHT[:gray8|gray16le]", help="Frames without headers, for example from a pipe."
+    )
+    white_level: float | None = option(
+        "--white-level", type=float, help="Stored value of full light; default: from file or type."
+    )
     frame_rate: Quantity | None = None  # of commands with `frame_rate_option`
-
-    @classmethod
-    def taken_from(cls, arguments: dict[str, Any]) -> PictureOptions:
-        """Remove the common options from a command's arguments."""
-        names = [field.name for field in dataclasses.fields(cls) if field.name in arguments]
-        return cls(**{name: arguments.pop(name) for name in names})
 
     def camera(self, stream: RecordingStream, usual: Mapping[str, str] | None = None) -> Camera:
         """The camera from the options, else from the file; without a row time if none is given.
@@ -354,39 +370,7 @@ def grey_of(frame: Frame) -> Frame:
     return np.asarray(total // sum(weights) if frame.dtype.kind == "u" else total / sum(weights)).astype(frame.dtype)
 
 
-def picture_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the common options, passed to the function as ``picture``."""
-
-    @functools.wraps(function)
-    def wrapped(**arguments: Any) -> Any:
-        return function(picture=PictureOptions.taken_from(arguments), **arguments)
-
-    options = [
-        click.option("--row-time", type=ROW_TIME, help="Time from one row to the next; without it, rates are per row."),
-        click.option("--exposure", type=TIME, help="Exposure time of a row."),
-        click.option(
-            "--scan-axis",
-            type=click.Choice(["auto", "y", "x", "-y", "-x"]),
-            default="auto",
-            show_default=True,
-            help="Direction in which rows are read out: y: down, x: right; auto: y or x, whichever shows lights.",
-        ),
-        click.option("--region", type=REGION, help="Part of the picture, from its top left corner."),
-        click.option("--channel", type=_CHANNEL, default="auto", show_default=True),
-        click.option("--waveform", type=click.Choice(["tone", "square"]), default="tone", show_default=True),
-        click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave."),
-        click.option("--tone-curve", type=_TONE_CURVE, help="Default: from the file, else as usual for its kind."),
-        click.option("--dark-level", type=float, help="Stored value of no light; default: from the file, else 0."),
-        click.option(
-            "--raw", metavar="WIDTHxHEIGHT[:gray8|gray16le]", help="Frames without headers, for example from a pipe."
-        ),
-        click.option("--white-level", type=float, help="Stored value of full light; default: from file or type."),
-    ]
-    for option in reversed(options):
-        wrapped = option(wrapped)
-    return wrapped
-
-
+picture_options = options_of(PictureOptions, "picture")
 # Below `picture_options`: sets the frame time of the picture's camera.
 frame_rate_option = click.option("--frame-rate", type=RATE, help="Frame rate of the recording; default: from the file.")
 

@@ -10,11 +10,11 @@ import click
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
+from ocisac_fast.cli.options import options_of
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, facts_of, number, progress, quantity
 from ocisac_fast.cli.outputs import INPUT, writes
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import (
-    REGION,
     PictureOptions,
     frame_rate_option,
     json_option,
@@ -25,28 +25,12 @@ from ocisac_fast.cli.pictures import (
 )
 from ocisac_fast.cli.sent_files import ErrorCount
 from ocisac_fast.cli.text import one_line
-from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
-from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame
-from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 
 
 @click.command(short_help="Bits of the lights in a recording.")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=INPUT)
-@click.option("--chip-rate", type=FREQUENCY, help="Chips per second; default: estimated in every frame.")
-@click.option("--line-code", type=click.Choice(LINE_CODES), help="Line code of packets  [default: manchester]")
-@click.option(
-    "--packets", is_flag=True, help="Receive packets of `ocisac transmit`; implied by a --line-code but none."
-)
-@click.option("--block-bytes", type=int, help="Coded bytes of a packet's block  [default: 16, with --fsk 4]")
-@click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
-@click.option(
-    "--sources", type=click.IntRange(1, 64), default=8, show_default=True, help="Max. number of lights with packets."
-)
-@click.option("--source-region", type=REGION, multiple=True, help="Region of a light with packets; repeatable.")
-@click.option("--fsk", type=FREQUENCIES, help="Tones of CM-FSK, one per frame, such as 1kHz,1.2kHz.")
-@click.option("--gain", is_flag=True, help="Measure the gain of each light's tone too.")
-@click.option("--frequency", type=FREQUENCY, help="Frequency of that tone; default: estimated at detection.")
+@options_of(PacketOptions, "packet")
 @click.option("--sent", type=INPUT, help="Bits that are sent over and over (.txt, .npy): count the errors.")
 @picture_options
 @frame_rate_option
@@ -55,16 +39,7 @@ from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat
 @json_option
 def receive(
     files: tuple[str, ...],
-    chip_rate: Quantity | None,
-    line_code: str | None,
-    packets: bool,
-    block_bytes: int | None,
-    preamble: str,
-    sources: int,
-    source_region: tuple[Region, ...],
-    fsk: tuple[Quantity, ...] | None,
-    gain: bool,
-    frequency: Quantity | None,
+    packet: PacketOptions,
     sent: str | None,
     picture: PictureOptions,
     plot: str | None,
@@ -78,22 +53,10 @@ def receive(
     tone of a set (CM-FSK). An interrupt ends the reception; earlier results are printed. Of several files, those that
     cannot be read are named, and the exit code is 3.
     """
-    rate = picture.check_frequency("--chip-rate", chip_rate)
+    rate = picture.check_frequency("--chip-rate", packet.chip_rate)
     every = []
     errors = ErrorCount(sent)
-    tones = tuple(picture.check_frequency("--fsk", tone) or 0.0 for tone in fsk or ())
-    packets = packets or line_code not in (None, "none") or bool(tones)
-    size = block_bytes if block_bytes is not None else 4 if tones else 16
-    options = PacketOptions(
-        chip_rate=rate,
-        format=PacketFormat(line_code=line_code or "manchester", block_bytes=size, preamble=preamble),
-        sources=sources,
-        regions=source_region,
-        tones=tones,
-        gain=gain,
-        frequency=picture.check_frequency("--frequency", frequency),
-    )
-    stream = PacketStream(options, picture) if packets else None
+    stream = PacketStream(packet, picture) if packet.asked else None
     stopped = failed = False
     try:
         for file in files:
@@ -113,8 +76,8 @@ def receive(
     except KeyboardInterrupt:  # earlier results are printed
         stopped = True
     if not as_json:
-        header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER, *(["payload"] if packets else [])]
-        table = [_row(facts, picture.in_hertz) + _payload_cell(facts, packets) for facts in every]
+        header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER, *([] if stream is None else ["payload"])]
+        table = [_row(facts, picture.in_hertz) + _payload_cell(facts, stream is not None) for facts in every]
         axis = stream.scan_axis if stream is not None else every[0]["scan_axis"] if every else "y"
         title = f"scan axis {axis}" if picture.names(axis) else ""
         emit_table(title, header, table, left=("flags", "bits", "payload"), spare=("rows per chip",))

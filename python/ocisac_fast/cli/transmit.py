@@ -52,24 +52,30 @@ def transmit(
     Without -o the chips are printed. The format is in docs/reference/packets.md. With --fsk the output is one cycle of
     tones, printed as indices from 0.
     """
-    if fsk is not None:
-        if line_code != "manchester" or code_table is not None or chip_rate is not None:
-            raise click.UsageError("--fsk: has no line code and no chip rate")
-        short = 4 if block_bytes is None else block_bytes
-        _transmit_tones(_payload(file, text), fsk, short, preamble, number, frame_rate, output, as_json)
-        return
-    if frame_rate is not None:
+    if fsk is not None and (line_code != "manchester" or code_table is not None or chip_rate is not None):
+        raise click.UsageError("--fsk: has no line code and no chip rate")
+    if fsk is None and frame_rate is not None:
         raise click.UsageError("--frame-rate: only with --fsk")
-    suffix = _suffix(output)
-    sent = transmit_payload(
-        _payload(file, text),
-        format=PacketFormat(
-            line_code=line_code if code_table is None else code_table.split(","),
-            block_bytes=16 if block_bytes is None else block_bytes,
-            preamble=preamble,
-        ),
-        number=number,
+    suffix, payload = _suffix(output), _payload(file, text)
+    if fsk is not None:
+        short = 4 if block_bytes is None else block_bytes
+        symbols = fsk_transmit(payload, fsk, block_bytes=short, preamble=preamble, number=number)
+        facts: dict[str, Any] = {
+            "payload_bytes": len(payload),
+            "number": number,
+            "tones_hz": list(symbols.tones),
+            "symbols": len(symbols.symbols),
+            "block_bytes": short,
+        }
+        size = f"{len(symbols.symbols)} symbols of {len(symbols.tones)} tones"
+        _write(sent_tones(symbols), facts, size, frame_rate, output, suffix, as_json)
+        return
+    format = PacketFormat(
+        line_code=line_code if code_table is None else code_table.split(","),
+        block_bytes=16 if block_bytes is None else block_bytes,
+        preamble=preamble,
     )
+    sent = transmit_payload(payload, format=format, number=number)
     facts = {
         "payload_bytes": len(sent.payload),
         "number": sent.number,
@@ -83,29 +89,6 @@ def transmit(
     }
     size = f"{sent.blocks} blocks of {sent.block_chips} chips"
     _write(sent_chips(sent), facts, size, chip_rate, output, suffix, as_json)
-
-
-def _transmit_tones(
-    payload: bytes,
-    tones: tuple[Quantity, ...],
-    block_bytes: int,
-    preamble: str,
-    number: int,
-    frame_rate: Quantity | None,
-    output: str | None,
-    as_json: bool,
-) -> None:
-    suffix = _suffix(output)
-    sent = fsk_transmit(payload, tones, block_bytes=block_bytes, preamble=preamble, number=number)
-    facts = {
-        "payload_bytes": len(sent.payload),
-        "number": sent.number,
-        "tones_hz": list(sent.tones),
-        "symbols": len(sent.symbols),
-        "block_bytes": sent.block_bytes,
-    }
-    size = f"{len(sent.symbols)} symbols of {len(sent.tones)} tones"
-    _write(sent_tones(sent), facts, size, frame_rate, output, suffix, as_json)
 
 
 def _write(

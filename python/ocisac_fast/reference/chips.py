@@ -196,6 +196,10 @@ def fit_channel(
         solution = np.linalg.lstsq(design, values[kept], rcond=None)[0]
         return design, solution, values[kept] - design @ solution
 
+    def jacobian_of(solution: Float64s, design: Float64s, kept: slice) -> Float64s:
+        height = (swing @ solution[dark_degree + 1 :])[:, None]
+        return np.hstack([(height * derivatives(levels, rows, at, first))[kept], design])
+
     for _ in range(3):
         now = rows_of(len(levels), rows, at, first)
         if now == used:
@@ -207,8 +211,7 @@ def fit_channel(
         if np.linalg.matrix_rank(design) < design.shape[1]:
             return None
         for _ in range(40):
-            height = (swing @ solution[dark_degree + 1 :])[:, None]
-            jacobian = np.hstack([(height * derivatives(levels, rows, at, first))[kept], design])
+            jacobian = jacobian_of(solution, design, kept)
             covariance = invert(jacobian.T @ jacobian, exposure_known)
             if covariance is None:
                 return None
@@ -233,22 +236,14 @@ def fit_channel(
                 break
     assert used is not None
     variance = residual @ residual / (len(residual) - len(solution) - 2 - (not exposure_known))
-    jacobian = np.hstack([((swing @ solution[dark_degree + 1 :])[:, None] * derivatives(levels, rows, at, first))])
-    jacobian = np.hstack([jacobian[kept], design])
+    jacobian = jacobian_of(solution, design, kept)
     covariance = invert(jacobian.T @ jacobian, exposure_known)
     if covariance is None:
         return None
-    return ChannelEstimate(
-        float(at[0]),
-        float(at[1]),
-        float(at[2]),
-        ClockErrors(middle, variance * covariance),
-        solution[: dark_degree + 1],
-        solution[dark_degree + 1 :],
-        float(np.sqrt(variance)),
-        used,
-        True,
-    )
+    errors, split = ClockErrors(middle, variance * covariance), dark_degree + 1
+    period, phase, exposure_rows, noise = map(float, (*at, np.sqrt(variance)))
+    levels_at = solution[:split], solution[split:]
+    return ChannelEstimate(period, phase, exposure_rows, errors, *levels_at, noise, used, True)
 
 
 def clock_bounds(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -81,15 +81,21 @@ def _one(
     elif method == "search":
         grid = np.linspace(low, high, points)
     else:
-        width = (high - low) / max(20000, 400 * f.max() * (high - low))
-        grid = np.append(np.arange(low, high, width), high)
-        for _ in range(3):
-            best = grid[np.argsort(objective(grid))[-8:]]
-            fine = (best[:, None] + width * np.linspace(-1, 1, 401)).ravel()
-            grid, width = np.append(best, fine[(fine >= low) & (fine <= high)]), width / 200
+        grid = _refined_grid(objective, low, high, f.max())
     grid = grid[grid > 0]
     values = objective(grid)
     return float(grid[values.argmax()]), float(values.max())
+
+
+def _refined_grid(objective: Callable[[Float64s], Float64s], low: float, high: float, highest: float) -> Float64s:
+    """A grid of 400 points a cycle of the highest frequency, refined twice, by 200, about its best points."""
+    width = (high - low) / max(20_000, int(400 * highest * (high - low)))
+    grid = np.append(np.arange(low, high, width) if width > 0.0 else [], high)
+    for _ in range(3):
+        best = grid[np.argsort(objective(grid))[-8:]]
+        fine = (best[:, None] + width * np.linspace(-1, 1, 401)).ravel()
+        grid, width = np.append(best, fine[(fine >= low) & (fine <= high)]), width / 200
+    return grid
 
 
 def best_noisy_exposure(
@@ -112,12 +118,7 @@ def best_noisy_exposure(
         grid = step * np.arange(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)
         grid = grid[grid > 0.0]
     else:
-        width = (high - low) / max(20_000, int(400 * f.max() * (high - low)))
-        grid = np.append(np.arange(low, high, width) if width > 0.0 else [], high)
-        for _ in range(3):
-            best = grid[np.argsort(objective(grid))[-8:]]
-            fine = (best[:, None] + width * np.linspace(-1, 1, 401)).ravel()
-            grid, width = np.append(best, fine[(fine >= low) & (fine <= high)]), width / 200
+        grid = _refined_grid(objective, low, high, f.max())
     values = objective(grid)
     return BestExposure(float(grid[values.argmax()]), float(values.max()))
 

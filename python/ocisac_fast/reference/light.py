@@ -135,21 +135,12 @@ def _means(waveform: Waveform, ends: Long, exposure: np.longdouble) -> Long:
     begins = _cycles(waveform, ends - exposure)
     if isinstance(waveform, Tone | SquareWave | TriangleWave) and waveform.frequency == 0:
         return _values(waveform, ends)
-    if isinstance(waveform, Tone):
-        length = np.longdouble(waveform.frequency) * exposure
-        begins = begins - np.floor(begins)
-        swing = (np.sin(_TURN * (begins + length)) - np.sin(_TURN * begins)) / (_TURN * length)
-        return np.asarray(np.longdouble(waveform.amplitude) / 2 * (1 + np.longdouble(waveform.depth) * swing))
-    if isinstance(waveform, SquareWave):
-        length = np.longdouble(waveform.frequency) * exposure
-        begins = begins - np.floor(begins)
-        light = _square_antiderivative(begins + length, waveform) - _square_antiderivative(begins, waveform)
-        return np.asarray(np.longdouble(waveform.amplitude) * light / length)
-    if isinstance(waveform, TriangleWave):
-        length = np.longdouble(waveform.frequency) * exposure
-        begins = begins - np.floor(begins)
-        swing = (_triangle_antiderivative(begins + length) - _triangle_antiderivative(begins)) / length
-        return np.asarray(np.longdouble(waveform.amplitude) / 2 * (1 + np.longdouble(waveform.depth) * swing))
+    if isinstance(waveform, Tone | SquareWave | TriangleWave):
+        length, begins = np.longdouble(waveform.frequency) * exposure, begins - np.floor(begins)
+        mean = (_wave_antiderivative(begins + length, waveform) - _wave_antiderivative(begins, waveform)) / length
+        if isinstance(waveform, SquareWave):
+            return np.asarray(np.longdouble(waveform.amplitude) * mean)
+        return np.asarray(np.longdouble(waveform.amplitude) / 2 * (1 + np.longdouble(waveform.depth) * mean))
     assert isinstance(waveform, Chips | Samples)
     rate = waveform.chip_rate if isinstance(waveform, Chips) else waveform.sample_rate
     length = np.longdouble(rate) * exposure
@@ -196,13 +187,14 @@ def _decays(chips: Chips, times: Long) -> tuple[Long, Long]:
     return levels[at] + heights[at] * np.exp(left), sums[at] + part * levels[at] + heights[at] * decayed
 
 
-def _square_antiderivative(cycles: Long, wave: SquareWave) -> Long:
-    whole = np.floor(cycles + 0.5)
-    half = np.longdouble(wave.duty) / 2
-    return np.asarray(2 * half * whole + np.clip(cycles - whole, -half, half))
-
-
-def _triangle_antiderivative(cycles: Long) -> Long:
+def _wave_antiderivative(cycles: Long, wave: Tone | SquareWave | TriangleWave) -> Long:
+    """Of a square wave from 0 to 1, of others from -1 to 1."""
+    if isinstance(wave, Tone):
+        return np.asarray(np.sin(_TURN * cycles) / _TURN)
+    if isinstance(wave, SquareWave):
+        whole = np.floor(cycles + 0.5)
+        half = np.longdouble(wave.duty) / 2
+        return np.asarray(2 * half * whole + np.clip(cycles - whole, -half, half))
     part = cycles - np.rint(cycles)
     return np.asarray(part - 2 * part * np.abs(part))
 

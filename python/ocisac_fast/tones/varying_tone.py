@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import as_columns
+from ocisac_fast.core.arrays import Float64s, as_columns
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.results import Result
-from ocisac_fast.tones.gain import Float64s, background_values, result_shape
+from ocisac_fast.tones.gain import background_values, result_shape
 
 
 @dataclass(frozen=True, repr=False)
