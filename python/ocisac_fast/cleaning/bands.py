@@ -15,7 +15,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light, saturation_level, stored_values
 from ocisac_fast.cleaning.stored import BlockShares, lowered
 from ocisac_fast.core.arrays import Float64s, as_frames, in_stored_order
-from ocisac_fast.core.checks import Count, Share, Within, checked, checked_class
+from ocisac_fast.core.checks import Count, Within, checked, checked_class
 from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 
@@ -101,10 +101,16 @@ class CleaningOptions:
             the rows' swing that chips leave unexplained by 40 %; else 0.
     """
 
-    noise: Annotated[float, Within(1e-100)] | None = None
+    noise: float | None = None
     max_gain: Annotated[float, Within(1.0, above=True)] = 8.0
     fill: bool = False
-    toe: Share | None = None
+    toe: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.noise is not None and not (np.isfinite(self.noise) and self.noise >= 1e-100):
+            raise ValueError(f"noise: got {self.noise}, allowed: a finite number, 1e-100 or above")
+        if self.toe is not None and not 0 <= self.toe <= 1:
+            raise ValueError(f"toe: got {self.toe}, allowed: 0 to 1")
 
 
 @dataclass(frozen=True, slots=True)

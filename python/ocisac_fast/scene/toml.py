@@ -230,9 +230,6 @@ def _of_argument(error: ValueError, keys: Keys) -> _BadKey:
 
 
 def _fields(maker: Callable[..., Any]) -> dict[str, dataclasses.Field[Any]]:
-    if maker in (Sum, Product):
-        held = {item.name: item for item in dataclasses.fields(maker)}
-        return {"parts": held["parts"]}
     return {item.name: item for item in dataclasses.fields(maker) if item.init}  # type: ignore[arg-type]
 
 
