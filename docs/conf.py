@@ -44,9 +44,7 @@ myst_heading_anchors = 4
 
 autodoc_typehints = "description"
 autodoc_typehints_description_target = "documented"
-autodoc_type_aliases = {
-    name: name.rpartition(".")[2] for name in ("npt.ArrayLike", "npt.DTypeLike", "Float64s")
-}
+autodoc_type_aliases = {name: name.rpartition(".")[2] for name in ("npt.ArrayLike", "npt.DTypeLike", "Float64s")}
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 napoleon_google_docstring = True
