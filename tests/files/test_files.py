@@ -886,19 +886,45 @@ def test_an_mp4_whose_index_is_before_its_frames_is_read_from_a_pipe_as_it_comes
     assert last.startswith("warning: standard input: truncated or damaged video")
 
 
-@pytest.mark.parametrize("mode", ["r+b", "ab"])
-def test_a_file_that_changes_while_it_is_read_is_refused(mode, tmp_path):
+def overwritten(path):
+    with path.open("r+b") as file:
+        file.write(npy_bytes(random_frames((9, 48, 64), np.uint8, 1)))
+
+
+def cut(path):
+    os.truncate(path, 300)
+
+
+def test_a_file_that_changes_while_it_is_read_is_refused(tmp_path):
     """The answer was a mixture of two recordings, without a word."""
     path = tmp_path / "a.npy"
-    write_frames(path, random_frames((9, 48, 64), np.uint8))
-    with open_recording(path) as stream:
-        next(iter(stream))
-        with path.open(mode) as file:
-            file.write(npy_bytes(random_frames((9, 48, 64), np.uint8, 1)))
-        with pytest.raises(FileError, match=f"^{path}: changed while it was read: "):
-            list(stream)
+    for change in (overwritten, cut):
+        write_frames(path, random_frames((9, 48, 64), np.uint8))
+        with open_recording(path) as stream:
+            next(iter(stream))
+            change(path)
+            with pytest.raises(FileError, match=f"^{path}: "):
+                list(stream)
 
 
+def test_a_file_that_grows_moves_or_is_replaced_is_read_as_it_was(tmp_path):
+    path = tmp_path / "a.npy"
+    frames = random_frames((9, 48, 64), np.uint8)
+
+    def grow():
+        with path.open("ab") as file:
+            file.write(npy_bytes(frames))
+
+    for change in (
+        grow,
+        lambda: path.rename(tmp_path / "b.npy"),
+        lambda: write_frames(path, frames[:3]),
+    ):
+        write_frames(path, frames)
+        with open_recording(path) as stream:
+            first = next(iter(stream))
+            change()
+            assert np.array_equal([first, *stream][:9], frames)
 @pytest.mark.parametrize(("kind", "message"), [("mdat", "an index behind more than 4 MiB"), ("", "not a picture")])
 def test_an_mp4_of_a_pipe_without_an_end_is_one_line(kind, message):
     code = "from ocisac_fast.files import read_frames, videos; videos._MOST_SPOOLED = 4 << 20; read_frames('-')"

@@ -179,7 +179,10 @@ def named(name: str) -> Iterator[None]:
 
 
 def _state(path: str | os.PathLike[str]) -> Any:
-    """What changes with a file; None of all else, such as a pipe."""
+    """Number, length and time of change of a file; None of all else, such as a pipe.
+
+    One that grows is still being recorded; one that is removed, or replaced by another, was read as it was.
+    """
     with contextlib.suppress(OSError, ValueError):
         there = os.stat(path)
         return (there.st_ino, there.st_size, there.st_mtime_ns) if stat.S_ISREG(there.st_mode) else None
@@ -189,5 +192,6 @@ def _state(path: str | os.PathLike[str]) -> Any:
 def _unchanged_frames(path: str | os.PathLike[str], before: Any, frames: Iterator[Frame]) -> Iterator[Frame]:
     with named(name_of(path)):
         yield from frames
-        if _state(path) != before:
+        after = _state(path)
+        if before and after and after != before and after[0] == before[0] and after[1] <= before[1]:
             raise FileError("changed while it was read: its frames may be of two recordings")
