@@ -10,12 +10,9 @@ import sys
 from fractions import Fraction
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
-
-av = pytest.importorskip("av")
-pytest.importorskip("click")
-pytest.importorskip("rich")
 
 TURN = (0, 65536, 0, -65536, 0, 0, 120 << 16, 0, 1 << 30)  # as phones held upright write it
 TIMES = [0, 3000, 6100, 12000, 15003]  # of 90 kHz: the rate varies

@@ -17,11 +17,6 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-pytest.importorskip("click")
-pytest.importorskip("rich")
-pytest.importorskip("PIL.Image")
-pytest.importorskip("av")
-
 from ocisac_fast.chips import DETECTORS
 from ocisac_fast.cli.application import ocisac
 from ocisac_fast.cli.output import plain, quantity, with_spread
@@ -180,15 +175,8 @@ def test_a_simulation_is_the_light_of_the_rows(facts, tmp_path, waveform):
     path = tmp_path / "rows.npy"
     light = ("--waveform", waveform, "--frequency", "500Hz", "--duty", ".3", "--phase", "1")
     (printed,) = facts("simulate", *light, *TESTBED, "--rows", 300, "--columns", 4, "--bit-depth", "float", "-o", path)
-    assert printed == {
-        "file": str(path),
-        "frames": 1,
-        "rows": 300,
-        "columns": 4,
-        "dtype": "float32",
-        "row_time_s": 22.2e-6,
-        "exposure_s": 622e-6,
-    }
+    shape = {"frames": 1, "rows": 300, "columns": 4, "dtype": "float32"}
+    assert printed == {"file": str(path), **shape, "row_time_s": 22.2e-6, "exposure_s": 622e-6}
     wave = SquareWave(500, duty=0.3, phase=1) if waveform == "square" else TriangleWave(500, phase=1)
     want = 200 * integrate_exposure(wave, Camera(22.2e-6, 622e-6), 300)
     values = np.load(path)
@@ -230,6 +218,9 @@ def test_noise_that_is_clipped_is_told(run, tmp_path):
     assert err[0].startswith("ocisac: warning: noise of dark rows is clipped at 0, which biases gains")
 
 
+LIGHT = ("--frequency", "5", *TESTBED)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -238,15 +229,12 @@ def test_noise_that_is_clipped_is_told(run, tmp_path):
         (("--waveform", "chips", "--bits", "01", *TESTBED), "--waveform chips: needs --chip-rate"),
         (("--waveform", "chips", "--bits", "012", "--chip-rate", "1kHz", *TESTBED), "levels: got '012'"),
         (("--frequency", "-5", *TESTBED), "--frequency: got -5"),
-        (("--frequency", "5", *TESTBED, "--tilt", "3"), "--tilt: needs --lamp-width"),
-        (("--frequency", "5", *TESTBED, "--jitter", "-1us"), "--jitter: got -1e-06"),
-        (("--frequency", "5", *TESTBED, "--rows", "0"), "--rows: got 0, allowed: 1 to 268435456"),
-        (("--frequency", "5", *TESTBED, "--rows", "99999", "--columns", "99999"), "rows x columns: got 99999 x 99999"),
-        (
-            ("--frequency", "5", *TESTBED, "--frame-rate", "0"),
-            "Invalid value for '--frame-rate': got 0 Hz, allowed: a finite",
-        ),
-        (("--frequency", "5", *TESTBED, "--bit-depth", "12"), "Invalid value for '--bit-depth'"),
+        ((*LIGHT, "--tilt", "3"), "--tilt: needs --lamp-width"),
+        ((*LIGHT, "--jitter", "-1us"), "--jitter: got -1e-06"),
+        ((*LIGHT, "--rows", "0"), "--rows: got 0, allowed: 1 to 268435456"),
+        ((*LIGHT, "--rows", "99999", "--columns", "99999"), "rows x columns: got 99999 x 99999"),
+        ((*LIGHT, "--frame-rate", "0"), "Invalid value for '--frame-rate': got 0 Hz, allowed: a finite"),
+        ((*LIGHT, "--bit-depth", "12"), "Invalid value for '--bit-depth'"),
     ],
 )
 def test_a_simulation_without_meaning_is_refused(run, tmp_path, arguments, message):
@@ -481,18 +469,8 @@ def test_tables_for_people_hold_the_same_numbers(run, square):
 
 
 def test_names_are_of_any_case(run, square):
-    lower = (
-        "gain",
-        square("s.png"),
-        *TESTBED,
-        *DARK,
-        "--frequency",
-        "500",
-        "--tone-curve",
-        "srgb",
-        "--channel",
-        "auto",
-    )
+    names = ("--tone-curve", "srgb", "--channel", "auto")
+    lower = ("gain", square("s.png"), *TESTBED, *DARK, "--frequency", "500", *names)
     upper = ("GAIN", *lower[1:-3], "SRGB", "--Channel", "AUTO", "--JSON")
     assert run(*upper) == run(*lower, "--json")
 
@@ -539,19 +517,7 @@ TWO_OUTPUTS = {
     "marks": ("clean", "s.png", "m.png", "--marks", "m.png", *TESTBED),
     "a table": ("transmit", "--text", "hello", "-o", "t.csv", "--table", "t.csv"),
     "another spelling": ("transmit", "--text", "hello", "-o", "t.csv", "--table", "./t.csv"),
-    "a link": (
-        "gain",
-        "s.png",
-        *TESTBED,
-        *DARK,
-        "--frequency",
-        "500",
-        "--plot",
-        "link.svg",
-        "--table",
-        "t.csv",
-        "--force",
-    ),
+    "a link": ("gain", "s.png", *TESTBED, "--frequency", "500", "--plot", "link.svg", "--table", "t.csv", "--force"),
 }
 
 
@@ -675,7 +641,6 @@ def test_a_picture_of_a_scene_is_not_replaced(run, tmp_path):
 def test_an_archive_that_is_read_is_not_replaced(run, square, tmp_path):
     import shutil
 
-    pytest.importorskip("fsspec")
     square("s.npy")
     shutil.make_archive(str(tmp_path / "a"), "zip", tmp_path, "s.npy")
     (tmp_path / "a.zip").rename(tmp_path / "a.csv")
@@ -686,33 +651,22 @@ def test_an_archive_that_is_read_is_not_replaced(run, square, tmp_path):
 
 
 @pytest.mark.parametrize("words", [("--per-column", "o.csv"), ("--plot", "o.png"), ("--plot", "o.svg")])
-def test_a_disk_that_is_full_is_named_with_the_file(square, tmp_path, words):
+def test_a_disk_that_is_full_is_named_with_the_file(square, program, tmp_path, words):
     square("s.png")
-    done = subprocess.run(
-        [sys.executable, "-m", "ocisac_fast.cli", "gain", "s.png", *TESTBED, "--frequency", "500", *words],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500)),
-        check=False,
-        timeout=120,
-    )
+    limited = {"cwd": tmp_path, "preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500))}
+    done = program("gain", "s.png", *TESTBED, "--frequency", "500", *words, **limited)
     assert (done.returncode, done.stderr.splitlines()[-1:]) == (2, [f"ocisac: {words[1]}: File too large"])
 
 
-def test_a_picture_does_not_depend_on_the_working_folder(square, tmp_path):
-    pytest.importorskip("matplotlib")
+def test_a_picture_does_not_depend_on_the_working_folder(square, program, tmp_path):
     square("s.png")
     drawn = []
     for name in ("plain", "styled"):
         (tmp_path / name).mkdir()
         if name == "styled":
             (tmp_path / name / "matplotlibrc").write_text("text.usetex: True\npath.sketch: 9, 9, 9\nfont.size: 30\n")
-        words = ["gain", "../s.png", *TESTBED, "--frequency", "500", "--plot", "o.png"]
-        done = subprocess.run(
-            [sys.executable, "-m", "ocisac_fast.cli", *words], cwd=tmp_path / name, check=False, timeout=120
-        )
-        assert done.returncode == 0
+        words = ("gain", "../s.png", *TESTBED, "--frequency", "500", "--plot", "o.png")
+        assert program(*words, cwd=tmp_path / name).returncode == 0
         drawn.append((tmp_path / name / "o.png").read_bytes())
     assert drawn[0] == drawn[1]
 
@@ -793,16 +747,15 @@ def test_of_several_files_the_bad_ones_are_named(run, square, tmp_path):
 
 # Refusals in general
 
+GREY = ("gain", "grey.png", "--frequency", "0.1")
+
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("nonsense",), "command: got 'nonsense', allowed: "),
         (("recieve", "x.png"), "command: got 'recieve', allowed: receive"),
-        (
-            ("gain", "grey.png", "--frequency", "500Hz", "--row-time", "22.2"),
-            "Invalid value for '--row-time': got 22.2 s",
-        ),
+        ((*GREY[:-1], "500Hz", "--row-time", "22.2"), "Invalid value for '--row-time': got 22.2 s"),
         (("gain",), "Missing argument 'FILE'."),
         (("gain", "x.png"), "Missing option '--frequency'."),
         (("gain", "x.png", "--frequency", "5", "--nonsense"), "No such option"),
@@ -812,29 +765,17 @@ def test_of_several_files_the_bad_ones_are_named(run, square, tmp_path):
         (("gain", "empty.png", "--frequency", "5"), "empty.png: empty file"),
         (("gain", "text.png", "--frequency", "5"), "text.png: not a picture, a video or a .npy array"),
         (("gain", "half.png", "--frequency", "5"), "half.png: truncated"),
-        (
-            ("gain", "grey.png", "--frequency", "500Hz"),
-            "--frequency: Hz needs --row-time; without it",
-        ),
-        (("gain", "grey.png", "--frequency", "5", "--exposure", "1ms"), "--exposure: needs --row-time"),
-        (
-            ("gain", "grey.png", "--frequency", "0.1", "--region", "0,0,99,1"),
-            "--region: got 0,0,99,1, allowed",
-        ),
-        (("gain", "grey.png", "--frequency", "0.1", "--region", "1,2,3"), "Invalid value for '--region': got '1,2,3'"),
-        (("gain", "grey.png", "--frequency", "0.1", "--channel", "g"), "--channel: got g, the picture is grey"),
-        (("gain", "grey.png", "--frequency", "0.1", "--channel", "u"), "Invalid value for '--channel': got 'u'"),
-        (
-            ("gain", "grey.png", "--frequency", "0.1", "--tone-curve", "log"),
-            "Invalid value for '--tone-curve'",
-        ),
-        (("gain", "grey.png", "--frequency", "0.1", "--tone-curve", "gamma:-1"), "gamma: got -1"),
-        (("gain", "grey.png", "--frequency", "0.1", "--scan-axis", "z"), "Invalid value for '--scan-axis'"),
-        (("gain", "grey.png", "--frequency", "0.1", "--plot", "p.txt"), "p.txt: suffix: got '.txt', allowed: .png"),
-        (
-            ("gain", "grey.png", "--frequency", "0.1", "--plot", "nowhere/p.png"),
-            "nowhere: no such directory to write to",
-        ),
+        ((*GREY[:-1], "500Hz"), "--frequency: Hz needs --row-time; without it"),
+        ((*GREY, "--exposure", "1ms"), "--exposure: needs --row-time"),
+        ((*GREY, "--region", "0,0,99,1"), "--region: got 0,0,99,1, allowed"),
+        ((*GREY, "--region", "1,2,3"), "Invalid value for '--region': got '1,2,3'"),
+        ((*GREY, "--channel", "g"), "--channel: got g, the picture is grey"),
+        ((*GREY, "--channel", "u"), "Invalid value for '--channel': got 'u'"),
+        ((*GREY, "--tone-curve", "log"), "Invalid value for '--tone-curve'"),
+        ((*GREY, "--tone-curve", "gamma:-1"), "gamma: got -1"),
+        ((*GREY, "--scan-axis", "z"), "Invalid value for '--scan-axis'"),
+        ((*GREY, "--plot", "p.txt"), "p.txt: suffix: got '.txt', allowed: .png"),
+        ((*GREY, "--plot", "nowhere/p.png"), "nowhere: no such directory to write to"),
         (("clean", "row.png", "o.png", "--tone-curve", "srgb"), "row.png: frames: got shape (1, 1, 40, 1), allowed: "),
         (("receive",), "Missing argument 'FILE...'."),
         (("receive", "grey.png", "--chip-rate", "1kHz"), "--chip-rate: Hz needs --row-time"),
@@ -856,7 +797,7 @@ def test_every_refusal_is_one_line_and_code_two(run, tmp_path, monkeypatch, argu
     assert sorted(os.listdir(tmp_path)) == ["empty.png", "grey.png", "half.png", "row.png", "text.png"]
 
 
-def test_libraries_that_write_of_damage_are_silenced(tmp_path):
+def test_libraries_that_write_of_damage_are_silenced(program, tmp_path):
     from PIL import Image
 
     picture = np.random.default_rng(0).integers(0, 255, (50, 40), dtype=np.uint8)
@@ -864,8 +805,7 @@ def test_libraries_that_write_of_damage_are_silenced(tmp_path):
     damaged = bytearray((tmp_path / "lzw.tif").read_bytes())
     damaged[8:12] = b"\xff" * 4  # codes of the LZW stream
     (tmp_path / "lzw.tif").write_bytes(damaged)
-    command = [sys.executable, "-m", "ocisac_fast.cli", "gain", tmp_path / "lzw.tif", "--frequency", "0.1"]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = program("gain", tmp_path / "lzw.tif", "--frequency", "0.1")
     assert done.returncode == 2
     assert done.stderr.startswith(f"ocisac: {tmp_path / 'lzw.tif'}: truncated or damaged picture")
     assert done.stderr.count("\n") == 1
@@ -894,18 +834,13 @@ def test_a_closed_pipe_is_quiet():
         assert done.returncode in (0, 141)  # the help may fit into the pipe before it closes
 
 
-def command_line(*arguments, **environment):
-    code = "import sys; from ocisac_fast.cli import main; sys.exit(main())"
-    return [sys.executable, "-c", code, *map(str, arguments)], {**os.environ, **environment}
-
-
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_is_quiet_and_leaves_no_half_file(tmp_path, number, code):
-    light = ("--frequency", "500Hz", *TESTBED, "--frames", 100_000, *DARK)
-    command, environment = command_line("simulate", *light, "-o", tmp_path / "long.mkv")
+    light = ("--frequency", "500Hz", *TESTBED, "--frames", "100000", *DARK)
+    command = [sys.executable, "-m", "ocisac_fast.cli", "simulate", *light, "-o", tmp_path / "long.mkv"]
     heard = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731 - a shell's background jobs ignore it
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen(command, env=environment, preexec_fn=heard, **pipes) as child:
+    with subprocess.Popen(command, preexec_fn=heard, **pipes) as child:
         deadline = time.monotonic() + 60
         while not any(path.stat().st_size > 0 for path in tmp_path.iterdir()) and time.monotonic() < deadline:
             time.sleep(0.02)
@@ -917,30 +852,24 @@ def test_a_signal_is_quiet_and_leaves_no_half_file(tmp_path, number, code):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="file names of any bytes")
-def test_a_file_name_that_is_no_utf8_leaves_json_valid(tmp_path):
-    name = os.fsencode(tmp_path) + b"/lamp\xff.png"
-    write_frames(os.fsdecode(name), np.zeros((64, 48), np.uint8))
-    command, environment = command_line("receive", "--row-time", "22.2us", "--json", PYTHONUTF8="1")
-    done = subprocess.run([*command, name, name], env=environment, capture_output=True, check=True)
+def test_a_file_name_that_is_no_utf8_leaves_json_valid(program, tmp_path):
+    name = os.fsdecode(os.fsencode(tmp_path) + b"/lamp\xff.png")
+    write_frames(name, np.zeros((64, 48), np.uint8))
+    utf8 = {"env": {**os.environ, "PYTHONUTF8": "1"}, "text": False, "check": True}
+    done = program("receive", "--row-time", "22.2us", "--json", name, name, **utf8)
     lines = done.stdout.decode("utf-8").splitlines()  # strict
     assert [json.loads(line)["file"] for line in lines] == [f"{tmp_path}/lamp\\xff.png"] * 2
     assert plain({"file\udcff": ["\udcff"]}) == {"file\\xff": ["\\xff"]}
-    command, environment = command_line(
-        "gain", name.decode("utf-8", "surrogateescape") + "\x1b[2J", "--row-time", "1us", "--frequency", "1Hz"
-    )
-    done = subprocess.run(command, env=environment, capture_output=True)
+    done = program("gain", name + "\x1b[2J", "--row-time", "1us", "--frequency", "1Hz", text=False)
     assert done.returncode == 2
     assert b"\\udcff.png\\x1b[2J" in done.stderr
 
 
-def test_standard_output_may_be_ascii(square, facts):
-    path = square("s.png")
-    wanted = facts("gain", path, "--frequency", "500Hz", *TESTBED, *SQUARE)
+def test_standard_output_may_be_ascii(square, facts, program):
+    words = ("gain", square("s.png"), "--frequency", "500Hz", *TESTBED, *SQUARE)
+    wanted = facts(*words)
     for options, lines in ((), 3), (("--json",), 1):
-        command, environment = command_line(
-            "gain", path, "--frequency", "500Hz", *TESTBED, *SQUARE, *options, PYTHONIOENCODING="ascii"
-        )
-        done = subprocess.run(command, env=environment, capture_output=True)
+        done = program(*words, *options, env={**os.environ, "PYTHONIOENCODING": "ascii"}, text=False)
         assert (done.returncode, done.stderr) == (0, b"")
         assert len(done.stdout.decode("ascii").splitlines()) >= lines
     assert json.loads(done.stdout) == wanted[0]

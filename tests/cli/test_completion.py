@@ -6,8 +6,6 @@ import sys
 
 import pytest
 
-pytest.importorskip("click")
-
 
 @pytest.mark.parametrize(
     ("words", "want"),

@@ -4,14 +4,9 @@ import csv
 import json
 import sys
 
+import click
 import numpy as np
 import pytest
-
-pytest.importorskip("click")
-pytest.importorskip("rich")
-pytest.importorskip("av")
-
-import click
 
 import ocisac_fast
 from ocisac_fast.cli.application import ocisac
@@ -42,9 +37,8 @@ def test_every_command_writes_csv():
     context = click.Context(ocisac)
     for name in ocisac.list_commands(context):
         command = ocisac.get_command(context, name)
-        assert {"--json", "--csv", "--table", "--force"} <= {word for param in command.params for word in param.opts}, (
-            name
-        )
+        options = {word for param in command.params for word in param.opts}
+        assert {"--json", "--csv", "--table", "--force"} <= options, name
 
 
 def test_csv_holds_what_json_prints(run, facts, square, tmp_path):
@@ -65,9 +59,8 @@ def test_gain_writes_a_value_for_each_column_and_frame(run, square, tmp_path):
     command = ("gain", path, *TESTBED, *DARK, "--frequency", "500", "--region", "5,0,7,720")
     assert run(*command, "--per-column", tmp_path / "columns.csv")[0] == 0
     rows = rows_of(tmp_path / "columns.csv")
-    assert [(row["frame"], row["column"]) for row in rows] == [
-        (str(frame), str(column)) for frame in range(3) for column in range(5, 12)
-    ]
+    places = [(str(frame), str(column)) for frame in range(3) for column in range(5, 12)]
+    assert [(row["frame"], row["column"]) for row in rows] == places
     camera = ocisac_fast.Camera(22.2e-6, 622e-6, dark_level=16)
     want = ocisac_fast.tone_gain(np.load(path)[..., 5:12], camera, 500.0)
     assert np.array([float(row["gain"]) for row in rows]) == pytest.approx(want.gain.ravel(), rel=1e-12)

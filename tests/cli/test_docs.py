@@ -3,20 +3,11 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
-import pytest
-
-pytest.importorskip("PIL.Image")
-pytest.importorskip("av")
-pytest.importorskip("matplotlib")
-pytest.importorskip("click")
-pytest.importorskip("rich")
-pytest.importorskip("distributed")
-
-import shlex
-
 import click
+import pytest
 import shown
 
 from ocisac_fast import demo

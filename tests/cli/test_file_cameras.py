@@ -5,16 +5,13 @@ from __future__ import annotations
 import dataclasses
 import json
 
+import av
 import numpy as np
 import pytest
+from PIL import Image
 
 from ocisac_fast import Camera, Tone, exposure_response, integrate_exposure, tone_gain
 from ocisac_fast.files import read_frames
-
-av = pytest.importorskip("av")
-pytest.importorskip("click")
-pytest.importorskip("rich")
-Image = pytest.importorskip("PIL.Image")
 
 ROWS, COLUMNS = 720, 64
 TIMING = {"row_time": 22.2e-6, "exposure": 622e-6}

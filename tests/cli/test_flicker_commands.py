@@ -1,14 +1,6 @@
 """Flickering lights on the command line: what is printed, what is refused, and help that fits on a screen."""
 
-import subprocess
-import sys
-
 import pytest
-
-pytest.importorskip("click")
-pytest.importorskip("rich")
-
-from ocisac_fast.cli import main
 
 
 def test_shortest_exposure_for_both_mains(facts):
@@ -60,45 +52,32 @@ def test_lights_nearest_steps_and_data(facts):
         ("exposure --comm 0 --sense 50", "Invalid value for '--comm': got 0 Hz"),
     ],
 )
-def test_bad_input_is_one_line(capsys, arguments, message):
-    assert main(arguments.split()) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    (line,) = captured.err.splitlines()
+def test_bad_input_is_one_line(run, arguments, message):
+    code, out, (line,) = run(*arguments.split())
+    assert (code, out) == (2, [])
     assert message in line
 
 
 def test_pictures(tmp_path, facts):
-    pytest.importorskip("matplotlib")
     modulation, front = tmp_path / "modulation.png", tmp_path / "front.png"
-    facts(
-        *("exposure", "--avoid", "mains", "--comm", "35Hz", "--keep", "5%"),
-        *("--plot", str(modulation), "--front", str(front)),
-    )
+    shown = ("--plot", modulation, "--front", front)
+    facts("exposure", "--avoid", "mains", "--comm", "35Hz", "--keep", "5%", *shown)
     assert modulation.stat().st_size > 10_000
     assert front.stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("command", ["exposure", "flicker", "lamp"])
-def test_help_fits_on_a_screen(command):
-    shown = subprocess.run(
-        [sys.executable, "-m", "ocisac_fast.cli", command, "--help"], capture_output=True, text=True, check=True
-    )
-    lines = shown.stdout.splitlines()
+def test_help_fits_on_a_screen(program, command):
+    lines = program(command, "--help", check=True).stdout.splitlines()
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
 
 
 def test_indices_of_lamps_under_exposures(facts, tmp_path):
-    pytest.importorskip("matplotlib")
     picture = tmp_path / "indices.png"
     found = facts("flicker", "--lights", "90Hz:0.1,500Hz:square", "--exposures", "1ms,11ms", "--plot", str(picture))
-    assert [(one["frequency_hz"], one["exposure_s"]) for one in found] == [
-        (90, 1e-3),
-        (90, 0.011),
-        (500, 1e-3),
-        (500, 0.011),
-    ]
+    asked = [(90, 1e-3), (90, 0.011), (500, 1e-3), (500, 0.011)]
+    assert [(one["frequency_hz"], one["exposure_s"]) for one in found] == asked
     assert found[0]["missed"] == pytest.approx(1 - 0.09 - 0.1)
     assert found[0]["detection_index"] == pytest.approx(0.19)
     assert found[3]["modulation_index"] == pytest.approx(1 / 11)
@@ -106,7 +85,6 @@ def test_indices_of_lamps_under_exposures(facts, tmp_path):
 
 
 def test_lamps_for_shutters(facts, tmp_path):
-    pytest.importorskip("matplotlib")
     shutters = ("--exposures", "1/60s,1/100s", "--plot", str(tmp_path / "lamp.png"))
     (found,) = facts("lamp", *shutters, "--duty", "0.1", "--below", "2%", "--range", "50Hz,1kHz")
     assert (tmp_path / "lamp.png").stat().st_size > 10_000
@@ -146,15 +124,17 @@ def test_a_null_beside_the_edge_is_named(facts):
     assert "null_s" not in near
 
 
-def test_a_frequency_that_no_camera_shows(facts, capsys):
+def test_a_frequency_that_no_camera_shows(facts, run):
     arguments = ("lamp", "--exposures", "1/50s,1/100s,1/25s,1/60s,1/30s", "--duty", "1/32")
     (found,) = facts(*arguments)
     assert found["best_hz"][0] == pytest.approx(300.0)
     assert found["frequencies_hz"][0] == pytest.approx([299.6, 300.4], abs=0.05)
-    assert main(list(arguments)) == 0
-    assert max(map(len, capsys.readouterr().out.splitlines())) <= 80
+    code, out, _ = run(*arguments)
+    assert code == 0
+    assert max(map(len, out)) <= 80
 
 
-def test_frequencies_that_are_equally_bad_are_said_to_be(capsys):
-    assert main(["lamp", "--exposures", "10us", "--range", "50Hz..200Hz", "--duty", "10%"]) == 0
-    assert "every frequency from 50 Hz to 200 Hz is equally bad" in capsys.readouterr().out
+def test_frequencies_that_are_equally_bad_are_said_to_be(run):
+    code, out, _ = run("lamp", "--exposures", "10us", "--range", "50Hz..200Hz", "--duty", "10%")
+    assert code == 0
+    assert "every frequency from 50 Hz to 200 Hz is equally bad" in " ".join(out)

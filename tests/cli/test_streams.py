@@ -7,10 +7,6 @@ import sys
 import numpy as np
 import pytest
 
-pytest.importorskip("click")
-pytest.importorskip("rich")
-pytest.importorskip("PIL.Image")
-
 from ocisac_fast.files import write_frames
 
 OCISAC = [sys.executable, "-m", "ocisac_fast.cli"]
@@ -31,20 +27,17 @@ def folder(tmp_path_factory):
 def run(folder, words, streams):
     """Exit code and standard error, where it is neither closed nor full."""
     closed = [number for number, state in enumerate(streams) if state == "closed"]
-    full = open("/dev/full", "w")  # noqa: SIM115
-    with (
-        full,
-        subprocess.Popen(
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
             [*OCISAC, *words],
             cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=full if streams[1] == "full" else subprocess.DEVNULL,
             stderr=full if streams[2] == "full" else subprocess.PIPE,
             preexec_fn=lambda: [os.close(number) for number in closed],
-        ) as started,
-    ):
-        _, err = started.communicate(timeout=60)
-    return started.returncode, (err or b"").decode()
+            timeout=60,
+        )
+    return done.returncode, (done.stderr or b"").decode()
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
@@ -74,8 +67,6 @@ def test_the_work_is_done_and_the_exit_code_is_right(streams, code, folder):
 @pytest.mark.parametrize("workers", ["0", "1"])
 def test_workers_measure_without_standard_error(workers, folder, tmp_path):
     """They got it closed, and the first file that they opened got its number."""
-    pytest.importorskip("pyarrow")
-    pytest.importorskip("fsspec")
     words = ["batch", "a.png", "b.png", "-o", str(tmp_path / "o"), "--workers", workers, "gain", *GAIN]
     for streams in (("", "", "closed"), ("closed", "closed", "closed")):
         assert run(folder, [*words[:5], "--again", *words[5:]] if (tmp_path / "o").exists() else words, streams)[0] == 0
@@ -88,13 +79,9 @@ def test_a_closed_output_is_no_file_s_number(folder):
         "import os, sys; from ocisac_fast.cli import main; code = main(sys.argv[1:]); "
         "print('more', flush=True); os.write(1, b'more'); sys.exit(code)"
     )
-    with subprocess.Popen(
-        [sys.executable, "-c", program, "gain", "a.png", *GAIN, "--csv", "out.csv", "--force"],
-        cwd=folder,
-        stderr=subprocess.DEVNULL,
-        preexec_fn=lambda: os.close(1),
-    ) as started:
-        assert started.wait(timeout=60) == 0
+    words = ["gain", "a.png", *GAIN, "--csv", "out.csv", "--force"]
+    unheard = {"stderr": subprocess.DEVNULL, "preexec_fn": lambda: os.close(1)}
+    subprocess.run([sys.executable, "-c", program, *words], cwd=folder, timeout=60, check=True, **unheard)
     assert "more" not in (folder / "out.csv").read_text()
 
 
