@@ -16,9 +16,6 @@ class Campaign:
 
 @pytest.fixture(scope="session")
 def campaign(tmp_path_factory) -> Campaign:
-    pytest.importorskip("pyarrow")
-    pytest.importorskip("fsspec")
-    pytest.importorskip("av")
     from ocisac_fast.files import write_frames
 
     folder = tmp_path_factory.mktemp("campaign")
@@ -28,6 +25,12 @@ def campaign(tmp_path_factory) -> Campaign:
     write_frames(folder / "long.mkv", lamp(LONG, 100))
     write_frames(folder / "long.npy", lamp(LONG, 101))
     return Campaign(folder, 38, 36 * SHORT + 2 * LONG)
+
+
+@pytest.fixture
+def batch(run):
+    """Runs `ocisac batch` in this process: code, lines of standard output, lines of standard error."""
+    return lambda *words: run("batch", "--workers", 0, *words)
 
 
 @pytest.fixture(scope="session")

@@ -18,6 +18,11 @@ def lamp(frames: int, seed: int, shape: tuple[int, int] = (240, 48)) -> np.ndarr
     return np.clip(light + rng.normal(0.0, 3.0, (frames, *shape)), 0, 255).astype(np.uint8)
 
 
+def contents(folder):
+    """Bytes of every file."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 def slowed(folder):
     """Environment in which a recording takes 0.1 s more: 45 last 2 s, so the run is not over when a signal comes."""
     (folder / "sitecustomize.py").write_text(

@@ -5,22 +5,12 @@ import subprocess
 import sys
 import time
 
-import pytest
-
-pytest.importorskip("click")
-pytest.importorskip("rich")
-pytest.importorskip("PIL.Image")
-pytest.importorskip("av")
-pytest.importorskip("fsspec")
-pytest.importorskip("pyarrow")
-pytest.importorskip("distributed")
-
 import distributed
+import pytest
 from lamp_recordings import MAX_FRAMES, slowed
 
 from ocisac_fast.batch import ClusterError, VersionError, cluster, measure_recordings, read_results
 from ocisac_fast.batch.results import Results
-from ocisac_fast.cli import main
 
 # Connections that die with killed processes are reported by the collector of garbage.
 pytestmark = pytest.mark.filterwarnings("ignore")
@@ -38,18 +28,9 @@ class Processes:
         self.workers = []
 
     def start(self, module, *words):
-        command = [
-            sys.executable,
-            "-W",
-            "ignore",
-            "-m",
-            f"distributed.cli.{module}",
-            "--scheduler-file",
-            str(self.file),
-        ]
-        process = subprocess.Popen(
-            [*command, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=self.environment
-        )
+        command = [sys.executable, "-W", "ignore", "-m", f"distributed.cli.{module}", "--scheduler-file", self.file]
+        unheard = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        process = subprocess.Popen([*command, *words], env=self.environment, **unheard)
         self.started.append(process)
         return process
 
@@ -141,7 +122,7 @@ def test_a_recording_that_kills_every_worker_is_a_failure_and_no_more(campaign, 
 
 
 @pytest.mark.parametrize("what", ["version", "commit"])
-def test_another_version_on_a_worker_is_one_line(what, campaign, processes, tmp_path, capsys):
+def test_another_version_on_a_worker_is_one_line(what, campaign, processes, tmp_path, run):
     preload = {
         "version": "import importlib.metadata\nimportlib.metadata.version = lambda _: '0.0.1'\n",
         "commit": "from ocisac_fast.batch import jobs\njobs.build = lambda: {'version': '0.0.1', 'commit': 'abc'}\n",
@@ -150,25 +131,22 @@ def test_another_version_on_a_worker_is_one_line(what, campaign, processes, tmp_
     with connected(processes, 0) as client:
         processes.add_worker("--preload", str(tmp_path / "old.py"))
         client.wait_for_workers(1, timeout=60)
-        words = ["batch", str(campaign.folder), "-o", str(tmp_path / "results"), "--scheduler", str(processes.file)]
-        assert main([*words, *GAIN]) == 2
-        err = capsys.readouterr().err.splitlines()
-        assert len(err) == 1
-        assert err[0].startswith("ocisac: ocisac_fast: ")
-        assert "0.0.1" in err[0]
-        assert err[0].endswith("allowed: the same")
+        words = (campaign.folder, "-o", tmp_path / "results", "--scheduler", processes.file, *GAIN)
+        code, _, (line,) = run("batch", *words)
+    assert code == 2
+    assert line.startswith("ocisac: ocisac_fast: ")
+    assert "0.0.1" in line
+    assert line.endswith("allowed: the same")
 
 
-def test_a_scheduler_that_is_not_there_is_one_line(campaign, tmp_path, capsys, monkeypatch):
+def test_a_scheduler_that_is_not_there_is_one_line(campaign, tmp_path, run, monkeypatch):
     monkeypatch.setattr("ocisac_fast.batch.engines._CONNECT_SECONDS", 2)
-    words = ["batch", str(campaign.folder), "-o", str(tmp_path / "results"), *GAIN]
-    for scheduler in ("tcp://127.0.0.1:9", str(tmp_path / "none.json")):
+    for scheduler in ("tcp://127.0.0.1:9", tmp_path / "none.json"):
         began = time.monotonic()
-        assert main([*words[:4], "--scheduler", scheduler, *words[4:]]) == 2
-        assert time.monotonic() - began < 20
-        err = capsys.readouterr().err.splitlines()
-        assert len(err) == 1
-        assert err[0].startswith(f"ocisac: scheduler {scheduler}: not there")
+        words = (campaign.folder, "-o", tmp_path / "results", "--scheduler", scheduler, *GAIN)
+        code, _, (line,) = run("batch", *words)
+        assert (code, time.monotonic() - began < 20) == (2, True)
+        assert line.startswith(f"ocisac: scheduler {scheduler}: not there")
 
 
 def test_the_package_does_without_dask(monkeypatch):

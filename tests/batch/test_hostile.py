@@ -14,20 +14,11 @@ import tempfile
 import time
 
 import numpy as np
-import pytest
-
-pytest.importorskip("click")
-pytest.importorskip("rich")
-pytest.importorskip("PIL.Image")
-pytest.importorskip("av")
-pytest.importorskip("matplotlib")
-pytest.importorskip("fsspec")
-pytest.importorskip("pyarrow")
-
 import pyarrow
 import pyarrow.parquet
+import pytest
 from hypothesis import given, settings, strategies as st
-from lamp_recordings import ROW_TIME, SHORT, lamp
+from lamp_recordings import ROW_TIME, SHORT, contents, lamp
 
 from ocisac_fast.batch import Task, measure_recordings, read_results
 from ocisac_fast.cli import main
@@ -47,10 +38,6 @@ def ended(words):
     assert len(lines) == 1 or code != 2, lines
     assert all(character.isprintable() for line in lines for character in line), lines
     return code
-
-
-def contents(folder):
-    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 @contextlib.contextmanager

@@ -7,26 +7,18 @@ import json
 import os
 import shutil
 import socket
-import subprocess
 import sys
 import threading
 
 import numpy as np
 import pytest
-
-pytest.importorskip("click")
-pytest.importorskip("rich")
-pytest.importorskip("PIL.Image")
-pytest.importorskip("fsspec")
-pytest.importorskip("pyarrow")
-
 from lamp_recordings import ROW_TIME, SHORT, lamp
 
 from ocisac_fast.batch import Task, measure_recordings, read_failures, read_results, summarize
 from ocisac_fast.batch.recordings import find_recordings
-from ocisac_fast.cli import main
 
 GAIN = Task("gain", {"frequency": "500Hz", "row_time": ROW_TIME})
+WORDS = ("gain", "--frequency", "500Hz", "--row-time", "22.2us")
 
 
 def save(path, seed=0):
@@ -84,27 +76,19 @@ def test_a_folder_that_cannot_be_read_is_a_failure(tmp_path, monkeypatch, patter
     assert done.failures.to_pylist() == [{"path": str(closed), "message": "Permission denied"}]
 
 
-def test_a_recording_may_have_the_name_of_a_command(tmp_path, monkeypatch):
+def test_a_recording_may_have_the_name_of_a_command(tmp_path, monkeypatch, run, batch):
     monkeypatch.chdir(tmp_path)
     save(tmp_path / "clean" / "a.npy")
-    words = ["-o", "r", "--workers", "0", "gain", "--frequency", "500Hz", "--row-time", str(ROW_TIME)]
-    assert main(["batch", "clean", *words]) == 0
+    assert batch("clean", "-o", "r", *WORDS)[0] == 0
     assert [one.path for one in summarize("r").recordings] == [str(tmp_path / "clean" / "a.npy")]
-    assert main(["batch", "clean", "-o", "c", "--workers", "0", "clean", "--row-time", str(ROW_TIME)]) == 0
-    assert main(["batch", "clean/*.npy", "-o", "d", "clean", "--row-time", str(ROW_TIME)]) == 0
+    assert batch("clean", "-o", "c", "clean", "--row-time", ROW_TIME)[0] == 0
+    assert run("batch", "clean/*.npy", "-o", "d", "clean", "--row-time", ROW_TIME)[0] == 0
 
 
-def test_names_of_any_bytes(tmp_path, capsys):
+def test_names_of_any_bytes(tmp_path, batch):
     """A name that is not UTF-8 is measured or listed as a failure like any other, in a first run and in a second."""
-    names = [
-        b"caf\xe9.npy",
-        b"caf\xea.npy",  # two recordings of the table too
-        b"a\nb.npy",
-        b"\x1b]0;x\x07.npy",
-        b"~root.npy",
-        b" .npy",
-        "汉".encode() * 80 + b".npy",
-    ]
+    names = [b"caf\xe9.npy", b"caf\xea.npy"]  # two recordings of the table too
+    names += [b"a\nb.npy", b"\x1b]0;x\x07.npy", b"~root.npy", b" .npy", "汉".encode() * 80 + b".npy"]
     sources = [save(tmp_path / "r" / os.fsdecode(name)) for name in names]
     (tmp_path / "r" / os.fsdecode(b"bad\xff.npy")).write_bytes(b"")
     results = tmp_path / "results"
@@ -114,12 +98,11 @@ def test_names_of_any_bytes(tmp_path, capsys):
     assert read_results(results).num_rows == SHORT * len(names)
     assert [one.path for one in summarize(results).recordings] == sorted(map(str, sources))
     assert read_failures(results)["path"].to_pylist() == [str(tmp_path / "r" / "bad\\xff.npy")]
-    assert main(["batch", "--summary", str(results), "--json"]) == 0
-    capsys.readouterr()
-    assert main(["batch", "--summary", str(results)]) == 0
-    shown = capsys.readouterr().out
-    assert "\\x1b]0;x\\x07.npy" in shown
-    assert all(character.isprintable() or character == "\n" for character in shown)
+    assert batch("--summary", results, "--json")[0] == 0
+    code, shown, _ = batch("--summary", results)
+    assert code == 0
+    assert any("\\x1b]0;x\\x07.npy" in line for line in shown)
+    assert all(line.isprintable() for line in shown)
     cleaning = Task("clean", {"row_time": ROW_TIME})
     done = measure_recordings(tmp_path / "r", cleaning, output=tmp_path / "cleaned").progress
     assert (done.finished, done.failed) == (len(names), 1)
@@ -144,28 +127,22 @@ def test_pipes_sockets_and_lost_links_are_failures(tmp_path, monkeypatch):
     assert failed == {"pipe.npy": kind, "device.npy": kind, "socket.npy": kind, "lost.npy": lost}
 
 
-def test_a_local_name_that_looks_like_a_url(tmp_path, monkeypatch):
+def test_a_local_name_that_looks_like_a_url(tmp_path, monkeypatch, run):
     monkeypatch.chdir(tmp_path)
     names = [save(tmp_path / name) for name in ("a::b.npy", "memory::c.npy")]
     assert measured(*(name.name for name in names)) == set(map(str, names))
     assert measured(tmp_path) == set(map(str, names))
-    assert main(["gain", "a::b.npy", "--frequency", "500Hz", "--row-time", "22.2us"]) == 0
+    assert run("gain", "a::b.npy", *WORDS[1:])[0] == 0
 
 
 @pytest.mark.parametrize("url", ["s3://bucket/a.npy", "nothing://a.npy"])
-def test_a_file_system_that_is_not_installed_is_one_line(url, tmp_path, capsys, monkeypatch):
+def test_a_file_system_that_is_not_installed_is_one_line(url, tmp_path, run, batch, monkeypatch):
     monkeypatch.setitem(sys.modules, "s3fs", None)
-    save(tmp_path / "a.npy")
-    gain = ["gain", "--frequency", "500Hz", "--row-time", "22.2us"]
-    for words in (
-        ["batch", url, "-o", str(tmp_path / "o"), "--workers", "0", *gain],
-        ["batch", str(tmp_path / "a.npy"), "-o", url, "--workers", "0", *gain],
-        ["gain", url, *gain[1:]],
-    ):
-        assert main(words) == 2
-        err = capsys.readouterr().err.splitlines()
-        assert len(err) == 1
-        assert err[0].startswith(f"ocisac: {url}: ")
+    made = save(tmp_path / "a.npy")
+    done = [batch(url, "-o", tmp_path / "o", *WORDS), batch(made, "-o", url, *WORDS), run("gain", url, *WORDS[1:])]
+    for code, _, (line,) in done:
+        assert code == 2
+        assert line.startswith(f"ocisac: {url}: ")
 
 
 @pytest.mark.parametrize("kind", ["zip", "tar"])
@@ -228,44 +205,36 @@ def server(tmp_path):
         started.shutdown()
 
 
-def test_what_a_server_answers_is_the_failure_of_one_recording(server, tmp_path, capsys):
+def test_what_a_server_answers_is_the_failure_of_one_recording(server, tmp_path, run, batch):
     """None is fetched to be listed."""
     bad = ["bad.npy", "cut.npy", "round.npy", "zip.npy"]
     urls = [f"{server}/{name}" for name in ("a.npy", *bad, "c[1].npy", "d.npy?x=1*")]
-    gain = ["gain", "--frequency", "500Hz", "--row-time", "22.2us"]
-    assert main(["batch", *urls, "-o", str(tmp_path / "o"), "--workers", "0", "--json", *gain]) == 3
-    done = json.loads(capsys.readouterr().out)
-    assert (done["finished"], done["failed"]) == (3, 4)
+    code, out, _ = batch(*urls, "-o", tmp_path / "o", "--json", *WORDS)
+    done = json.loads(*out)
+    assert (code, done["finished"], done["failed"]) == (3, 3, 4)
     messages = {row["path"]: row["message"] for row in read_failures(tmp_path / "o").to_pylist()}
     assert set(messages) == {f"{server}/{name}" for name in bad}
     assert "500" in messages[f"{server}/bad.npy"]
     for name in bad:
-        assert main(["gain", f"{server}/{name}", *gain[1:]]) == 2
-        assert len(capsys.readouterr().err.splitlines()) == 1
+        code, _, err = run("gain", f"{server}/{name}", *WORDS[1:])
+        assert (code, len(err)) == (2, 1)
 
 
 @pytest.mark.parametrize("name", ["endless.npy", "range-endless.npy"])
-def test_an_answer_without_an_end_is_a_failure(server, name, capsys):
+def test_an_answer_without_an_end_is_a_failure(server, name, run):
     """Of a small file, and of a range of a large one: no more than 64 MiB are held."""
     Server.sent = 0
-    assert main(["gain", f"{server}/{name}", "--frequency", "500Hz", "--row-time", "22.2us"]) == 2
-    assert "an answer of more than 64 MiB" in capsys.readouterr().err
+    code, _, err = run("gain", f"{server}/{name}", *WORDS[1:])
+    assert code == 2
+    assert "an answer of more than 64 MiB" in err[-1]
     assert 64 <= Server.sent < 256
 
 
-def test_a_broken_configuration_of_file_systems_is_named(tmp_path):
+def test_a_broken_configuration_of_file_systems_is_named(tmp_path, program):
     (tmp_path / "a.json").write_text("{")
     save(tmp_path / "a.npy")
-    words = ["batch", "a.npy", "-o", "o", "--workers", "0", "gain", "--frequency", "500Hz", "--row-time", "22.2us"]
-    done = subprocess.run(
-        [sys.executable, "-m", "ocisac_fast.cli", *words],
-        cwd=tmp_path,
-        env={**os.environ, "FSSPEC_CONFIG_DIR": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    configured = {**os.environ, "FSSPEC_CONFIG_DIR": str(tmp_path)}
+    done = program("batch", "a.npy", "-o", "o", "--workers", 0, *WORDS, cwd=tmp_path, env=configured)
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
     assert done.stderr.startswith(f"ocisac: {tmp_path}: fsspec's configuration cannot be read: ")
 

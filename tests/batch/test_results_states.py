@@ -9,24 +9,17 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
-
-pytest.importorskip("click")
-pytest.importorskip("rich")
-pytest.importorskip("PIL.Image")
-pytest.importorskip("fsspec")
-pytest.importorskip("pyarrow.parquet")
-
 import pyarrow as pa
-from lamp_recordings import ROW_TIME, SHORT, lamp
+import pytest
+from lamp_recordings import ROW_TIME, SHORT, contents, lamp
 
 from ocisac_fast.batch import ResultsError, Task, cluster, measure_recordings, read_results, summarize
 from ocisac_fast.batch.results import Results
-from ocisac_fast.cli import main
 from ocisac_fast.files import FileWarning
 
 GAIN = Task("gain", {"frequency": "500Hz", "row_time": ROW_TIME})
 OTHER = Task("gain", {"frequency": "700Hz", "row_time": ROW_TIME})
+CLEANING = Task("clean", {"row_time": ROW_TIME})
 WORDS = ["gain", "--frequency", "500Hz", "--row-time", str(ROW_TIME)]
 COUNT = 3
 NAME = f"{'0' * 16}-{'1' * 16}-all.parquet"
@@ -46,10 +39,6 @@ def results(sources, tmp_path):
     return tmp_path / "results"
 
 
-def contents(folder):
-    return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
 # --again
 
 
@@ -57,28 +46,21 @@ def contents(folder):
     "task", ['{"version": "2.0.0", "tasks": [{"label": "build"}]}', "[]", "3", "null", "", '{"command": []}', None]
 )
 @pytest.mark.parametrize("manifest", ['{"name": "app", "icons": []}', '{"files": {"rows/mine.txt": 7}}', None])
-def test_again_removes_nothing_of_another_program_s(task, manifest, sources, tmp_path, capsys):
+def test_again_removes_nothing_of_another_program_s(task, manifest, sources, tmp_path, batch):
     project = tmp_path / "p"
-    for name, text in {
-        "task.json": task,
-        "manifest.json": manifest,
-        "rows/mine.txt": "thesis\n",
-        "cleaned/2024/photo.raw": "raw",
-    }.items():
+    files = {"task.json": task, "manifest.json": manifest, "rows/mine.txt": "thesis\n", "cleaned/2024/photo.raw": "raw"}
+    for name, text in files.items():
         if text is not None:
             (project / name).parent.mkdir(parents=True, exist_ok=True)
             (project / name).write_text(text)
     before = contents(project)
-    assert main(["batch", str(sources), "-o", str(project), "--workers", "0", "--again", *WORDS]) == 2
-    assert contents(project) == before
-    err = capsys.readouterr().err.splitlines()
-    assert len(err) == 1
-    assert f"{project}: holds " in err[0]
-    assert "allowed: another folder" in err[0]
+    code, _, (line,) = batch(sources, "-o", project, "--again", *WORDS)
+    assert (code, contents(project)) == (2, before)
+    assert f"{project}: holds " in line
+    assert "allowed: another folder" in line
 
 
-@pytest.mark.filterwarnings("always")
-def test_again_removes_what_the_manifest_names_with_its_length_and_names_the_rest(sources, results, capsys):
+def test_again_removes_what_the_manifest_names_with_its_length_and_names_the_rest(sources, results, batch):
     mine = results / "rows" / "mine.txt"
     mine.write_text("thesis")
     changed = next((results / "rows").rglob("*.parquet"))
@@ -86,41 +68,39 @@ def test_again_removes_what_the_manifest_names_with_its_length_and_names_the_res
     (results / "task.json.bak").write_text("")
     kept = contents(results)
     np.save(sources / "new.npy", lamp(SHORT, 9, (96, 8)))
-    words = ["batch", str(sources / "new.npy"), "-o", str(results), "--workers", "0", "--again", *WORDS]
-    assert main([*words[:-3], "700Hz", *words[-2:]]) == 0
-    err = capsys.readouterr().err.splitlines()
+    words = ["700Hz" if word == "500Hz" else word for word in WORDS]
+    code, _, err = batch(sources / "new.npy", "-o", results, "--again", *words)
+    assert code == 0
     assert err == [
         f"ocisac: warning: {results}: kept, since no run wrote it: {changed.relative_to(results)}, rows/mine.txt"
     ]
     for path in (mine, changed, results / "task.json.bak"):
-        assert path.read_bytes() == kept[path.relative_to(results)]
+        assert path.read_bytes() == kept[path]
     assert len(list((results / "rows").rglob("*.parquet"))) == 2
     assert read_results(results)["frequency_hz"].unique().to_pylist() == [700.0]  # what stayed is no result
 
 
 @pytest.mark.parametrize("place", ["cleaned", "rows"])
 def test_again_does_not_write_over_what_no_run_wrote(sources, tmp_path, place):
-    cleaning = Task("clean", {"row_time": ROW_TIME})
-    measure_recordings(sources, cleaning, output=tmp_path / "c")
+    measure_recordings(sources, CLEANING, output=tmp_path / "c")
     mine = min(path for path in (tmp_path / "c" / place).rglob("*") if path.is_file())
     mine.write_text("my own notes")
     before = contents(tmp_path / "c")
     with pytest.raises(ResultsError, match=rf"c: holds {place}/.*{mine.name}, which no run wrote, where this one"):
-        measure_recordings(sources, cleaning, output=tmp_path / "c", again=True)
+        measure_recordings(sources, CLEANING, output=tmp_path / "c", again=True)
     assert contents(tmp_path / "c") == before
     mine.unlink()
-    assert measure_recordings(sources, cleaning, output=tmp_path / "c", again=True).progress.frames == COUNT * SHORT
+    assert measure_recordings(sources, CLEANING, output=tmp_path / "c", again=True).progress.frames == COUNT * SHORT
 
 
 def test_again_knows_what_a_killed_run_wrote(sources, tmp_path):
     """Its manifest lacks the last files."""
-    cleaning = Task("clean", {"row_time": ROW_TIME})
-    measure_recordings(sources, cleaning, output=tmp_path / "c")
+    measure_recordings(sources, CLEANING, output=tmp_path / "c")
     manifest = json.loads((tmp_path / "c" / "manifest.json").read_text())
     named = {name: length for name, length in manifest["files"].items() if "/" not in name}
     (tmp_path / "c" / "manifest.json").write_text(json.dumps({"files": named}))
     (tmp_path / "c" / "cleaned" / f".{'0' * 16}.mkv").write_bytes(b"a part")  # which the next one of this name removes
-    assert measure_recordings(sources, cleaning, output=tmp_path / "c", again=True).progress.frames == COUNT * SHORT
+    assert measure_recordings(sources, CLEANING, output=tmp_path / "c", again=True).progress.frames == COUNT * SHORT
 
 
 def shift(results):
@@ -155,15 +135,14 @@ def test_results_that_go_during_the_run_are_no_success(sources, tmp_path, change
         if done.finished == COUNT - 1:
             change(results)
 
-    cleaning = Task("clean", {"row_time": ROW_TIME})
     with cluster(workers=workers) as client, pytest.raises(ResultsError, match=r"c: .*during the run"):
-        measure_recordings(sources, cleaning, client=client, output=results, report=report)
+        measure_recordings(sources, CLEANING, client=client, output=results, report=report)
     if change is exchange:
         assert not (results / "manifest.json").exists()
     elif change in (shutil.rmtree, shift):
         assert not results.exists()
     else:
-        done = measure_recordings(sources, cleaning, output=results).progress
+        done = measure_recordings(sources, CLEANING, output=results).progress
         assert done.finished == COUNT
         assert len(read_results(results)) == COUNT * SHORT
 
@@ -188,12 +167,11 @@ def test_another_program_s_manifest_stays(sources, tmp_path):
 
 
 def test_again_in_a_new_folder_and_after_cleaning(sources, tmp_path):
-    cleaning = Task("clean", {"row_time": ROW_TIME})
     for _ in range(2):
-        measure_recordings(sources, cleaning, output=tmp_path / "c", again=True)
+        measure_recordings(sources, CLEANING, output=tmp_path / "c", again=True)
         assert len(list((tmp_path / "c" / "cleaned").iterdir())) == COUNT
     (sources / "0.npy").unlink()
-    measure_recordings(sources, cleaning, output=tmp_path / "c", again=True)
+    measure_recordings(sources, CLEANING, output=tmp_path / "c", again=True)
     assert len(list((tmp_path / "c" / "cleaned").iterdir())) == COUNT - 1
 
 
@@ -206,14 +184,13 @@ FOREIGN = {
     "pipe": os.mkfifo,
     "folder": os.mkdir,
 }
-CLEAN = Task("clean", {"row_time": ROW_TIME})
 
 
 @pytest.mark.parametrize("kind", FOREIGN)
 @pytest.mark.parametrize("is_changed", [False, True])
 def test_a_cleaned_file_that_no_run_wrote_stays(sources, tmp_path, kind, is_changed):
     output = tmp_path / "c"
-    measure_recordings(sources, CLEAN, output=output)
+    measure_recordings(sources, CLEANING, output=output)
     victim = min((output / "cleaned").iterdir())
     victim.unlink()
     FOREIGN[kind](victim)
@@ -221,13 +198,13 @@ def test_a_cleaned_file_that_no_run_wrote_stays(sources, tmp_path, kind, is_chan
     for path in sources.iterdir() if is_changed else ():
         np.save(path, lamp(SHORT + 1, 7, (96, 8)))
     for _ in range(2):
-        (message,) = measure_recordings(sources, CLEAN, output=output).failures["message"].to_pylist()
+        (message,) = measure_recordings(sources, CLEANING, output=output).failures["message"].to_pylist()
         assert message.startswith(f"cleaned/{victim.name} is not as a run wrote it, and stays; allowed: ")
         assert len(read_results(output)) == 2 * (SHORT + is_changed)
         assert (os.lstat(victim).st_ino, os.lstat(victim).st_mtime_ns) == (there.st_ino, there.st_mtime_ns)
     victim.rename(tmp_path / "mine")
     for skipped in (2, COUNT):
-        assert measure_recordings(sources, CLEAN, output=output).progress.skipped == skipped
+        assert measure_recordings(sources, CLEANING, output=output).progress.skipped == skipped
     assert victim.is_file()
 
 
@@ -238,20 +215,20 @@ def test_a_cleaned_file_that_appears_meanwhile_stays(sources, tmp_path, monkeypa
 
     before = Results.write_rows
     monkeypatch.setattr(Results, "write_rows", written)
-    done = measure_recordings(sources, CLEAN, output=tmp_path / "c")
+    done = measure_recordings(sources, CLEANING, output=tmp_path / "c")
     assert (done.progress.failed, read_results(tmp_path / "c")) == (COUNT, None)
     assert done.failures["message"][0].as_py().endswith(": appeared during this run, and is kept")
     assert {path.read_text() for path in (tmp_path / "c" / "cleaned").iterdir()} == {"mine"}
 
 
 def test_a_run_that_is_killed_before_a_cleaned_file_has_its_name_is_resumed(sources, tmp_path):
-    measure_recordings(sources, CLEAN, output=tmp_path / "c")
+    measure_recordings(sources, CLEANING, output=tmp_path / "c")
     victim, manifest = min((tmp_path / "c" / "cleaned").iterdir()), tmp_path / "c" / "manifest.json"
     victim.unlink()
     files = json.loads(manifest.read_text())["files"].items()
     manifest.write_text(json.dumps({"files": {name: size for name, size in files if victim.name[:16] not in name}}))
     for skipped in (COUNT - 1, COUNT):
-        assert measure_recordings(sources, CLEAN, output=tmp_path / "c").progress.skipped == skipped
+        assert measure_recordings(sources, CLEANING, output=tmp_path / "c").progress.skipped == skipped
     assert victim.is_file()
 
 
@@ -279,11 +256,9 @@ def test_a_full_disk_is_no_failure_of_a_recording(sources, tmp_path, monkeypatch
 
     monkeypatch.setattr(np, "save", full)
     with pytest.raises(ResultsError, match="c: No space left on device"):
-        measure_recordings(sources, Task("clean", {"row_time": ROW_TIME}), output=tmp_path / "c")
+        measure_recordings(sources, CLEANING, output=tmp_path / "c")
     monkeypatch.undo()
-    assert (
-        measure_recordings(sources, Task("clean", {"row_time": ROW_TIME}), output=tmp_path / "c").progress.failed == 0
-    )
+    assert measure_recordings(sources, CLEANING, output=tmp_path / "c").progress.failed == 0
 
 
 @pytest.mark.parametrize("damage", ["missing", "empty", "cut", "foreign"])
@@ -312,13 +287,11 @@ def test_a_damaged_file_is_named_and_the_same_command_mends_it(kind, damage, sou
 @pytest.mark.parametrize(
     "task", ["[]", "3", '"x"', '{"options": null}', '{"name": "x"}', "", '{"command": ', "[" * 9999]
 )
-def test_a_task_of_another_shape_is_one_line(task, sources, results, capsys):
+def test_a_task_of_another_shape_is_one_line(task, sources, results, batch):
     (results / "task.json").write_text(task)
-    for words in (["--summary", results], [sources, "-o", results, "--workers", "0", *WORDS]):
-        assert main(["batch", *map(str, words)]) == 2
-        assert capsys.readouterr().err.splitlines() == [
-            f"ocisac: {results}: task.json is not of `ocisac batch`; allowed: another folder"
-        ]
+    line = f"ocisac: {results}: task.json is not of `ocisac batch`; allowed: another folder"
+    for words in (["--summary", results], [sources, "-o", results, *WORDS]):
+        assert batch(*words)[::2] == (2, [line])
 
 
 def test_foreign_tables_in_the_rows_are_no_results(sources, results):
@@ -337,15 +310,12 @@ def test_foreign_tables_in_the_rows_are_no_results(sources, results):
 # Two runs; folders that hold each other
 
 
-def test_two_runs_with_one_folder(sources, tmp_path, capsys):
+def test_two_runs_with_one_folder(sources, tmp_path, batch):
     """The second is refused while the first runs, and not after it was killed."""
-    words = ["batch", str(sources), "-o", str(tmp_path / "o"), "--workers", "0", *WORDS]
+    line = f"ocisac: {tmp_path / 'o'}: another run writes here; allowed: another folder, or its end"
 
     def second(_):
-        assert main(words) == 2
-        assert capsys.readouterr().err == (
-            f"ocisac: {tmp_path / 'o'}: another run writes here; allowed: another folder, or its end\n"
-        )
+        assert batch(sources, "-o", tmp_path / "o", *WORDS)[::2] == (2, [line])
 
     measure_recordings(sources, GAIN, output=tmp_path / "o", report=second)
     program = (
@@ -359,15 +329,14 @@ def test_two_runs_with_one_folder(sources, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("output", [".", "", "..", "../r", "link"])
-def test_a_results_folder_that_holds_the_recordings_is_refused(output, sources, tmp_path, capsys, monkeypatch):
+def test_a_results_folder_that_holds_the_recordings_is_refused(output, sources, tmp_path, batch, monkeypatch):
     """Nothing was measured, with exit code 0."""
     monkeypatch.chdir(sources)
     (sources / "link").symlink_to(".")
     for given in (["."], ["*.npy"], ["0.npy", "1.npy"], [str(sources)]):
-        assert main(["batch", *given, "-o", output, "--workers", "0", *WORDS]) == 2
-        err = capsys.readouterr().err.splitlines()
-        assert len(err) == 1
-        assert "which holds the recordings" in err[0]
+        code, _, (line,) = batch(*given, "-o", output, *WORDS)
+        assert code == 2
+        assert "which holds the recordings" in line
     assert not list(sources.rglob("*.json"))
 
 
@@ -378,25 +347,19 @@ def test_results_below_a_linked_folder_are_no_recordings(sources, tmp_path):
         assert (done.recordings, done.failed) == (COUNT, 0)
 
 
-def test_a_cleaned_file_is_that_of_its_recording_as_it_is(tmp_path, monkeypatch):
+def test_a_cleaned_file_is_that_of_its_recording_as_it_is(tmp_path, monkeypatch, batch):
     """One of an earlier state goes: also where the new one stays as it is, is damaged, or changes meanwhile."""
     folder, output = tmp_path / "in", tmp_path / "out"
     folder.mkdir()
-    clean = ["batch", str(folder), "-o", str(output), "--workers", "0", "clean", "--row-time", str(ROW_TIME)]
-    again = [*clean[:4], "--again", *clean[4:]]
+    clean = (folder, "-o", output, "clean", "--row-time", ROW_TIME)
     even = np.full((2, 240, 48), 90, np.uint8)
-    for frames, code, cleaned in (
-        (lamp(2, 0), 0, 1),
-        (even, 0, 0),
-        (lamp(3, 1), 0, 1),
-        (None, 3, 0),
-        (lamp(2, 2), 0, 1),
-    ):
+    states = (lamp(2, 0), 0, 1), (even, 0, 0), (lamp(3, 1), 0, 1), (None, 3, 0), (lamp(2, 2), 0, 1)
+    for frames, code, cleaned in states:
         if frames is None:
             (folder / "a.npy").write_bytes(b"garbage")
         else:
             np.save(folder / "a.npy", frames)
-        assert main(clean) == code
+        assert batch(*clean)[0] == code
         assert len(list((output / "cleaned").iterdir())) == cleaned
         rows = read_results(output)
         values = [] if rows is None else rows.column("cleaned").to_pylist()
@@ -405,6 +368,6 @@ def test_a_cleaned_file_is_that_of_its_recording_as_it_is(tmp_path, monkeypatch)
     states = iter("12345678")
     with monkeypatch.context() as changing:
         changing.setattr("ocisac_fast.batch.jobs.local_entry", lambda path: type("Entry", (), {"state": next(states)}))
-        assert main(clean) == 3
+        assert batch(*clean)[0] == 3
     assert not list((output / "cleaned").iterdir())
-    assert main(again) == 0
+    assert batch("--again", *clean)[0] == 0

@@ -6,17 +6,8 @@ import subprocess
 import sys
 import time
 
-import pytest
-
-pytest.importorskip("click")
-pytest.importorskip("rich")
-pytest.importorskip("PIL.Image")
-pytest.importorskip("av")
-pytest.importorskip("fsspec")
-pytest.importorskip("pyarrow")
-pytest.importorskip("psutil")
-
 import psutil
+import pytest
 from lamp_recordings import MAX_FRAMES, slowed
 
 from ocisac_fast.batch import ClusterError, cluster, measure_recordings, read_results
