@@ -9,6 +9,12 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.fixture
+def run_command(run):
+    """The command line in Python, beside the program."""
+    return run
+
+
 @pytest.fixture(scope="module")
 def receiver():
     """The executable that OCISAC_RX names (`make test` does), else the newest of this tree's builds."""

@@ -17,39 +17,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rx import COLUMNS, EXPOSURE, ROW_TIME, ROWS, command, lines_of, recording, run, start
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Chips, Flag, SquareWave, _core
 from ocisac_fast.cleaning import VideoCleaner
 
 ROOT = Path(__file__).resolve().parents[2]
-ROW_TIME, EXPOSURE, ROWS, COLUMNS = 22.2e-6, 100e-6, 720, 40
-
-
-def run(receiver, frames, *options):
-    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *options]
-    return subprocess.run(command, input=frames, capture_output=True, timeout=60, check=False)
-
-
-def lines_of(done):
-    """The objects of the frames, and the totals at the end."""
-    assert done.returncode == 0, done.stderr
-    *frames, last = [json.loads(line) for line in done.stdout.splitlines()]
-    return frames, last["totals"]
-
-
-def recording(waveform, dtype="uint8", frames=3, scale=200):
-    """(frames, rows, columns) of noisy frames."""
-    camera = Camera(ROW_TIME, EXPOSURE, frame_time=1 / 30)
-    light = ocisac.integrate_exposure(waveform, camera, ROWS, frames=frames)
-    noise = np.random.default_rng(2).standard_normal((frames, ROWS, COLUMNS))
-    return np.rint((scale / 10 + scale * light)[:, :, None] + scale / 100 * noise).astype(dtype)
 
 
 @pytest.mark.parametrize(("dtype", "name", "scale"), [("uint8", "gray8", 200), ("<u2", "gray16le", 40000)])
 @pytest.mark.parametrize("frequency", ["500Hz", None])
 def test_gains_are_those_of_the_library(receiver, dtype, name, scale, frequency):
-    frames = recording(SquareWave(500.0, phase=0.3), dtype, scale=scale)
+    light = SquareWave(500.0, phase=0.3)
+    frames = recording(light, 3, dtype, dark=scale / 10, swing=scale, noise=scale / 100)
     told = [] if frequency is None else ["--frequency", frequency]
     options = ["--waveform", "square", "--dark-level", str(scale / 10), "--no-bits", "--format", name, *told]
     done = run(receiver, frames.tobytes(), *options)
@@ -82,18 +63,9 @@ def test_version_and_help(receiver):
     assert done.stdout.startswith(f"ocisac-rx {_core.version()} (")
     assert "SIMD" in done.stdout
     done = subprocess.run([receiver, "--help"], capture_output=True, text=True, timeout=60, check=True)
-    for option in (
-        "--row-time TIME",
-        "--region x,y,w,h",
-        "--payload",
-        "--config FILE",
-        "Required",
-        "Exit codes",
-        "lost",
-    ):
-        assert option in done.stdout
-    for inner in ("ENUM", "FLOAT", "TEXT", "UINT", "[UNIT]", "{"):
-        assert inner not in done.stdout
+    shown = ("--row-time TIME", "--region x,y,w,h", "--payload", "--config FILE", "Required", "Exit codes", "lost")
+    assert [option for option in shown if option not in done.stdout] == []
+    assert [inner for inner in ("ENUM", "FLOAT", "TEXT", "UINT", "[UNIT]", "{") if inner in done.stdout] == []
     assert not done.stderr
     for word in ("--version", "--help"):
         with open("/dev/full", "w") as full:
@@ -223,10 +195,9 @@ def wait_until_full(pipe):
 
 @pytest.mark.parametrize("attempt", range(3))
 def test_a_signal_is_heard_while_the_reader_of_the_output_stalls(receiver, packets, attempt):
-    options = ["--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--frequency", "500Hz"]
     read, write = os.pipe()
     fcntl.fcntl(write, fcntl.F_SETPIPE_SZ, 4096)
-    with subprocess.Popen([receiver, *options], stdin=subprocess.PIPE, stdout=write) as process:
+    with start(receiver, "--frequency", "500Hz", stdout=write, stderr=None) as process:
         writer = threading.Thread(target=feed, args=(process, packets.tobytes()))
         writer.start()
         wait_until_full(read)
@@ -246,11 +217,11 @@ def test_a_signal_is_heard_while_the_reader_of_the_output_stalls(receiver, packe
 
 
 def test_non_blocking_standard_output_is_waited_for(receiver, packets):
-    options = ["--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--frequency", "500Hz", "--chip-rate", "11.7kHz"]
     read, write = os.pipe()
     fcntl.fcntl(write, fcntl.F_SETPIPE_SZ, 4096)
     os.set_blocking(write, False)
-    with subprocess.Popen([receiver, *options], stdin=subprocess.PIPE, stdout=write) as process:
+    options = ("--frequency", "500Hz", "--chip-rate", "11.7kHz")
+    with start(receiver, *options, stdout=write, stderr=None) as process:
         os.close(write)
         writer = threading.Thread(target=lambda: (process.stdin.write(8 * packets.tobytes()), process.stdin.close()))
         writer.start()
@@ -301,7 +272,7 @@ PACKETS = ("--chip-rate", "11.7kHz", "--frame-rate", "30Hz")
 def packets():
     """(frames, rows, columns) of a light in the middle columns that sends PAYLOAD over and over."""
     sent = ocisac.transmit(PAYLOAD)
-    frames = recording(Chips(sent.chips, 11700.0, repeat=True), frames=40, scale=150)
+    frames = recording(Chips(sent.chips, 11700.0, repeat=True), 40, dark=15.0, swing=150.0, noise=1.5)
     frames[:, :, :8] = frames[:, :, 30:] = 15
     return frames
 
@@ -387,8 +358,7 @@ def test_stats_tell_latency_and_memory(receiver, packets):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_in_order(receiver, packets, number):
-    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *PACKETS]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    with start(receiver, "--exposure", "100us", *PACKETS) as process:
         process.stdin.write(packets[:2].tobytes() + b"a frame that has begun")
         process.stdin.flush()
         lines = [json.loads(process.stdout.readline()) for _ in range(2)]  # told at once, though the input goes on
@@ -400,8 +370,7 @@ def test_a_signal_ends_it_in_order(receiver, packets, number):
 
 
 def test_a_reader_that_goes_ends_it_in_order(receiver, packets):
-    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *PACKETS]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    with start(receiver, "--exposure", "100us", *PACKETS) as process:
         process.stdin.write(packets[:1].tobytes())
         process.stdin.flush()
         process.stdout.readline()
@@ -476,10 +445,8 @@ def test_memory_is_bounded(receiver, packets, options):
     assert peak_memory(receiver, 12 * turn, *options) <= peak_memory(receiver, 3 * turn, *options) + 2**19
 
 
-def test_both_programs_give_the_same_lines(receiver, packets, tmp_path, capsys):
+def test_both_programs_give_the_same_lines(receiver, packets, tmp_path, run_command):
     """Every key that lines of `ocisac receive --packets --json` and of ocisac-rx share has the same value."""
-    from ocisac_fast.cli import main
-
     two = np.concatenate([packets, np.roll(packets, 7, axis=0)], axis=2)  # a second light beside it
     short = {
         "one": (packets, [], ["--gain"]),
@@ -496,12 +463,9 @@ def test_both_programs_give_the_same_lines(receiver, packets, tmp_path, capsys):
         lines, _ = lines_of(done)
         path = tmp_path / f"{name}.npy"
         np.save(path, np.ascontiguousarray(frames))
-        assert main(["receive", str(path), "--packets", "--json", *told, *python_options]) == 0
-        facts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-        assert len(lines) == len(facts) >= len(frames), name
-        for ours, theirs in zip(facts, lines, strict=True):
-            assert set(ours) == set(theirs), name
-            assert ours == theirs, name
+        code, out, _ = run_command("receive", path, "--packets", "--json", *told, *python_options)
+        assert (code, [json.loads(line) for line in out]) == (0, lines), name
+        assert len(lines) >= len(frames), name
         if len(frames) == len(packets):
             assert any("payload" in line for line in lines), name
         assert {line["source"] for line in lines} >= ({0, 1} if name == "two" else {0}), name
@@ -519,16 +483,12 @@ def test_64_bit_arm_gives_the_same_payload_and_numbers(receiver, packets):
     if not arm.exists() or shutil.which("qemu-aarch64") is None:
         pytest.skip("make arm64 has not been run")
     libraries = sysroot / "usr/lib/aarch64-linux-gnu"
-    path = ":".join(
-        str(folder)
-        for folder in (libraries, libraries / "blas", libraries / "lapack", sysroot / "lib" / libraries.name)
-    )
+    folders = (libraries, libraries / "blas", libraries / "lapack", sysroot / "lib" / libraries.name)
+    path = ":".join(map(str, folders))
     emulated = ["qemu-aarch64", "-L", str(sysroot), "-E", f"LD_LIBRARY_PATH={path}", str(arm)]
-    options = ["--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *PACKETS]
-    outputs = [
-        lines_of(subprocess.run([*command, *options], input=packets.tobytes(), capture_output=True, timeout=300))
-        for command in ([receiver], emulated)
-    ]
+    given = {"input": packets.tobytes(), "capture_output": True, "timeout": 300}
+    options = command(receiver, "--exposure", "100us", *PACKETS)[1:]
+    outputs = [lines_of(subprocess.run([*program, *options], **given)) for program in ([receiver], emulated)]
     (here, here_totals), (there, there_totals) = outputs
     assert len(here) == len(there)
     for ours, theirs in zip(here, there, strict=True):
@@ -541,20 +501,13 @@ def test_64_bit_arm_gives_the_same_payload_and_numbers(receiver, packets):
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
 @pytest.mark.parametrize("form", [["-f", "yuv4mpegpipe"], ["-f", "rawvideo"], ["-f", "image2pipe", "-c:v", "pgm"]])
-def test_a_simulated_file_through_ffmpeg(receiver, tmp_path, form, capsys):
+def test_a_simulated_file_through_ffmpeg(receiver, tmp_path, form, facts):
     """The README's chain: transmit, simulate, ffmpeg, ocisac-rx."""
-    pytest.importorskip("av")
-    from ocisac_fast.cli import main
-
-    def command(*arguments):
-        assert main([str(argument) for argument in arguments]) == 0
-        return capsys.readouterr().out
-
-    chips = command("transmit", "--text", "hello from a lamp").strip()
+    (sent,) = facts("transmit", "--text", "hello from a lamp")
     video = tmp_path / "lamp.mkv"
-    light = ("--waveform", "chips", "--bits", chips, "--chip-rate", "11.7kHz", "--swing", 150, "--noise", 2)
+    light = ("--waveform", "chips", "--bits", sent["levels"], "--chip-rate", "11.7kHz", "--swing", 150, "--noise", 2)
     size = ("--rows", ROWS, "--columns", COLUMNS, "--frames", 40, "--frame-rate", 30, "--dark-level", 20)
-    command("simulate", *light, *size, "--row-time", "22.2us", "--exposure", "100us", "-o", video)
+    facts("simulate", *light, *size, "--row-time", "22.2us", "--exposure", "100us", "-o", video)
     ffmpeg = ["ffmpeg", "-v", "error", "-i", str(video), "-pix_fmt", "gray", *form, "-"]
     with subprocess.Popen(ffmpeg, stdout=subprocess.PIPE) as pipe:
         receiving = [receiver, "--row-time", "22.2us", "--exposure", "100us", *PACKETS, "--payload"]
@@ -565,23 +518,19 @@ def test_a_simulated_file_through_ffmpeg(receiver, tmp_path, form, capsys):
     assert done.stdout.startswith(b"hello from a lamp")
 
 
-def test_a_lamp_out_of_the_laboratory_through_a_codec(receiver, tmp_path, capsys):
+def test_a_lamp_out_of_the_laboratory_through_a_codec(receiver, tmp_path, run_command, facts):
     """transmit, simulate with mains hum, jitter, a slow LED, tilt and texture, H.264 at crf 23; then both receivers."""
     av = pytest.importorskip("av")
-    from ocisac_fast.cli import main
     from ocisac_fast.files import read_frames
-
-    def command(*arguments):
-        assert main([str(argument) for argument in arguments]) == 0
-        return capsys.readouterr().out
 
     payload, columns, rows = "hello out of the laboratory", 256, 1080
     timing = ("--row-time", "22.2us", "--exposure", "622us")
-    light = ("--waveform", "chips", "--chip-rate", "8kHz", "--bits", command("transmit", "--text", payload).strip())
+    (sent,) = facts("transmit", "--text", payload)
+    light = ("--waveform", "chips", "--chip-rate", "8kHz", "--bits", sent["levels"])
     size = ("--rows", rows, "--columns", columns, "--frames", 8, "--swing", 80, "--dark-level", 25, "--noise", 2)
     wrong = ("--rise", 0.3, "--fall", 0.3, "--lamp-width", 80, "--tilt", 3, "--texture", 0.03, "--hum", 0.25)
     recording, video = tmp_path / "lamp.mkv", tmp_path / "lamp.mp4"
-    command("simulate", *light, *timing, *size, *wrong, "--jitter", "50us", "--seed", 3, "-o", recording)
+    facts("simulate", *light, *timing, *size, *wrong, "--jitter", "50us", "--seed", 3, "-o", recording)
     with av.open(str(video), "w") as out:
         stream = out.add_stream("libx264", rate=30)
         stream.width, stream.height, stream.pix_fmt = columns, rows, "yuvj420p"
@@ -592,14 +541,11 @@ def test_a_lamp_out_of_the_laboratory_through_a_codec(receiver, tmp_path, capsys
     lossy = np.asarray(read_frames(video).frames)
     assert not np.array_equal(lossy, read_frames(recording).frames)
     packets = ("--chip-rate", "8kHz", *timing)
-    answers = [json.loads(line) for line in command("receive", video, "--packets", "--json", *packets).splitlines()]
-    assert payload in [answer.get("payload") for answer in answers]
-    piped = subprocess.run(
-        [receiver, "--size", f"{columns}x{rows}", *packets, "--frame-rate", "30", "--payload"],
-        input=lossy.tobytes(),
-        capture_output=True,
-        timeout=120,
-    )
+    code, out, _ = run_command("receive", video, "--packets", "--json", *packets)
+    assert code == 0
+    assert payload in [json.loads(line).get("payload") for line in out]
+    words = [receiver, "--size", f"{columns}x{rows}", *packets, "--frame-rate", "30", "--payload"]
+    piped = subprocess.run(words, input=lossy.tobytes(), capture_output=True, timeout=120)
     assert piped.returncode == 0, piped.stderr
     assert piped.stdout.decode().startswith(payload)
 
@@ -647,7 +593,7 @@ def test_a_file_size_limit_is_one_line(receiver, tmp_path):
     """SIGXFSZ ended it without a word."""
     with (tmp_path / "out").open("wb") as out:
         done = subprocess.run(
-            [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us"],
+            command(receiver),
             input=recording(SquareWave(500.0), frames=9).tobytes(),
             stdout=out,
             stderr=subprocess.PIPE,

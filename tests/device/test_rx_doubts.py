@@ -10,30 +10,19 @@ import time
 
 import numpy as np
 import pytest
+from rx import COLUMNS, ROWS, command, recording, run, start
 
 import ocisac_fast as ocisac
-from ocisac_fast import Camera, Chips, SquareWave
+from ocisac_fast import Chips, SquareWave
 
-ROW_TIME, EXPOSURE, ROWS, COLUMNS = 22.2e-6, 100e-6, 720, 40
 PAYLOAD = b"ab\ncd"
 PACKETS = ("--chip-rate", "11.7kHz", "--payload")
-
-
-def run(receiver, frames, *options, width=COLUMNS):
-    command = [receiver, "--size", f"{width}x{ROWS}", "--row-time", "22.2us", "--exposure", "100us", *options]
-    return subprocess.run(command, input=frames, capture_output=True, timeout=60, check=False)
-
-
-def recording(waveform, frames, swing=150.0, columns=COLUMNS):
-    light = ocisac.integrate_exposure(waveform, Camera(ROW_TIME, EXPOSURE, frame_time=1 / 30), ROWS, frames=frames)
-    noise = np.random.default_rng(2).standard_normal((frames, ROWS, columns))
-    return np.rint(15 + swing * light[:, :, None] + 1.5 * noise).clip(0, 255).astype(np.uint8)
 
 
 @pytest.fixture(scope="module")
 def packets():
     sent = ocisac.transmit(PAYLOAD)
-    return recording(Chips(sent.chips, 11700.0, repeat=True), 40).tobytes()
+    return recording(Chips(sent.chips, 11700.0, repeat=True), 40, dark=15.0, swing=150.0, noise=1.5).tobytes()
 
 
 # Payloads
@@ -89,8 +78,7 @@ def test_times_are_waited_for_as_a_camera_writes_them(receiver, packets, tmp_pat
     path, size = tmp_path / "times.txt", ROWS * COLUMNS
     if kind == "fifo":
         os.mkfifo(path)
-    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--no-bits", "--timestamps", str(path)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program, path.open("w") as times:
+    with start(receiver, "--no-bits", "--timestamps", path, stderr=None) as program, path.open("w") as times:
         assert program.stdin is not None
         for k in range(4):
             program.stdin.write(packets[k * size : (k + 1) * size])
@@ -120,10 +108,7 @@ def test_times_without_meaning_are_refused(receiver, packets, tmp_path, times, m
 def test_a_signal_ends_the_wait_for_times(receiver, packets, tmp_path, has_writer, number):
     path = tmp_path / "times"
     os.mkfifo(path)
-    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--timestamps", str(path)]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=_heed
-    ) as program:
+    with start(receiver, "--timestamps", path, preexec_fn=_heed) as program:
         program.stdin.write(packets[: ROWS * COLUMNS])
         program.stdin.flush()
         with path.open("w") if has_writer else contextlib.nullcontext():
@@ -139,11 +124,8 @@ def _heed():
 
 def test_a_silent_writer_of_times_is_an_error_after_a_while(receiver, packets, tmp_path):
     os.mkfifo(tmp_path / "times")
-    command = [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--timestamps", str(tmp_path / "times")]
-    with (
-        subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as program,
-        (tmp_path / "times").open("w"),
-    ):
+    times = tmp_path / "times"
+    with start(receiver, "--timestamps", times, stdout=None) as program, times.open("w"):
         _, err = program.communicate(packets[: ROWS * COLUMNS], timeout=10)
     assert program.returncode == 2
     assert b"fewer times than frames" in err
@@ -151,7 +133,7 @@ def test_a_silent_writer_of_times_is_an_error_after_a_while(receiver, packets, t
 
 def test_a_file_of_times_without_lines_takes_no_memory(receiver, packets):
     done = subprocess.run(
-        [receiver, "--size", f"{COLUMNS}x{ROWS}", "--row-time", "22.2us", "--timestamps", "/dev/zero"],
+        command(receiver, "--timestamps", "/dev/zero"),
         input=packets[: ROWS * COLUMNS],
         capture_output=True,
         timeout=20,
@@ -193,7 +175,8 @@ def test_without_a_light_there_is_no_payload(receiver):
 def scene(frames, rng, columns=240, texture=30.0):
     """(frames, rows, columns) of a tone's bands on a still texture; (rows, columns / 2) of its two colour planes."""
     picture = rng.normal(0, texture, (ROWS // 16, columns // 8)).repeat(16, 0).repeat(8, 1)
-    bands = recording(SquareWave(500.0, phase=rng.uniform(0, 6)), frames, 100.0, columns).astype(float)
+    wave = SquareWave(500.0, phase=rng.uniform(0, 6))
+    bands = recording(wave, frames, dark=15.0, swing=100.0, noise=1.5, columns=columns).astype(float)
     colour = rng.normal(128, texture / 2, (2, ROWS // 16, columns // 16)).repeat(8, 1).repeat(8, 2)
     return (bands + 40 + picture).clip(0, 255).astype(np.uint8), colour.clip(0, 255).astype(np.uint8)
 
