@@ -63,24 +63,19 @@ def test_many_errors_are_no_slips():
 
 def test_unrelated_bits_are_flagged_and_half_wrong_less_what_the_search_explains():
     random = np.random.default_rng(9)
-    found = [
-        compare_bits(text(random.integers(0, 2, 300)), random.integers(0, 2, 200), repeat=True) for _ in range(400)
-    ]
+    pairs = [(text(random.integers(0, 2, 300)), random.integers(0, 2, 200)) for _ in range(400)]
+    found = [compare_bits(*pair, repeat=True) for pair in pairs]
     flagged = np.mean([bool(one.flags & Flag.NO_SIGNAL) for one in found])
     assert flagged > 0.97  # 1 % is the share that may escape
-    largest = np.mean(
-        np.abs(random.standard_normal((4000, 200))).max(axis=1)
-    )  # of as many shifts, in standard deviations
+    largest = np.mean(np.abs(random.standard_normal((4000, 200))).max(axis=1))  # of as many shifts, over the deviation
     assert np.mean([one.rate for one in found]) == pytest.approx(0.5 - 0.5 * largest / np.sqrt(300), abs=0.004)
     assert all(one.missing == one.inserted == 0 for one in found if one.flags)
 
 
 def test_the_chance_is_a_probability():
     random = np.random.default_rng(10)
-    chances = [
-        compare_bits(text(random.integers(0, 2, 60)), random.integers(0, 2, 40), repeat=True).chance
-        for _ in range(2000)
-    ]
+    pairs = [(text(random.integers(0, 2, 60)), random.integers(0, 2, 40)) for _ in range(2000)]
+    chances = [compare_bits(*pair, repeat=True).chance for pair in pairs]
     for share in (0.02, 0.1):
         assert np.mean(np.array(chances) <= share) <= 1.3 * share
 
@@ -105,23 +100,18 @@ def test_frames_of_a_light_are_added_up():
     assert np.isnan(nothing.rate)
 
 
-def test_the_command_prints_errors(tmp_path, capsys):
-    pytest.importorskip("click")
-    pytest.importorskip("rich")
-    import json
-
-    from ocisac_fast.cli import main
-
+def test_the_command_prints_errors(tmp_path, run, facts):
     sent = np.random.default_rng(2).integers(0, 2, 200)
     rows = integrate_exposure(Chips(sent, 2e4, repeat=True), Camera(1e-5, exposure=3e-5), 700)
     np.save(tmp_path / "frame.npy", 100.0 * rows[:, None] * np.ones(4) + 10.0)
     (tmp_path / "sent.txt").write_text(text(sent) + "\n")
     np.save(tmp_path / "other.npy", 1 - sent)
-    command = ["receive", str(tmp_path / "frame.npy"), "--row-time", "10us", "--chip-rate", "20kHz", "--scan-axis", "y"]
-    assert main([*command, "--sent", str(tmp_path / "sent.txt")]) == 0
-    assert "0 of " in capsys.readouterr().out
-    assert main([*command, "--json", "--sent", str(tmp_path / "other.npy")]) == 0
-    facts = json.loads(capsys.readouterr().out)
-    assert (facts["errors"], facts["inverted"]) == (0, True)
-    assert main([*command, "--sent", str(tmp_path / "frame.npy")]) == 2
-    assert "--sent: got" in capsys.readouterr().err
+    command = ("receive", tmp_path / "frame.npy", "--row-time", "10us", "--chip-rate", "20kHz", "--scan-axis", "y")
+    code, out, _ = run(*command, "--sent", tmp_path / "sent.txt")
+    assert code == 0
+    assert "0 of " in " ".join(out)
+    (found,) = facts(*command, "--sent", tmp_path / "other.npy")
+    assert (found["errors"], found["inverted"]) == (0, True)
+    code, _, err = run(*command, "--sent", tmp_path / "frame.npy")
+    assert code == 2
+    assert "--sent: got" in err[-1]

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-from click.testing import CliRunner
 
 from ocisac_fast import Camera, Receiver, integrate_exposure, receive, transmit
-from ocisac_fast.cli.application import ocisac
 from ocisac_fast.files import read_frames, write_frames
 from ocisac_fast.receiver import MultiReceiver, Received
 
@@ -132,11 +130,10 @@ def test_a_display_of_three_colours(recordings: Path, name: str, count: int) -> 
         assert {found[1].colour, found[0].colour} in ({0, 1}, {0, 2})
 
 
-def test_the_command_names_the_colour(tmp_path: Path) -> None:
+def test_the_command_names_the_colour(tmp_path: Path, facts: Any) -> None:
     frames, _, _ = frame("three", np.eye(3), 2.0, 9)
     write_frames(tmp_path / "three.png", frames)
-    result = CliRunner().invoke(ocisac, ["receive", str(tmp_path / "three.png"), "--scan-axis", "y", "--json"])
-    lines = [json.loads(line) for line in result.output.splitlines()]
+    lines = facts("receive", tmp_path / "three.png", "--scan-axis", "y")
     assert [line["source"] for line in lines] == [0, 1, 2]
     assert sorted(line["colour"] for line in lines) == [0, 1, 2]
     for line in lines:
