@@ -17,7 +17,7 @@ import pytest
 from test_bad_values import FUNCTIONS, call
 
 import ocisac_fast as ocisac
-from ocisac_fast import Camera, Chips, SquareWave, integrate_exposure
+from ocisac_fast import Camera, Chips, Flag, SquareWave, integrate_exposure
 from ocisac_fast.camera import linear_light
 from ocisac_fast.chips import find_channel
 from ocisac_fast.core import as_columns
@@ -63,6 +63,11 @@ class Operator:
     threads: bool = False
 
 
+def kept(result: Any, *names: str) -> dict[str, Any]:
+    """Pictures of a result, which are as stored."""
+    return {name: getattr(result, name) for name in names}
+
+
 def tone_gain(**options: Any) -> Callable[..., Any]:
     return lambda frames, camera, **more: ocisac.tone_gain(frames, camera, 700.0, **options, **more)
 
@@ -104,7 +109,7 @@ OPERATORS = {
     ),
     "background_light": Operator(lambda f, c: ocisac.background_light(f, c), SQUARE, exact=1e-9, unit=("mean", "std")),
     "remove_bands": Operator(
-        lambda f, c: {"light": ocisac.remove_bands(f, c).frames}, PICTURE[:150, :24], exact=None, unit=None
+        lambda f, c: kept(ocisac.remove_bands(f, c), "frames", "marks"), PICTURE[:150, :24], exact=None, unit=None
     ),
     "subtract_still": Operator(lambda f, c: {"light": ocisac.subtract_still(f, c)}, MOVING, unit=("light",)),
     "Receiver": Operator(lambda f, c: ocisac.Receiver(c, chip_rate=4000.0).push(f), DATA, exact=1e-3, unit=None),
@@ -157,11 +162,14 @@ def layouts(frames: Array) -> Iterator[tuple[str, Array]]:
     for picture in pictures.values():
         picture[..., 1] = frames
     backwards = np.ascontiguousarray(frames[..., ::-1, ::-1])[..., ::-1, ::-1]
+    foreign = frames.astype(frames.dtype.newbyteorder())
+    unaligned = np.frombuffer(b"x" + frames.tobytes(), frames.dtype, offset=1).reshape(frames.shape)
     off = np.zeros(frames.size + 3, frames.dtype)[3:].reshape(frames.shape)
     off[...] = frames
     columns_first = np.ascontiguousarray(frames.swapaxes(-1, -2)).swapaxes(-1, -2)
     views = {name: picture[..., 1] for name, picture in pictures.items()}
     views |= {"gaps": wide[..., ::2, ::3], "backwards": backwards, "off": off, "columns first": columns_first}
+    views |= {"bytes of another order": foreign, "unaligned": unaligned}
     for name, view in views.items():
         view.flags.writeable = False
         yield name, view
@@ -192,8 +200,8 @@ def test_the_read_out_direction_is_that_of_the_camera(name: str, axis: Any) -> N
     turned = turned[..., ::-1] if axis == "-x" else turned[..., ::-1, :] if axis == "-y" else turned
     got = operator.call(turned, dataclasses.replace(CAMERA, scan_axis=axis))
     want = operator.call(operator.frames, CAMERA)
-    if "light" in (want if isinstance(want, dict) else {}):
-        got = {"light": as_columns(got["light"], scan_axis=axis)}
+    if isinstance(want, dict):
+        got = {key: value if key == "llr" else as_columns(value, scan_axis=axis) for key, value in got.items()}
     assert_same(got, want, 1e-9)
 
 
@@ -204,6 +212,17 @@ def test_samples_of_another_type_are_the_same_light(name: str, dtype: Any) -> No
     got, want = (operator.call(operator.frames.astype(kind), CAMERA) for kind in (dtype, np.uint8))
     assert operator.exact is not None
     assert_same(got, want, operator.exact)
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+@pytest.mark.parametrize("dtype", ["<i4", ">i4", "u4", "i8", ">u8"])
+def test_integers_of_other_types_are_those_of_16_bits_with_their_white_level(name: str, dtype: str) -> None:
+    operator, camera = OPERATORS[name], dataclasses.replace(CAMERA, white_level=None)
+    frames = np.clip(400.0 * operator.frames, 0, 65535).astype(np.uint16)
+    want = operator.call(frames, camera)
+    assert_same(operator.call(frames.astype(dtype), camera), want)
+    if name == "tone_gain":
+        assert (want.flags & Flag.SATURATED).any()
 
 
 @pytest.mark.parametrize("name", [name for name, one in OPERATORS.items() if one.threads])

@@ -230,17 +230,6 @@ class TestReport:
         assert report.noise == pytest.approx(0.03, rel=0.1)
 
 
-def strided(array: npt.NDArray[Any], kind: str) -> npt.NDArray[Any]:
-    """The same values in memory of another layout."""
-    if kind == "reversed":
-        return np.ascontiguousarray(array[..., ::-1, :][..., ::-1])[..., ::-1, :][..., ::-1]
-    if kind == "gaps":
-        return np.repeat(np.repeat(array, 2, axis=-1), 3, axis=-2)[..., ::3, ::2]
-    if kind == "transposed":
-        return np.ascontiguousarray(array.swapaxes(-1, -2)).swapaxes(-1, -2)
-    return array
-
-
 class TestAgreesWithNumPy:
     @settings(deadline=None, max_examples=2 * settings.default.max_examples // 5)
     @given(
@@ -249,20 +238,19 @@ class TestAgreesWithNumPy:
         st.integers(1, 3),
         st.floats(0, 1.1),
         st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]),
-        st.sampled_from(["dense", "reversed", "gaps", "transposed"]),
         st.sampled_from([{"method": "inverse"}, {"method": "wiener"}, {"method": "wiener", "noise": 5.0}]),
         st.integers(0, 2**32 - 1),
     )
-    def test_shapes_strides_and_types(
-        self, rows: int, columns: int, frames: int, share: float, dtype: Any, layout: str, how: Any, seed: int
+    def test_shapes_and_types(
+        self, rows: int, columns: int, frames: int, share: float, dtype: Any, how: Any, seed: int
     ) -> None:
         exposure_rows = share**3 * rows
         rng = np.random.default_rng(seed)
         array = (200 * rng.random((frames, rows, columns)) + 20 * np.sin(np.arange(rows) / 9)[:, None]).clip(0)
-        array = strided(array.astype(dtype), layout)
+        array = array.astype(dtype)
         result = of.equalize(array, camera(exposure_rows), **how, max_boost=6.0)
-        dense = np.ascontiguousarray(array, np.float64)
-        assert np.array_equal(result, of.equalize(dense, camera(exposure_rows), **how, max_boost=6.0))
+        exact = of.equalize(array.astype(np.float64), camera(exposure_rows), **how, max_boost=6.0)
+        assert np.array_equal(result, exact)
         if how["method"] == "inverse":
             expected = reference.equalize(array, camera(exposure_rows), max_boost=6.0)
             assert np.abs(result - expected).max() <= 1e-10 * np.abs(expected).max()
@@ -279,13 +267,11 @@ class TestAgreesWithNumPy:
         st.integers(1, 70),
         st.floats(0, 1.1),
         st.sampled_from([np.uint8, np.uint16, np.float32, np.float64]),
-        st.sampled_from(["dense", "reversed", "gaps", "transposed"]),
         st.sampled_from([{"method": "inverse"}, {"method": "wiener"}]),
         st.integers(0, 2**32 - 1),
     )
-    def test_float32(self, rows: int, columns: int, share: float, dtype: Any, layout: str, how: Any, seed: int) -> None:
-        rng = np.random.default_rng(seed)
-        array = strided((200 * rng.random((rows, columns))).astype(dtype), layout)
+    def test_float32(self, rows: int, columns: int, share: float, dtype: Any, how: Any, seed: int) -> None:
+        array = (200 * np.random.default_rng(seed).random((rows, columns))).astype(dtype)
         out = np.empty(array.shape, np.float32)
         assert of.equalize(array, camera(share**3 * rows), **how, out=out) is out
         exact = of.equalize(array, camera(share**3 * rows), **how)
