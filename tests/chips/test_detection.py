@@ -82,18 +82,6 @@ def test_sequences_are_those_of_the_plain_search(seed, rows_per_chip, length, ph
     np.testing.assert_array_equal((got.bits == want.bits)[edge:-edge][sure[edge:-edge]], True)
 
 
-def test_auto_takes_the_cheapest_that_is_right():
-    def chosen(rows_per_chip, length, noise):
-        channel = make_channel(rows_per_chip, length * rows_per_chip, noise=noise)
-        columns = make_columns(channel, (1, 300, 1), 3)[0]
-        return ocisac.detect_chips(columns, CAMERA, channel).method
-
-    assert chosen(4.0, 0.5, 4.0) == "slicer"
-    assert chosen(7.0, 1.0, 2.0) == "slicer"
-    assert chosen(4.0, 1.2, 30.0) == "reduced"
-    assert chosen(4.0, 7.0, 2.0) == "reduced"
-
-
 def test_the_expected_share_of_wrong_chips_is_what_is_counted():
     channel = make_channel(2.1, 2.1 * 6.3, noise=5.0, dark=(20.0,), swing=(100.0,))
     columns, chips, _ = make_columns(channel, (1, 1080, 30), 4)

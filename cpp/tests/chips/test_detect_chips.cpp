@@ -101,8 +101,15 @@ TEST_CASE("chips of which only one kind was kept have the certainty of the neare
   CHECK(static_cast<double>(alike) > 0.8 * static_cast<double>(sure));
 }
 
-TEST_CASE("much noise is no reason to slice an exposure of many chips") {
-  CHECK(ocisac::detect_chips(Frame(4, 7, 2.0, 300, 1).question).method == "reduced");
+TEST_CASE("the cheapest detector that is right is taken; much noise is no reason to slice an exposure of many chips") {
+  const auto chosen = [](double rows_per_chip, double length, double noise) {
+    return ocisac::detect_chips(Frame(rows_per_chip, length, noise, 300, 1).question).method;
+  };
+  CHECK(chosen(4, 0.5, 0.04) == "slicer");
+  CHECK(chosen(7, 1, 0.02) == "slicer");
+  CHECK(chosen(4, 1.2, 0.3) == "reduced");
+  CHECK(chosen(4, 7, 0.02) == "reduced");
+  CHECK(chosen(4, 7, 2.0) == "reduced");
 }
 
 TEST_CASE("exposures of 14 and of 20 chips are read without an error at little noise") {
