@@ -30,9 +30,21 @@ std::vector<T> picture() {
   return pixels;
 }
 
+// A struct as its function initialises it.
+template <class T>
+T fresh(void (*init)(T*)) {
+  T made;
+  init(&made);
+  return made;
+}
+
+void check_refused(int code, const std::string& begin) {
+  CHECK(code == OCISAC_BAD_ARGUMENT);
+  CHECK(std::string(ocisac_last_error()).substr(0, begin.size()) == begin);
+}
+
 ocisac_options packet_options() {
-  ocisac_options options;
-  ocisac_options_init(&options);
+  auto options = fresh(ocisac_options_init);
   options.row_time = 20e-6;
   options.frequency = 900;
   options.want_data = 0;
@@ -45,8 +57,7 @@ TEST_CASE("C: frames in, results out") {
   const ocisac_options options = packet_options();
   ocisac_receiver* receiver = nullptr;
   REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
-  ocisac_result result;
-  ocisac_result_init(&result);
+  auto result = fresh(ocisac_result_init);
   CHECK(ocisac_poll(receiver, &result) == OCISAC_NOTHING);
   const auto pixels = picture<std::uint16_t>();
   // The same picture, bottom row first, contains the same tone.
@@ -96,8 +107,7 @@ TEST_CASE("C: bits and the payload of a packet") {
       pixels.push_back(static_cast<std::uint8_t>(30 + 180 * light[k / kColumns] + static_cast<double>(k * 7 % 3)));
     const ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, std::ptrdiff_t{kColumns}, number};
     REQUIRE(ocisac_push(receiver, &frame) == OCISAC_OK);
-    ocisac_result result;
-    ocisac_result_init(&result);
+    auto result = fresh(ocisac_result_init);
     REQUIRE(ocisac_poll(receiver, &result) == OCISAC_OK);
     CHECK(result.chip_rate == doctest::Approx(options.chip_rate).epsilon(1e-3));
     CHECK(result.error_rate < 1e-6);
@@ -137,13 +147,11 @@ TEST_CASE("C: what has no meaning is a code and a line") {
   REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
   const auto pixels = picture<std::uint8_t>();
   ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, kColumns - 1, 0};
-  CHECK(ocisac_push(receiver, &frame) == OCISAC_BAD_ARGUMENT);
-  CHECK(std::string(ocisac_last_error()).find("stride: got 23") == 0);
+  check_refused(ocisac_push(receiver, &frame), "stride: got 23");
   for (const std::ptrdiff_t stride : {std::numeric_limits<std::ptrdiff_t>::min(),
                                       std::numeric_limits<std::ptrdiff_t>::max() / 4, std::ptrdiff_t{0}}) {
     frame.stride = stride;
-    CHECK(ocisac_push(receiver, &frame) == OCISAC_BAD_ARGUMENT);
-    CHECK(std::string(ocisac_last_error()).find("stride: got " + std::to_string(stride)) == 0);
+    check_refused(ocisac_push(receiver, &frame), "stride: got " + std::to_string(stride));
   }
   frame.stride = kColumns;
   frame.format = 7;
@@ -159,8 +167,7 @@ TEST_CASE("C: what has no meaning is a code and a line") {
   options.region = {UINT32_MAX, UINT32_MAX, 2, 2};
   REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
   frame.height = kRows;
-  CHECK(ocisac_push(receiver, &frame) == OCISAC_BAD_ARGUMENT);
-  CHECK(std::string(ocisac_last_error()).find("region: got 4294967295,4294967295,2,2") == 0);
+  check_refused(ocisac_push(receiver, &frame), "region: got 4294967295,4294967295,2,2");
   ocisac_destroy(receiver);
 }
 
@@ -173,8 +180,7 @@ TEST_CASE("C: a program that knows less of the structs gets what it knows") {
   const auto pixels = picture<std::uint8_t>();
   const ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, kColumns, 0};
   REQUIRE(ocisac_push(receiver, &frame) == OCISAC_OK);
-  ocisac_result result;
-  ocisac_result_init(&result);
+  auto result = fresh(ocisac_result_init);
   result.size = offsetof(ocisac_result, bits);
   result.bits = "untouched";
   REQUIRE(ocisac_poll(receiver, &result) == OCISAC_OK);
@@ -189,13 +195,11 @@ TEST_CASE("C: a frame's stamp is checked, and not stated by default") {
   REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
   const auto pixels = picture<std::uint16_t>();
   const ocisac_frame frame{pixels.data(), OCISAC_GRAY16, kColumns, kRows, 2 * std::ptrdiff_t{kColumns}, 0};
-  ocisac_stamp stamp;
-  ocisac_stamp_init(&stamp);
+  auto stamp = fresh(ocisac_stamp_init);
   CHECK(std::isnan(stamp.time));
   CHECK(ocisac_push_stamped(receiver, &frame, nullptr) == OCISAC_BAD_ARGUMENT);
   stamp.exposure = -1;
-  CHECK(ocisac_push_stamped(receiver, &frame, &stamp) == OCISAC_BAD_ARGUMENT);
-  CHECK(std::string(ocisac_last_error()).starts_with("exposure: got -1"));
+  check_refused(ocisac_push_stamped(receiver, &frame, &stamp), "exposure: got -1");
   stamp.exposure = 1e-4;
   stamp.time = 12.5;
   CHECK(ocisac_push_stamped(receiver, &frame, &stamp) == OCISAC_OK);
@@ -227,8 +231,7 @@ TEST_CASE("C: several lights, one result each") {
   options.frequency = std::nan("");
   options.max_lights = 0;
   ocisac_receiver* receiver = nullptr;
-  CHECK(ocisac_create(&options, &receiver) == OCISAC_BAD_ARGUMENT);
-  CHECK(std::string(ocisac_last_error()).find("max_lights: got 0") == 0);
+  check_refused(ocisac_create(&options, &receiver), "max_lights: got 0");
   options.max_lights = 4;
   REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
   const auto pixels = two_lamps();
@@ -237,8 +240,7 @@ TEST_CASE("C: several lights, one result each") {
   for (frame.number = 0; frame.number < 6; ++frame.number) {  // three frames must agree on several lights
     REQUIRE(ocisac_push(receiver, &frame) == OCISAC_OK);
     frequencies.clear();
-    ocisac_result result;
-    ocisac_result_init(&result);
+    auto result = fresh(ocisac_result_init);
     while (ocisac_poll(receiver, &result) == OCISAC_OK) {
       CHECK(result.frame == frame.number);
       frequencies.push_back(result.frequency);
@@ -275,16 +277,14 @@ TEST_CASE("C: lights of one picture") {
   CHECK(ocisac_detect(&options, &frame, nullptr, 1, &found) == OCISAC_BAD_ARGUMENT);
   CHECK(ocisac_detect(nullptr, &frame, lights.data(), 1, &found) == OCISAC_BAD_ARGUMENT);
   lights[0].size = 0;
-  CHECK(ocisac_detect(&options, &frame, lights.data(), 1, &found) == OCISAC_BAD_ARGUMENT);
-  CHECK(std::string(ocisac_last_error()).find("lights: got 0") == 0);
+  check_refused(ocisac_detect(&options, &frame, lights.data(), 1, &found), "lights: got 0");
 }
 
 TEST_CASE("C: rows in any direction, luma between chroma: the same light, in stored pixels") {
   ocisac_options options = packet_options();
   const auto down = two_lamps();
   const auto lit_box = [&](const ocisac_frame& frame) {
-    ocisac_light light;
-    ocisac_light_init(&light);
+    auto light = fresh(ocisac_light_init);
     std::size_t found = 0;
     REQUIRE(ocisac_detect(&options, &frame, &light, 1, &found) == OCISAC_OK);
     REQUIRE(found == 2);
@@ -314,34 +314,28 @@ TEST_CASE("C: rows in any direction, luma between chroma: the same light, in sto
   ocisac_receiver* receiver = nullptr;
   REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
   REQUIRE(ocisac_push(receiver, &turned) == OCISAC_OK);
-  ocisac_result result;
-  ocisac_result_init(&result);
+  auto result = fresh(ocisac_result_init);
   REQUIRE(ocisac_poll(receiver, &result) == OCISAC_OK);
   CHECK(result.frequency == doctest::Approx(left.frequency).epsilon(0.01));
   CHECK(result.region.x == left.box.x);
   CHECK(result.region.height == left.box.height);
   ocisac_destroy(receiver);
   options.scan_axis = 4;
-  CHECK(ocisac_create(&options, &receiver) == OCISAC_BAD_ARGUMENT);
-  CHECK(std::string(ocisac_last_error()).find("scan_axis: got 4, allowed: 0 to 3") == 0);
+  check_refused(ocisac_create(&options, &receiver), "scan_axis: got 4, allowed: 0 to 3");
 }
 
 TEST_CASE("C: the row time from a lamp of known frequency") {
-  ocisac_options options;
-  ocisac_options_init(&options);  // without a row time
+  auto options = fresh(ocisac_options_init);  // without a row time
   const auto pixels = picture<std::uint8_t>();
   const ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, kColumns, 0};
-  ocisac_calibration calibration;
-  ocisac_calibration_init(&calibration);
+  auto calibration = fresh(ocisac_calibration_init);
   REQUIRE(ocisac_calibrate(&options, &frame, 900, &calibration) == OCISAC_OK);
   CHECK(calibration.row_time == doctest::Approx(20e-6).epsilon(1e-4));
   CHECK(calibration.row_time_std > 0);
   CHECK(calibration.row_time_std < 2e-9);
-  CHECK(ocisac_calibrate(&options, &frame, -1, &calibration) == OCISAC_BAD_ARGUMENT);
-  CHECK(std::string(ocisac_last_error()).find("frequency: got -1") == 0);
+  check_refused(ocisac_calibrate(&options, &frame, -1, &calibration), "frequency: got -1");
   options.tone_curve = 3;
-  CHECK(ocisac_calibrate(&options, &frame, 900, &calibration) == OCISAC_BAD_ARGUMENT);
-  CHECK(std::string(ocisac_last_error()).find("tone_curve: got 3") == 0);
+  check_refused(ocisac_calibrate(&options, &frame, 900, &calibration), "tone_curve: got 3");
   CHECK(std::string(ocisac_flag_name(1)) == "saturated");
   CHECK(ocisac_flag_name(3) == nullptr);
 }
@@ -352,8 +346,7 @@ TEST_CASE("C: the tone of a picture and its spectrum") {
   options.exposure = 200e-6;
   const auto pixels = picture<std::uint8_t>();
   const ocisac_frame frame{pixels.data(), OCISAC_GRAY8, kColumns, kRows, kColumns, 0};
-  ocisac_tone tone;
-  ocisac_tone_init(&tone);
+  auto tone = fresh(ocisac_tone_init);
   REQUIRE(ocisac_find_frequency(&options, &frame, &tone) == OCISAC_OK);
   CHECK(tone.frequency == doctest::Approx(900).epsilon(1e-3));
   CHECK(tone.gain == doctest::Approx(0.8).epsilon(1e-3));
@@ -388,10 +381,8 @@ TEST_CASE("C: the tone of a picture and its spectrum") {
 }
 
 TEST_CASE("C: the best exposure, alone and without bands of other lights") {
-  ocisac_exposure_request request;
-  ocisac_exposure_request_init(&request);
-  ocisac_exposure_advice advice;
-  ocisac_exposure_advice_init(&advice);
+  auto request = fresh(ocisac_exposure_request_init);
+  auto advice = fresh(ocisac_exposure_advice_init);
   CHECK(ocisac_advise_exposure(&request, nullptr, 0, &advice) == OCISAC_BAD_ARGUMENT);
   request.comm_frequency = 700;
   REQUIRE(ocisac_advise_exposure(&request, nullptr, 0, &advice) == OCISAC_OK);
@@ -417,8 +408,7 @@ TEST_CASE("C: the best exposure, alone and without bands of other lights") {
   REQUIRE(ocisac_advise_exposure(&request, lights.data(), 2, &advice) == OCISAC_OK);
   CHECK(advice.holds == 0);
   request.min_gain = 0.5;
-  CHECK(ocisac_advise_exposure(&request, lights.data(), 2, &advice) == OCISAC_BAD_ARGUMENT);
-  CHECK(std::string(ocisac_last_error()).find("f_comm: got None") == 0);
+  check_refused(ocisac_advise_exposure(&request, lights.data(), 2, &advice), "f_comm: got None");
   lights[0].size = 0;
   CHECK(ocisac_advise_exposure(&request, lights.data(), 2, &advice) == OCISAC_BAD_ARGUMENT);
   CHECK(ocisac_advise_exposure(&request, nullptr, 2, &advice) == OCISAC_BAD_ARGUMENT);
@@ -438,7 +428,6 @@ TEST_CASE("C: chips of a packet") {
   std::string chips(count, ' ');
   REQUIRE(ocisac_packet_chips(&options, payload.data(), payload.size(), 3, chips.data(), count, &count) == OCISAC_OK);
   CHECK(chips == expected);
-  CHECK(ocisac_packet_chips(&options, payload.data(), 0, 3, nullptr, 0, &count) == OCISAC_BAD_ARGUMENT);
-  CHECK(std::string(ocisac_last_error()).find("payload: got 0 bytes") == 0);
+  check_refused(ocisac_packet_chips(&options, payload.data(), 0, 3, nullptr, 0, &count), "payload: got 0 bytes");
   CHECK(ocisac_packet_chips(&options, payload.data(), 4, 256, nullptr, 0, &count) == OCISAC_BAD_ARGUMENT);
 }

@@ -61,12 +61,18 @@ struct Sender {
 
 std::ptrdiff_t place_of_block(std::size_t block) { return static_cast<std::ptrdiff_t>(block * kBlock); }
 
-// An assembler that knows the layout and the clock, from the first four blocks.
-PacketAssembler after_four_blocks(const Sender& sender, const ocisac::PlaceErrors& errors = {}) {
+// An assembler that knows the layout and the clock, from the first blocks, of which it takes four.
+PacketAssembler after_blocks(const Sender& sender, std::size_t count = 4, const ocisac::PlaceErrors& errors = {}) {
   PacketAssembler assembler(sender.format);
-  for (std::size_t block = 0; block < 4; ++block)
+  for (std::size_t block = 0; block < count; ++block)
     assembler.push(place_of_block(block), sender.blocks(block, 1), errors);
   return assembler;
+}
+
+// What `count` chips from chip `first` on are after four blocks, `off` chips from their place.
+ocisac::StretchReport report_of(const Sender& sender, std::size_t first, std::size_t count, std::ptrdiff_t off,
+                                const ocisac::PlaceErrors& errors) {
+  return after_blocks(sender).push(static_cast<std::ptrdiff_t>(first) + off, sender.soft(first, count), errors);
 }
 
 // Blocks are pushed one by one until the payload is there: how many it took; 0: not within `most`.
@@ -135,15 +141,22 @@ TEST_CASE("payloads, numbers and blocks beyond their bounds are refused") {
 }
 
 TEST_CASE("each header names its block, the parity and a digit of the length") {
-  const Sender sender(01234, 5);  // octal digits 1, 2, 3, 4
-  const std::size_t count = sender.chips.size() / kBlock;
-  const auto found = ocisac::find_blocks(sender.soft(0, sender.chips.size()), sender.format);
-  REQUIRE(found.size() == count);
-  for (unsigned k = 0; k < count; ++k) {
-    CHECK(found[k].chip == k * kBlock);
-    CHECK(found[k].block == k);
-    CHECK(found[k].parity == 1);
-    CHECK(found[k].digit == k % 4 + 1);
+  const PacketFormat lengthened{ocisac::LineCode::named("8b10b"), 8, ocisac::Preamble::lengthened};
+  for (const PacketFormat& format : {format_of(), lengthened}) {
+    const Sender sender(01234, 5, format);  // octal digits 1, 2, 3, 4
+    const std::size_t length = ocisac::block_chips(format), count = sender.chips.size() / length;
+    const auto found = ocisac::find_blocks(sender.soft(0, sender.chips.size()), format);
+    REQUIRE(found.size() == count);
+    for (unsigned k = 0; k < count; ++k) {
+      CHECK(found[k].chip == k * length);
+      CHECK(found[k].block == k);
+      CHECK(found[k].parity == 1);
+      CHECK(found[k].digit == k % 4 + 1);
+    }
+    const auto later = ocisac::find_blocks(sender.soft(5, 3 * length), format);
+    REQUIRE(later.size() == 2);
+    CHECK(later[0].chip == length - 5);
+    CHECK(later[0].block == 1);
   }
 }
 
@@ -294,7 +307,7 @@ TEST_CASE("blocks are found where their probability is 99 %, by all headers agai
 
 TEST_CASE("stretches that come again count alone, with the packet that headers told before") {
   const Sender sender(80);
-  PacketAssembler assembler = after_four_blocks(sender);
+  PacketAssembler assembler = after_blocks(sender);
   auto wrong = sender.blocks(4, 4);
   for (std::size_t block = 0; block < 4; ++block) flip(wrong, block * kBlock + kStart, kBlock - kStart);
   CHECK(assembler.push(place_of_block(4), wrong).bytes == 32);
@@ -354,8 +367,7 @@ TEST_CASE("the payload comes with the byte that completes it, alone or beside a 
   for (const std::size_t seen : {kByte, kByte + kByte / 2, 2 * kByte}) {
     CAPTURE(seen);
     const Sender sender(20);  // 25 of 255 bytes are data
-    PacketAssembler assembler(sender.format);
-    for (std::size_t block = 0; block < 3; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    PacketAssembler assembler = after_blocks(sender, 3);
     auto report = assembler.push(place_of_block(3), sender.soft(3 * kBlock, kStart));
     CHECK(report.share == doctest::Approx(24 / 25.0));
     CHECK(!report.payload);
@@ -439,8 +451,7 @@ TEST_CASE("after a payload the collection begins anew and the next cycle gives i
 
 TEST_CASE("a packet of another parity or length takes over at the second header that shows it") {
   const Sender first(80, 0), other(80, 1), longer(500, 2);
-  PacketAssembler assembler(first.format);
-  for (std::size_t block = 0; block < 8; ++block) assembler.push(place_of_block(block), first.blocks(block, 1));
+  PacketAssembler assembler = after_blocks(first, 8);
   CHECK(assembler.push(place_of_block(32), other.blocks(32, 1)).share > 0);  // of the first packet
   CHECK(assembler.push(place_of_block(33), other.blocks(33, 1)).share == 0);
   CHECK(blocks_needed(assembler, other, 34, 40) == 9);  // the first header waits for the second
@@ -460,8 +471,7 @@ TEST_CASE("stretches of one instant tell no rate, and wait where they are") {
 TEST_CASE("one header of another packet does no harm") {
   const Sender sender(80, 0), other(80, 1), longer(1300, 0);
   for (const Sender* stranger : {&other, &longer}) {
-    PacketAssembler assembler(sender.format);
-    for (std::size_t block = 0; block < 8; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    PacketAssembler assembler = after_blocks(sender, 8);
     assembler.push(place_of_block(8), stranger->soft(8 * kBlock, kStart));
     CHECK(blocks_needed(assembler, sender, 9, 3) == 3);
   }
@@ -470,8 +480,7 @@ TEST_CASE("one header of another packet does no harm") {
 TEST_CASE("two packets of one parity and length are not mixed into a third") {
   const Sender first(80, 0);
   Sender second(80, 2);
-  PacketAssembler assembler(first.format);
-  for (std::size_t block = 0; block < 6; ++block) assembler.push(place_of_block(block), first.blocks(block, 1));
+  PacketAssembler assembler = after_blocks(first, 6);
   for (std::size_t block = 6; block < 150; ++block) {
     const auto report = assembler.push(place_of_block(block), second.blocks(block, 1));
     if (!report.payload) continue;
@@ -484,7 +493,7 @@ TEST_CASE("two packets of one parity and length are not mixed into a third") {
 
 TEST_CASE("a stretch that begins before the end of the last one is left out") {
   const Sender sender(80);
-  PacketAssembler assembler = after_four_blocks(sender);
+  PacketAssembler assembler = after_blocks(sender);
   auto report = assembler.push(place_of_block(4) - 1, sender.soft(4 * kBlock - 1, 100));
   CHECK(report.outcome == StretchOutcome::repeated);
   CHECK(report.blocks == 0);
@@ -543,7 +552,7 @@ TEST_CASE("a header that ends with its stretch counts once") {
 
 TEST_CASE("stretches without a header have their place from the clock") {
   const Sender sender(80);
-  PacketAssembler assembler = after_four_blocks(sender);
+  PacketAssembler assembler = after_blocks(sender);
   std::size_t bytes = 32;
   for (std::size_t block = 4; block < 10; ++block) {
     const auto report = assembler.push(place_of_block(block) + static_cast<std::ptrdiff_t>(kStart),
@@ -571,8 +580,7 @@ TEST_CASE("the next header corrects a slip of two chips; of more, the second one
   }
   for (const std::ptrdiff_t slip : {3, 50, 5000}) {
     CAPTURE(slip);
-    PacketAssembler assembler(sender.format);
-    for (std::size_t block = 0; block < 6; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+    PacketAssembler assembler = after_blocks(sender, 6);
     auto report = assembler.push(place_of_block(6) + slip, sender.blocks(6, 1));
     CHECK(report.outcome == StretchOutcome::waiting);
     CHECK(report.share == doctest::Approx(48 / 85.0));
@@ -588,8 +596,7 @@ TEST_CASE("the next header corrects a slip of two chips; of more, the second one
 
 TEST_CASE("a lost clock keeps the symbols and waits for a header") {
   const Sender sender(80);
-  PacketAssembler assembler(sender.format);
-  for (std::size_t block = 0; block < 8; ++block) assembler.push(place_of_block(block), sender.blocks(block, 1));
+  PacketAssembler assembler = after_blocks(sender, 8);
   assembler.lose_clock();
   auto report = assembler.push(-70'000, sender.soft(8 * kBlock + kStart, 8 * kByte));
   CHECK(report.outcome == StretchOutcome::waiting);
@@ -616,10 +623,8 @@ TEST_CASE("a header counts as far from its place as the clock may have jumped") 
     for (const double errors : {3.0, 4.0, 5.0}) {  // of the jump's standard error
       CAPTURE(slip);
       CAPTURE(errors);
-      PacketAssembler assembler = after_four_blocks(sender);
       const auto jump = static_cast<std::ptrdiff_t>(2 + errors * slip);  // two chips are no jump
-      const auto report =
-          assembler.push(place_of_block(4) + jump, sender.blocks(4, 1), {.offset = 0, .scatter = 0, .slip = slip});
+      const auto report = report_of(sender, 4 * kBlock, kBlock, jump, {.offset = 0, .scatter = 0, .slip = slip});
       CHECK((report.outcome == StretchOutcome::placed) == (errors <= 4));
     }
 }
@@ -643,10 +648,8 @@ TEST_CASE("preamble, header and line code show the place of a stretch within fou
   const Sender sender(80);
   const auto check = [&](std::size_t unseen, std::ptrdiff_t slip, double scatter) {
     CAPTURE(slip);
-    PacketAssembler assembler = after_four_blocks(sender);
     const auto report =
-        assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(unseen) + slip,
-                       sender.soft(4 * kBlock + unseen, kBlock - unseen), {.offset = 0, .scatter = scatter, .slip = 0});
+        report_of(sender, 4 * kBlock + unseen, kBlock - unseen, slip, {.offset = 0, .scatter = scatter, .slip = 0});
     CHECK(report.blocks == 0);
     CHECK(report.outcome == StretchOutcome::placed);
     CHECK(report.bytes == 8);
@@ -662,7 +665,7 @@ TEST_CASE("words from elsewhere that contradict the header expected there wait")
   const Sender sender(80), other(80, 1);
   for (const std::size_t first : {0U, 1U}) {  // of the alignments of a word
     CAPTURE(first);
-    PacketAssembler assembler = after_four_blocks(sender);
+    PacketAssembler assembler = after_blocks(sender);
     const auto report = assembler.push(place_of_block(5) - 100 + static_cast<std::ptrdiff_t>(first),
                                        other.soft(7 * kBlock + kStart + first, kBlock - kStart - first),
                                        {.offset = 0, .scatter = 1, .slip = 0});
@@ -673,7 +676,7 @@ TEST_CASE("words from elsewhere that contradict the header expected there wait")
 
 TEST_CASE("a stretch that fits at several places waits, and eight of them at most") {
   const Sender sender(80);
-  PacketAssembler assembler = after_four_blocks(sender);
+  PacketAssembler assembler = after_blocks(sender);
   Soft alternating(40, kSure);  // words of the code, shifted by two chips as well
   for (std::size_t chip = 0; chip < alternating.size(); chip += 2) alternating[chip] = -kSure;
   for (std::size_t block = 4; block < 16; ++block) {
@@ -693,11 +696,8 @@ TEST_CASE("words without a header are placed while they belong there with 99 %")
   const Sender sender(80);
   for (const double scatter : {0.6, 0.605}) {
     CAPTURE(scatter);
-    PacketAssembler assembler = after_four_blocks(sender);
-    const std::size_t inside = kStart + 4;
     const auto report =
-        assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(inside),
-                       sender.soft(4 * kBlock + inside, 6 * kByte), {.offset = 0, .scatter = scatter, .slip = 0});
+        report_of(sender, 4 * kBlock + kStart + 4, 6 * kByte, 0, {.offset = 0, .scatter = scatter, .slip = 0});
     CHECK((report.outcome == StretchOutcome::placed) == (scatter == 0.6));
   }
 }
@@ -707,11 +707,8 @@ TEST_CASE("the first chip of a preamble is evidence of a place") {
   const Sender sender(80);
   for (const std::size_t chips : {0U, 1U}) {  // of the next preamble
     CAPTURE(chips);
-    PacketAssembler assembler = after_four_blocks(sender);
-    const std::size_t inside = kStart + 4;
-    const auto report = assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(inside),
-                                       sender.soft(4 * kBlock + inside, kBlock - inside + chips),
-                                       {.offset = 0, .scatter = 0.65, .slip = 0});
+    const auto report = report_of(sender, 4 * kBlock + kStart + 4, kBlock - kStart - 4 + chips, 0,
+                                  {.offset = 0, .scatter = 0.65, .slip = 0});
     CHECK((report.outcome == StretchOutcome::placed) == (chips == 1));
   }
 }
@@ -727,7 +724,7 @@ TEST_CASE("a wrong bit of a header speaks against its place with twelve nats, a 
   for (const Case& of : {Case{10, 0.1, 0.980}, Case{11, 0.1, 0.9901}, Case{11, 0.103, 0.9898}, Case{12, 0.1, 0.995}}) {
     CAPTURE(of.right);
     CAPTURE(of.scatter);
-    PacketAssembler assembler = after_four_blocks(sender);
+    PacketAssembler assembler = after_blocks(sender);
     const std::size_t inside = kStart - 2 * (of.right + 1);
     auto llr = sender.soft(4 * kBlock + inside, kBlock - inside);
     flip(llr, 2 * of.right, 2);
@@ -739,10 +736,7 @@ TEST_CASE("a wrong bit of a header speaks against its place with twelve nats, a 
 
 TEST_CASE("the offset of a place counts as the clock does") {
   const Sender sender(80);
-  PacketAssembler assembler = after_four_blocks(sender);
-  const auto report =
-      assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(kStart) + 6,
-                     sender.soft(4 * kBlock + kStart, 8 * kByte), {.offset = -6, .scatter = 0, .slip = 0});
+  const auto report = report_of(sender, 4 * kBlock + kStart, 8 * kByte, 6, {.offset = -6, .scatter = 0, .slip = 0});
   CHECK(report.outcome == StretchOutcome::placed);
   CHECK(report.bytes == 8);
   CHECK(report.violations == 0);
@@ -801,7 +795,7 @@ TEST_CASE("the errors of the first place belong to the clock") {
   const Sender sender(80);
   for (const std::ptrdiff_t off : {8, 9}) {
     CAPTURE(off);
-    PacketAssembler assembler = after_four_blocks(sender, {.offset = 0, .scatter = 3, .slip = 0});
+    PacketAssembler assembler = after_blocks(sender, 4, {.offset = 0, .scatter = 3, .slip = 0});
     const auto report = assembler.push(place_of_block(4) + off, sender.blocks(4, 1));
     CHECK((report.outcome == StretchOutcome::placed) == (off == 8));
   }
@@ -919,7 +913,7 @@ TEST_CASE("light that is dark for 1 is read as well, and said to be") {
 
 TEST_CASE("chips that a clock placed, which a header contradicts, are taken back") {
   const Sender sender(80);
-  PacketAssembler assembler = after_four_blocks(sender);
+  PacketAssembler assembler = after_blocks(sender);
   // The sender has jumped by a block: words that are placed as those of block 4, and two headers that contradict.
   const auto words = sender.soft(5 * kBlock + kStart, 8 * kByte);
   auto report = assembler.push(place_of_block(4) + static_cast<std::ptrdiff_t>(kStart), words);

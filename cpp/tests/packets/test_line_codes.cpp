@@ -162,3 +162,8 @@ TEST_CASE("bits other than 0 and 1, and parts of words, are refused") {
   CHECK_NOTHROW((void)code.decode(std::vector<double>(6, 1.0)));
   CHECK_THROWS_AS((void)code.decode(std::vector<double>(7, 1.0)), std::invalid_argument);
 }
+
+TEST_CASE("CRC-32 is that of IEEE 802.3") {
+  const std::string text = "123456789";
+  CHECK(ocisac::crc32(std::vector<std::uint8_t>(text.begin(), text.end())) == 0xCBF43926U);
+}
