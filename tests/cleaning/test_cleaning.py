@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+import box_pictures
 import cleaning
 import numpy as np
 import numpy.typing as npt
 import pytest
-from click.testing import CliRunner
+from box_pictures import Array, psnr
 
 from ocisac_fast import (
     Camera,
@@ -27,22 +28,14 @@ from ocisac_fast import (
 from ocisac_fast.camera.linear_light import linear_light, stored_values
 from ocisac_fast.cleaning import CleaningOptions, Mark, VideoCleaner
 from ocisac_fast.cleaning.stored import lowered
-from ocisac_fast.cli.application import ocisac
 from ocisac_fast.files import read_frames, write_frames
 
-Array = npt.NDArray[np.float64]
 ROWS, COLUMNS = 256, 200
 CAMERA = Camera(1e-5, exposure=4e-5)
 
 
 def boxes(seed: int, rows: int = ROWS, columns: int = COLUMNS) -> Array:
-    random = np.random.default_rng(seed)
-    picture = np.full((rows, columns), 0.5)
-    for _ in range(40):
-        top, left = random.integers(0, rows - 10), random.integers(0, columns - 10)
-        height, width = random.integers(8, 90, 2)
-        picture[top : top + height, left : left + width] = random.uniform(0.1, 1.0)
-    return picture
+    return box_pictures.boxes(seed, rows, columns, 0.1, 1.0)
 
 
 def scene(light: Array, seed: int = 0, noise: float = 1.5) -> tuple[Array, Array, Array]:
@@ -64,10 +57,6 @@ def row_light(kind: str) -> Array:
     }
     light = integrate_exposure(waves[kind], CAMERA, ROWS)
     return np.asarray(light / light.mean())
-
-
-def psnr(picture: npt.NDArray[np.generic], truth: Array, kept: npt.NDArray[np.bool_]) -> float:
-    return float(10 * np.log10(255**2 / np.mean((picture[kept] - truth[kept]) ** 2)))
 
 
 def by_row_means(read: Array) -> list[Array]:
@@ -311,13 +300,13 @@ def test_a_picture_without_light_stays() -> None:
     assert given.unchanged == ("",)
 
 
-def test_the_command_says_why_a_black_picture_stays(tmp_path: Path) -> None:
+def test_the_command_says_why_a_black_picture_stays(tmp_path: Path, run: Any, facts: Any) -> None:
     np.save(tmp_path / "black.npy", np.zeros((1, 64, 40), np.uint8))
-    line = ["clean", str(tmp_path / "black.npy"), str(tmp_path / "clean.npy"), "--row-time", "10us", "--force"]
-    facts = json.loads(CliRunner().invoke(ocisac, [*line, "--json"], catch_exceptions=False).stdout)
-    assert facts["unchanged"] == "no bands: all rows have the same light"
-    assert facts["frequency_hz"] is None
-    table = CliRunner().invoke(ocisac, line, catch_exceptions=False).output
+    line = ("clean", tmp_path / "black.npy", tmp_path / "clean.npy", "--row-time", "10us", "--force")
+    code, out, _ = run(*line, "--json")
+    found, table = json.loads(*out), " ".join(run(*line)[1])
+    assert (code, found["unchanged"]) == (0, "no bands: all rows have the same light")
+    assert found["frequency_hz"] is None
     assert "no bands" in table
     assert "nan" not in table
 
@@ -352,49 +341,34 @@ def test_a_picture_that_cleaning_would_make_worse_stays(seed: int, keep: Literal
 
 
 @pytest.mark.parametrize("name", ["picture.png", "video.mkv"])
-def test_command(tmp_path: Path, name: str) -> None:
+def test_command(tmp_path: Path, name: str, run: Any) -> None:
     read, _, _ = scene(row_light("tone"))
     grey = np.clip(np.rint(read), 0, 255).astype(np.uint8)[::-1].T  # rows go left
     frames = np.stack([np.stack([grey, grey // 2, grey // 3], axis=2)] * (1 if name == "picture.png" else 2))
     source, target, marks = tmp_path / name, tmp_path / f"clean_{name}", tmp_path / "marks.npy"
     write_frames(source, frames)
-    line = [
-        "clean",
-        str(source),
-        str(target),
-        "--scan-axis",
-        "-x",
-        "--row-time",
-        "10us",
-        "--marks",
-        str(marks),
-        "--tone-curve",
-        "linear",
-        "--json",
-    ]
-    result = CliRunner().invoke(ocisac, [*line, "--json"], catch_exceptions=False)
-    assert result.exit_code == 0
-    assert result.output.count('"model": "tone"') == len(frames)
-    assert result.output.count('"toe": 0.0') == len(frames)
-    assert result.output.count('"unchanged": ""') == len(frames)
-    assert all(json.loads(row)["light_left"] < 0.5 for row in result.stdout.splitlines())
+    camera = ("--scan-axis", "-x", "--row-time", "10us", "--tone-curve", "linear")
+    line = ("clean", source, target, *camera, "--marks", marks)
+    code, out, _ = run(*line, "--json")
+    told = [json.loads(row) for row in out]
+    assert code == 0
+    assert [(one["model"], one["toe"], one["unchanged"]) for one in told] == [("tone", 0.0, "")] * len(frames)
+    assert all(one["light_left"] < 0.5 for one in told)
     cleaned = read_frames(target, colour=True).frames
     in_time_order = frames.swapaxes(1, 2)[:, ::-1]
     each = remove_bands(in_time_order, Camera(1e-5)).frames
     cleaner = VideoCleaner(Camera(1e-5))
-    expected = (
-        each if name == "picture.png" else np.concatenate([cleaner.push(one[None]).frames for one in in_time_order])
-    )
+    in_turn = np.concatenate([cleaner.push(one[None]).frames for one in in_time_order])
+    expected = each if name == "picture.png" else in_turn
     np.testing.assert_array_equal(cleaned, expected[:, ::-1].swapaxes(1, 2))
-    CliRunner().invoke(ocisac, [*line, "--each", "--force"], catch_exceptions=False)
+    run(*line, "--each", "--force")
     np.testing.assert_array_equal(read_frames(target, colour=True).frames, each[:, ::-1].swapaxes(1, 2))
     assert read_frames(marks).frames.shape == frames.shape[:3]
-    told = CliRunner().invoke(ocisac, [*line, "--toe", "0.125", "--force"], catch_exceptions=False)
-    assert told.output.count('"toe": 0.125') == len(frames)
-    bare = CliRunner().invoke(ocisac, [*[word for word in line if word != "--json"], "--force"], catch_exceptions=False)
-    assert "light left" in bare.output
-    refused = CliRunner().invoke(ocisac, [*line, "--toe", "2", "--force"])
-    assert str(refused.exception) == "toe: got 2.0, allowed: 0 to 1"
+    _, out, _ = run(*line, "--toe", "0.125", "--force", "--json")
+    assert [json.loads(row)["toe"] for row in out] == [0.125] * len(frames)
+    assert "light left" in " ".join(run(*line, "--force")[1])
+    code, _, err = run(*line, "--toe", "2", "--force")
+    assert (code, err[-1].endswith("toe: got 2.0, allowed: 0 to 1")) == (2, True)
 
 
 RECORDINGS = ("poster_nlos.jpg", "underwater_0.jpeg", "underwater_2.jpeg")

@@ -4,32 +4,26 @@ from __future__ import annotations
 
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import av
+import box_pictures
 import cleaning_scenes
 import numpy as np
 import numpy.typing as npt
 import pytest
-from click.testing import CliRunner
+from box_pictures import Array, psnr
 
 from ocisac_fast import Camera, remove_bands
 from ocisac_fast.cleaning import CleaningOptions, VideoCleaner
-from ocisac_fast.cli.application import ocisac
 from ocisac_fast.files import open_recording
 
-Array = npt.NDArray[np.float64]
 ROWS, COLUMNS = 400, 200
 CAMERA = Camera(1e-5)
 
 
 def boxes(seed: int) -> Array:
-    random = np.random.default_rng(seed)
-    picture = np.full((ROWS, COLUMNS), 0.5)
-    for _ in range(40):
-        top, left = random.integers(0, ROWS - 10), random.integers(0, COLUMNS - 10)
-        height, width = random.integers(8, 90, 2)
-        picture[top : top + height, left : left + width] = random.uniform(0.3, 1.0)
-    return picture
+    return box_pictures.boxes(seed, ROWS, COLUMNS, 0.3, 1.0)
 
 
 def under(picture: Array, cycles: float, depth: npt.ArrayLike, shift: npt.ArrayLike = 0.0, seed: int = 1) -> Array:
@@ -44,7 +38,7 @@ def decibels(picture: npt.NDArray[np.generic], clean: Array) -> float:
     """PSNR to the clean picture after the best gain."""
     values = picture.astype(float)
     gain = (values * clean).sum() / (values**2).sum()
-    return float(10 * np.log10(255**2 / np.mean((gain * values - clean) ** 2)))
+    return psnr(gain * values, clean)
 
 
 @pytest.mark.parametrize(("cycles", "depth"), [(1.4, 0.4), (2.0, 0.5), (2.6, 0.2)])
@@ -110,7 +104,7 @@ def test_a_video_is_cleaned_once_its_frames_show_the_bands() -> None:
             assert decibels(done.frames, 120 * picture) > decibels(stored, 120 * picture) + 5
 
 
-def test_the_command_takes_the_time_stamps_of_a_video(tmp_path: Path) -> None:
+def test_the_command_takes_the_time_stamps_of_a_video(tmp_path: Path, run: Any) -> None:
     numbers = [0, 1, 2, 3, 5, 6, 8]
     with av.open(str(tmp_path / "gaps.mkv"), "w") as container:
         stream = container.add_stream("ffv1", rate=30)
@@ -120,8 +114,7 @@ def test_the_command_takes_the_time_stamps_of_a_video(tmp_path: Path) -> None:
             frame.pts, frame.time_base = number, Fraction(1, 30)
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
-    line = ["clean", str(tmp_path / "gaps.mkv"), str(tmp_path / "clean.npy"), "--row-time", "10us", "--channel", "y"]
-    CliRunner().invoke(ocisac, line, catch_exceptions=False)
+    run("clean", tmp_path / "gaps.mkv", tmp_path / "clean.npy", "--row-time", "10us", "--channel", "y")
     with open_recording(tmp_path / "gaps.mkv", colour=False) as stored:
         rate = stored.frame_rate
         assert rate is not None

@@ -7,24 +7,18 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 import pytest
+from box_pictures import Array, boxes, psnr
 
 from ocisac_fast import Camera, remove_bands
 from ocisac_fast.cleaning import VideoCleaner
 
-Array = npt.NDArray[np.float64]
 ROWS, COLUMNS, FRAMES = 320, 400, 10
 CAMERA = Camera(1e-5)
 PERIOD, STEP = 37.3, 0.37  # rows per cycle; cycles from frame to frame
 
 
 def albedo(seed: int, rows: int, columns: int) -> Array:
-    random = np.random.default_rng(seed)
-    picture = np.full((rows, columns), 0.4)
-    for _ in range(80):
-        top, left = random.integers(0, rows - 20), random.integers(0, columns - 20)
-        height, width = random.integers(8, 90, 2)
-        picture[top : top + height, left : left + width] = random.uniform(0.1, 0.9)
-    return picture
+    return boxes(seed, rows, columns, 0.1, 0.9, ground=0.4, count=80)
 
 
 def shown(light: Array, picture: Array, lamp: Array, seed: int) -> tuple[npt.NDArray[np.uint8], Array]:
@@ -46,10 +40,6 @@ def video(
         light = 1 + 0.9 * np.cos(2 * np.pi * (np.arange(ROWS) / PERIOD + STEP * k))
         part = np.s_[int(speed[0] * k) :, int(speed[1] * k) :]
         yield shown(light, picture[part][:ROWS, :COLUMNS], lit[lamp][part][:ROWS, :COLUMNS], 100 * seed + k)
-
-
-def psnr(picture: npt.NDArray[np.uint8], clean: Array) -> float:
-    return float(10 * np.log10(255**2 / np.mean((picture - clean) ** 2)))
 
 
 @pytest.mark.parametrize("speed", [(0.0, 0.0), pytest.param((1.0, 4.0), marks=pytest.mark.nightly), (3.0, 7.0)])
