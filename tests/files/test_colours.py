@@ -8,14 +8,13 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import av
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.colours import Conversion, rgb_format, rgb_white
-
-av = pytest.importorskip("av")
 
 Planes = list[npt.NDArray[Any]]  # Y, Cb, Cr
 LUMA_WEIGHTS = {1: (0.2126, 0.0722), 6: (0.299, 0.114), 9: (0.2627, 0.0593)}  # Kr, Kb of BT.709, BT.601, BT.2020

@@ -1,13 +1,9 @@
 """Stretches of recordings: their frames are those of the whole, whatever the container and the codec."""
 
-import numpy as np
-import pytest
-
-pytest.importorskip("av")
-pytest.importorskip("fsspec")
-
 import av
 import fsspec
+import numpy as np
+import pytest
 
 from ocisac_fast.files import FileError, cut_recording, open_recording, read_frames, write_frames
 

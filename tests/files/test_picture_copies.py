@@ -11,13 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from PIL import Image, ImageCms as cms
 
 from ocisac_fast.files import open_recording, read_frames, write_frames
 from ocisac_fast.files.writing import _deep_picture
-
-Image = pytest.importorskip("PIL.Image")
-cms = pytest.importorskip("PIL.ImageCms")
-pytest.importorskip("av")
 
 ORIENTATION, MAKER = 0x0112, 0x010F
 PROFILE = cms.ImageCmsProfile(cms.createProfile("sRGB")).tobytes()

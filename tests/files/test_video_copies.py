@@ -12,15 +12,12 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import numpy.typing as npt
 import pytest
-from click.testing import CliRunner
 
-from ocisac_fast.cli.application import ocisac
 from ocisac_fast.files import FileError, FileWarning, open_recording, write_frames
-
-av = pytest.importorskip("av")
 
 TIMES = [0, 3000, 6100, 12000, 15003]  # of 90 kHz: the rate varies
 ROWS, COLUMNS = 120, 160
@@ -43,9 +40,8 @@ def make_video(path: Path, pixels: str, matrix: int, limits: int, sound: str, so
         context.time_base = Fraction(1, 90_000)
         audio = container.add_stream(sound, rate=48_000, layout="mono")
         for k, time in enumerate(TIMES):
-            frame = av.VideoFrame.from_ndarray(picture(k), format="rgb24").reformat(
-                format=pixels, dst_colorspace=scaler, dst_color_range=limits
-            )
+            kept = {"format": pixels, "dst_colorspace": scaler, "dst_color_range": limits}
+            frame = av.VideoFrame.from_ndarray(picture(k), format="rgb24").reformat(**kept)
             frame.colorspace, frame.color_range, frame.pts, frame.time_base = matrix, limits, time, Fraction(1, 90_000)
             container.mux(stream.encode(frame))
         for k in range(sound_blocks):
@@ -95,9 +91,8 @@ def test_colours_times_and_sound_are_kept(tmp_path: Path, pixels: str, matrix: i
     before, after = frames_of(source, colour=True), frames_of(target, colour=True)
     scale = 257 if pixels.endswith("10le") else 1
     assert np.abs(after - before).mean() < 1.5 * scale
-    assert (
-        np.abs((after - before).mean(axis=(0, 1, 2))).max() < 1.3 * scale
-    )  # a conversion that rounds down costs 1 each
+    # A conversion that rounds down costs 1 each.
+    assert np.abs((after - before).mean(axis=(0, 1, 2))).max() < 1.3 * scale
     for name in ("out.mkv", "out.npy"):
         with open_recording(source, colour=True) as stream:
             write_frames(tmp_path / name, iter(stream), frame_rate=30.0, like=stream)
@@ -164,12 +159,10 @@ def test_colours_without_a_video_to_follow_are_rejected(tmp_path: Path) -> None:
         write_frames(tmp_path / "out.mp4", [picture(0)])
 
 
-def test_clean_keeps_them(tmp_path: Path) -> None:
+def test_clean_keeps_them(tmp_path: Path, run: Any) -> None:
     source, target = tmp_path / "in.mp4", tmp_path / "out.mp4"
     make_video(source, "yuv420p", BT709, LIMITED, "aac")
-    arguments = ["clean", str(source), str(target), "--scan-axis", "y", "--row-time", "10us"]
-    result = CliRunner().invoke(ocisac, arguments, catch_exceptions=False)
-    assert result.exit_code == 0
+    assert run("clean", source, target, "--scan-axis", "y", "--row-time", "10us")[0] == 0
     assert sound_of(target) == sound_of(source)
     assert stream_of(target)[:4] == ("yuv420p", LIMITED, BT709, 1)
     np.testing.assert_allclose(stream_of(target)[4], np.array(TIMES) / 90_000, atol=1e-4)
