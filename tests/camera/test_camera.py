@@ -59,9 +59,8 @@ def test_curves_of_high_dynamic_range_have_the_values_of_bt_2100():
     hlg, pq = (Camera(None, tone_curve=curve, white_level=1.0) for curve in ("hlg", "pq"))
     light = linear_light(values, hlg)
     np.testing.assert_allclose(light[:4], [0.25**2 / 3, 1 / 12, 0.265, 1.0], rtol=1e-3)
-    np.testing.assert_allclose(
-        linear_light(np.array([0.508, 0.581, 0.752, 1.0]), pq) * 1e4, [100, 203, 1000, 1e4], rtol=0.01
-    )
+    stated = linear_light(np.array([0.508, 0.581, 0.752, 1.0]), pq)
+    np.testing.assert_allclose(stated * 1e4, [100, 203, 1000, 1e4], rtol=0.01)
     for camera in (hlg, pq):  # 16-bit samples of limited range can be far above white
         np.testing.assert_allclose(stored_values(linear_light(values, camera), camera, np.float64), values)
 

@@ -118,20 +118,9 @@ def level_errors(column, channel, exposure_known):
     degrees=st.tuples(st.integers(0, 3), st.integers(0, 2)),
     exposure_known=st.booleans(),
 )
-@example(
-    seed=3509,
-    rows_per_chip=2.559590221499623,
-    exposure=5.19140625,
-    rows=360,
-    degrees=(3, 0),
-    exposure_known=False,
-)
-@example(
-    seed=13861, rows_per_chip=3.8387955685106068, exposure=7.0, rows=540, degrees=(0, 0), exposure_known=False
-)  # the fit stops at a kink
-@example(
-    seed=0, rows_per_chip=4.38048865451645, exposure=2.3804886545164496, rows=360, degrees=(0, 0), exposure_known=False
-)  # the bound lies on a kink
+@example(3509, 2.559590221499623, 5.19140625, 360, (3, 0), False)
+@example(13861, 3.8387955685106068, 7.0, 540, (0, 0), False)  # the fit stops at a kink
+@example(0, 4.38048865451645, 2.3804886545164496, 360, (0, 0), False)  # the bound lies on a kink
 def test_fit_and_bounds_agree_with_the_reference(seed, rows_per_chip, exposure, rows, degrees, exposure_known):
     column = Column(seed, rows_per_chip, exposure, rows=rows)
     options = dict(zip(("dark_degree", "swing_degree"), degrees, strict=True), exposure_known=exposure_known)
@@ -177,13 +166,9 @@ def test_errors_are_at_their_bounds(rows_per_chip, exposure):
         assert got.converged
         assert got.noise == pytest.approx(column.noise, rel=0.15)
         assert got.errors.rows_per_chip_std == pytest.approx(bounds.rows_per_chip_std, rel=0.3)
-        misses.append(
-            [
-                phase_of_middle / bounds.phase_std,
-                (got.rows_per_chip - column.rows_per_chip) / bounds.rows_per_chip_std,
-                (got.exposure_rows - column.exposure_rows) / bounds.exposure_rows_std,
-            ]
-        )
+        period = (got.rows_per_chip - column.rows_per_chip) / bounds.rows_per_chip_std
+        length = (got.exposure_rows - column.exposure_rows) / bounds.exposure_rows_std
+        misses.append([phase_of_middle / bounds.phase_std, period, length])
     assert np.all(np.sqrt(np.mean(np.square(misses), axis=0)) < 1.35)  # 40 frames: 11 % spread about 1
     assert np.all(np.abs(misses) < 5)
 
@@ -221,10 +206,8 @@ def test_preambles_are_found(rows_per_chip, exposure, noise, exposure_known):
         if exposure_known:
             assert match.channel.exposure_rows == column.exposure_rows
         else:
-            assert (
-                abs(match.channel.exposure_rows - column.exposure_rows)
-                < 6 * match.channel.errors.exposure_rows_std + 0.01
-            )
+            allowed = 6 * match.channel.errors.exposure_rows_std + 0.01
+            assert abs(match.channel.exposure_rows - column.exposure_rows) < allowed
 
 
 @pytest.mark.parametrize(("seed", "exposure"), [(0, 0.7), (1, 3.0)])
@@ -326,7 +309,7 @@ def test_starts_are_compared_by_the_whole_frame(rows_per_chip, seed):
 
 def test_the_clock_is_predicted_within_its_standard_errors():
     """A steady clock of 3.7 rows a chip and 1501.3 rows a frame, seen in twelve frames, three frames on."""
-    misses = []
+    misses, rest = [], (np.zeros(1), np.ones(1), 0.01, (0, 1080), True)
     for seed in range(300):
         noise = iter(np.random.default_rng(seed).standard_normal(50) * (seed > 0))
         tracker = ocisac.ClockTracker(1501.3 + 0.4 * next(noise), frame_rows_std=0.4, drift=0, exposure_wander=0)
@@ -338,9 +321,7 @@ def test_the_clock_is_predicted_within_its_standard_errors():
             middle = 1.1 + (first + 140) * 3.7 - 1501.3 * frame + 0.05 * next(noise)
             errors = ClockErrors(140, np.diag([0.05**2, 3e-4**2, 0.04]))
             clock = (period, middle - 140 * period, exposures[-1])
-            assert tracker.update(
-                frame, ChannelEstimate(*clock, errors, np.zeros(1), np.ones(1), 0.01, (0, 1080), True)
-            )
+            assert tracker.update(frame, ChannelEstimate(*clock, errors, *rest))
         got = tracker.predict(14)
         assert (got.exposure_rows, got.covariance[2, 2]) == pytest.approx((np.mean(exposures), 0.04 / 12))
         off = [got.phase - (1.1 + 3.7 * got.chip - 1501.3 * 14), got.rows_per_chip - 3.7]

@@ -33,9 +33,8 @@ def test_frequencies_are_those_and_all_those(
 ) -> None:
     found = flicker_free_frequencies(exposures, below, (50.0, 2000.0), duty=duty, exposure_spread=spread)
     grid = np.linspace(50.0, 2000.0, 20_001)
-    left = np.max(
-        [exposure_modulation(FlickeringLight(t, uncertainty=t * spread, duty=duty), grid) for t in exposures], axis=0
-    )
+    lights = [FlickeringLight(t, uncertainty=t * spread, duty=duty) for t in exposures]
+    left = np.max([exposure_modulation(light, grid) for light in lights], axis=0)
     inside = np.zeros(grid.size, bool)
     for low, high in found.intervals:
         inside |= (grid >= low * (1 - 1e-12)) & (grid <= high * (1 + 1e-12))
@@ -46,10 +45,8 @@ def test_frequencies_are_those_and_all_those(
         assert left.min() > below
         assert found.modulation <= left.min() * (1 + 1e-9)
     beyond = found.always_from * np.linspace(1.0 + 1e-9, 5.0, 5001)
-    for t in exposures:
-        assert np.all(
-            exposure_modulation(FlickeringLight(t, uncertainty=t * spread, duty=duty), beyond) <= below * (1 + ROUNDING)
-        )
+    for light in lights:
+        assert np.all(exposure_modulation(light, beyond) <= below * (1 + ROUNDING))
 
 
 @pytest.mark.parametrize("duty", [None, 0.1, 0.7])

@@ -6,6 +6,8 @@ import itertools
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -140,11 +142,11 @@ def test_one_duty_has_an_error_that_covers_the_offset() -> None:
     assert joint.offset == pytest.approx(0.01 / frequency, rel=0.2)
 
 
-def test_real_webcam(recordings: object) -> None:
+def test_real_webcam(recordings: Path) -> None:
     """Five duties of one laser: every pair tells the same row time within 0.3 %, at 30.1 Hz 45.7 us."""
     from ocisac_fast.files import open_recording
 
-    folder = recordings / "pulses"  # type: ignore[operator]
+    folder = recordings / "pulses"
     if not folder.is_dir():
         pytest.skip(f"no recordings at {folder}")
     duties = (0.05, 0.1, 0.2, 0.3, 0.5)
@@ -173,35 +175,25 @@ def test_what_is_no_pulsed_lamp_is_flagged() -> None:
     assert "model_misfit" in calibrate_pulses([slow], frequency, [0.1]).flags
 
 
-def test_command(tmp_path: object, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("click")
-    pytest.importorskip("rich")
-    from ocisac_fast.cli import main
-
+def test_command(tmp_path: Path, run: Any, facts: Any) -> None:
     files = []
     for duty in (0.1, 0.3):
         light, frequency = recording(duty)
-        files.append(str(tmp_path / f"{duty}.npy"))  # type: ignore[operator]
+        files.append(tmp_path / f"{duty}.npy")
         np.save(files[-1], np.repeat(np.rint(20 * light)[..., np.newaxis], 8, axis=2).astype(np.uint8))
     arguments = ("--frequency", f"{frequency!r}Hz")
-    assert main(["calibrate", *files, *arguments, "--pulses", "10%,30%", "--json"]) == 0
-    facts = json.loads(capsys.readouterr().out)
-    assert facts["row_time_s"] == pytest.approx(46e-6, rel=2e-3)
-    assert facts["flags"] == []
-    assert main(["calibrate", files[0], *arguments, "--pulses", "10%", "--json"]) == 0
-    facts = json.loads(capsys.readouterr().out)
-    assert facts["flags"] == ["one_duty"]
-    assert abs(facts["row_time_s"] - 46e-6) < facts["row_time_std_s"]
-    assert main(["calibrate", *files, *arguments, "--pulses", "10%"]) == 2
-    assert "--pulses: got 1 duties" in capsys.readouterr().err
-    assert main(["calibrate", *files, *arguments]) == 2
-    assert "FILE: got 2" in capsys.readouterr().err
+    (found,) = facts("calibrate", *files, *arguments, "--pulses", "10%,30%")
+    assert found["row_time_s"] == pytest.approx(46e-6, rel=2e-3)
+    assert found["flags"] == []
+    (found,) = facts("calibrate", files[0], *arguments, "--pulses", "10%")
+    assert found["flags"] == ["one_duty"]
+    assert abs(found["row_time_s"] - 46e-6) < found["row_time_std_s"]
+    for words, message in ((("--pulses", "10%"), "--pulses: got 1 duties"), ((), "FILE: got 2")):
+        code, _, err = run("calibrate", *files, *arguments, *words)
+        assert (code, message in err[-1]) == (2, True)
 
 
-def test_the_command_reads_a_band_of_lit_rows_along_y(recordings, capsys):
-    pytest.importorskip("av")
-    from ocisac_fast.cli import main
-
-    files = [str(recordings / "pulses" / f"logitech_30.1hz_duty_{duty}.mkv") for duty in (5, 50)]
-    assert main(["calibrate", *files, "--frequency", "30.1Hz", "--pulses", "5%,50%", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["row_time_s"] == pytest.approx(45.7e-6, rel=0.01)
+def test_the_command_reads_a_band_of_lit_rows_along_y(recordings: Path, run: Any) -> None:
+    files = [recordings / "pulses" / f"logitech_30.1hz_duty_{duty}.mkv" for duty in (5, 50)]
+    code, out, _ = run("calibrate", *files, "--frequency", "30.1Hz", "--pulses", "5%,50%", "--json")
+    assert (code, json.loads(*out)["row_time_s"]) == (0, pytest.approx(45.7e-6, rel=0.01))

@@ -98,13 +98,6 @@ def test_an_outline_without_bars_is_flagged():
     assert sum(map(bool, flags)) >= 16
 
 
-@pytest.mark.parametrize("rows", [1, 2, 3, 7])
-def test_too_few_rows_are_flagged(rows):
-    found = oc.calibrate(np.arange(2.0 * rows).reshape(rows, 2), 500.0)
-    assert found.flags == Flag.NO_TONE
-    assert np.isnan(found.row_time)
-
-
 @pytest.mark.parametrize(("spread", "correlation"), [(0.5, 0), (8, 0), (3, 0.5)])
 def test_rows_that_are_noise_are_refused(spread, correlation):
     random = np.random.default_rng(15)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import ocisac_fast as of
-from ocisac_fast.cli import main
 
 cv2 = pytest.importorskip("cv2")
 
 FOCAL, CENTRE = 1500.0, (960.0, 540.0)
+LENS = ("--focal", "1500", "--centre", "960,540")
 LAMPS = np.array(
     [[-1.3, -0.7, 3.0], [1.3, -0.7, 3.0], [1.3, 0.7, 3.0], [-1.3, 0.7, 3.0], [0.1, 0.0, 2.7], [-0.5, 0.3, 2.6]]
 )
@@ -123,22 +124,22 @@ class TestCommand:
         seen.write_text("\n".join(json.dumps(box) for box in boxes[:count]) + "\n\n")
         return str(lights), str(seen)
 
-    def test_locates(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        command = ["locate", *self.files(tmp_path), "--focal", "1500", "--centre", "960,540"]
-        assert main([*command, "--json"]) == 0
-        found = json.loads(capsys.readouterr().out)
+    def test_locates(self, tmp_path: Path, run: Any, facts: Any) -> None:
+        command = ("locate", *self.files(tmp_path), *LENS)
+        (found,) = facts(*command)
         assert found["status"] == "ok"
         assert [found[name] for name in ("x_m", "y_m", "z_m")] == pytest.approx([0.1, 0.0, 0.0], abs=1e-4)
         assert found["x_std_m"] < 0.05
-        assert main(command) == 0
-        assert "0.1000 m" in capsys.readouterr().out
+        code, out, _ = run(*command)
+        assert code == 0
+        assert "0.1000 m" in " ".join(out)
 
-    def test_refuses_in_one_line(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_refuses_in_one_line(self, tmp_path: Path, run: Any) -> None:
         lights, seen = self.files(tmp_path, count=2)
-        options = ["--focal", "1500", "--centre", "960,540"]
-        assert main(["locate", lights, seen, *options]) == 2
-        assert "got 2 of the lights" in capsys.readouterr().err
-        assert main(["locate", lights, lights, *options]) == 2
-        assert "line 1" in capsys.readouterr().err
-        assert main(["locate", lights, seen, "--focal", "a", "--centre", "1,2"]) == 2
-        assert len(capsys.readouterr().err.splitlines()) == 1
+        wrong = ("--focal", "a", "--centre", "1,2")
+        for words, message in (
+            ((seen, *LENS), "got 2 of the lights"), ((lights, *LENS), "line 1"), ((seen, *wrong), "'--focal'"),
+        ):  # fmt: skip
+            code, _, (line,) = run("locate", lights, *words)
+            assert code == 2
+            assert message in line

@@ -1,7 +1,6 @@
 """Detection of modulated lights: what is found, with which numbers, and what stays out."""
 
 import dataclasses
-import json
 import pathlib
 import re
 
@@ -104,9 +103,8 @@ def test_numbers_are_those_of_the_lamps(seed, dtype, rows):
     assert len(sources) == 2
     full = 256.0 if dtype == np.uint16 else 1.0
     apart = abs(sources[0].frequency - sources[1].frequency)
-    alike = apart < 3 * np.hypot(
-        sources[0].frequency_std, sources[1].frequency_std
-    )  # one may be the other's reflection
+    # One may be the other's reflection.
+    alike = apart < 3 * np.hypot(sources[0].frequency_std, sources[1].frequency_std)
     for row, column, radius, wave in lamps:
         source = nearest(sources, row, column)
         assert abs(source.y + source.height / 2 - row) < 10
@@ -259,10 +257,8 @@ def test_clear_lamps_are_more_probable_than_faint_ones():
 
 def test_a_light_that_fills_the_frame_is_found():
     light = integrate_exposure(Tone(5000.0), CAMERA, 400)
-    frame = stored(
-        np.repeat(20.0 + 150.0 * light[:, None], 16, axis=1) + np.random.default_rng(0).normal(0, 2, (400, 16))
-    )
-    (source,) = detect_sources(frame, CAMERA)
+    noise = np.random.default_rng(0).normal(0, 2, (400, 16))
+    (source,) = detect_sources(stored(20.0 + 150.0 * light[:, None] + noise), CAMERA)
     assert (source.x, source.width) == (0, 16)
     assert source.height > 380
     assert source.frequency == pytest.approx(5000.0, rel=1e-3)
@@ -481,11 +477,7 @@ def test_false_alarms_of_noise_stay_within_what_was_set():
 
 
 @pytest.mark.parametrize("axis", ["y", "x", "-y", "-x"])
-def test_command_gives_boxes_in_stored_pixels(axis, tmp_path, capsys):
-    pytest.importorskip("click")
-    pytest.importorskip("rich")
-    from ocisac_fast.cli import main
-
+def test_command_gives_boxes_in_stored_pixels(axis, tmp_path, facts):
     stored_picture = three_lamps()  # rows in time order
     if axis.startswith("-"):
         stored_picture = stored_picture[::-1]
@@ -496,9 +488,8 @@ def test_command_gives_boxes_in_stored_pixels(axis, tmp_path, capsys):
     padded[5:, 3:] = stored_picture
     np.save(file, padded)
     height, width = stored_picture.shape
-    arguments = ["detect", str(file), "--row-time", "10us", "--exposure", "30us", "--scan-axis", axis]
-    assert main([*arguments, "--region", f"3,5,{width},{height}", "--json"]) == 0
-    (found,) = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    camera = ("--row-time", "10us", "--exposure", "30us", "--scan-axis", axis, "--region", f"3,5,{width},{height}")
+    (found,) = facts("detect", file, *camera)
     strongest = max(found["sources"], key=lambda s: s["width"] * s["height"])
     x, y = 400, 300
     if axis.startswith("-"):
@@ -511,16 +502,13 @@ def test_command_gives_boxes_in_stored_pixels(axis, tmp_path, capsys):
     assert [s["reflection_of"] for s in found["sources"]] == [None] * 3
 
 
-def test_command_draws_and_tabulates(tmp_path, capsys):
-    for module in ("click", "rich", "matplotlib"):
-        pytest.importorskip(module)
-    from ocisac_fast.cli import main
-
+def test_command_draws_and_tabulates(tmp_path, run):
     file, plot = tmp_path / "lamps.npy", tmp_path / "lamps.png"
     np.save(file, np.stack([three_lamps()] * 3, axis=-1)[np.newaxis])  # grey, stored as three colours
-    assert main(["detect", str(file), "--row-time", "10us", "--plot", str(plot)]) == 0
+    code, out, _ = run("detect", file, "--row-time", "10us", "--plot", plot)
+    assert code == 0
     assert plot.read_bytes().startswith(b"\x89PNG")
-    assert "kHz" in capsys.readouterr().out
+    assert "kHz" in " ".join(out)
 
 
 def test_a_short_lamp_amid_clouds_has_a_box_and_a_frequency_of_its_own():
@@ -529,16 +517,14 @@ def test_a_short_lamp_amid_clouds_has_a_box_and_a_frequency_of_its_own():
     for seed in range(8):
         random = np.random.default_rng(seed)
         wave = np.hypot(*np.meshgrid(np.fft.fftfreq(rows), np.fft.rfftfreq(columns), indexing="ij"))
-        field = np.fft.irfft2(
-            np.exp(2j * np.pi * random.random(wave.shape)) / np.maximum(wave, 1 / columns), (rows, columns)
-        )
+        waves = np.exp(2j * np.pi * random.random(wave.shape)) / np.maximum(wave, 1 / columns)
+        field = np.fft.irfft2(waves, (rows, columns))
         picture = 60.0 + 15.0 * field / field.std()
         y, x = np.ogrid[:rows, :columns]
         lamps = [(row, column, random.uniform(3.0, 3.6) / size) for row in (130, 350) for column in (130, 320, 510)]
         for row, column, frequency in lamps:
-            light = integrate_exposure(
-                SquareWave(frequency / ROW_TIME, phase=random.uniform(0, 2 * np.pi)), CAMERA, rows
-            )
+            wave = SquareWave(frequency / ROW_TIME, phase=random.uniform(0, 2 * np.pi))
+            light = integrate_exposure(wave, CAMERA, rows)
             picture = np.where(np.hypot(y - row, x - column) < size / 2, 20.0 + 60.0 * light[:, None], picture)
         for source in detect_sources(stored(picture + 3.0 * random.standard_normal(picture.shape)), CAMERA):
             for row, column, frequency in lamps:

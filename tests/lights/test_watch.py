@@ -1,7 +1,5 @@
 """The lights of every frame of a video, searched now and then and followed in between."""
 
-import json
-
 import numpy as np
 import pytest
 from test_sources import CAMERA, add_lamp, scene, stored
@@ -121,16 +119,17 @@ def test_a_light_that_changes_its_frequency_is_another():
     assert found[-1].numbers != found[0].numbers
 
 
-def test_a_light_that_sends_data_is_followed():
-    random = np.random.default_rng(0)
-    bits = random.integers(0, 2, (12, 100)).astype(float)
-
-    def sending(k):
+def sending(rows, radius):
+    """Frames of a lamp of that radius, at a row of each frame, that sends random chips."""
+    bits = np.random.default_rng(0).integers(0, 2, (len(rows), 100)).astype(float)
+    for k, row in enumerate(rows):
         picture, _ = scene(480, 480, seed=k)
-        add_lamp(picture, 240, 220, 110, Chips(bits[k].tolist(), 1 / (6 * CAMERA.row_time)))
-        return stored(picture)
+        add_lamp(picture, row, 220, radius, Chips(bits[k].tolist(), 1 / (6 * CAMERA.row_time)))
+        yield stored(picture)
 
-    found = watch([sending(k) for k in range(12)])
+
+def test_a_light_that_sends_data_is_followed():
+    found = watch(sending([240] * 12, 110))
     assert [seen.searched for seen in found] == searched(12)
     for seen in found:
         (source,) = seen.sources
@@ -140,15 +139,7 @@ def test_a_light_that_sends_data_is_followed():
 
 
 def test_bursts_of_data_at_other_rows_are_found_in_each_frame():
-    random = np.random.default_rng(0)
-    bits = random.integers(0, 2, (12, 100)).astype(float)
-
-    def burst(k):
-        picture, _ = scene(480, 480, seed=k)
-        add_lamp(picture, 110 + 130 * (k % 3), 220, 100, Chips(bits[k].tolist(), 1 / (6 * CAMERA.row_time)))
-        return stored(picture)
-
-    frames = [burst(k) for k in range(12)]
+    frames = list(sending([110, 240, 370] * 4, 100))
     for one, other in zip(watch(frames), watch(frames, 1), strict=True):
         assert [s.region for s in one.sources] == [s.region for s in other.sources]
 
@@ -166,32 +157,18 @@ def test_a_reflection_stays_one():
         assert abs(seen.sources[reflection.reflection_of].x - 350) < 12
 
 
-def test_the_command_line_says_which_lights_were_followed(tmp_path, capsys):
-    for module in ("click", "rich"):
-        pytest.importorskip(module)
-    from ocisac_fast.cli import main
-
+def test_the_command_line_says_which_lights_were_followed(tmp_path, run, facts):
     np.save(tmp_path / "v.npy", np.stack(video(lambda _: [(120, 100, 9000.0, 120.0), (240, 330, 13000.0, 60.0)], 6)))
-    command = [
-        "detect",
-        str(tmp_path / "v.npy"),
-        "--row-time",
-        "10us",
-        "--exposure",
-        "30us",
-        "--scan-axis",
-        "y",
-        "--json",
-    ]
-    for options, expected in (([], searched(6)), (["--search-every", "1"], [True] * 6)):
-        assert main([*command, *options]) == 0
-        frames = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    command = ("detect", tmp_path / "v.npy", "--row-time", "10us", "--exposure", "30us", "--scan-axis", "y")
+    for options, expected in (([], searched(6)), (["--search-every", 1], [True] * 6)):
+        frames = facts(*command, *options)
         assert [frame["frame"] for frame in frames] == list(range(6))
         for frame, whole in zip(frames, expected, strict=True):
             assert sorted(source["light"] for source in frame["sources"]) == [0, 1]
             assert all(source["searched"] is whole for source in frame["sources"])
-    assert main([*command, "--search-every", "0"]) == 2
-    assert "--search-every" in capsys.readouterr().err
+    code, _, err = run(*command, "--search-every", 0)
+    assert code == 2
+    assert "--search-every" in err[-1]
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6, 9])

@@ -9,7 +9,6 @@ from hypothesis import given, settings, strategies as st
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag, reference
-from ocisac_fast.cli import main
 from ocisac_fast.packets import PacketFormat
 from ocisac_fast.packets.fsk import fsk_demodulate, fsk_symbol_error_rate, fsk_transmit
 from ocisac_fast.receiver.fsk import FskReceiver
@@ -100,15 +99,14 @@ def test_another_packet_of_tones_follows_the_first():
     assert list(dict.fromkeys(got)) == [b"first", b"second!"]
 
 
-def test_tones_by_files_and_commands(tmp_path, capsys):
+def test_tones_by_files_and_commands(tmp_path, run, facts):
     tones = "1kHz,1.2kHz,1.4kHz,1.7kHz"
-    assert main(["transmit", "--text", "by tones", "--fsk", tones, "--json"]) == 0
-    sent = json.loads(capsys.readouterr().out)
+    (sent,) = facts("transmit", "--text", "by tones", "--fsk", tones)
     assert sent["tones_hz"] == [1000.0, 1200.0, 1400.0, 1700.0]
     assert sent["symbols"] == len(sent["sequence"])
     for name in ("s.txt", "s.npy", "s.csv", "s.h"):
-        command = ["transmit", "--text", "by tones", "--fsk", tones, "--frame-rate", "30", "-o", str(tmp_path / name)]
-        assert main(command) == 0
+        words = ("transmit", "--text", "by tones", "--fsk", tones, "--frame-rate", 30, "-o", tmp_path / name)
+        assert run(*words)[0] == 0
     assert (tmp_path / "s.txt").read_text().split() == list(map(str, sent["sequence"]))
     assert np.load(tmp_path / "s.npy").tolist() == sent["sequence"]
     lines = (tmp_path / "s.csv").read_text().splitlines()
@@ -118,27 +116,24 @@ def test_tones_by_files_and_commands(tmp_path, capsys):
     random = np.random.default_rng(2)
     columns = [tone_rows(random, sent["tones_hz"][symbol], 10.0) for symbol in sent["sequence"][:200]]
     np.save(tmp_path / "frames.npy", np.rint(columns).astype(np.uint8)[:, :, np.newaxis])
-    command = ["receive", str(tmp_path / "frames.npy"), "--fsk", tones, "--row-time", "22.2us", "--frame-rate", "30"]
-    capsys.readouterr()
-    assert main([*command, "--json"]) == 0
-    facts = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert [fact["symbol"] for fact in facts] == sent["sequence"][:200]
-    assert facts[7]["tone_hz"] == sent["tones_hz"][sent["sequence"][7]]
-    assert {fact["payload"] for fact in facts if "payload" in fact} == {"by tones"}
-    assert main(command) == 0
-    assert "by tones" in capsys.readouterr().out
-    for wrong, message in [
-        (["receive", "x.npy", "--fsk", tones], "--fsk: Hz needs --row-time"),
-        (
-            ["transmit", "--text", "a", "--fsk", tones, "--chip-rate", "8kHz"],
-            "--fsk: has no line code and no chip rate",
-        ),
-        (["transmit", "--text", "a", "--frame-rate", "30"], "--frame-rate: only with --fsk"),
-        (["transmit", "--text", "a", "--fsk", "1kHz"], "tones: got 1 tones"),
-        (["transmit", "--text", "a", "--fsk", "1kHz,x"], "got 'x', allowed: a number"),
+    command = ("receive", tmp_path / "frames.npy", "--fsk", tones, "--row-time", "22.2us", "--frame-rate", 30)
+    found = [json.loads(line) for line in run(*command, "--json")[1]]
+    assert [fact["symbol"] for fact in found] == sent["sequence"][:200]
+    assert found[7]["tone_hz"] == sent["tones_hz"][sent["sequence"][7]]
+    assert {fact["payload"] for fact in found if "payload" in fact} == {"by tones"}
+    code, out, _ = run(*command)
+    assert code == 0
+    assert "by tones" in " ".join(out)
+    assert "--fsk: Hz needs --row-time" in run("receive", "x.npy", "--fsk", tones)[2][-1]
+    for words, message in [
+        (("--fsk", tones, "--chip-rate", "8kHz"), "--fsk: has no line code and no chip rate"),
+        (("--frame-rate", "30"), "--frame-rate: only with --fsk"),
+        (("--fsk", "1kHz"), "tones: got 1 tones"),
+        (("--fsk", "1kHz,x"), "got 'x', allowed: a number"),
     ]:
-        assert main(wrong) == 2
-        assert message in capsys.readouterr().err
+        code, _, (line,) = run("transmit", "--text", "a", *words)
+        assert code == 2
+        assert message in line
 
 
 @pytest.mark.parametrize("count", [2, 4, 16])

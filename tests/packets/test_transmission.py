@@ -1,6 +1,5 @@
 """Line codes, packets and their way back: agreement with the reference, loss, corruption, test vectors, refusals."""
 
-import json
 import pathlib
 import shutil
 import subprocess
@@ -13,7 +12,6 @@ from hypothesis import given, settings, strategies as st
 
 import ocisac_fast as ocisac
 from ocisac_fast import reference
-from ocisac_fast.cli import main
 from ocisac_fast.packets import PacketFormat, decode_line_code, encode_line_code
 from ocisac_fast.reference.packets import _codeword
 
@@ -92,18 +90,15 @@ def test_vectors_of_the_document():
         assert text.startswith(first)
 
 
-def test_the_command_writes_every_kind_of_file(tmp_path, capsysbinary):
+def test_the_command_writes_every_kind_of_file(tmp_path, run, facts):
     payload = tmp_path / "payload.bin"
     payload.write_bytes(b"OC-ISAC")
     sent = ocisac.transmit(b"OC-ISAC", format=PacketFormat(line_code="4b6b"), number=3)
     text = "".join(map(str, sent.chips.tolist()))
-    options = ["transmit", str(payload), "--line-code", "4b6b", "--number", "3", "--chip-rate", "8kHz"]
-    assert main([*options]) == 0
-    assert capsysbinary.readouterr().out.decode() == text + "\n"
+    options = ("transmit", payload, "--line-code", "4b6b", "--number", 3, "--chip-rate", "8kHz")
+    assert run(*options) == (0, [text], [])
     for suffix in ("txt", "npy", "csv", "h"):
-        assert main([*options, "-o", str(tmp_path / f"chips.{suffix}"), "--json"]) == 0
-    facts = [json.loads(line) for line in capsysbinary.readouterr().out.splitlines()]
-    assert [fact["chips"] for fact in facts] == [len(text)] * 4
+        assert facts(*options, "-o", tmp_path / f"chips.{suffix}")[0]["chips"] == len(text)
     assert (tmp_path / "chips.txt").read_text() == text + "\n"
     np.testing.assert_array_equal(np.load(tmp_path / "chips.npy"), sent.chips)
     times, levels = np.loadtxt(tmp_path / "chips.csv", delimiter=",", skiprows=1).T
@@ -121,19 +116,16 @@ def test_the_command_writes_every_kind_of_file(tmp_path, capsysbinary):
     assert subprocess.run([tmp_path / "chips"], capture_output=True, check=True).stdout.decode() == text
 
 
-def test_the_command_takes_text_and_tables_and_refuses_nonsense(tmp_path, capsys):
-    assert main(["transmit", "--text", "hi", "--code-table", "01,10", "--json"]) == 0
-    facts = json.loads(capsys.readouterr().out)
-    assert facts["levels"] == "".join(map(str, ocisac.transmit(b"hi").chips.tolist()))
-    assert facts["payload_bytes"] == 2
+def test_the_command_takes_text_and_tables_and_refuses_nonsense(run, facts):
+    (found,) = facts("transmit", "--text", "hi", "--code-table", "01,10")
+    assert found["levels"] == "".join(map(str, ocisac.transmit(b"hi").chips.tolist()))
+    assert found["payload_bytes"] == 2
     for arguments, message in (
-        (
-            ["--text", "hi", "-o", "chips.wav"],
-            "--output: got chips.wav, allowed: a file that ends in .txt, .npy, .csv, .h",
-        ),
+        (["--text", "hi", "-o", "a.wav"], "--output: got a.wav, allowed: a file that ends in .txt, .npy, .csv, .h"),
         ([], "needs FILE or --text, and not both"),
         (["--text", ""], "payload: got 0 bytes, allowed: 1 to 2715 bytes"),
         (["--text", "hi", "--chip-rate", "0"], "'--chip-rate': got 0 Hz, allowed: a finite number above 0"),
     ):
-        assert main(["transmit", *arguments]) == 2
-        assert message in capsys.readouterr().err
+        code, _, (line,) = run("transmit", *arguments)
+        assert code == 2
+        assert message in line

@@ -46,9 +46,8 @@ def blurred_by_hand(scene):
     """Each row from a frame without rolling shutter at that row's time, by a sharp lens of 8 pixels more."""
     lens = scene.lens
     x, y = lens.centre
-    wide = dataclasses.replace(
-        lens, columns=lens.columns + 16, rows=lens.rows + 16, principal_point=(x + 8, y + 8), blur=0.0
-    )
+    larger = {"columns": lens.columns + 16, "rows": lens.rows + 16, "principal_point": (x + 8, y + 8)}
+    wide = dataclasses.replace(lens, **larger, blur=0.0)
     still = Camera(1e-15, scene.exposure)
     at = np.arange(-8, 9)
     tail = [math.erf((k + 0.5) / lens.blur / math.sqrt(2)) for k in range(-9, 9)]
@@ -81,9 +80,8 @@ def test_frames_are_means_of_sharp_ones(surface):
 
 
 def test_light_is_kept_and_no_blur_is_the_sharp_picture():
-    sharp, blurred = (
-        scene_of(lens=dataclasses.replace(LENS, columns=41, rows=41, blur=b), ambient=0) for b in (0, 2.5)
-    )
+    lenses = (dataclasses.replace(LENS, columns=41, rows=41, blur=blur) for blur in (0, 2.5))
+    sharp, blurred = (scene_of(lens=lens, ambient=0) for lens in lenses)
     first, second = (next(render(scene.plan(tolerance=1e-3))).sum(axis=1) for scene in (sharp, blurred))
     assert np.count_nonzero(second) > np.count_nonzero(first)
     steady = [

@@ -19,15 +19,11 @@ PITCH = 0.3 / 1000  # m a pixel: 0.3 m away, a focal length of 1000 pixels
 def joint_scene(lit):
     """Left a wall that the source lights, right a texture that moves across the rows; ambient light on both."""
     lens = Pinhole(focal_length=5e-3, pixel_pitch=5e-6, rows=ROWS, columns=COLUMNS)
-    wall = Surface(
-        Rectangle(150 * PITCH, 900 * PITCH), Pose((-75 * PITCH, 0.0, 0.3)), pattern=Plain(0.8), lit_by_sources=True
-    )
-    texture = Surface(
-        Rectangle(150 * PITCH, 900 * PITCH), Pose((80 * PITCH, 0.0, 0.3)), pattern=Cosine(FX), speed=SPEED
-    )
-    lamp = Source(
-        Rectangle(0.02, 0.02), Pose((-0.02, -0.15, 0.1)), ocisac.Chips(CHIPS, CHIP_RATE, repeat=True), intensity=300.0
-    )
+    plate, left, right = Rectangle(150 * PITCH, 900 * PITCH), Pose((-75 * PITCH, 0, 0.3)), Pose((80 * PITCH, 0, 0.3))
+    wall = Surface(plate, left, pattern=Plain(0.8), lit_by_sources=True)
+    texture = Surface(plate, right, pattern=Cosine(FX), speed=SPEED)
+    waveform = ocisac.Chips(CHIPS, CHIP_RATE, repeat=True)
+    lamp = Source(Rectangle(0.02, 0.02), Pose((-0.02, -0.15, 0.1)), waveform, intensity=300.0)
     sensor = Sensor(gain=100 / EXPOSURE, bit_depth=8, full_well=12000.0, read_noise=30.0, shot_noise=True)
     return Scene(lens, CAMERA, sensor, sources=(lamp,) if lit else (), surfaces=(wall, texture), ambient=Ambient(0.9))
 

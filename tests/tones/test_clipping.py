@@ -86,9 +86,8 @@ def test_light_far_below_the_dark_level_is_flagged(pooled):
         noise = column.gain * column.mean / np.sqrt(column.snr)
         dark = np.sort(stored[:, -1])[ROWS // 20] + 6 * noise
         if dark < stored[:, -1].mean():
-            wrong = tone_gain(
-                pixels, Camera(ROW_TIME, exposure=camera.exposure, dark_level=dark), **asked, pooled=pooled
-            )
+            told = Camera(ROW_TIME, exposure=camera.exposure, dark_level=dark)
+            wrong = tone_gain(pixels, told, **asked, pooled=pooled)
             flagged.append(((wrong.flags & (Flag.MODEL_MISFIT | Flag.NO_LIGHT)) != 0).all())
     assert len(flagged) > 15
     assert all(flagged)

@@ -144,9 +144,7 @@ def test_standard_error_is_honest_about_noise_that_columns_share():
     errors, stds = np.empty(200), np.empty(200)
     for i in range(len(errors)):
         rough = random.normal(0, 0.3, rows + 4)
-        speckle = np.convolve(
-            rough, np.ones(5) / np.sqrt(5), "valid"
-        )  # correlated over 5 rows, the same in all columns
+        speckle = np.convolve(rough, np.ones(5) / np.sqrt(5), "valid")  # over 5 rows, the same in all columns
         columns = ((1 + tone(frequency, rows, random.uniform(0, 6))) * (1 + speckle))[:, np.newaxis] * np.ones(8)
         found = oc.find_frequency(columns + random.normal(0, 0.02, columns.shape), PER_ROW, waveform="tone")
         errors[i], stds[i] = found.frequency - frequency, found.frequency_std
@@ -170,9 +168,7 @@ def test_harmonics_sharpen_a_square_wave_and_are_not_taken_for_it():
     for frequency in (0.0051, 0.013, 0.041):
         light = square_through_exposure(frequency, rows, 2.0, 0.3)[:, np.newaxis] * [50.0, 40.0]
         columns = light + random.normal(0, 5, light.shape)
-        by = {
-            waveform: oc.find_frequency(columns, PER_ROW, waveform=waveform) for waveform in ("auto", "tone", "square")
-        }
+        by = {wave: oc.find_frequency(columns, PER_ROW, waveform=wave) for wave in ("auto", "tone", "square")}
         assert by["tone"].harmonics == 1 < by["auto"].harmonics <= by["square"].harmonics <= 31
         assert by["auto"].frequency_std < 0.8 * by["tone"].frequency_std
         for found in by.values():

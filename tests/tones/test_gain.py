@@ -57,21 +57,7 @@ def assert_agree(got, want, tolerance, tolerance_of_noise=None, standard_errors=
     exposure=st.sampled_from([None, 0.0, 3.3e-4, 5e-3]),
     seed=st.integers(0, 1000),
 )
-@example(
-    rows=4,
-    position=0.375,
-    columns=4,
-    frames=0,
-    dtype="uint8",
-    steps=(-1, 2),
-    method="fit",
-    waveform="tone",
-    duty=0.5,
-    pooled=True,
-    curve="gamma",
-    exposure=None,
-    seed=146,
-)  # a gain of 0.03 from light in float32
+@example(4, 0.375, 4, 0, "uint8", (-1, 2), "fit", "tone", 0.5, True, "gamma", None, 146)  # 0.03 from float32
 def test_agrees_with_the_reference(
     rows, position, columns, frames, dtype, steps, method, waveform, duty, pooled, curve, exposure, seed
 ):

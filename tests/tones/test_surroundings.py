@@ -66,13 +66,8 @@ def test_a_tone_curve_that_was_not_told_is_flagged(exposure):
 def test_what_is_no_tone_beside_the_light_changes_nothing():
     """A lamp in part of the rows, a gradient, a drifting lamp: their sidebands are not fitted, nothing is flagged."""
     row = np.linspace(-1, 1, ROWS)[:, None]
-    for profile in (
-        abs(row) < 0.3,
-        abs(row) < 0.5,
-        1 - 0.3 * (row + 1) / 2,
-        np.exp(-0.5 * (row / 0.4) ** 2),
-        1 + 0 * row,
-    ):
+    fading = 1 - 0.3 * (row + 1) / 2, np.exp(-0.5 * (row / 0.4) ** 2)
+    for profile in (abs(row) < 0.3, abs(row) < 0.5, *fading, 1 + 0 * row):
         for seed in (*range(12), 834):
             random = np.random.default_rng(seed)
             found = square_gain(stored(lamp(random) * profile, random))
@@ -92,12 +87,11 @@ def test_harmonics_of_a_light_fitted_as_a_tone_are_no_tones_beside_it():
 def test_clipping_at_black_is_flagged_like_that_at_white(lost):
     random = np.random.default_rng(1)
     pixels = stored(lamp(random), random, dark=-lost)
-    found = ocisac.tone_gain(pixels, Camera(ROW_TIME, exposure=EXPOSURE), FREQUENCY, waveform="square", method="robust")
+    robust = {"waveform": "square", "method": "robust"}
+    found = ocisac.tone_gain(pixels, Camera(ROW_TIME, exposure=EXPOSURE), FREQUENCY, **robust)
     assert (found.flags & Flag.SATURATED).all()
     few = stored(lamp(random), random, dark=6)  # 3 standard deviations of the noise above 0
-    told = ocisac.tone_gain(
-        few, Camera(ROW_TIME, exposure=EXPOSURE, dark_level=6), FREQUENCY, waveform="square", method="robust"
-    )
+    told = ocisac.tone_gain(few, Camera(ROW_TIME, exposure=EXPOSURE, dark_level=6), FREQUENCY, **robust)
     assert not told.flags.any()
 
 

@@ -102,9 +102,8 @@ def two_lamps(rows: int = 480, columns: int = 160, seed: int = 1) -> Pixels:
     x = np.arange(columns)
     light = np.full((rows, columns), 14.0)
     for frequency, centre in ((900.0, 0.25), (1700.0, 0.75)):
-        light += 180.0 * np.outer(
-            integrate_exposure(Tone(frequency), camera, rows), np.exp(-(((x / columns - centre) / 0.1) ** 2))
-        )
+        profile = np.exp(-(((x / columns - centre) / 0.1) ** 2))
+        light += 180.0 * np.outer(integrate_exposure(Tone(frequency), camera, rows), profile)
     light += np.random.default_rng(seed).normal(scale=1.0, size=light.shape)
     return np.clip(np.rint(light), 0, 255).astype(np.uint8)
 
@@ -214,14 +213,8 @@ class TestEqualPixels:
         for light, tone, source in zip(found["lights"], found["tones"], expected, strict=True):
             box = source.region
             assert light["box"] == {"x": box.x, "y": box.y, "width": box.width, "height": box.height}
-            for key, value in {
-                "frequency": source.frequency,
-                "frequencyStd": source.frequency_std,
-                "gain": source.gain,
-                "gainStd": source.gain_std,
-                "probability": source.probability,
-            }.items():
-                assert light[key] == pytest.approx(value, rel=1e-9), key
+            for name in ("frequency", "frequency_std", "gain", "gain_std", "probability"):
+                assert light[name.replace("_std", "Std")] == pytest.approx(getattr(source, name), rel=1e-9), name
             part = pixels[box.y : box.y + box.height, box.x : box.x + box.width]
             fitted = find_frequency(part, camera)
             measured = tone_gain(part[:, fitted.columns.used], camera, fitted.frequency, pooled=True)
@@ -281,15 +274,8 @@ class TestEqualPixels:
             () => ocisac.detect({ ...frame, width: 9 }, { rowTime: 1 }), () => ocisac.adviseExposure({}),
             () => ocisac.findFrequency(frame, { rowTime: 1, scanAxis: "sideways" })];
           return tried.map((call) => { try { call(); return null; } catch (problem) { return problem.message; } });"""
-        lines = library(page, script)
-        expected = [
-            "row_time: got -1",
-            "options: got what",
-            "pixels: got 64",
-            "request: got neither",
-            "scanAxis: got sideways",
-        ]
-        for line, begin in zip(lines, expected, strict=True):
+        expected = ["row_time: got -1", "options: got what", "pixels: got 64", "request: got neither"]
+        for line, begin in zip(library(page, script), [*expected, "scanAxis: got sideways"], strict=True):
             assert line.startswith(begin), line
 
 
