@@ -29,18 +29,14 @@ def packets():
 
 
 @pytest.mark.parametrize(
-    ("options", "end"), [((), b"\n"), (("--delimiter", "newline"), b"\n"), (("--delimiter", "none"), b"")]
+    ("delimiter", "begin", "end"),
+    [((), b"", b"\n"), (("newline",), b"", b"\n"), (("none",), b"", b""), (("length",), b"\0\0\0\5", b"")],
 )
-def test_payloads_end_with_a_newline_or_nothing(receiver, packets, options, end):
+def test_payloads_end_with_a_newline_or_nothing_or_begin_with_their_length(receiver, packets, delimiter, begin, end):
+    options = ("--delimiter", *delimiter) if delimiter else ()
     done = run(receiver, packets, *PACKETS, "--frame-rate", "30", *options)
     assert (done.returncode, done.stderr) == (0, b"")
-    assert set(done.stdout.split(PAYLOAD + end)) == {b""}
-
-
-def test_payloads_begin_with_their_length(receiver, packets):
-    done = run(receiver, packets, *PACKETS, "--frame-rate", "30", "--delimiter", "length")
-    assert (done.returncode, done.stderr) == (0, b"")
-    assert set(done.stdout.split(len(PAYLOAD).to_bytes(4, "big") + PAYLOAD)) == {b""}
+    assert set(done.stdout.split(begin + PAYLOAD + end)) == {b""}
 
 
 def test_a_delimiter_is_of_payloads_alone(receiver):

@@ -410,46 +410,36 @@ WIDE = Pinhole(columns=160, rows=16, focal_length=4e-3, pixel_pitch=1e-5)
 WALL = Pose((0, 0, 1.0))
 
 
+def wall(pattern, speed=0.0):
+    return Surface(Rectangle(1, 1), WALL, pattern=pattern, speed=speed)
+
+
+def mask(pattern):
+    return Mask(Rectangle(1, 1), Pose((0, 0, 0.5)), pattern=pattern, speed=3.5)
+
+
+def lamp(waveform, diameter=0.05):
+    return Source(Disc(diameter), WALL, waveform)
+
+
+AVERAGED = "drops modulation that the exposure averages"
+
+
 @pytest.mark.parametrize(
     ("objects", "tolerance", "words"),
     [
-        ([Source(Disc(0.05), WALL, SquareWave(500))], 0.5, "pixels): keeps one row integral;"),
-        ([Source(Disc(0.05), WALL, SquareWave(5e5))], 0.5, "constant, drops modulation that the exposure averages"),
-        (
-            [Source(Disc(0.05), WALL, Tone(500, amplitude=1e-3))],
-            0.5,
-            "constant, drops modulation that the exposure averages",
-        ),
-        ([Surface(Rectangle(1, 1), WALL, pattern=Plain(0.5))], 0.5, "constant; error up to 0 DN"),
-        ([Surface(Rectangle(1, 1), WALL, pattern=Grating(50), speed=10.0)], 5.0, "keeps a table of "),
-        ([Surface(Rectangle(1, 1), WALL, pattern=Grating(50), speed=10.0)], 0.05, "keeps every pixel's integral"),
-        ([Surface(Rectangle(1, 1), WALL, pattern=Grating(50), speed=1e4)], 0.5, "drops texture"),
-        ([Surface(Rectangle(1, 1), WALL, pattern=Cosine(50), speed=10.0)], 0.5, "keeps three row integrals"),
-        ([Surface(Rectangle(1, 1), WALL, pattern=Cosine(50), speed=1e-3)], 0.5, "constant, drops motion too slow"),
-        (
-            [
-                Mask(Rectangle(1, 1), Pose((0, 0, 0.5)), pattern=Grating(100), speed=3.5),
-                Source(Disc(1), WALL, SquareWave(500)),
-            ],
-            10.0,
-            "keeps a table of",
-        ),
-        (
-            [
-                Mask(Rectangle(1, 1), Pose((0, 0, 0.5)), pattern=Cosine(100), speed=3.5),
-                Source(Disc(0.05), WALL, Chips("0110", 900)),
-            ],
-            0.5,
-            "keeps three row integrals",
-        ),
-        (
-            [
-                Mask(Rectangle(1, 1), Pose((0, 0, 0.5)), pattern=Grating(100), speed=3.5),
-                Source(Disc(0.05), WALL, Tone(3e5)),
-            ],
-            5.0,
-            "drops modulation that the exposure averages",
-        ),
+        ([lamp(SquareWave(500))], 0.5, "pixels): keeps one row integral;"),
+        ([lamp(SquareWave(5e5))], 0.5, f"constant, {AVERAGED}"),
+        ([lamp(Tone(500, amplitude=1e-3))], 0.5, f"constant, {AVERAGED}"),
+        ([wall(Plain(0.5))], 0.5, "constant; error up to 0 DN"),
+        ([wall(Grating(50), 10.0)], 5.0, "keeps a table of "),
+        ([wall(Grating(50), 10.0)], 0.05, "keeps every pixel's integral"),
+        ([wall(Grating(50), 1e4)], 0.5, "drops texture"),
+        ([wall(Cosine(50), 10.0)], 0.5, "keeps three row integrals"),
+        ([wall(Cosine(50), 1e-3)], 0.5, "constant, drops motion too slow"),
+        ([mask(Grating(100)), lamp(SquareWave(500), 1)], 10.0, "keeps a table of"),
+        ([mask(Cosine(100)), lamp(Chips("0110", 900))], 0.5, "keeps three row integrals"),
+        ([mask(Grating(100)), lamp(Tone(3e5))], 5.0, AVERAGED),
     ],
 )
 def test_plans_say_what_they_keep_and_hold_their_bound(objects, tolerance, words):
@@ -461,9 +451,9 @@ def test_plans_say_what_they_keep_and_hold_their_bound(objects, tolerance, words
 
 
 def noisy_scene(**sensor):
-    wall = Surface(Rectangle(9, 9), Pose((0, 0, 1)), pattern=Plain(0.5))
+    grey = Surface(Rectangle(9, 9), Pose((0, 0, 1)), pattern=Plain(0.5))
     lens = Pinhole(columns=200, rows=150, focal_length=4e-3, pixel_pitch=1e-4)
-    return scene_of(wall, lens=lens, sensor=Sensor(200 / 2404e-6, full_well=10000.0, **sensor), ambient=1.0)
+    return scene_of(grey, lens=lens, sensor=Sensor(200 / 2404e-6, full_well=10000.0, **sensor), ambient=1.0)
 
 
 def test_noise_is_that_of_the_sensor_and_comes_from_the_seed():
