@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
+#include <numeric>
 
 #include "cleaning/block_shares.hpp"
 #include "cleaning/merged_blocks.hpp"
+#include "cleaning/restoring_kernels.hpp"
 #include "core/check_interrupt.hpp"
+#include "ocisac/core/constants.hpp"
 
 namespace ocisac {
 
@@ -29,47 +31,85 @@ void check(const FramesView<const Sample>& stored, const StoredTable& table) {
     }
 }
 
-// A stored value under a gain: that whose neighbourhood contains its light. Where it would burn, rows that were lit
+// Stored values under gains: those whose neighbourhood contains their light. Where one would burn, rows that were lit
 // more do burn: below them is the brightest that is known.
 template <class Sample>
-class RestoredPixels {
+class RestoredValues {
  public:
-  RestoredPixels(const StoredTable& table, double max_gain)
-      : light_(table.light), bounds_(table.bounds), max_gain_(max_gain), starts_(kCells) {
-    bounds_.push_back(std::numeric_limits<double>::quiet_NaN());  // which no light reaches
-    for (const double variance : table.variance) is_saturated_.push_back(std::isfinite(variance) ? 0 : 1);
-    const auto brightest = static_cast<std::size_t>(std::ranges::find(is_saturated_, 1) - is_saturated_.begin());
+  RestoredValues(const StoredTable& table, double max_gain)
+      : light_(table.light), bounds_(table.bounds), max_gain_(max_gain) {
+    const auto brightest = static_cast<std::size_t>(
+        std::ranges::find_if_not(table.variance, [](double value) { return std::isfinite(value); }) -
+        table.variance.begin());
     highest_ = brightest - std::min<std::size_t>(brightest, 1);
-    const double width = std::max(light_.back() - light_.front(), 1e-300) / static_cast<double>(kCells);
-    scale_ = 1 / width;
-    for (std::size_t k = 0, value = 0; k < kCells; ++k) {
-      while (light_.front() + width * static_cast<double>(k) >= bounds_[value]) ++value;
-      starts_[k] = static_cast<std::uint32_t>(value);
+    for (std::size_t k = 0; k < light_.size(); ++k)
+      if (!std::isfinite(table.variance[k])) light_[k] = kSaturated;
+    const double first = table.light.front(), width = std::max(table.light.back() - first, 1e-300) / kCells;
+    cells_ = {first, 1 / width, kCells};
+    const auto highest = bounds_.begin() + static_cast<std::ptrdiff_t>(highest_);
+    const auto value_at = [&](double cell) {
+      return static_cast<std::size_t>(std::upper_bound(bounds_.begin(), highest, first + width * cell) -
+                                      bounds_.begin());
+    };
+    for (std::size_t k = 0; k < kCells; ++k) {
+      const double cell = static_cast<double>(k);
+      const std::size_t start = value_at(cell - kRounding), end = value_at(cell + 1 + kRounding);
+      starts_.push_back(static_cast<std::uint32_t>(start) | (end > start + 1 ? kSearched : 0));
+      next_.push_back(start < end ? bounds_[start] : kInfinity);
+    }
+    starts_.push_back(static_cast<std::uint32_t>(highest_) | kSearched);
+    next_.push_back(kInfinity);
+  }
+
+  // A row.
+  void restore(std::span<const Sample> stored, kernels::RowGain row, std::span<const double> share, Sample* restored,
+               std::uint8_t* marks) {
+    row.most = max_gain_;
+    lit_.resize(stored.size());
+    cell_.resize(stored.size());
+    for (std::size_t i = 0; i < stored.size(); ++i) lit_[i] = light_[stored[i]];
+    kernels::apply_gains(row, cells_, stored.size(), share.data(), {lit_.data(), cell_.data(), marks});
+    for (std::size_t i = 0; i < stored.size(); ++i) {
+      const auto cell = static_cast<std::size_t>(cell_[i]);
+      const std::uint32_t start = starts_[cell];
+      restored[i] = static_cast<Sample>(start + (lit_[i] >= next_[cell] ? 1 : 0));
+      marks[i] = static_cast<std::uint8_t>(marks[i] * static_cast<std::uint8_t>(PixelMark::dark));
+      if ((start & kSearched) == 0) continue;
+      if (light_[stored[i]] == kSaturated) {
+        restored[i] = stored[i];
+        marks[i] = static_cast<std::uint8_t>(PixelMark::saturated);
+      } else {
+        restored[i] = static_cast<Sample>(searched(cell, lit_[i]));
+      }
     }
   }
 
-  std::pair<Sample, PixelMark> operator()(Sample stored, double gain) const {
-    if (is_saturated_[stored] != 0) return {stored, PixelMark::saturated};
-    const std::size_t value = value_of(light_[stored] * std::min(gain, max_gain_));
-    return {static_cast<Sample>(std::min(value, highest_)), gain > max_gain_ ? PixelMark::dark : PixelMark::restored};
-  }
-
  private:
-  std::size_t value_of(double light) const {
-    const double place = std::clamp((light - light_.front()) * scale_, 0.0, static_cast<double>(kCells - 1));
-    std::size_t value = starts_[static_cast<std::size_t>(place)];
-    value += light >= bounds_[value] ? 1 : 0;                 // without a branch: as good as random
-    while (value > 0 && light < bounds_[value - 1]) --value;  // rounding of the cell's edge
-    while (light >= bounds_[value]) ++value;
+  static constexpr std::size_t kCells = 4096;
+  static constexpr double kRounding = 1e-6, kSaturated = 1e300;        // of a cell; light that no other value has
+  static constexpr std::uint32_t kSearched = std::uint32_t{1} << 31U;  // cells of several values, or of none
+
+  // From where the value is if those of the cell lie at equal distances.
+  [[nodiscard]] std::size_t searched(std::size_t cell, double light) const {
+    const auto start_of = [&](std::size_t k) { return static_cast<std::size_t>(starts_[k] & ~kSearched); };
+    const std::size_t start = start_of(cell), end = start_of(std::min(cell + 1, kCells));
+    const double within = (light - cells_.first) * cells_.per_light - static_cast<double>(cell);
+    std::size_t value =
+        start + static_cast<std::size_t>(std::clamp(within, 0.0, 1.0) * static_cast<double>(end - start));
+    while (value > 0 && light < bounds_[value - 1]) --value;
+    while (value < highest_ && light >= bounds_[value]) ++value;
     return value;
   }
 
-  std::span<const double> light_;
-  std::vector<double> bounds_;  // of each value: below the next one
-  double max_gain_, scale_;
-  std::vector<std::uint32_t> starts_;
-  std::vector<std::uint8_t> is_saturated_;
+  std::vector<double> light_;
+  std::span<const double> bounds_;  // of each value: below the next one
+  double max_gain_;
   std::size_t highest_;
+  kernels::LightCells cells_{};
+  std::vector<std::uint32_t> starts_;  // lowest value of each cell
+  std::vector<double> next_;           // light at which the next value follows
+  std::vector<double> lit_;
+  std::vector<std::int32_t> cell_;
 };
 
 }  // namespace
@@ -120,42 +160,40 @@ void restore_picture(const FramesView<const Sample>& stored, const BlockShares& 
   require(to.rows.size() == rows, "rows", to.rows.size(), "one value a row");
   check(shares, rows, columns);
   const std::size_t down = blocks_of(rows, shares.block_rows), across = blocks_of(columns, shares.block_columns);
-  const RestoredPixels<Sample> pixels(table, to.max_gain);
+  RestoredValues<Sample> values(table, to.max_gain);
+  // Copies, which a byte that is written cannot change: their strides stay in registers.
+  const FramesView<const Sample> from = stored;
+  const RestoredPicture<Sample> into = result;
   std::vector<BetweenBlocks> places;
   for (std::size_t column = 0; column < columns; ++column)
     places.push_back(place_in_blocks(column, shares.block_columns, across));
   const bool is_one = shares.is_one() && table.light.size() <= columns;
-  const bool has_shares = !is_one || result.share.data != nullptr;
-  std::vector<std::pair<Sample, PixelMark>> of_value(is_one ? table.light.size() : 0);
-  std::vector<double> line(across), share(columns), of_column(is_one ? 0 : columns);  // shares; gains
+  std::vector<Sample> line(columns), all(is_one ? table.light.size() : 0);
+  std::iota(all.begin(), all.end(), Sample{0});
+  std::vector<Sample> restored(std::max(all.size(), columns));
+  std::vector<std::uint8_t> marks(restored.size());
+  std::vector<double> of_blocks(across), share(columns, shares.share.front());
   for (std::size_t row = 0; row < rows; ++row) {
     check_interrupt();
     const BetweenBlocks between = place_in_blocks(row, shares.block_rows, down);
     const double* const above = &shares.share[between.before * across];
     const double* const below = &shares.share[between.after * across];
-    for (std::size_t k = 0; k < across; ++k) line[k] = above[k] + between.weight * (below[k] - above[k]);
-    const double swing = to.rows[row] - 1, rise = to.level - 1;
-    const auto gain_of = [&](double own) { return (1 + own * rise) / std::max(1 + own * swing, kMinLeft); };
-    for (std::size_t value = 0; value < of_value.size(); ++value)
-      of_value[value] = pixels(static_cast<Sample>(value), gain_of(line[0]));
-    for (std::size_t column = 0; has_shares && column < columns; ++column) {
+    for (std::size_t k = 0; k < across; ++k) of_blocks[k] = above[k] + between.weight * (below[k] - above[k]);
+    for (std::size_t column = 0; !is_one && column < columns; ++column) {
       const BetweenBlocks& at = places[column];
-      share[column] = line[at.before] + at.weight * (line[at.after] - line[at.before]);
+      share[column] = of_blocks[at.before] + at.weight * (of_blocks[at.after] - of_blocks[at.before]);
     }
-    for (std::size_t column = 0; column < of_column.size(); ++column) of_column[column] = gain_of(share[column]);
-    const auto write = [&](const auto& restored_of) {
-      for (std::size_t column = 0; column < columns; ++column) {
-        const auto [restored, mark] = restored_of(stored(0, row, column), column);
-        result.picture(0, row, column) = restored;
-        if (result.marks.data != nullptr) result.marks(0, row, column) = static_cast<std::uint8_t>(mark);
-      }
+    for (std::size_t column = 0; column < columns; ++column) line[column] = from(0, row, column);
+    const std::span<const Sample> own = is_one ? all : line;
+    values.restore(own, {to.rows[row] - 1, to.level - 1, 0}, share, restored.data(), marks.data());
+    const auto write = [&](const auto& values_of, const auto& view) {
+      for (std::size_t column = 0; column < columns; ++column)
+        view(0, row, column) = values_of[is_one ? line[column] : column];
     };
-    if (is_one)
-      write([&](Sample value, std::size_t) { return of_value[value]; });
-    else
-      write([&](Sample value, std::size_t column) { return pixels(value, of_column[column]); });
-    for (std::size_t column = 0; result.share.data != nullptr && column < columns; ++column)
-      result.share(0, row, column) = static_cast<float>(share[column]);
+    write(restored, into.picture);
+    if (into.marks.data != nullptr) write(marks, into.marks);
+    for (std::size_t column = 0; into.share.data != nullptr && column < columns; ++column)
+      into.share(0, row, column) = static_cast<float>(share[column]);
   }
 }
 

@@ -1,9 +1,11 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
+#include <utility>
 
 #include "cleaning/merged_blocks.hpp"
 #include "ocisac/cleaning/restore_picture.hpp"
@@ -73,6 +75,28 @@ TEST_CASE("one share for all pixels restores as shares by pixel do") {
   CHECK(one.picture == each.picture);
   CHECK(one.marks == each.marks);
   CHECK(one.share == each.share);
+}
+
+TEST_CASE(
+    "a restored value is that whose bounds contain its light, where they lie far apart and where many are close") {
+  StoredTable table;  // as of a curved tone curve with 4096 values
+  for (std::size_t k = 0; k < 4096; ++k) {
+    const auto light = [](double value) { return value * value * value * 1e-9; };
+    table.light.push_back(light(static_cast<double>(k)));
+    table.variance.push_back(k < 4000 ? 1 : inf);
+    if (k > 0) table.bounds.push_back(light(static_cast<double>(k) - 0.5));
+  }
+  std::vector<std::uint16_t> stored(8 * 4096), picture(stored.size());
+  for (std::size_t i = 0; i < stored.size(); ++i) stored[i] = static_cast<std::uint16_t>(i % 4096);
+  std::vector<double> share(stored.size()), rows{1.9, 0.05, 0.7, 1.2, 0.999, 1.001, 1, 0.4};
+  for (std::size_t i = 0; i < share.size(); ++i) share[i] = static_cast<double>(i * 37 % 101) / 101;
+  restore_picture<std::uint16_t>(dense_view(std::as_const(stored).data(), 1, 8, 4096), {share, 1, 1}, {rows, 1.1, 8},
+                                 table, {dense_view(picture.data(), 1, 8, 4096)});
+  for (std::size_t i = 0; i < stored.size(); ++i) {
+    const double gain = std::min((1 + share[i] * 0.1) / (1 + share[i] * (rows[i / 4096] - 1)), 8.0);
+    const auto after = std::ranges::upper_bound(table.bounds, table.light[stored[i]] * gain) - table.bounds.begin();
+    CHECK(picture[i] == (stored[i] < 4000 ? std::min<std::ptrdiff_t>(after, 3999) : stored[i]));
+  }
 }
 
 TEST_CASE("shares of blocks are interpolated between their centres") {

@@ -38,12 +38,13 @@ std::vector<KernelCase> channel_cases();
 std::vector<KernelCase> frequency_cases();
 std::vector<KernelCase> packed_cases();
 std::vector<KernelCase> pooling_cases();
+std::vector<KernelCase> restoring_cases();
 
 inline std::vector<KernelCase> all() {
   std::vector<KernelCase> cases;
   for (const auto& some :
        {projection_cases, gain_cases, screening_cases, refinement_cases, equalizer_cases, column_dft_cases,
-        waveform_cases, sequence_cases, channel_cases, frequency_cases, packed_cases, pooling_cases})
+        waveform_cases, sequence_cases, channel_cases, frequency_cases, packed_cases, pooling_cases, restoring_cases})
     for (auto& one : some()) cases.push_back(std::move(one));
   return cases;
 }
