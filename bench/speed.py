@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 import stored
 from chip_frames import make_frame
-from cleaning import clouds
+from cleaning import clouds, deflickered, fitted_psnr
 from closed_forms import CHIP_LEVELS, ClosedForms
 from peers import PEERS
 from processors import FEWEST_ROUNDS, RoundsOnTwo, arithmetic_on_two, at_mean_rate, two_processors
@@ -430,16 +430,17 @@ def exposure_choice(seconds: float) -> Iterator[Figure]:
     yield Figure("best_exposure exact from arrays", 1e-6 * f_comm.size / timing.seconds, "M/s", 1.0, at_most=False)
 
 
-def films() -> Iterator[Figure]:
+def films(missing: list[str]) -> Iterator[Figure]:
     """Processor time of a frame of 1080x1920 bytes in three colours that is cleaned, ms: the first and the later ones
-    of films under bands, and all but the first of ten seconds without a light.
+    of films under bands, and all but the first of ten seconds without a light. For those under bands the gain of PSNR
+    to the scene, dB, and the same of FFmpeg's deflicker.
     """
     random, rows = np.random.default_rng(6), np.arange(ROWS)[:, None, None]
     texture = 90 * np.exp(0.3 * clouds(ROWS, COLUMNS, random))[..., None] * (1.0, 0.8, 0.6)
     texture[:, 600:900] *= 0.5
     camera = Camera(ROW_TIME, frame_time=1 / 30, tone_curve="srgb")
     for period, count, limit in ((90.0, 20, 50.0), (370.0, 20, 50.0), (None, 300, 15.0)):
-        cleaner, took, frames = VideoCleaner(camera), list[float](), list[np.ndarray]()
+        cleaner, took, frames, cleaned = VideoCleaner(camera), list[float](), list[np.ndarray](), list[np.ndarray]()
         for k in range(20):
             angle = 0.0 if period is None else 2 * np.pi * (rows + k / (30 * ROW_TIME)) / period
             values = stored_values(texture * (1 + 0.3 * np.sin(angle)), camera, np.dtype(np.uint8)).astype(float)
@@ -449,11 +450,28 @@ def films() -> Iterator[Figure]:
             begun = time.process_time()
             done = cleaner.push(frames[k % len(frames)])
             took.append(1e3 * (time.process_time() - begun))
+            if period is not None:
+                cleaned.append(done.frames[0])
             if bool(done.unchanged[0]) != (period is None):
                 raise SystemExit(f"speed.py: cleaning, {period} rows a cycle: frame {k}: {done.unchanged}; not timed")
         name = "no light" if period is None else f"{period:g} rows a cycle"
         yield Figure(f"cleaning a film, {name}, first frame", took[0], "ms", 400.0)
         yield Figure(f"cleaning a film, {name}, mean of the later frames", float(np.mean(took[1:])), "ms", limit)
+        if period is None:
+            continue
+        truth = stored_values(texture, camera, np.dtype(np.uint8))
+        before = np.mean([fitted_psnr(frame[0], truth, (0, 1)) for frame in frames])
+
+        def gain(pictures: list[np.ndarray], truth: np.ndarray = truth, before: Any = before) -> float:
+            return float(np.mean([fitted_psnr(one, truth, (0, 1)) for one in pictures]) - before)
+
+        yield Figure(f"cleaning a film, {name}, gain", gain(cleaned), "dB")
+        if importlib.util.find_spec("av") is None:
+            missing.append("av, for FFmpeg's deflicker")
+            continue
+        even, seconds = deflickered([frame[0] for frame in frames])
+        yield Figure(f"  FFmpeg's deflicker, {name}, mean of the frames", 1e3 * seconds, "ms")
+        yield Figure(f"  FFmpeg's deflicker, {name}, gain", gain(even), "dB")
 
 
 def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
@@ -470,7 +488,7 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
         integration(seconds),
         sequences(seconds),
         exposure_choice(seconds),
-        films(),
+        films(missing),
     ]
     yield from beside_two_threads(groups, seconds)
 
