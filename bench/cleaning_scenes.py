@@ -8,7 +8,9 @@ without bands (peak 255, one gain for all colours), how far it is behind that of
 growth of the cast (DN), of the share of burnt pixels (254 or more) and of the amplitude of the row means of
 ln(picture/truth) at the lights' own frequencies; and which limit is broken.
 
-usage: bench/cleaning_scenes.py [--first SEED] [--count N] [--largest ROWS] [--plain]
+--markdown: no scenes are made; a table of those whose lines are in a file, a row for each kind.
+
+usage: bench/cleaning_scenes.py [--first SEED] [--count N] [--largest ROWS] [--plain] [--markdown FILE]
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ import json
 import pathlib
 import tempfile
 import time
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from typing import Any
 
@@ -183,13 +186,52 @@ def measured(seed: int, largest: int, plain: bool = False) -> dict[str, Any]:
     return {**facts, **rounded, "unchanged": unchanged, "seconds": seconds, "broken": broken}
 
 
+def kinds(found: dict[str, Any]) -> Iterator[str]:
+    """All kinds that a scene is of."""
+    periods = found["periods"]
+    length = max(periods, default=0)
+    cycles = "less than a cycle" if length > found["rows"] else "a cycle or more"
+    yield "all"
+    yield "bands: none" if not periods else "bands: below 128 rows" if length < 128 else f"bands: longer, {cycles}"
+    if periods:
+        yield f"lamps: {len(periods)}, {'even' if found['is_even'] else 'a part more'}"
+    yield f"size: {found['rows']} rows"
+    yield f"coded: {found['coded'].split(' crf')[0]}"
+    yield f"curve: {found['curve']}"
+    yield f"motion: {found['motion']}"
+
+
+def table(lines: Iterable[str]) -> Iterator[str]:
+    """Markdown of the scenes, a row for each kind; behind the true light: of those with bands."""
+    of_kind = collections.defaultdict[str, list[dict[str, Any]]](list)
+    for found in map(json.loads, lines):
+        for kind in kinds(found) if "seed" in found else ():
+            of_kind[kind].append(found)
+    yield "| kind | scenes | least gain | median | behind | most | unchanged | limits broken |"
+    yield "|---|---:|---:|---:|---:|---:|---:|---|"
+    for kind, scenes in sorted(of_kind.items()):
+        least, gain = min(one["least_gain_db"] for one in scenes), np.median([one["gain_db"] for one in scenes])
+        behind = [one["behind_db"] for one in scenes if one["periods"]] or [0.0]
+        unchanged = sum(one["unchanged"] for one in scenes) / (FRAMES * len(scenes))
+        broken = collections.Counter(limit for one in scenes for limit in one["broken"])
+        limits = ", ".join(f"{limit} {count}" for limit, count in broken.items())
+        yield (
+            f"| {kind} | {len(scenes)} | {least:.1f} | {gain:.1f} | {np.median(behind):.2f} | {max(behind):.1f} "
+            f"| {unchanged:.0%} | {limits} |"
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--largest", type=int, default=2160, help="rows of the largest frames")
     parser.add_argument("--plain", action="store_true", help="sRGB, not coded")
+    parser.add_argument("--markdown", type=argparse.FileType(), help="JSON lines of scenes, for a table")
     options = parser.parse_args()
+    if options.markdown:
+        print("\n".join(table(options.markdown)))
+        return
     broken: collections.Counter[str] = collections.Counter()
     for seed in range(options.first, options.first + options.count):
         found = measured(seed, options.largest, options.plain)

@@ -18,7 +18,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index kLeastFrames = 3;
 constexpr double kBetweenCells = 0.15;  // standard deviation of a share from its neighbours; from 1 it is 1
 constexpr double kClearlyLess = 0.8;    // of what one share leaves; by chance 0.9
 constexpr int kSteps = 4;
@@ -48,7 +47,7 @@ std::vector<double> slow_shares(std::span<const CommonCourse> courses, const std
                                 std::size_t rows) {
   const CommonCourse& first = courses.front();
   const auto cells = static_cast<Index>(first.cells.size()), frames = static_cast<Index>(courses.size());
-  if (frames < kLeastFrames || cells == 0) return {};
+  if (courses.size() < kFewFrames || cells == 0) return {};
   const auto across = static_cast<Index>(first.cells.size() / blocks_of(rows, first.cell_rows));
   ArrayXXd level(cells, frames), change(cells, frames);  // of the light, from its mean
   for (Index frame = 0; frame < frames; ++frame) {

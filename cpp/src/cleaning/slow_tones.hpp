@@ -11,6 +11,7 @@ namespace ocisac {
 
 constexpr double kLeastCycles = 0.1;  // in the picture
 constexpr double kLeastModeVariance = 1e-8;
+constexpr std::size_t kFewFrames = 3;  // show shares; a tone of less than a cycle fits them, whatever light they have
 
 // Cycles in the picture of the fastest slow tone: of 58 rows, but at least 2.5 cycles and at most 16.
 double most_cycles(std::size_t rows);
