@@ -43,7 +43,7 @@ class RestoredValues {
         table.variance.begin());
     highest_ = brightest - std::min<std::size_t>(brightest, 1);
     for (std::size_t k = 0; k < light_.size(); ++k)
-      if (!std::isfinite(table.variance[k])) light_[k] = kSaturated;
+      if (!std::isfinite(table.variance[k])) light_[k] = kInfinity;
     const double first = table.light.front(), width = std::max(table.light.back() - first, 1e-300) / kCells;
     cells_ = {first, 1 / width, kCells};
     const auto highest = bounds_.begin() + static_cast<std::ptrdiff_t>(highest_);
@@ -75,7 +75,7 @@ class RestoredValues {
       restored[i] = static_cast<Sample>(start + (lit_[i] >= next_[cell] ? 1 : 0));
       marks[i] = static_cast<std::uint8_t>(marks[i] * static_cast<std::uint8_t>(PixelMark::dark));
       if ((start & kSearched) == 0) continue;
-      if (light_[stored[i]] == kSaturated) {
+      if (light_[stored[i]] == kInfinity) {
         restored[i] = stored[i];
         marks[i] = static_cast<std::uint8_t>(PixelMark::saturated);
       } else {
@@ -86,7 +86,7 @@ class RestoredValues {
 
  private:
   static constexpr std::size_t kCells = 4096;
-  static constexpr double kRounding = 1e-6, kSaturated = 1e300;        // of a cell; light that no other value has
+  static constexpr double kRounding = 1e-6;                            // of a cell
   static constexpr std::uint32_t kSearched = std::uint32_t{1} << 31U;  // cells of several values, or of none
 
   // From where the value is if those of the cell lie at equal distances.
@@ -101,7 +101,7 @@ class RestoredValues {
     return value;
   }
 
-  std::vector<double> light_;
+  std::vector<double> light_;       // infinite where saturated
   std::span<const double> bounds_;  // of each value: below the next one
   double max_gain_;
   std::size_t highest_;
