@@ -195,8 +195,8 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     if (compared != start) {
       const auto these = std::span<const CommonCourse>(courses).subspan(start, std::min(most, courses.size() - start));
       first = find_slow_tones(these, rows, in_frame(known, these.front().place - place_of_known));
-      is_sure =
-          std::ranges::all_of(first, &SlowTone::is_sure) && (first.front().cycles >= 1 || these.size() > kFewFrames);
+      is_sure = std::ranges::all_of(first, &SlowTone::is_sure) &&
+                (first.front().cycles >= 1 - kNearAtMost || these.size() > kFewFrames);
       verdict = is_sure ? agreement_of_groups(these, first) : SlowVerdict{};
       shares = is_sure ? slow_shares(these, first, rows) : std::vector<double>{};
       known = first;

@@ -36,7 +36,7 @@ constexpr std::array<double, 4> kTrends{0.5, 0.5, 0.1, 0.05};  // standard devia
 constexpr std::array<double, 3> kSizes{0.05, 0.15, 0.5};       // expected of a tone's terms, one as likely as another
 constexpr std::size_t kPhaseSteps = 16;
 constexpr std::size_t kPlacesOfMode = 8;
-constexpr double kNearCycles = 0.06, kNearAtMost = 0.25;  // between neighbouring tones: relative, and cycles
+constexpr double kNearCycles = 0.06;  // between neighbouring tones, relative
 constexpr std::size_t kMostTones = 3;
 constexpr double kLeastApart = 0.5;     // cycles between tones
 constexpr std::size_t kParameters = 4;  // of a tone: its two terms, cycles and phase step

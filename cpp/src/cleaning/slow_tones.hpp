@@ -10,6 +10,7 @@
 namespace ocisac {
 
 constexpr double kLeastCycles = 0.1;  // in the picture
+constexpr double kNearAtMost = 0.25;  // cycles between neighbouring tones that are tried
 constexpr double kLeastModeVariance = 1e-8;
 constexpr std::size_t kFewFrames = 3;  // show shares; a tone of less than a cycle fits them, whatever light they have
 
