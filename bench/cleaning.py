@@ -173,8 +173,8 @@ def video(
 
 
 def deflickered(frames: list[np.ndarray]) -> tuple[list[np.ndarray], float]:
-    """FFmpeg's deflicker: every frame times one factor, so that the mean brightness stays. Grey frames, or RGB, which it
-    gets as luma and chroma; processor time of a frame in the filter alone, s.
+    """FFmpeg's deflicker: every frame times one factor, so that the mean brightness stays. Grey frames, or RGB, which
+    it gets as luma and chroma; processor time of a frame in the filter alone, s.
     """
     import av
 
