@@ -375,6 +375,7 @@ void PacketAssembler::lose_clock() {
   end_.reset();
   headers_.clear();
   joined_.clear();
+  if (pauses_.value != pause_) pauses_ = {};  // the same headers may be read again
 }
 
 void PacketAssembler::restart() {
@@ -437,7 +438,7 @@ void PacketAssembler::use_layout(std::size_t payload_bytes) {
 // Where headers with some digit of the length are never seen: the payload of one of the lengths that the others allow,
 // if what waits is enough for it. Lengths of as many codewords have their bytes at the same places.
 std::optional<Payload> PacketAssembler::try_lengths() {
-  if (waiting_.size() < kUnplaced || headers_.size() < kHeadersOfRate) return std::nullopt;
+  if (waiting_.size() < kUnplaced || headers_.empty()) return std::nullopt;
   const std::size_t bytes = waiting_chips_ / format_.line_code.chips_per_byte();
   std::optional<PacketAssembler> trial;
   std::vector<double> reliability;
@@ -479,12 +480,17 @@ void PacketAssembler::learn_pause(const Header& header, std::optional<double> to
   const double pause = (header.chip - last.chip) / static_cast<double>(blocks) - static_cast<double>(block_chips_);
   const double whole = std::nearbyint(pause);
   unsigned shown = 0;
-  if (whole > 0 && std::abs(pause - whole) < std::sqrt(kMinPlaceVariance)) {
+  if (whole > 0) {
     const auto chip = static_cast<std::size_t>(header.chip - header.place);
     const double evidence = pause_evidence(tail_, chip, static_cast<std::size_t>(whole), format_.line_code);
     const double drift = pause * static_cast<double>(blocks) / (header.time - last.time);
     if (evidence <= 0 && told_drift && std::abs(drift - *told_drift) < kWholeDrift) return;  // or a wrong row time
-    if (evidence >= (drift_ || scatter_ > kMinPlaceVariance ? 0 : -kSteadyClock)) shown = static_cast<unsigned>(whole);
+    const bool is_whole = std::abs(pause - whole) < std::sqrt(kMinPlaceVariance);
+    const bool is_steady = !drift_ && scatter_ <= kMinPlaceVariance;
+    if (evidence >= (!is_whole ? kSureChip : is_steady ? -kSteadyClock : 0))
+      shown = static_cast<unsigned>(whole);
+    else if (evidence > 0)
+      return;  // by chance, or too little of the pause is seen
   }
   pauses_.change(shown);
   if (pauses_.count < 2 || pauses_.value == pause_) return;
@@ -495,8 +501,8 @@ void PacketAssembler::learn_pause(const Header& header, std::optional<double> to
   std::ranges::fill(soft_bits_, 0.0F);
 }
 
-// The drift and walk of the clock from its headers, less those of jumps: medians.
-void PacketAssembler::learn_drift() {
+// The drift and walk of the clock from its headers, less those of jumps: medians. Absent for too few headers.
+std::optional<PacketAssembler::Drift> PacketAssembler::drift_of_headers() const {
   struct Step {
     double time, moved, chips;  // between stretches; of the origin; sent
   };
@@ -508,7 +514,7 @@ void PacketAssembler::learn_drift() {
     if (after.time > before.time)
       steps.push_back({after.time - before.time, moved, after.place - before.place - moved});
   }
-  if (steps.size() < 2) return;
+  if (steps.size() < 2) return std::nullopt;
   const auto median_of = [&](auto&& value) {
     std::vector<double> values;
     for (const Step& step : steps) values.push_back(value(step));
@@ -520,8 +526,18 @@ void PacketAssembler::learn_drift() {
       median_of([&](const Step& step) { return std::pow(step.moved - rate * step.time, 2) / step.time; });
   const double chips = median_of([](const Step& step) { return step.chips / step.time; });
   const auto count = static_cast<double>(steps.size());
-  drift_ = {rate, walk / (kMedianMagnitude * kMedianMagnitude) + kLooseWalk / (count * count * time), chips,
-            steps.size(), time};
+  return Drift{rate, walk / (kMedianMagnitude * kMedianMagnitude) + kLooseWalk / (count * count * time), chips,
+               steps.size(), time};
+}
+
+void PacketAssembler::learn_drift() {
+  if (const auto drift = drift_of_headers()) drift_ = drift;
+}
+
+// What a jump looks like where each header since the first is as much further off.
+bool PacketAssembler::drifts() const {
+  const auto drift = drift_ ? std::nullopt : drift_of_headers();
+  return drift && std::abs(drift->rate) * drift->step > kWholeDrift;
 }
 
 std::optional<double> PacketAssembler::even_rate() const {
@@ -642,6 +658,7 @@ PacketAssembler::Agreement PacketAssembler::follow(Stretch& stretch) {
     const double off = origin_ ? difference(seen, origin_at(stretch, *origin_), cycle()) : 0;
     const double allowed = static_cast<double>(kMaxSlip) + 0.5 + kSure * std::sqrt(variance);
     const bool contradicts = origin_ && std::abs(off) > allowed;
+    if (origin_ && drifts()) return Agreement::breaks;
     if (contradicts && !doubtful_) {
       doubtful_ = *stretch.origin;
       return Agreement::disagrees;

@@ -191,6 +191,8 @@ class PacketAssembler {
   void use_layout(std::size_t payload_bytes);
   std::optional<Payload> try_lengths();
   void learn_pause(const Header& header, std::optional<double> told_drift);
+  [[nodiscard]] std::optional<Drift> drift_of_headers() const;
+  [[nodiscard]] bool drifts() const;
   void learn_drift();
   [[nodiscard]] Lack lack_after(const StretchReport& report, std::span<const double> llr);
   [[nodiscard]] std::size_t period() const { return block_chips_ + pause_; }
