@@ -219,8 +219,8 @@ bool ChipReceiver::is_mean(const ChipFrame& frame) const {
 }
 
 // Learns the lamp's profile from the kept frames, and reads them by it.
-bool ChipReceiver::learn(ChipFrame& frame, bool tried_others) {
-  if (!history_.comes_due() || tried_others) return false;  // one attempt that may be in vain a frame
+bool ChipReceiver::learn(ChipFrame& frame) {
+  if (!history_.comes_due()) return false;
   const bool in_doubt = history_.doubtful() == history_.frames.size();
   frame.rows.time -= drop_given_again();
   if (!history_.is_long_enough()) return false;
@@ -255,7 +255,7 @@ void ChipReceiver::read(ChipFrame& frame) {
     return;
   }
   if (!follow_profile(reader_, frame.reading, history_, state_)) assembler_.lose_clock();
-  if (learn(frame, read.tried_others) || !read.is_new_model || !frame.reading) return;
+  if (learn(frame) || !read.is_new_model || !frame.reading) return;
   if (frame.reading->pause)  // another count of lost chips, too
     for (KeptFrame& kept : history_.frames)
       if (&kept != &history_.frames.back()) kept.trust.reset();

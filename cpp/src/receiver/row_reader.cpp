@@ -475,7 +475,7 @@ void RowReader::try_turns(const FrameRows& frame, RowsRead& best) const {
 
 RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   RowsRead best{.state = std::move(before)};
-  auto& [reading, state, is_new_model, tried_others] = best;
+  auto& [reading, state, is_new_model] = best;
   SignalModel& model = state.model;
   if (!model.nuisance.before.empty()) model.nuisance.before = frame.before;
   const double exposure_rows = model.exposure_rows.value_or(0.0);
@@ -487,8 +487,7 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   if (reading && !model.nuisance.empty()) model.nuisance = reading->nuisance;
   is_new_model |= reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
   state.other_models.pass_frame();
-  if (fits() || !state.other_models.is_due() || !(reading || frame.may_search)) return best;
-  tried_others = true;
+  if (fits() || (reading ? !state.other_models.is_due() : !frame.may_search)) return best;
   const bool sure = reading && reading->trust == Trust::sure;
   if (reading && !sure && model.nuisance.empty()) {
     auto even = refine_warp(frame.signal, *reading, model.exposure_known, &frame.effort_of_others);

@@ -82,7 +82,6 @@ struct RowsRead {
   std::optional<FrameReading> reading{};
   LightState state{};         // with the model that was chosen
   bool is_new_model = false;  // another one than the last frame's
-  bool tried_others = false;  // other models were tried
 };
 
 // In each frame: chip clock, exposure and levels from the tracked clock, else from a preamble, else blind from the
