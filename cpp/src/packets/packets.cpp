@@ -526,8 +526,9 @@ std::optional<PacketAssembler::Drift> PacketAssembler::drift_of_headers() const 
       median_of([&](const Step& step) { return std::pow(step.moved - rate * step.time, 2) / step.time; });
   const double chips = median_of([](const Step& step) { return step.chips / step.time; });
   const auto count = static_cast<double>(steps.size());
+  const bool one_way = std::ranges::all_of(steps, [&](const Step& step) { return step.moved * rate > 0; });
   return Drift{rate, walk / (kMedianMagnitude * kMedianMagnitude) + kLooseWalk / (count * count * time), chips,
-               steps.size(), time};
+               steps.size(), time, one_way};
 }
 
 void PacketAssembler::learn_drift() {
@@ -537,7 +538,7 @@ void PacketAssembler::learn_drift() {
 // What a jump looks like where each header since the first is as much further off.
 bool PacketAssembler::drifts() const {
   const auto drift = drift_ ? std::nullopt : drift_of_headers();
-  return drift && std::abs(drift->rate) * drift->step > kWholeDrift;
+  return drift && drift->one_way && std::abs(drift->rate) * drift->step > kWholeDrift;
 }
 
 std::optional<double> PacketAssembler::even_rate() const {

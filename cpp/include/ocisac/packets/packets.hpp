@@ -174,6 +174,7 @@ class PacketAssembler {
     double chips;         // sent per unit of time
     std::size_t headers;  // between which it was learned
     double step;          // time from one to the next
+    bool one_way;         // each is further off than the one before
   };
   enum class Agreement { agrees, disagrees, breaks };
   struct Vote {
