@@ -7,8 +7,10 @@ is told, told wrong, or not told. Every chip has its log-likelihood ratio L and 
 1 / (1 + exp(|L|)); by decades of it, the share of wrong chips is compared with the mean rate told. Chips are numbered
 by the frame's own clock; a frame may be a chip early or late as a whole, the choice that the phase leaves.
 
-usage: bench/calibration.py [--chips N] [--first SEED] [--processes N] [--picture FILE] [--text FILE]
-    [--check payloads|rates]
+Half of the draws are others (`device_draws.py`): two or three at once of what cameras and cheap senders do.
+
+usage: bench/calibration.py [--draws all|light|devices] [--chips N] [--first SEED] [--processes N] [--picture FILE]
+    [--text FILE] [--check payloads|rates]
 
 --check: exit status 1 for a wrong payload; with rates, also for a decade whose share is not within a factor of two of
 the rate told.
@@ -22,11 +24,12 @@ import itertools
 import math
 import multiprocessing
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from device_draws import DeviceDraw
 
 from ocisac_fast import Camera, Chips, SquareWave, Tone, transmit
 from ocisac_fast.packets import PacketFormat
@@ -158,6 +161,21 @@ class Frame:
     wrong: npt.NDArray[np.bool_]
 
 
+def compared(result: ReceivedFrame, begin: float, sent: npt.NDArray[Any], inverted: bool = False) -> Frame:
+    """A frame whose first bit begins so many chips after the sender's first (one cycle `sent`).
+
+    The bits of an inverted light may be turned, too.
+    """
+    if not result.bits:
+        return Frame(result, np.zeros(0), np.zeros(0, np.bool_))
+    index = round(begin) + np.arange(len(result.bits))
+    bits = np.frombuffer(result.bits.encode(), np.uint8) - ord("0")
+    shifted = [sent[(index + shift) % sent.size] != bits for shift in (0, -1, 1)]
+    shifted += [~wrong for wrong in shifted] if inverted else []
+    told = 1 / (1 + np.exp(np.minimum(np.abs(result.llr), 700)))
+    return Frame(result, told, min(shifted, key=np.count_nonzero))
+
+
 def receive(draw: Draw) -> Iterator[Frame]:
     """Receive a draw frame by frame."""
     sent = transmit(PAYLOAD, format=PacketFormat(block_bytes=8))
@@ -165,22 +183,32 @@ def receive(draw: Draw) -> Iterator[Frame]:
     receiver = Receiver(camera, chip_rate=8e3, format=sent.format)
     for number, pixels in enumerate(draw.frames(sent.chips)):
         result = receiver.push(pixels)
-        if not result.bits:
-            yield Frame(result, np.zeros(0), np.zeros(0, np.bool_))
-            continue
         begin = draw.start + number * FRAME_TIME + result.phase * ROW_TIME - result.exposure / 2
-        index = round(begin * draw.chip_rate) + np.arange(len(result.bits))
-        bits = np.frombuffer(result.bits.encode(), np.uint8) - ord("0")
-        shifted = [sent.chips[(index + shift) % sent.chips.size] != bits for shift in (0, -1, 1)]
-        told = 1 / (1 + np.exp(np.minimum(np.abs(result.llr), 700)))
-        yield Frame(result, told, min(shifted, key=np.count_nonzero))
+        yield compared(result, begin * draw.chip_rate, sent.chips)
 
 
-def counted(draw: Draw) -> Counts:
+def receive_devices(draw: DeviceDraw, undo: Callable[..., npt.NDArray[np.uint8]] | None = None) -> Iterator[Frame]:
+    """The same of another kind of draw; what is read inverted is right.
+
+    ``undo`` is given the draw, the frame, the one before, and the frame before its local tone mapping.
+    """
+    packet = transmit(PAYLOAD, format=PacketFormat(block_bytes=8))
+    receiver = Receiver(draw.told, chip_rate=draw.told_chip_rate, format=packet.format)
+    sent, read = draw.sent(packet.chips), draw.read_rows()
+    before = None
+    for start, (pixels, source) in zip(draw.starts(FRAMES), draw.frames(packet.chips, FRAMES), strict=True):
+        result = receiver.push(undo(draw, pixels, pixels if before is None else before, source) if undo else pixels)
+        before = pixels
+        row = np.interp(result.phase, np.arange(ROWS), read)
+        begin = start + row * ROW_TIME - result.exposure / 2
+        yield compared(result, begin * draw.chip_rate, sent, draw.level("inverted") > 0)
+
+
+def counted(draw: Draw | DeviceDraw) -> Counts:
     """Count the chips of one draw."""
     counts = Counts.none()
     payloads = []
-    for frame in receive(draw):
+    for frame in receive(draw) if isinstance(draw, Draw) else receive_devices(draw):
         counts.frames += 1
         if frame.result.payload is not None:
             payloads.append(frame.result.payload.data)
@@ -197,12 +225,19 @@ def counted(draw: Draw) -> Counts:
     return counts
 
 
-def measure(chips: int, first: int, processes: int) -> Counts:
+def draw_of(seed: int, kinds: str) -> Draw | DeviceDraw:
+    """The draw of a seed, of one kind or of both in turns."""
+    if kinds == "all":
+        return Draw.of(seed) if seed % 2 == 0 else DeviceDraw.of(seed)
+    return Draw.of(seed) if kinds == "light" else DeviceDraw.of(seed)
+
+
+def measure(chips: int, first: int, processes: int, kinds: str = "all") -> Counts:
     """Draws from a seed on, until at least so many chips are read, a few at once."""
     total, seeds = Counts.none(), itertools.count(first)
     with multiprocessing.get_context("spawn").Pool(processes or None) as pool:
         while total.chips.sum() < chips:
-            for counts in pool.imap(counted, [Draw.of(seed) for seed in itertools.islice(seeds, _AT_ONCE)]):
+            for counts in pool.imap(counted, [draw_of(seed, kinds) for seed in itertools.islice(seeds, _AT_ONCE)]):
                 total.add(counts)
                 text = f"{total.draws} draws, {total.chips.sum()} chips, {total.wrong_payloads} wrong payloads"
                 print(text, file=sys.stderr, flush=True)
@@ -259,17 +294,18 @@ def main() -> int:
     parser.add_argument("--chips", type=int, default=1_000_000, help="chips to read, at least (default 1000000)")
     parser.add_argument("--first", type=int, default=0, help="seed of the first draw")
     parser.add_argument("--processes", type=int, default=0, help="at once; 0: one for each processor")
+    parser.add_argument("--draws", choices=["all", "light", "devices"], default="all", help="default: all")
     parser.add_argument("--picture", help="draw shares over rates to a .png, .svg or .pdf")
     parser.add_argument(
-        "--text", help="a Markdown file with '<!-- calibration: table -->', '<!-- calibration: end -->'"
+        "--text", help="a Markdown file with '<!-- calibration: table -->', or devices, '<!-- ... end -->'"
     )
     parser.add_argument("--check", choices=["payloads", "rates"], help="exit code 1 for a wrong payload, or rate")
     asked = parser.parse_args()
-    counts = measure(asked.chips, asked.first, asked.processes)
+    counts = measure(asked.chips, asked.first, asked.processes, asked.draws)
     if asked.picture:
         draw_picture(asked.picture, counts)
     if asked.text:
-        fill_markers(asked.text, "calibration", {"table": table(counts)})
+        fill_markers(asked.text, "devices" if asked.draws == "devices" else "calibration", {"table": table(counts)})
     print(table(counts))
     off = [k for k in range(DECADES) if counts.calibrated(k) is False]
     return 1 if asked.check and (counts.wrong_payloads or (asked.check == "rates" and off)) else 0

@@ -11,6 +11,7 @@ import field_pictures
 import numpy as np
 import pytest
 from calibration import DECADES, Counts
+from device_draws import EFFECTS, DeviceDraw
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "measured" / "field.md"
 
@@ -62,3 +63,19 @@ def test_the_document_has_both_tables():
     assert titles == [title for title, _ in field_pictures.CASES]
     names = [line.split(" | ")[0].strip("| ") for line in shown["calibration"][1].splitlines()[2 : 2 + DECADES]]
     assert names == [calibration.name_of(k) for k in range(DECADES)]
+
+
+def test_draws_of_devices_are_repeatable_and_have_all_effects():
+    draws = [DeviceDraw.of(seed) for seed in range(80)]
+    assert draws == [DeviceDraw.of(seed) for seed in range(80)]
+    assert {effect for draw in draws for effect in draw.effects} == set(EFFECTS)
+
+
+@pytest.mark.parametrize("effects", [{}, {"inverted": 1.0}, {"read-out pause": 20.0}, {"frame times": 0.5}])
+def test_a_clean_device_has_no_wrong_chip(monkeypatch, effects):
+    """The truth follows the rows' times, the frames' starts and the lamp's polarity."""
+    monkeypatch.setattr(calibration, "FRAMES", 3)
+    draw = DeviceDraw(8e3, 8e3, 622e-6, 120.0, 1.0, 26.0, 1.3, effects, 0)
+    counts = calibration.counted(draw)
+    assert counts.chips.sum() > 3 * 180
+    assert counts.wrong.sum() == 0

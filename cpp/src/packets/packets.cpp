@@ -527,8 +527,9 @@ std::optional<PacketAssembler::Drift> PacketAssembler::drift_of_headers() const 
   const double chips = median_of([](const Step& step) { return step.chips / step.time; });
   const auto count = static_cast<double>(steps.size());
   const bool one_way = std::ranges::all_of(steps, [&](const Step& step) { return step.moved * rate > 0; });
-  return Drift{rate, walk / (kMedianMagnitude * kMedianMagnitude) + kLooseWalk / (count * count * time), chips,
-               steps.size(), time, one_way};
+  return Drift{rate,  walk / (kMedianMagnitude * kMedianMagnitude) + kLooseWalk / (count * count * time),
+               chips, steps.size(),
+               time,  one_way};
 }
 
 void PacketAssembler::learn_drift() {

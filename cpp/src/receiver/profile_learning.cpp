@@ -20,9 +20,9 @@ namespace {
 constexpr std::size_t kKeptFrames = 16;
 constexpr std::int64_t kProfileInterval = 4;  // frames between fits of a profile in use
 constexpr std::size_t kMaxProfileMisfits = 6;
-constexpr std::size_t kProfileRounds = 8;
+constexpr std::size_t kProfileRounds = 12;
 constexpr std::array kShapeWeights{1.0, 1.0, 0.1, 0.01, 0.001};  // by round: prior of the first shape
-constexpr double kProfileSearches = 6;                           // frames' efforts for the kept frames
+constexpr double kProfileSearches = 6;                           // frames' efforts for the kept frames, in a round
 constexpr double kProfileGain = 0.95;      // max ratio of the noise of a round to that of the round before
 constexpr double kMaxProfileGrowth = 1.5;  // ratio of a frame's noise to that of those that the profile is of
 constexpr double kMinFittedSwing = 0.15;   // of the median, of a fitted profile: darker rows are not read
@@ -78,11 +78,11 @@ std::size_t frames_at_least(Trust trust, const std::deque<KeptFrame>& frames) {
 
 // All frames read again, less the profile; the searches are bounded. Readings of at least this trust lead to the
 // next frame's. Returns what is left of them, relative to the swing.
-double read_frames(const RowReader& reader, std::size_t first_row, Learned& now, double& searches,
-                   Trust followed = Trust::unsound) {
+double read_frames(const RowReader& reader, std::size_t first_row, Learned& now, Trust followed = Trust::unsound) {
   now.state.scale_nuisance(scale_of_beside(now.profile));
   double noise = 0;
   const SearchEffort effort = reader.effort(now.state, now.profile.rows.size());
+  double searches = kProfileSearches;
   std::vector<double> tones(now.state.model.nuisance.tones.size());  // their sums: a wrong profile moves them
   for (KeptFrame& kept : now.frames) {
     FrameRows rows{.may_search = searches > 0, .effort = effort, .effort_of_others = effort};
@@ -239,8 +239,7 @@ std::optional<Learned> learn_rows(const RowReader& reader, const FrameHistory& h
   Learned learned{.profile = {.profile = std::move(*own), .rows = rows, .plain = true},
                   .frames = history.frames,
                   .state = reader.restarted(state)};
-  double searches = kProfileSearches;
-  learned.profile.noise = read_frames(reader, history.first_row, learned, searches, Trust::fits);
+  learned.profile.noise = read_frames(reader, history.first_row, learned, Trust::fits);
   learned.profile.fits = frames_at_least(Trust::fits, learned.frames) >= enough_of(learned.frames);
   learned.state = with_new_phase(std::move(learned.state));
   return learned.profile.fits ? std::optional(std::move(learned)) : std::nullopt;
@@ -253,9 +252,9 @@ std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row
   const auto shape = now.profile.profile.swing;
   const std::size_t enough = enough_of(now.frames);
   std::optional<Learned> best;
-  double before = std::numeric_limits<double>::infinity(), searches = kProfileSearches;
+  double before = std::numeric_limits<double>::infinity();
   for (std::size_t round = 0; round < kProfileRounds; ++round) {
-    const double noise = read_frames(reader, first_row, now, searches);
+    const double noise = read_frames(reader, first_row, now);
     const bool readable = frames_at_least(Trust::unsound, now.frames) >= enough;
     now.state = with_new_phase(std::move(now.state));
     if (!readable) now.state.channel.reset();
@@ -264,7 +263,7 @@ std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row
     const bool slower = best && now.state.model.slow_light && !best->state.model.slow_light;
     const double highest = best ? (slower ? kLessNoise : 1.0) * best->profile.noise : kMaxRelativeNoise;
     if (round > 0 && readable && (noise < highest || (now.profile.fits && !slower))) best = now;
-    if ((best && best->profile.fits) || searches <= 0) break;
+    if (best && best->profile.fits) break;
     const bool finds_tone = readable && finds_tone_left(reader, now);
     if (round >= kShapeWeights.size() && noise > kProfileGain * before && !finds_tone && !start_slow_light(now.state))
       break;

@@ -47,7 +47,7 @@ struct FrameHistory {
   std::deque<KeptFrame> frames{};
   std::size_t first_row = 0;                                   // of the picture, at index 0 of their signals
   std::optional<LearnedProfile> profile{};                     // in use, where single frames fit no model
-  BackOff attempts{.shortest = 2, .longest = 32, .quick = 2};  // to learn one
+  BackOff attempts{.shortest = 2, .longest = 32, .quick = 4};  // to learn one
   std::size_t unexplained = 0;                                 // consecutive frames that the profile does not explain
 
   // Adds the current frame; `now.signal` from row `first_row_of_now` of the picture on.
