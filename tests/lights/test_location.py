@@ -74,6 +74,13 @@ class TestAccuracy:
         assert found.position == pytest.approx(position, abs=1e-5)
         assert found.rotation == pytest.approx(cv2.Rodrigues(turn)[0], abs=1e-5)
 
+    @pytest.mark.parametrize("distance", [300.0, 3e3, 3e5])
+    def test_lights_close_together_in_the_picture_hardly_tell(self, distance: float) -> None:
+        position = np.array([0.2, -0.1, -distance])
+        pixels = seen_from(position, LAMPS, np.zeros(3))
+        found = of.locate_camera(LAMPS, pixels, focal=FOCAL, centre=CENTRE, noise=0.5)
+        assert found.status == "degenerate"
+
 
 class TestWhatCannotBeTold:
     def test_three_lights_are_ambiguous_and_the_truth_is_among_the_places(self) -> None:

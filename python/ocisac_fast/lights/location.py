@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from collections.abc import Sequence
@@ -156,8 +157,9 @@ def _poses(world: Float64s, image: Float64s, lens: _Lens, noise: float) -> list[
         spread = np.linalg.svd(world - world.mean(axis=0), compute_uv=False)
         flat = spread[2] <= _COLLINEAR * spread[0]
         for method in (cv2.SOLVEPNP_SQPNP, *((cv2.SOLVEPNP_IPPE,) if flat else ())):
-            found = cv2.solvePnPGeneric(world, image, lens.matrix, lens.distortion, flags=method)
-            starts += list(zip(found[1], found[2], strict=True))
+            with contextlib.suppress(cv2.error):  # SQPnP refuses lights that are close together in the picture
+                found = cv2.solvePnPGeneric(world, image, lens.matrix, lens.distortion, flags=method)
+                starts += list(zip(found[1], found[2], strict=True))
     usable = [start for start in starts if np.all(np.isfinite(np.concatenate(start)))]
     usable.sort(key=lambda start: _squares(world, image, lens, *start))
     poses: list[_Pose] = []
