@@ -911,6 +911,8 @@ def test_a_file_that_grows_moves_or_is_replaced_is_read_as_it_was(tmp_path):
             first = next(iter(stream))
             change()
             assert np.array_equal([first, *stream][:9], frames)
+
+
 @pytest.mark.parametrize(("kind", "message"), [("mdat", "an index behind more than 4 MiB"), ("", "not a picture")])
 def test_an_mp4_of_a_pipe_without_an_end_is_one_line(kind, message):
     code = "from ocisac_fast.files import read_frames, videos; videos._MOST_SPOOLED = 4 << 20; read_frames('-')"
