@@ -411,3 +411,17 @@ def test_noise_of_half_a_step_is_not_flagged_as_rounding(rows_per_cycle):
     angle = 2 * np.pi * np.arange(1080)[:, None] / rows_per_cycle + random.uniform(0, 2 * np.pi, 200)
     stored = 100 + 67.5 * np.cos(angle) + 0.6 * random.standard_normal(angle.shape)
     assert not ocisac.tone_gain(np.rint(stored).astype(np.uint8), Camera(1.0), 1 / rows_per_cycle).flags.any()
+
+
+@pytest.mark.parametrize(("waveform", "most"), [("tone", 2.0), ("square", np.pi / 2)])
+@pytest.mark.parametrize("over", [0.9, 1.1])
+def test_more_than_any_light_shows_is_flagged_without_an_exposure(waveform, most, over):
+    """The fundamental of light, which is not negative, is at most twice its mean; more is a wrong background."""
+    rows = (
+        20
+        + 60 * np.cos(2 * np.pi * 0.021 * np.arange(1000))[:, None]
+        + np.random.default_rng(1).normal(0, 1, (1000, 8))
+    )
+    mean = 60 / (most * over) * (1 if waveform == "tone" else np.pi / 4)
+    found = ocisac.tone_gain(rows + 100, Camera(1.0), 0.021, waveform=waveform, background=120 - mean)
+    assert np.all((found.flags & Flag.MODEL_MISFIT > 0) == (over > 1))

@@ -15,9 +15,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kCells = 4096;  // of the table from which the search for a stored value starts
-constexpr double kMinLeft = 1e-9;     // of the light of a row, as a divisor
-
 template <class Sample>
 void check(const FramesView<const Sample>& stored, const StoredTable& table) {
   require(stored.frames == 1 && stored.columns > 0 && stored.rows > 0, "stored", stored.frames, "one frame");

@@ -876,12 +876,14 @@ void untie_harmonics(const Context& context, const ToneGainView& result) {
   }
 }
 
-// Gains beyond that of light of full depth contradict exposure, waveform or dark level.
+// Gains beyond that of light of full depth contradict exposure, waveform, dark level or background; without an exposure
+// those of which the fundamental is more than twice the mean, which no light is.
 void flag_impossible(const Context& context, const ToneGainView& result) {
-  if (!context.camera->exposure) return;
+  const auto& exposure = context.camera->exposure;
   const std::size_t each = result.gain.size() / context.tones.size();
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
-    const double most = std::abs(sinc(context.tones[tone].frequency * *context.camera->exposure)) + kNextToNone;
+    const double of_light = exposure ? std::abs(sinc(context.tones[tone].frequency * *exposure)) : 2 / context.ratio;
+    const double most = of_light + kNextToNone;
     for (std::size_t i = tone * each; i < (tone + 1) * each; ++i)
       if (result.gain[i] - kSure * result.gain_std[i] > most) result.flags[i] |= flag::model_misfit;
   }
