@@ -477,3 +477,17 @@ def test_a_frame_time_shorter_than_the_rows_take_is_flagged():
     for frame_time, flagged in ((FRAME_TIME, False), (300 * ROW_TIME, True), (1e-3, True)):
         found = ocisac.sense_region(frames, camera(frame_time=frame_time), 700.0)
         assert bool(found.flags & Flag.MODEL_MISFIT) == flagged
+
+
+@pytest.mark.parametrize("change", ["none", "dim", "steady", "steady at the end", "less deep", "more light beside it"])
+def test_a_film_whose_lamp_changes_is_flagged(change):
+    of_camera = camera(exposure=1e-3)
+    light = 180 * ocisac.integrate_exposure(ocisac.SquareWave(700.0), of_camera, 480, frames=8)
+    after = slice(7 if change == "steady at the end" else 4, None)
+    if change.startswith("steady"):
+        light[after] = 90
+    light[after] *= {"dim": 0.4, "less deep": 0.5}.get(change, 1)
+    light[after] += {"less deep": 45, "more light beside it": 30}.get(change, 0)
+    frames = light[:, :, None] + np.random.default_rng(1).normal(0, 1, (8, 480, 40))
+    found = ocisac.sense_region(frames, of_camera, waveform="square")
+    assert bool(found.flags & Flag.MODEL_MISFIT) == (change not in ("none", "dim"))

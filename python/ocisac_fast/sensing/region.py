@@ -87,7 +87,8 @@ class SensedRegion(Result):
         spatial_frequency, spatial_frequency_std: of the texture along the motion, 1/m; std 0 for a given value.
         background_given: True if a background was given; otherwise a light's gain is its share of the light times
             |sinc|.
-        flags: of :class:`ocisac_fast.Flag`; MODEL_MISFIT also where the columns contradict a stated spatial frequency
+        flags: of :class:`ocisac_fast.Flag`; MODEL_MISFIT also where a frame shows a light by a tenth more or less deep
+            than most (a cut), where the columns contradict a stated spatial frequency
             or speed by more than a tenth (with the pitch), and where the frame time is shorter than the rows or the
             exposure take.
     """
@@ -248,6 +249,8 @@ def measure(
     kind = facts["kind"]
     if kind != "light":
         flags &= ~Flag.MODEL_MISFIT  # the columns of a texture have phases of their own
+    elif _changes(fitted):
+        flags |= Flag.MODEL_MISFIT
     flags |= kind_flags | facts.pop("flags")
     ratio = (1.0 if request.waveform == "tone" else 2.0 * float(np.sinc(request.duty))) * request.depth
     gains = _gains(region, camera, fitted, frames_advance, ambient, ratio)
@@ -397,6 +400,15 @@ def _common_phase(fitted: Fitted, advance: PhaseAdvance) -> tuple[bool, bool]:
     return common, common and (unsure or creeping)
 
 
+def _changes(fitted: Fitted) -> bool:
+    """True if a frame shows the light by a tenth more or less deep than most: a cut, another lamp, another exposure."""
+    light = fitted.mean.sum(axis=1)
+    depth = np.abs(fitted.tone.sum(axis=1)) / light
+    std = math.sqrt(_component_variance(fitted) * fitted.tone.shape[1]) / light
+    typical = np.median(depth)
+    return bool(np.any(np.abs(depth - typical) > np.maximum(_SAME_DEPTH * typical, 5.0 * std)))
+
+
 def _theory(frequency: float, camera: Camera) -> tuple[float, Flag]:
     if camera.exposure is None or not math.isfinite(frequency):
         return math.nan, Flag(0)
@@ -464,4 +476,5 @@ def _column_flags(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, tone
 
 
 _JUDGED = 64
+_SAME_DEPTH = 0.1
 _POOLED_FLAGS = Flag.WEAK | Flag.NO_LIGHT | Flag.NEAR_NULL | Flag.FEW_CYCLES
