@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ocisac_fast.batch.results import Results, read_failures
-from ocisac_fast.cli.gain import inverse_variance_weights, weighted_mean
 from ocisac_fast.core.results import Result
+from ocisac_fast.core.statistics import mean_and_std
 
 
 class RecordingSummary(NamedTuple):
@@ -95,9 +95,7 @@ def _numbers(rows: list[Any], name: str) -> Any:
 
 def _gain(rows: list[Any]) -> tuple[float, float]:
     """Mean weighted by inverse variance, as of `ocisac gain`."""
-    spreads = _numbers(rows, "gain_std")
-    weights = inverse_variance_weights(spreads)
-    return weighted_mean(_numbers(rows, "gain"), weights), math.sqrt(weighted_mean(spreads**2 * weights, weights))
+    return mean_and_std(_numbers(rows, "gain"), _numbers(rows, "gain_std"))
 
 
 def _mean_of(name: str) -> Callable[[list[Any]], tuple[float, float]]:

@@ -71,8 +71,8 @@ def warn_of_gain(facts: dict[str, Any], row_period: float, whole_picture: bool) 
     """Warn if the gain of a recording is none or probably biased, and return True then; ``facts``: its JSON object."""
     if whole_picture and "model_misfit" in facts["flags"]:
         _warn(
-            "the light varies along the columns, or contradicts --exposure, --waveform or --dark-level, which biases "
-            "the gain: give --region x,y,w,h within the lamp"
+            "the light varies along the columns or from frame to frame, or contradicts --exposure, --waveform or "
+            "--dark-level, which biases the gain: give --region x,y,w,h within the lamp, and frames of one scene"
         )
         return True
     cycles = facts["frequency_hz"] * facts["rows"] * row_period

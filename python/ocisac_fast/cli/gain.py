@@ -39,6 +39,8 @@ from ocisac_fast.cli.pictures import (
     plot_option,
 )
 from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
+from ocisac_fast.core.flags import Flag
+from ocisac_fast.core.statistics import do_differ, inverse_variance_weights, mean_and_std, weighted_mean
 from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
 from ocisac_fast.light.response import exposure_response
@@ -75,7 +77,8 @@ def gain(
     """Measure the normalised gain of a tone in FILE (a picture, a video, a .npy array, or -).
 
     The columns that show the light are selected in the first frames, unless --region is given, and pooled, weighted by
-    brightness. Each frame gives a gain; the result is the mean weighted by inverse variance.
+    brightness. Each frame gives a gain; the result is the mean weighted by inverse variance, its error by their scatter
+    where that is larger. Frames that differ by a tenth, as of a cut, have the flag model_misfit.
     """
     options = {"method": method, "background": background or 0.0, "threads": threads}
     measured = frame_gains(file, picture, frequency, options, per_column=per_column is not None)
@@ -240,13 +243,15 @@ class FrameGains:
         if math.isnan(self.light.frequency):
             return _NO_TONE
         values, weights = self.values, inverse_variance_weights(self.values["gain_std"])
+        gain, gain_std = mean_and_std(values["gain"], values["gain_std"])
+        changed = do_differ(values["gain"], values["gain_std"])
         return {
-            "gain": weighted_mean(values["gain"], weights),
-            "gain_std": math.sqrt(weighted_mean(values["gain_std"] ** 2 * weights, weights)),
+            "gain": gain,
+            "gain_std": gain_std,
             "phase": float(values["phase"][0]),
             "mean": weighted_mean(values["mean"], weights),
             "snr": weighted_mean(values["snr"], weights),
-            "flags": int(np.bitwise_or.reduce(values["flags"])),
+            "flags": int(np.bitwise_or.reduce(values["flags"])) | (Flag.MODEL_MISFIT if changed else 0),
         }
 
 
@@ -332,26 +337,9 @@ def _find_light(
 def _misfit(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> int:
     """MODEL_MISFIT if the mean column of a frame varies, against the assumption of ``tone_gain``; else 0."""
     from ocisac_fast.camera.linear_light import linear_light
-    from ocisac_fast.core import Flag
     from ocisac_fast.tones import varying_tone_gain
 
     column = linear_light(columns, camera).mean(axis=-1)
     names = ("waveform", "duty", "background")
     found = varying_tone_gain(column, Camera(camera.row_time), frequency, **{name: options[name] for name in names})
     return int(found.flags) & Flag.MODEL_MISFIT
-
-
-def inverse_variance_weights(spreads: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Normalised inverse variances of the frames with a result; equal weights if any variance is 0."""
-    known = np.isfinite(spreads)
-    inverse = np.zeros_like(spreads)
-    inverse[known] = (
-        1.0 if (spreads[known] == 0.0).any() else (spreads[known].min(initial=np.inf) / spreads[known]) ** 2
-    )
-    return inverse / inverse.sum() if known.any() else inverse
-
-
-def weighted_mean(values: npt.NDArray[np.float64], weights: npt.NDArray[np.float64]) -> float:
-    """Weighted mean over the frames with a result; NaN if there are none."""
-    answered = weights > 0.0
-    return float(values[answered] @ weights[answered]) if answered.any() else math.nan

@@ -16,6 +16,7 @@ from ocisac_fast.core.checks import InnerShare, NotNegative, Positive, Within, c
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
 from ocisac_fast.core.results import Result
+from ocisac_fast.core.statistics import do_differ
 from ocisac_fast.sensing.fit import (
     Columns,
     Fitted,
@@ -405,8 +406,7 @@ def _changes(fitted: Fitted) -> bool:
     light = fitted.mean.sum(axis=1)
     depth = np.abs(fitted.tone.sum(axis=1)) / light
     std = math.sqrt(_component_variance(fitted) * fitted.tone.shape[1]) / light
-    typical = np.median(depth)
-    return bool(np.any(np.abs(depth - typical) > np.maximum(_SAME_DEPTH * typical, 5.0 * std)))
+    return do_differ(depth, std)
 
 
 def _theory(frequency: float, camera: Camera) -> tuple[float, Flag]:
@@ -476,5 +476,4 @@ def _column_flags(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, tone
 
 
 _JUDGED = 64
-_SAME_DEPTH = 0.1
 _POOLED_FLAGS = Flag.WEAK | Flag.NO_LIGHT | Flag.NEAR_NULL | Flag.FEW_CYCLES
