@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What could be read: films of what cameras do, as they are and with it undone by its true parameters.
+"""Bounds of reception: films of what cameras do, as they are and with it undone by its true parameters.
 
 The same receiver reads both; what it reads of the second kind bounds what a model of the effect could gain.
 

@@ -88,7 +88,7 @@ class DeviceDraw:
 
     @property
     def told(self) -> Camera:
-        """The camera as the receiver is told of it."""
+        """The camera as it is stated to the receiver."""
         return Camera(ROW_TIME * (1 + self.level("row time told wrong")), self.exposure, frame_time=FRAME_TIME)
 
     def sent(self, chips: npt.NDArray[Any]) -> Bytes:
@@ -125,7 +125,7 @@ class DeviceDraw:
         return row + self.level("lens correction") * across**3 * ROWS / 2
 
     def starts(self, frames: int) -> Floats:
-        """Of the frames, s."""
+        """Times of the frames, s."""
         random = np.random.default_rng([self.seed, 8])
         late = np.cumsum(self.level("frame times") * random.random(frames))
         return self.start + (np.arange(frames) + late) * FRAME_TIME
@@ -139,7 +139,7 @@ class DeviceDraw:
 
 
 class _Scene:
-    """What the sensor stores of a draw, frame after frame."""
+    """Frames of a draw as the sensor stores them."""
 
     def __init__(self, draw: DeviceDraw, light: Samples) -> None:
         self.draw, self.light = draw, light
@@ -186,7 +186,7 @@ class _Scene:
 
 
 class _Processing:
-    """What is done to pictures after they were stored."""
+    """Processing of pictures after they were stored."""
 
     def __init__(self, draw: DeviceDraw) -> None:
         self.draw = draw
@@ -221,5 +221,5 @@ class _Processing:
 
 
 def tiles_of_tones() -> tuple[int, int]:
-    """Of local tone mapping: across and down."""
+    """Local means of tone mapping: across and down."""
     return 1, ROWS // 128

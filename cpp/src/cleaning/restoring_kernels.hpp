@@ -18,7 +18,7 @@ struct LightCells {
   double first, per_light, last;
 };
 
-// What is known of each column under its gain.
+// Columns under their gains.
 struct Lit {
   double* light;  // before: without the gain
   std::int32_t* cell;

@@ -85,7 +85,7 @@ std::vector<std::size_t> alike_pairs(const PairedColumns& columns, const std::ve
   return alike;
 }
 
-// Of each two adjacent rows: relative squared contrast between the columns, log light, course.
+// Relative squared contrast between the columns, log light and course of each two adjacent rows.
 struct RowContrast {
   std::vector<double> contrast, light, along;
 };

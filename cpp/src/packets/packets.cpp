@@ -536,7 +536,7 @@ void PacketAssembler::learn_drift() {
   if (const auto drift = drift_of_headers()) drift_ = drift;
 }
 
-// What a jump looks like where each header since the first is as much further off.
+// True where each header since the first is as much further off, which looks like a jump.
 bool PacketAssembler::drifts() const {
   const auto drift = drift_ ? std::nullopt : drift_of_headers();
   return drift && drift->one_way && std::abs(drift->rate) * drift->step > kWholeDrift;

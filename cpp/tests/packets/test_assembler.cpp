@@ -69,7 +69,7 @@ PacketAssembler after_blocks(const Sender& sender, std::size_t count = 4, const 
   return assembler;
 }
 
-// What `count` chips from chip `first` on are after four blocks, `off` chips from their place.
+// Outcome of `count` chips from chip `first` on, after four blocks, `off` chips from their place.
 ocisac::StretchReport report_of(const Sender& sender, std::size_t first, std::size_t count, std::ptrdiff_t off,
                                 const ocisac::PlaceErrors& errors) {
   return after_blocks(sender).push(static_cast<std::ptrdiff_t>(first) + off, sender.soft(first, count), errors);
