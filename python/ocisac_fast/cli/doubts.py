@@ -72,7 +72,7 @@ def warn_of_gain(facts: dict[str, Any], row_period: float, whole_picture: bool) 
     if whole_picture and "model_misfit" in facts["flags"]:
         _warn(
             "the light varies along the columns or from frame to frame, or contradicts --exposure, --waveform or "
-            "--dark-level, which biases the gain: give frames of one scene, and --region x,y,w,h within the lamp"
+            "--dark-level, which biases the gain: choose frames of one scene, or give --region x,y,w,h within the lamp"
         )
         return True
     cycles = facts["frequency_hz"] * facts["rows"] * row_period
