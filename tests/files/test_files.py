@@ -202,6 +202,9 @@ def icc_chunk(curve, description=b"some display"):
         (icc_chunk(b"para\0\0\0\0" + struct.pack(">HHi", 0, 0, 157286)), "gamma", 2.4, "ICC profile"),
         (icc_chunk(b"", b"sRGB IEC61966-2.1"), "srgb", None, "ICC profile"),
         ((b"iCCP", b"p\0\0" + zlib.compress(b"broken")), "linear", None, ""),
+        ((b"cICP", bytes([9, 18, 0, 1])), "hlg", None, "PNG cICP chunk"),
+        ((b"cICP", bytes([9, 16, 0, 1])), "pq", None, "PNG cICP chunk"),
+        ((b"cICP", bytes([9, 2, 0, 1])), "linear", None, ""),
     ],
 )
 def test_a_png_tells_its_tone_curve(tmp_path, chunk, curve, gamma, stated_by):

@@ -93,7 +93,8 @@ def open_picture(source: Path | RemotePath | bytes) -> RecordingStream:
         raise FileError("truncated: PNG without its end")
     with _refusals():
         image = pillow().open(io.BytesIO(data), formats=FORMATS)
-        response, form = response_of_picture(image), _format(image, data)
+        form = _format(image, data)
+        response = response_of_picture(image, form.chunks)
         pages = getattr(image, "n_frames", 1) if image.format in _OF_FRAMES else 1
     decoded = _frames(image, data, pages, form.alphas)
     return RecordingStream(decoded, "picture", response, frame_count=pages, close=image.close, picture=form)

@@ -1,12 +1,14 @@
 """Range and tone curve that a picture or video file states.
 
-PNG states the curve in its sRGB or gAMA chunk, JPEG and TIFF in EXIF's ColorSpace, all of them in an ICC profile, a
-video in its transfer characteristics. Without a statement JPEG is sRGB, and a video of a lossy codec has the curve of
-BT.709, since cameras write them so; other files are linear, as sensor values are: a wrong curve biases every gain.
+PNG states the curve in its cICP, sRGB or gAMA chunk, JPEG and TIFF in EXIF's ColorSpace, all of them in an ICC
+profile, a video in its transfer characteristics. Without a statement JPEG is sRGB, and a video of a lossy codec has
+the curve of BT.709, since cameras write them so; other files are linear, as sensor values are: a wrong curve biases
+every gain.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import struct
 from typing import TYPE_CHECKING, Any
 
@@ -36,8 +38,11 @@ _TRANSFERS = {
 _LOSSY = 2  # FFmpeg's AV_CODEC_PROP_LOSSY
 
 
-def response_of_picture(image: Image) -> LightResponse:
-    """The tone curve that an opened picture states, else that of its kind."""
+def response_of_picture(image: Image, chunks: bytes) -> LightResponse:
+    """The tone curve that an opened picture states, else that of its kind; ``chunks``: of a PNG file."""
+    _, coded, numbers = chunks.partition(b"\0\0\0\4cICP")  # which goes before all other statements
+    if coded and numbers[1] in _TRANSFERS:
+        return dataclasses.replace(_TRANSFERS[numbers[1]], stated_by="PNG cICP chunk")
     profile = image.info.get("icc_profile")
     if profile:
         response = _response_of_icc(profile)
