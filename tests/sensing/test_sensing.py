@@ -479,6 +479,14 @@ def test_a_frame_time_shorter_than_the_rows_take_is_flagged():
         assert bool(found.flags & Flag.MODEL_MISFIT) == flagged
 
 
+@pytest.mark.parametrize("more", [0.0, 40.0])
+def test_a_film_of_a_texture_whose_light_changes_is_flagged(more):
+    frames = texture(6, 720, 20, 200, SPEED, per_column=-0.21)
+    frames[3:] += more
+    found = ocisac.sense_region(frames, camera(), motion=KnownMotion(axis="across", spatial_frequency=200.0))
+    assert bool(found.flags & Flag.MODEL_MISFIT) == (more > 0)
+
+
 @pytest.mark.parametrize("change", ["none", "dim", "steady", "steady at the end", "less deep", "more light beside it"])
 def test_a_film_whose_lamp_changes_is_flagged(change):
     of_camera = camera(exposure=1e-3)

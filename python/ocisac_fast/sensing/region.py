@@ -88,7 +88,7 @@ class SensedRegion(Result):
         spatial_frequency, spatial_frequency_std: of the texture along the motion, 1/m; std 0 for a given value.
         background_given: True if a background was given; otherwise a light's gain is its share of the light times
             |sinc|.
-        flags: of :class:`ocisac_fast.Flag`; MODEL_MISFIT also where a frame shows a light by a tenth more or less deep
+        flags: of :class:`ocisac_fast.Flag`; MODEL_MISFIT also where a frame shows the tone by a tenth more or less deep
             than most (a cut), where the columns contradict a stated spatial frequency
             or speed by more than a tenth (with the pitch), and where the frame time is shorter than the rows or the
             exposure take.
@@ -250,7 +250,7 @@ def measure(
     kind = facts["kind"]
     if kind != "light":
         flags &= ~Flag.MODEL_MISFIT  # the columns of a texture have phases of their own
-    elif _changes(fitted):
+    if _changes(fitted):
         flags |= Flag.MODEL_MISFIT
     flags |= kind_flags | facts.pop("flags")
     ratio = (1.0 if request.waveform == "tone" else 2.0 * float(np.sinc(request.duty))) * request.depth
@@ -402,10 +402,10 @@ def _common_phase(fitted: Fitted, advance: PhaseAdvance) -> tuple[bool, bool]:
 
 
 def _changes(fitted: Fitted) -> bool:
-    """True if a frame shows the light by a tenth more or less deep than most: a cut, another lamp, another exposure."""
+    """True if a frame shows the tone by a tenth more or less deep than most: a cut, another lamp, another speed."""
     light = fitted.mean.sum(axis=1)
-    depth = np.abs(fitted.tone.sum(axis=1)) / light
-    std = math.sqrt(_component_variance(fitted) * fitted.tone.shape[1]) / light
+    with np.errstate(divide="ignore", invalid="ignore"):  # frames without light
+        depth, std = np.linalg.norm(fitted.tone, axis=1) / light, math.sqrt(_component_variance(fitted)) / light
     return do_differ(depth, std)
 
 
