@@ -1,4 +1,4 @@
-"""What all tests share: real recordings where they are to be had, the command line, and how hard hypothesis tries."""
+"""Shared by all tests: real recordings where they are to be had, the command line, and how hard hypothesis tries."""
 
 import importlib.util
 import json

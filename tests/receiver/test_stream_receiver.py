@@ -410,7 +410,7 @@ def lit_rows(random):
 
 
 def share_of_wrong(result, packet, camera, time, rate):
-    """Of the bits, at the place where the light's clock has them, or a chip beside it."""
+    """Share of wrong bits, at the place where the light's clock has them, or a chip beside it."""
     bits = bits_of(result)
     first = round((time + result.phase * camera.row_time - result.exposure / 2) * rate)
     sent = [packet.chips[(first + np.arange(bits.size) + shift) % packet.chips.size] for shift in (-1, 0, 1)]

@@ -19,7 +19,7 @@ else:  # generic only for type checkers
 
 
 class Parsed(ParameterType):
-    """What ``parse`` makes of a word, or ValueError of it where the word is not one of those ``allowed``."""
+    """The value that ``parse`` makes of a word; a word that is not ``allowed`` is an error that says so."""
 
     def __init__(self, name: str, parse: Callable[[str], Any], allowed: str) -> None:
         self.name = name

@@ -188,7 +188,7 @@ def _decays(chips: Chips, times: Long) -> tuple[Long, Long]:
 
 
 def _wave_antiderivative(cycles: Long, wave: Tone | SquareWave | TriangleWave) -> Long:
-    """Of a square wave from 0 to 1, of others from -1 to 1."""
+    """Antiderivative of the light over cycles: a square wave from 0 to 1, others from -1 to 1."""
     if isinstance(wave, Tone):
         return np.asarray(np.sin(_TURN * cycles) / _TURN)
     if isinstance(wave, SquareWave):
