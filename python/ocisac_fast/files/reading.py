@@ -179,10 +179,7 @@ def named(name: str) -> Iterator[None]:
 
 
 def _state(path: str | os.PathLike[str]) -> Any:
-    """Number, length and time of change of a file; None of all else, such as a pipe.
-
-    One that grows is still being recorded; one that is removed, or replaced by another, was read as it was.
-    """
+    """Number, length and time of change of a file; None of all else, such as a pipe."""
     with contextlib.suppress(OSError, ValueError):
         there = os.stat(path)
         return (there.st_ino, there.st_size, there.st_mtime_ns) if stat.S_ISREG(there.st_mode) else None
@@ -190,6 +187,10 @@ def _state(path: str | os.PathLike[str]) -> Any:
 
 
 def _unchanged_frames(path: str | os.PathLike[str], before: Any, frames: Iterator[Frame]) -> Iterator[Frame]:
+    """Refuse a file that was overwritten or cut since ``before``.
+
+    One that grows is still being recorded; one that is removed, or replaced by another, was read as it was.
+    """
     with named(name_of(path)):
         yield from frames
         after = _state(path)
