@@ -62,8 +62,8 @@ def test_frames_of_noise_are_not_searched(program, shape, chip_rate):
 
 LONG_CALLS = {
     "find_channel": "chips.find_channel(random.random(60_000), rows_per_chip=5.0)",
-    "detect_sources": "for _ in range(50): detect_sources(noise, Camera(1e-5))",
-    "remove_bands": "remove_bands(wave + random.random((8, 700, 700)), Camera(1e-5), still=True, light=wave[:, 0])",
+    "detect_sources": "detect_sources(noise, Camera(1e-5))",
+    "remove_bands": "remove_bands(wave + random.random((16, 700, 700)), Camera(1e-5), still=True, light=wave[:, 0])",
     "remove_bands, many rows": "remove_bands(random.integers(0, 255, (400_000, 2), np.uint8), Camera(1e-6))",
     "receive": "receive(np.convolve(random.random(400_000), np.ones(7))[:, None], Camera(1e-5))",
     "equalize": "tones.equalize(chips_seen, Camera(1e-5, 5e-5), method='wiener')",
@@ -90,7 +90,8 @@ chips_seen = np.repeat(random.integers(0, 2, (300, 8000)), 10, axis=0) + 0.1 * r
 product = Tone(500.0) * Chips(random.integers(0, 2, 500), 8e3, repeat=True)
 wave = 100 + 30 * np.sin(np.arange(700))[:, None]
 print("begun", flush=True)
-{LONG_CALLS[call]}
+while True:  # a call that ends before the interrupt on a fast machine
+    {LONG_CALLS[call]}
 """
     # A call hears it within 0.02 to 0.45 s at any instant; other programs may hold up one of three tries.
     assert any(_seconds_until_interrupted(code) < 1.5 for _ in range(3))  # and the interpreter's own end
