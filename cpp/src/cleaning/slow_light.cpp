@@ -97,9 +97,12 @@ std::vector<SlowTone> in_frame(std::vector<SlowTone> tones, std::ptrdiff_t frame
 struct Difference {
   double with = 0, without = 0, chance = 0;
   double seen = 1;  // of the tones in the second frame, if they are in the first
+  double move = 0;  // chi square of the difference of the tones
 
   // By most of it: the frames are of one scene, and the tones are on in both.
   [[nodiscard]] bool is_less() const { return without + std::max(chance, kMostly * with) <= with && seen >= kMostly; }
+  // The phase stands: neither the tones nor the frames differ by them.
+  [[nodiscard]] bool stands() const { return move <= chance && std::abs(seen - 1) < kSmallShare; }
 };
 
 // `first`: the tones in the frame of number `place`.
@@ -107,15 +110,16 @@ Difference difference_of(const CommonCourse& before, const CommonCourse& course,
                          std::ptrdiff_t place) {
   const std::vector<double> then = modes_of_light(in_frame(first, before.place - place), course.modes.size());
   const std::vector<double> now = modes_of_light(in_frame(first, course.place - place), course.modes.size());
-  double with = 0, without = 0, product = 0, energy = 1e-300;
+  double with = 0, without = 0, product = 0, energy = 1e-300, move = 0;
   for (std::size_t k = 0; k < now.size(); ++k) {
     const double variance = course.variance[k] + before.variance[k], change = course.modes[k] - before.modes[k];
     with += square(change) / variance;
     without += square(change - now[k] + then[k]) / variance;
     product += now[k] * (change + then[k]) / variance;
     energy += square(now[k]) / variance;
+    move += square(now[k] - then[k]) / variance;
   }
-  return {with, without, kByChance * static_cast<double>(first.size()), product / energy};
+  return {with, without, kByChance * static_cast<double>(first.size()), product / energy, move};
 }
 
 // The tones do not explain how the last of the frames differs from the one before, or make others differ more.
@@ -230,7 +234,8 @@ SlowLight slow_light_before(const std::vector<BandedPicture>& colours, const Slo
   SlowLight light = later;
   light.common = in_frame(later.common, -ago);
   light.tones = tones_of_colours(colours, all, light.common);
-  if (!difference_of(all, later.course, light.common, all.place).is_less()) light.objection = kDisagrees;
+  const Difference difference = difference_of(all, later.course, light.common, all.place);
+  if (!difference.is_less() && !difference.stands()) light.objection = kDisagrees;
   light.course = std::move(all);
   return light;
 }

@@ -10,6 +10,7 @@
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/picture_motion.hpp"
+#include "cleaning/slow_tones.hpp"
 #include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
@@ -142,6 +143,7 @@ StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours, std
   std::optional<Frame> found = followed(colours);
   if (!found) found = slowly(colours);
   if (!found) found = alone(colours, is_for_all ? std::string() : unchanged_);
+  await_slow(*found);
   unchanged_ = found->light.unchanged;
   unlit_ = unchanged_.empty() ? 0 : unlit_ + 1;
   was_lit_ = was_lit_ || unlit_ == 0;
@@ -239,6 +241,14 @@ void StreamCleaner::keep_chips(SceneLight& light, const StoredScene& stored) {
     light = left_alone(stored, "chips that may be lines of the picture: a second frame shows");
   if (last.size() == chips_.size() && stand_still(last, chips_))
     light = left_alone(stored, "chips that stand still: lines of the picture");
+}
+
+// One frame shows two slow tones, or shades and a tone, as one tone; the frames after the first ones tell them apart.
+void StreamCleaner::await_slow(Frame& first) const {
+  if (first.light.slow.empty() || !first.light.unchanged.empty() || was_lit_ || unlit_ + 1 >= kFewFrames) return;
+  std::vector<SlowLight> slow = std::move(first.light.slow);
+  first.light = left_alone(first.stored, "slow bands of one frame: those after it show");
+  first.light.slow = std::move(slow);
 }
 
 void StreamCleaner::keep_slow(const SceneLight& light) {

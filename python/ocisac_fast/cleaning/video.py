@@ -29,8 +29,8 @@ class VideoCleaner:
     The first frame is cleaned as a picture. In the following ones a tone keeps its frequency, which becomes more
     precise from frame to frame, and gets its phase from the frame; other lights are found in each frame. Shares move
     with the picture, and become the mean of several estimates. A tone slower than 128 rows per cycle is compared with
-    up to 7 frames before, in which the picture stays and the phase advances. A frame for which that fails, such as the
-    first of another scene, is cleaned as a picture again.
+    up to 7 frames before, in which the picture stays and the phase advances; until the third frame of a film it is
+    left. A frame for which that fails, such as the first of another scene, is cleaned as a picture again.
 
     Args:
         camera, model, keep, level, options: as in :func:`remove_bands`.

@@ -178,7 +178,7 @@ class _Cleaner:
         self.lost: OSError | None = None  # lines of JSON
         self._picture = picture
         self._stream = stream
-        self._is_carried = not each and not options["still"] and stream.frame_count != 1
+        self._is_carried = not each and not options["still"] and stream.frame_count not in (1, 2)
         self._mark = mark
         self._options = options
         self._stop = stop

@@ -21,10 +21,11 @@ struct StreamOptions {
 // The first frame is cleaned as a picture. In the following ones a tone keeps its frequency, which becomes more precise
 // from frame to frame, and gets its phase from the frame; other lights are found in each frame. Shares move with the
 // picture, and become the mean of several estimates. A slow tone is compared with up to 7 frames before, in which the
-// picture stays and the phase advances; time stamps tell how many frames are missing among them. A frame for which that
-// fails, such as the first of another scene, is cleaned as a picture again. In a film without a light the first eight
-// frames and three of every 32 are searched for slow lights, and those after 0, 1, 2, 4, 8, … frames and two of every
-// 32 for others; after a light all of the next eight are searched for both.
+// picture stays and the phase advances, and is left until the third frame of a stream; time stamps tell how many frames
+// are missing among them. A frame for which that fails, such as the first of another scene, is cleaned as a picture
+// again. In a film without a light the first eight frames and three of every 32 are searched for slow lights, and those
+// after 0, 1, 2, 4, 8, … frames and two of every 32 for others; after a light all of the next eight are searched for
+// both.
 class StreamCleaner {
  public:
   struct Frame {
@@ -64,6 +65,7 @@ class StreamCleaner {
   std::optional<Frame> followed(const std::vector<AnyFramesView>& colours);
   std::optional<Frame> slowly(const std::vector<AnyFramesView>& colours);
   Frame alone(const std::vector<AnyFramesView>& colours, const std::string& no_other);
+  void await_slow(Frame& first) const;
   void keep_slow(const SceneLight& light);
   ColourLights followed_lights(const StoredScene& stored) const;
 
