@@ -194,7 +194,7 @@ def receive_devices(draw: DeviceDraw, undo: Callable[..., npt.NDArray[np.uint8]]
     """
     packet = transmit(PAYLOAD, format=PacketFormat(block_bytes=8))
     receiver = Receiver(draw.told, chip_rate=draw.told_chip_rate, format=packet.format)
-    sent, read = draw.sent(packet.chips), draw.read_rows()
+    sent, read = draw.sent(packet.chips), draw.device().read_rows()
     before = None
     for start, (pixels, source) in zip(draw.starts(FRAMES), draw.frames(packet.chips, FRAMES), strict=True):
         result = receiver.push(undo(draw, pixels, pixels if before is None else before, source) if undo else pixels)

@@ -15,8 +15,9 @@ import calibration
 import cv2
 import numpy as np
 import numpy.typing as npt
-from device_draws import LEAST_DIFFERENCE, ROWS, DeviceDraw, tiles_of_tones
+from device_draws import ROWS, DeviceDraw
 
+from ocisac_fast.scene.effects import STILL, TONE_ROWS
 from studies.reporting import fill_markers, markdown
 
 Bytes = npt.NDArray[np.uint8]
@@ -28,9 +29,9 @@ def unmixed(draw: DeviceDraw, seen: Bytes, before: Bytes, _source: Bytes) -> Byt
 
     Differences of D or more remain, smaller ones shrink to 1 - share of them: none lies between.
     """
-    share = draw.level("noise reduction by difference")
+    share = draw.level("denoise-still")
     change = before.astype(float) - seen
-    mixed = np.abs(cv2.blur(change, (5, 5))) < (1 - share / 2) * LEAST_DIFFERENCE
+    mixed = np.abs(cv2.blur(change, (5, 5))) < (1 - share / 2) * 255 * STILL
     return stored(seen - mixed * share / (1 - share) * change)
 
 
@@ -40,7 +41,7 @@ def stored(values: npt.NDArray[np.float64]) -> Bytes:
 
 def untoned(draw: DeviceDraw, seen: Bytes, _before: Bytes, source: Bytes) -> Bytes:
     """Through the inverse of each row's table, which every value of the frame before processing has shown."""
-    tones = cv2.createCLAHE(draw.level("local tone mapping"), tiles_of_tones())
+    tones = cv2.createCLAHE(draw.level("local-tone"), (1, ROWS // TONE_ROWS))
     plain, toned = source.astype(int), np.asarray(tones.apply(source), int)
     result = seen.astype(float)
     for row in range(ROWS):
@@ -51,8 +52,8 @@ def untoned(draw: DeviceDraw, seen: Bytes, _before: Bytes, source: Bytes) -> Byt
 
 
 BOUNDS: dict[str, tuple[float, Undo]] = {
-    "noise reduction by difference": (0.5, unmixed),
-    "local tone mapping": (4.0, untoned),
+    "denoise-still": (0.5, unmixed),
+    "local-tone": (4.0, untoned),
 }
 
 

@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""The sheet of docs/measured/field.md: what goes wrong outside a laboratory, one at a time, and what is read of it.
+"""The sheets of docs/measured/field.md: what goes wrong outside a laboratory, one at a time, and what is read of it.
 
-usage: bench/field_pictures.py [--picture FILE] [--text FILE]
+usage: bench/field_pictures.py [--picture FILE] [--device-picture FILE] [--text FILE]
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import itertools
 import math
 import sys
 from typing import Any
@@ -16,6 +17,7 @@ import calibration
 import numpy as np
 import numpy.typing as npt
 from calibration import Draw
+from device_draws import WRONG_ROW_TIME, DeviceDraw
 
 from ocisac_fast import transmit
 from ocisac_fast.packets import PacketFormat
@@ -29,7 +31,7 @@ CLEAN = dataclasses.replace(
     **{"rise": 0.0, "fall": 0.0, "hum": 0.0, "pwm": 0.0, "pwm_frequency": 1000.0, "texture": 0.0},
     **{"lamp_width": 16.0, "tilt": 0.0, "spot": math.inf, "jitter": 0.0},
 )
-CASES: tuple[tuple[str, dict[str, Any]], ...] = (
+CASES: tuple[tuple[str, dict[str, Any]], ...] = (  # changes of CLEAN
     ("in the laboratory", {}),
     ("hum, 0.5 of the swing", {"hum": 0.5}),
     ("PWM lamp, 0.3 of the swing", {"pwm": 0.3}),
@@ -45,19 +47,55 @@ CASES: tuple[tuple[str, dict[str, Any]], ...] = (
     ),
 )
 
+SHOWN = 3  # frame of the sheets, of which the ones before may be a part
+DEVICE = DeviceDraw(8e3, 8e3, EXPOSURE, swing=100.0, noise=2.0, lamp_width=26.0, start=1.3, effects={}, seed=0)
+LEVELS = {  # of effects of devices
+    "edge-jitter": 0.1,
+    "long-runs": 0.3,
+    "chopping": 20e3,
+    "ripple": 0.5,
+    "inverted": 1.0,
+    "sender-pause": 10.0,
+    "row-groups": 4.0,
+    "row-pause": 5.0,
+    "lens": 0.03,
+    "exposure-pairs": 2.0,
+    "hot-rows": 0.03,
+    "auto-gain": 0.2,
+    "late-frames": 0.5,
+    "denoise": 0.5,
+    "denoise-still": 0.35,
+    "sharpen": 1.0,
+    "curve": 2.0,
+    "local-tone": 2.0,
+    "mains": 0.5,
+    "daylight": 0.2,
+    "rain": 30.0,
+    WRONG_ROW_TIME: 0.02,
+}
+SHEETS: dict[str, tuple[tuple[str, Draw | DeviceDraw], ...]] = {
+    "table": tuple((title, dataclasses.replace(CLEAN, **changes)) for title, changes in CASES),
+    "devices": (
+        ("a plain camera", DEVICE),
+        *((f"{name}={level:g}", dataclasses.replace(DEVICE, effects={name: level})) for name, level in LEVELS.items()),
+    ),
+}
+
 
 @dataclasses.dataclass(frozen=True)
 class Read:
     """What was read of a case.
 
     Attributes:
-        pixels: its first frame.
+        title: its name.
+        pixels: its frame SHOWN.
         payload: frames until the payload; None: not in `calibration.FRAMES`.
         chips, wrong: of all frames.
         told: mean error rate told.
         flags: of at least half of the frames.
     """
 
+    title: str
     pixels: npt.NDArray[np.uint8]
     payload: int | None
     chips: int
@@ -66,15 +104,19 @@ class Read:
     flags: tuple[str, ...]
 
 
-def read(draw: Draw) -> Read:
+def read(title: str, draw: Draw | DeviceDraw) -> Read:
     """Receive a case."""
     chips = transmit(calibration.PAYLOAD, format=PacketFormat(block_bytes=8)).chips
-    frames = list(calibration.receive(draw))
+    if isinstance(draw, Draw):
+        frames, film = list(calibration.receive(draw)), draw.frames(chips)
+    else:
+        frames, film = list(calibration.receive_devices(draw)), (seen for seen, _ in draw.frames(chips, SHOWN))
     payloads = [number for number, frame in enumerate(frames, 1) if frame.result.payload is not None]
     names = [name for frame in frames for name in frame.result.flags.names()]
     told = np.concatenate([frame.told for frame in frames])
     return Read(
-        next(draw.frames(chips)),
+        title,
+        list(itertools.islice(film, SHOWN))[-1],
         payloads[0] if payloads else None,
         told.size,
         sum(int(frame.wrong.sum()) for frame in frames),
@@ -84,11 +126,14 @@ def read(draw: Draw) -> Read:
 
 
 def draw_sheet(path: str, results: list[Read]) -> None:
-    """Draw the first frame of each case beside the mean of its columns, and what was read below."""
+    """Draw a frame of each case beside the mean of its columns, and what was read below."""
     across = 5
-    with picture(path, 11.6, 6.2) as figure:
-        grid = figure.subplots(math.ceil(len(CASES) / across), 2 * across, width_ratios=[1, 0.8] * across)
-        for k, ((title, _), result) in enumerate(zip(CASES, results, strict=True)):
+    down = math.ceil(len(results) / across)
+    with picture(path, 11.6, 3.1 * down) as figure:
+        grid = figure.subplots(down, 2 * across, width_ratios=[1, 0.8] * across)
+        for axes in grid.ravel()[2 * len(results) :]:
+            axes.remove()
+        for k, result in enumerate(results):
             shown, signal = grid[k // across, 2 * (k % across)], grid[k // across, 2 * (k % across) + 1]
             shown.imshow(result.pixels, cmap="gray", vmin=0, vmax=170, aspect="auto", interpolation="nearest")
             signal.plot(result.pixels.mean(axis=1), np.arange(calibration.ROWS), color=BLUE, lw=0.5)
@@ -96,7 +141,7 @@ def draw_sheet(path: str, results: list[Read]) -> None:
             for axes in (shown, signal):
                 axes.set_xticks([])
                 axes.set_yticks([])
-            shown.set_title(title, fontsize=8.5, loc="left")
+            shown.set_title(result.title, fontsize=8.5, loc="left")
             words = "no payload" if result.payload is None else f"payload after {result.payload} frames"
             colour = RED if result.payload is None else BLUE
             shown.set_xlabel(f"{words}\n{rates(result)}", fontsize=8, loc="left", color=colour)
@@ -117,10 +162,10 @@ def percent(share: float) -> str:
 def table(results: list[Read]) -> str:
     """Markdown: a line for each case."""
     rows = []
-    for (title, _), result in zip(CASES, results, strict=True):
+    for result in results:
         after = "–" if result.payload is None else f"{result.payload} frames"
         rates = percent(result.wrong / max(result.chips, 1)), percent(result.told)
-        rows.append((title, after, str(result.chips), *rates, ", ".join(name.upper() for name in result.flags)))
+        rows.append((result.title, after, str(result.chips), *rates, ", ".join(name.upper() for name in result.flags)))
     return markdown("lrrrrl", ("what goes wrong", "payload after", "chips", "wrong", "told", "flags"), rows)
 
 
@@ -128,14 +173,17 @@ def main() -> int:
     """Read all cases."""
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
     parser.add_argument("--picture", help="draw the sheet to a .png, .svg or .pdf")
-    parser.add_argument("--text", help="a Markdown file with '<!-- field: table -->', '<!-- field: end -->'")
+    parser.add_argument("--device-picture", help="the same of effects of devices")
+    parser.add_argument("--text", help="a Markdown file with '<!-- field: table -->', devices, '<!-- field: end -->'")
     asked = parser.parse_args()
-    results = [read(dataclasses.replace(CLEAN, **changes)) for _, changes in CASES]
-    if asked.picture:
-        draw_sheet(asked.picture, results)
+    sheets = {name: [read(*case) for case in cases] for name, cases in SHEETS.items()}
+    for path, results in zip((asked.picture, asked.device_picture), sheets.values(), strict=True):
+        if path:
+            draw_sheet(path, results)
+    tables = {name: table(results) for name, results in sheets.items()}
     if asked.text:
-        fill_markers(asked.text, "field", {"table": table(results)})
-    print(table(results))
+        fill_markers(asked.text, "field", tables)
+    print("\n\n".join(tables.values()))
     return 0
 
 

@@ -61,6 +61,7 @@ def test_the_document_has_both_tables():
     assert all(shown.values())
     titles = [line.split(" | ")[0].strip("| ") for line in shown["field"][1].splitlines()[2:]]
     assert titles == [title for title, _ in field_pictures.CASES]
+    assert set(field_pictures.LEVELS) == set(EFFECTS)
     names = [line.split(" | ")[0].strip("| ") for line in shown["calibration"][1].splitlines()[2 : 2 + DECADES]]
     assert names == [calibration.name_of(k) for k in range(DECADES)]
 
@@ -71,7 +72,7 @@ def test_draws_of_devices_are_repeatable_and_have_all_effects():
     assert {effect for draw in draws for effect in draw.effects} == set(EFFECTS)
 
 
-@pytest.mark.parametrize("effects", [{}, {"inverted": 1.0}, {"read-out pause": 20.0}, {"frame times": 0.5}])
+@pytest.mark.parametrize("effects", [{}, {"inverted": 1.0}, {"row-pause": 20.0}, {"late-frames": 0.5}])
 def test_a_clean_device_has_no_wrong_chip(monkeypatch, effects):
     """The truth follows the rows' times, the frames' starts and the lamp's polarity."""
     monkeypatch.setattr(calibration, "FRAMES", 3)

@@ -16,13 +16,22 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
 from ocisac_fast.cli.outputs import OUTPUT, InputFile, writes
 from ocisac_fast.cli.pictures import json_option
-from ocisac_fast.cli.units import FREQUENCY, RATE, ROW_TIME, TIME
+from ocisac_fast.cli.units import FREQUENCY, RATE, ROW_TIME, TIME, Parsed
 from ocisac_fast.files import RecordingStream, write_frames
 from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, TriangleWave, Waveform
+from ocisac_fast.scene.effects import EFFECTS
 from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
 
 _CLIPPED = "noise of dark rows is clipped at 0, which biases gains; give both commands a --dark-level of 5 times it"
 _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
+
+
+_NAMES = "; ".join(f"{name} to {effect.most:g} {effect.unit}" for name, effect in EFFECTS.items())
+
+
+def _effect(word: str) -> tuple[str, float]:
+    name, _, level = word.partition("=")
+    return name, float(level)
 
 
 class _Scene(InputFile):
@@ -59,6 +68,13 @@ class _Scene(InputFile):
 @click.option("--hum", type=float, default=0.0, help="Mains light on the whole picture, peak to peak over --swing.")
 @click.option("--mains", type=FREQUENCY, default="50", show_default=True, help="Mains; its light has twice this.")
 @click.option("--jitter", type=TIME, default="0", help="Frames start up to this early or late.")
+@click.option(
+    "--effect",
+    "effects",
+    type=Parsed("NAME=LEVEL", _effect, "NAME=LEVEL, such as row-pause=5"),
+    multiple=True,
+    help=f"Of a device, several times; levels from 0: {_NAMES}.",
+)
 @click.option("--bit-depth", type=click.Choice(list(_DTYPES)), default="8", show_default=True)
 @click.option("--frames", type=int, default=1, show_default=True)
 @click.option("--frame-rate", type=RATE, default="30", show_default=True)
@@ -80,9 +96,10 @@ def simulate(
 ) -> None:
     """Simulate a recording of a light that fills the picture, or of a SCENE (a TOML file): a picture, video or array.
 
-    Stored values are dark level + swing × reflectance × (lamp × mean light over the exposure + hum) + noise, rounded
-    and clipped to the bit depth (float: neither). A SCENE file defines all this: it can be combined only with --frames,
-    --start, --seed, --tolerance and --noise-off.
+    Stored values are dark level + swing × reflectance × (lamp × mean light over the exposure + hum) + noise,
+    rounded and clipped to the bit depth (float: neither); --effect adds what phones, dash cameras and cheap senders
+    do. A SCENE file defines all this: it can be combined only with --frames, --start, --seed, --tolerance and
+    --noise-off.
     """
     context = click.get_current_context()
     given = [name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
@@ -102,6 +119,7 @@ def simulate(
         Camera(row_time, exposure, frame_time=1.0 / frame_rate),
         start=float(options["start"]),
         jitter=float(options["jitter"]),
+        effects=dict(options["effects"]),
         dtype=dtype,
         **_surroundings(options),
         **{name: options[name] for name in ("rows", "columns", "frames", "swing", "dark_level", "noise", "seed")},

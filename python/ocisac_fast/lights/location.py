@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import checked, shown
+from ocisac_fast.core.opencv import opencv
 from ocisac_fast.core.results import Result
 
 _COLLINEAR = 1e-3  # second over first singular value of the lights' places
@@ -127,14 +128,6 @@ class _Pose:
     squares: float  # sum of squared residuals over the noise's variance
 
 
-def _opencv() -> Any:
-    try:
-        import cv2
-    except ModuleNotFoundError as error:
-        raise ValueError("locating needs OpenCV: pip install opencv-python-headless") from error
-    return cv2
-
-
 def _checked(name: str, values: npt.ArrayLike, width: int) -> Float64s:
     array = np.asarray(values, np.float64)
     if array.ndim != 2 or array.shape[1] != width:
@@ -146,7 +139,7 @@ def _checked(name: str, values: npt.ArrayLike, width: int) -> Float64s:
 
 def _poses(world: Float64s, image: Float64s, lens: _Lens, noise: float) -> list[_Pose]:
     """All distinct poses to which least squares converges, the best first."""
-    cv2 = _opencv()
+    cv2 = opencv("locating")
     starts: list[tuple[Any, Any]] = []
     triples = list(itertools.combinations(range(len(world)), 3))
     for triple in triples[:: max(1, len(triples) // _MAX_TRIPLES)]:
@@ -172,7 +165,7 @@ def _poses(world: Float64s, image: Float64s, lens: _Lens, noise: float) -> list[
 
 def _refined(world: Float64s, image: Float64s, lens: _Lens, noise: float, turn: Any, shift: Any) -> _Pose | None:
     """Least squares over all lights; None if a light is behind the camera."""
-    cv2 = _opencv()
+    cv2 = opencv("locating")
     turn, shift = cv2.solvePnPRefineLM(world, image, lens.matrix, lens.distortion, turn.copy(), shift.copy())
     if not (np.all(np.isfinite(turn)) and np.all(np.isfinite(shift))):
         return None
@@ -184,7 +177,7 @@ def _refined(world: Float64s, image: Float64s, lens: _Lens, noise: float, turn: 
 
 
 def _squares(world: Float64s, image: Float64s, lens: _Lens, turn: Any, shift: Any) -> float:
-    expected = _opencv().projectPoints(world, turn, shift, lens.matrix, lens.distortion)[0].reshape(-1, 2)
+    expected = opencv("locating").projectPoints(world, turn, shift, lens.matrix, lens.distortion)[0].reshape(-1, 2)
     return float(np.sum((expected - image) ** 2))
 
 
@@ -195,7 +188,7 @@ def _same(one: _Pose, other: _Pose, world: Float64s) -> bool:
 
 def _judged(poses: list[_Pose], world: Float64s, lens: _Lens, noise: float) -> Location:
     best = poses[0]
-    rotation = np.asarray(_opencv().Rodrigues(best.turn)[0])
+    rotation = np.asarray(opencv("locating").Rodrigues(best.turn)[0])
     residual = noise * math.sqrt(best.squares / len(world))
     covariance = _covariance(best, world, lens, noise)
     std = np.sqrt(np.diag(covariance))
@@ -228,7 +221,7 @@ def _largest_squares(freedoms: int) -> float:
 
 def _covariance(pose: _Pose, world: Float64s, lens: _Lens, noise: float) -> Float64s:
     """Covariance of the camera's centre -R^T t, from the Jacobian of the projection over rotation vector and shift."""
-    cv2 = _opencv()
+    cv2 = opencv("locating")
     jacobian = cv2.projectPoints(world, pose.turn, pose.shift, lens.matrix, lens.distortion)[1][:, :6]
     scale = np.linalg.norm(jacobian, axis=0)
     _, singular, right = np.linalg.svd(jacobian / scale, full_matrices=False)

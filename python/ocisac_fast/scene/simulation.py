@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import Finite, NotNegative, Positive, Within, checked
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
+from ocisac_fast.scene.effects import RECTIFIED_MAINS, Effects
 from ocisac_fast.scene.geometry import MAX_PIXELS, Pixels
 
 _TEXTURE_SCALES = ((8.0, 0.2), (40.0, 0.8))  # standard deviation of a Gaussian in px, its share of the variance
@@ -34,6 +35,7 @@ def simulate_frames(
     ambient: Waveform | None = None,
     reflectance: npt.ArrayLike = 1.0,
     jitter: NotNegative = 0.0,
+    effects: Mapping[str, float] | None = None,
     dtype: npt.DTypeLike = np.uint8,
     seed: Annotated[int, Within(0)] = 0,
 ) -> Iterator[npt.NDArray[Any]]:
@@ -54,6 +56,7 @@ def simulate_frames(
         ambient: light on the whole picture, such as mains hum, in units of the light; None: none.
         reflectance: factor on all light in a pixel, broadcast to (rows, columns), such as `texture`; finite.
         jitter: frames start up to so many seconds early or late, uniformly distributed; 0 or above.
+        effects: levels of `scene.effects.EFFECTS`, which cameras and senders have; None: none.
         dtype: uint8 and uint16 are rounded to nearest and clipped; float32 and float64 are neither.
         seed: of noise and jitter; the same seed gives the same frames.
 
@@ -72,28 +75,43 @@ def simulate_frames(
     factors = swing * _as_map("reflectance", reflectance, rows, columns)
     random, clock = np.random.default_rng(seed), np.random.default_rng([seed, 1])
 
+    device = None
+    if effects:
+        if kind.kind == "f":
+            raise ValueError(f"dtype: got {kind}, allowed: uint8 or uint16 with effects")
+        device = Effects(effects, camera, rows, seed)
+        waveform = device.light(waveform)
+
     def exposed(light: Waveform, frame: int, begin: float) -> Float64s:
+        if device is not None:
+            return device.exposed(light, begin + frame * (camera.frame_time or 0.0))
         numbers = None if frames == 1 else [frame]
         return integrate_exposure(light, camera, rows, start=begin, frames=numbers).reshape(rows, 1)
 
     def light_of(frame: int) -> Float64s:
-        begin = start + (clock.uniform(-jitter, jitter) if jitter else 0.0)
+        begin = start + (clock.uniform(-jitter, jitter) if jitter else 0.0) + (device.delay() if device else 0.0)
         light = shares * exposed(waveform, frame, begin)
         if ambient is not None:
             light = light + exposed(ambient, frame, begin)
+        if device is not None:
+            light = light + device.daylight(frame) + device.mains * exposed(RECTIFIED_MAINS, frame, begin)
         return dark_level + factors * light
 
-    def stored(light: Float64s) -> npt.NDArray[Any]:
+    def stored(frame: int, light: Float64s) -> npt.NDArray[Any]:
         values = np.broadcast_to(light, (rows, columns))
+        if device is not None:
+            values = device.seen(values, frame, float(np.iinfo(kind).max))
         if noise:
             values = values + noise * random.standard_normal((rows, columns))
+        if device is not None:
+            return device.stored(values, kind)
         if kind.kind == "f":
             return values.astype(kind)
         limited: npt.NDArray[Any] = np.clip(np.rint(values), 0, np.iinfo(kind).max).astype(kind)
         return limited
 
     first = light_of(0)  # checks waveforms and camera
-    return (stored(first if frame == 0 else light_of(frame)) for frame in range(frames))
+    return (stored(frame, first if frame == 0 else light_of(frame)) for frame in range(frames))
 
 
 @checked
