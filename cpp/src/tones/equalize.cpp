@@ -250,12 +250,12 @@ class BlockEqualizer {
   void run(std::span<const double> noise, std::span<double> noise_gain, std::span<double> assumed,
            std::span<double> restored) {
     const kernels::ColumnLines lines{memory_.mean.data(), memory_.slope.data(), memory_.reach.data()};
-    kernels::column_lines(block(), plan_.rows, kWidth, lines);
+    kernels::equalizer_loops<T>().column_lines(block(), plan_.rows, kWidth, lines);
     for (std::size_t c = 0; c < kWidth; ++c) {
       memory_.units[c] = unit_of(memory_.reach[c]);
       memory_.scale[c] = memory_.units[c] > 0 ? 1 / memory_.units[c] : 1;
     }
-    kernels::take_lines_off(block(), plan_.rows, kWidth, lines, memory_.scale.data());
+    kernels::equalizer_loops<T>().take_lines_off(block(), plan_.rows, kWidth, lines, memory_.scale.data());
     const auto analysed = analyse(noise);
     extend();
     filter(analysed, noise_gain, restored);
@@ -264,7 +264,8 @@ class BlockEqualizer {
       for (std::size_t n = 0; n < analysed[c].course.size(); ++n)
         block_[n * kWidth + c] += static_cast<T>(analysed[c].course[n]);
     }
-    kernels::put_lines_back(block(), plan_.rows, kWidth, lines, memory_.units.data(), plan_.exposure_rows / 2);
+    kernels::equalizer_loops<T>().put_lines_back(block(), plan_.rows, kWidth, lines, memory_.units.data(),
+                                                 plan_.exposure_rows / 2);
   }
 
  private:
@@ -303,9 +304,10 @@ class BlockEqualizer {
     const auto end = [&](const T* nearest, std::ptrdiff_t inwards, T* next) {
       const auto terms = static_cast<std::size_t>(ends.terms.rows());
       T* const of_terms = memory_.terms.data();
-      kernels::matrix_times_rows(tables.terms.data(), terms, ends.used, nearest, inwards, of_terms, stride, kWidth);
-      kernels::matrix_times_rows(tables.smooth.data(), ends.predicted, terms - ends.near, of_terms + ends.near * kWidth,
-                                 stride, next, -inwards, kWidth);
+      kernels::equalizer_loops<T>().matrix_times_rows(tables.terms.data(), terms, ends.used, nearest, inwards, of_terms,
+                                                      stride, kWidth);
+      kernels::equalizer_loops<T>().matrix_times_rows(tables.smooth.data(), ends.predicted, terms - ends.near,
+                                                      of_terms + ends.near * kWidth, stride, next, -inwards, kWidth);
       for (std::size_t i = 0; i < ends.near; ++i, next -= inwards)
         for (std::size_t c = 0; c < kWidth; ++c) next[c] += of_terms[i * kWidth + c];
     };

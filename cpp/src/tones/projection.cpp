@@ -316,11 +316,13 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
         const auto others = far.read((weights.groups() - g - here) * group, read, part, to_next(-next_rows));
         mirrored = others.samples + static_cast<std::ptrdiff_t>(read - group) * others.stride;
       }
-      kernels::project_samples<Sample>({rows.samples, mirrored, rows.stride, here, part.count,
-                                        near.in_place() ? to_next(next_rows) : 0, light_of_bytes.data()},
-                                       {weights.row_group(), from(weights.weights(), g), weights.groups(),
-                                        weights.output_order(), weights.even_outputs()},
-                                       sums_of(result, part.first - columns.first, columns.count));
+      const kernels::SampleBlock<Sample> block{
+          rows.samples,         mirrored, rows.stride, here, part.count, near.in_place() ? to_next(next_rows) : 0,
+          light_of_bytes.data()};
+      kernels::project_samples(block,
+                               {weights.row_group(), from(weights.weights(), g), weights.groups(),
+                                weights.output_order(), weights.even_outputs()},
+                               sums_of(result, part.first - columns.first, columns.count));
     });
   }
 }
