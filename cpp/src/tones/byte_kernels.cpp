@@ -25,7 +25,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 // Rows per block: few enough for the second-level cache to hold them and the next ones, enough to amortise the transfer
 // of the sums to the first-level cache; larger where there are more sums than those of one tone.
-constexpr std::size_t kRowsPerBlock = kWide ? 64 : 32, kRowsForMore = kWide ? 64 : 48;
+constexpr std::size_t kRowsPerBlock = kWide ? 64 : 48;
 
 #if HWY_TARGET == HWY_SCALAR
 
@@ -225,7 +225,7 @@ struct RowsAhead {
   const std::ptrdiff_t* run;
 };
 
-constexpr std::array<std::ptrdiff_t, kRowsForMore> kFirstLine{};
+constexpr std::array<std::ptrdiff_t, kRowsPerBlock> kFirstLine{};
 constexpr const std::ptrdiff_t* kNoRun = kWide ? nullptr : kFirstLine.data();
 
 template <int kGroup, bool kNear, bool kFar>
@@ -535,9 +535,7 @@ HWY_INLINE void add_outputs_of_kind(std::span<const Pairs> pairs, const ByteWeig
 
 // Pairs of groups of rows per block.
 template <int kGroup, bool kFold, bool kMore>
-constexpr std::size_t kPairsPerBlock = std::max<std::size_t>((kMore ? kRowsForMore : kRowsPerBlock) /
-                                                                 ((kFold ? 4 : 2) * kGroup),
-                                                             1);
+constexpr std::size_t kPairsPerBlock = std::max<std::size_t>(kRowsPerBlock / ((kFold ? 4 : 2) * kGroup), 1);
 // Data common to all strips of a block. A missing first output of a kind has weight 0 and is written to the spare.
 struct BlockPlan {
   const ByteWeights& weights;
@@ -545,7 +543,7 @@ struct BlockPlan {
   std::size_t second;  // the part where the second kind begins
   std::int32_t* spare;
   bool has_first, has_second;
-  std::array<std::array<PairWeights, 2>, kRowsForMore / 2> first_weights;  // of the first output of either kind
+  std::array<std::array<PairWeights, 2>, kRowsPerBlock / 2> first_weights;  // of the first output of either kind
 
   BlockPlan(const ByteWeights& of, std::size_t pairs, bool fold, std::int32_t* spare_sums)
       : weights(of),

@@ -144,11 +144,6 @@ std::vector<double> RowWeights::byte_weights() const {
 
 namespace {
 
-// Copies of few rows are made of whole ones, which come in memory order; of many rows, of parts that stay in the cache.
-constexpr std::size_t kConvertedOfFew = 2048, kConvertedOfMany = 320;
-// Rows of a block for one tone, so that those of the next block come meanwhile. For more, as many as kernels take.
-constexpr std::size_t kSampleRows = 32;
-
 using ByteRows = DenseRows<std::uint8_t, std::uint8_t>;
 
 BlockSize block_of(const ByteRows& source, Columns columns) {
@@ -286,9 +281,8 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
   const bool in_two_streams = !near.in_place() || (kernels::has_wide_vectors() && sizeof(Stored) < sizeof(double));
   const bool folded = weights.folds() && (more || (tone && in_two_streams));
   const std::size_t groups = folded ? weights.groups() / 2 : weights.groups();
-  const std::size_t most = (more ? kernels::kSampleRows : kSampleRows) / (folded ? 2 * group : group);
-  const std::size_t converted = more ? kConvertedOfMany : kConvertedOfFew;
-  const std::size_t most_columns = near.in_place() ? columns.count : converted;
+  const std::size_t most = kernels::kSampleRows / (folded ? 2 * group : group);
+  const std::size_t most_columns = near.in_place() ? columns.count : kCopied.columns;
   for (std::size_t g = 0; g < groups; g += most) {
     const std::size_t here = std::min(most, groups - g), read = here * group;
     const auto next_rows = static_cast<std::ptrdiff_t>(read) * view.row_stride;

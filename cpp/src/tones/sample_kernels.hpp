@@ -26,7 +26,7 @@ struct SampleBlock {
 using AnySampleBlock =
     std::variant<SampleBlock<std::uint8_t>, SampleBlock<std::uint16_t>, SampleBlock<float>, SampleBlock<double>>;
 
-inline constexpr std::size_t kSampleRows = 64;
+inline constexpr std::size_t kSampleRows = 32;
 
 // Weights of output o begin at values + o·stride. order: all outputs; folded, the first `even` apply to sums, the
 // others to differences.
