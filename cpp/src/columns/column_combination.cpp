@@ -115,10 +115,9 @@ double block_sums(const FramesView<const T>& view, const ToneCurve& curve, std::
       sum_stored(view, usable, blocks, sums);
       dark = curve.dark_level;
     } else {
-      std::vector<double> table(std::size_t{std::numeric_limits<T>::max()} + 1);
-      for (std::size_t value = 0; value < table.size(); ++value) table[value] = light(value);
+      const auto table = light_table(view, curve);
       sum_blocks(
-          view, usable, blocks, [&](T value) { return table[value]; }, sums);
+          view, usable, blocks, [&](T value) { return table->light[value]; }, sums);
     }
   } else {
     sum_blocks(view, usable, blocks, light, sums);

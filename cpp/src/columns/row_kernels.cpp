@@ -127,52 +127,22 @@ HWY_INLINE RunSum sum_singly(const std::uint8_t* run, std::size_t count, unsigne
 // Short vectors: runs of a frame's 64th part are.
 const hn::CappedTag<std::uint8_t, 32> d_run;
 
-// `kCount`: how many reach the level is asked for.
+// The same by vectors, of which the last may be read beyond the run. `kCount`: how many reach the level is asked for.
 template <bool kCount>
-class RunAdder {
- public:
-  HWY_INLINE explicit RunAdder(unsigned level) : level_(hn::Set(d_run, static_cast<std::uint8_t>(level))) {}
-
-  HWY_INLINE void add(hn::Vec<decltype(d_run)> bytes, hn::Mask<decltype(d_run)> counted) {
-    sum_ = hn::Add(sum_, hn::SumsOf8(bytes));
-    if (kCount) reaching_ += hn::CountTrue(d_run, hn::And(counted, hn::Eq(hn::Max(bytes, level_), bytes)));
+HWY_INLINE RunSum sum_vectors(const std::uint8_t* run, std::size_t count, unsigned level) {
+  const hn::Repartition<std::uint64_t, decltype(d_run)> d_sum;
+  const std::size_t lanes = hn::Lanes(d_run);
+  const auto least = hn::Set(d_run, static_cast<std::uint8_t>(level));
+  auto sum = hn::Zero(d_sum);
+  std::size_t reaching = 0;
+  for (std::size_t i = 0; i < count; i += lanes) {
+    const auto own = hn::FirstN(d_run, std::min(count - i, lanes));
+    const auto bytes = hn::IfThenElseZero(own, hn::LoadU(d_run, run + i));
+    sum = hn::Add(sum, hn::SumsOf8(bytes));
+    if (kCount) reaching += hn::CountTrue(d_run, hn::And(own, hn::Eq(hn::Max(bytes, least), bytes)));
   }
-  [[nodiscard]] HWY_INLINE RunSum result() const {
-    return {static_cast<std::uint32_t>(hn::GetLane(hn::SumOfLanes(d_sum, sum_))),
-            static_cast<std::uint32_t>(reaching_)};
-  }
-
- private:
-  static constexpr hn::Repartition<std::uint64_t, decltype(d_run)> d_sum{};
-  hn::Vec<decltype(d_run)> level_;
-  hn::Vec<decltype(d_sum)> sum_ = hn::Zero(d_sum);
-  std::size_t reaching_ = 0;
-};
-
-// Runs of one width: whole vectors, and a rest of which a vector may be read.
-template <bool kCount>
-class Run {
- public:
-  HWY_INLINE Run(std::size_t width, unsigned level)
-      : whole_(width / hn::Lanes(d_run) * hn::Lanes(d_run)),
-        has_rest_(whole_ < width),
-        rest_(hn::FirstN(d_run, width - whole_)),
-        level_(level) {}
-
-  HWY_INLINE RunSum sum(const std::uint8_t* run) const {
-    RunAdder<kCount> adder(level_);
-    for (std::size_t i = 0; i < whole_; i += hn::Lanes(d_run))
-      adder.add(hn::LoadU(d_run, run + i), hn::FirstN(d_run, hn::Lanes(d_run)));
-    if (has_rest_) adder.add(hn::IfThenElseZero(rest_, hn::LoadU(d_run, run + whole_)), rest_);
-    return adder.result();
-  }
-
- private:
-  std::size_t whole_;
-  bool has_rest_;
-  hn::Mask<decltype(d_run)> rest_;
-  unsigned level_;
-};
+  return {static_cast<std::uint32_t>(hn::GetLane(hn::SumOfLanes(d_sum, sum))), static_cast<std::uint32_t>(reaching)};
+}
 
 #endif
 
@@ -185,8 +155,8 @@ void sum_all_runs(const std::uint8_t* row, std::size_t columns, std::size_t widt
   };
   std::size_t first = 0;
 #if HWY_TARGET != HWY_SCALAR
-  const Run<kCount> run(width, level);
-  for (; first + width + hn::Lanes(d_run) <= columns; first += width) put(run.sum(row + first));
+  for (; first + width + hn::Lanes(d_run) <= columns; first += width)
+    put(sum_vectors<kCount>(row + first, width, level));
 #endif
   for (; first < columns; first += width) put(sum_singly(row + first, std::min(width, columns - first), level));
 }
