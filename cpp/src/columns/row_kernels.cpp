@@ -253,16 +253,16 @@ void look_up_singly(const StoredRows<T>& from, std::size_t first, const float* H
 // The whole vectors of rows by AVX-512 VBMI, whose shuffles look up 128 bytes; returns how many columns.
 __attribute__((target("avx512f,avx512bw,avx512vbmi"))) std::size_t look_up_vectors(const StoredRows<std::uint8_t>& from,
                                                                                    const ByteTable& table, float* to) {
-  constexpr std::size_t kLanes = 64, kPlanes = sizeof(float);
+  constexpr std::size_t kPlanes = sizeof(float);
   __m512i quarters[kPlanes][4];
   for (std::size_t i = 0; i < kPlanes; ++i)
-    for (std::size_t q = 0; q < 4; ++q) quarters[i][q] = _mm512_load_si512(table.plane(i) + q * kLanes);
+    for (std::size_t q = 0; q < 4; ++q) quarters[i][q] = _mm512_load_si512(table.plane(i) + q * kLine);
   // Interleaving keeps blocks of 16 bytes apart: dwords in this order come out in that of the columns.
   const __m512i order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
-  const std::size_t whole = from.columns / kLanes * kLanes;
+  const std::size_t whole = from.columns / kLine * kLine;
   for (std::size_t r = 0; r < from.rows; ++r, to += from.columns) {
     const std::uint8_t* row = from.samples + static_cast<std::ptrdiff_t>(r) * from.stride;
-    for (std::size_t c = 0; c < whole; c += kLanes) {
+    for (std::size_t c = 0; c < whole; c += kLine) {
       ask_early_for(row + static_cast<std::ptrdiff_t>(c) + from.to_next);
       const __m512i values = _mm512_permutexvar_epi32(order, _mm512_loadu_si512(row + c));
       const __mmask64 upper = _mm512_movepi8_mask(values);

@@ -534,7 +534,7 @@ HWY_INLINE void add_outputs_of_kind(std::span<const Pairs> pairs, const ByteWeig
 }
 
 // Pairs of groups of rows per block.
-template <int kGroup, bool kFold, bool kMore>
+template <int kGroup, bool kFold>
 constexpr std::size_t kPairsPerBlock = std::max<std::size_t>(kRowsPerBlock / ((kFold ? 4 : 2) * kGroup), 1);
 // Data common to all strips of a block. A missing first output of a kind has weight 0 and is written to the spare.
 struct BlockPlan {
@@ -590,7 +590,7 @@ HWY_INLINE void for_each_slice(Add add) {
 // The pairs of one strip, straight from the pixels.
 template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
 HWY_INLINE void add_strip(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
-  Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold, kMore> : 1];
+  Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold> : 1];
   for_each_slice([&]<std::size_t kSlice>() OCISAC_INLINE_LAMBDA {
     add_slice_of_strip<kFold, kMore, kMore, kSlice, kDot>(
         plan, strip, kept, [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
@@ -608,7 +608,7 @@ HWY_INLINE void add_strip(const Rows<kLines>& rows, const BlockPlan& plan, const
 template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
 HWY_INLINE void add_strip_by_memory(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
                                     const Strip& strip) {
-  Pairs slices[kSlices][kPairsPerBlock<kGroup, kFold, kMore>];
+  Pairs slices[kSlices][kPairsPerBlock<kGroup, kFold>];
   Bytes top = hn::LoadU(d8, strip.maximum);
   Rows<kLines> at = rows;
 #pragma GCC unroll 1
@@ -710,7 +710,7 @@ class BlockProjector {
         rest_(block),
         weights_(weights),
         strips_(strips),
-        rows_ahead_(std::min(kRows, block.groups * kGroup)),
+        rows_ahead_(std::min(kPairs * 2 * kGroup, block.groups * kGroup)),
         runs_(kLines <= kLinesAfterRuns && asks_for_runs(block)
                   ? offsets_of({kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs})
                   : nullptr) {
@@ -731,10 +731,9 @@ class BlockProjector {
  private:
   static constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
   // Fewer with wide vectors and runs, since rows of two blocks share the second-level cache.
-  static constexpr std::size_t kMostPairs = kPairsPerBlock<kGroup, kFold, kMore>;
   static constexpr std::size_t kPairs =
-      kWide && kLines == kLinesAfterRuns ? std::max<std::size_t>(kMostPairs * (kMore ? 3 : 2) / 4, 1) : kMostPairs;
-  static constexpr std::size_t kRows = kPairs * 2 * kGroup;
+      kWide && kLines == kLinesAfterRuns ? std::max<std::size_t>(kPairsPerBlock<kGroup, kFold> * (kMore ? 3 : 2) / 4, 1)
+                                         : kPairsPerBlock<kGroup, kFold>;
   static constexpr std::size_t kRun = kLinesPerPair<kGroup> * kLine;
   static constexpr int kBlocksAhead = kWide && !kMore ? 2 : 1;
 

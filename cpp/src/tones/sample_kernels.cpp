@@ -93,9 +93,9 @@ constexpr std::array<std::ptrdiff_t, 0> kNothingAhead{};
 
 template <class T, std::size_t kCount>
 HWY_INLINE void ask_for_samples(const T* pixels, const std::array<std::ptrdiff_t, kCount>& ahead) {
-  constexpr std::size_t kBytes = kSampleVectors * hn::MaxLanes(d64) * sizeof(T);
   for (const std::ptrdiff_t offset : ahead)
-    ask_for<(kBytes + kLine - 1) / kLine>(reinterpret_cast<const std::uint8_t*>(pixels + offset));
+    ask_for<(kSampleVectors * hn::MaxLanes(d64) * sizeof(T) + kLine - 1) / kLine>(
+        reinterpret_cast<const std::uint8_t*>(pixels + offset));
 }
 
 // Sum of a group of rows of a vector's columns; raises the maximum. The rows ask for the lines `ahead`.

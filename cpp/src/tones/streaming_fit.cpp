@@ -40,17 +40,17 @@ std::vector<double> dense(const RowMajor& matrix) { return {matrix.data(), matri
 // The fit of sums of `row_group` rows, in terms of the rows.
 struct StreamingFit::Candidate {
   int row_group;
-  std::vector<Flags> flags;  // of the tones
-  RowMajor weights;          // (estimates × groups), of sums
-  Eigen::MatrixXd design;    // (groups × estimates), of sums
-  RowMajor covariance;       // for rows with noise of variance 1
+  std::vector<Flags> flags;    // of the tones
+  RowMajor weights;            // (estimates × groups), of sums
+  Eigen::MatrixXd design;      // (groups × estimates), of sums
+  Eigen::MatrixXd covariance;  // for rows with noise of variance 1
 };
 
 StreamingFit::Candidate StreamingFit::candidate(std::size_t rows, std::span<const double> cycles_per_row,
                                                 int row_group) {
   const std::size_t groups = rows / static_cast<std::size_t>(row_group);
   const HarmonicModel model = fundamentals_only(groups, cycles_per_row, row_group);
-  const auto size = static_cast<Eigen::Index>(model.estimates), count = static_cast<Eigen::Index>(groups);
+  const auto size = static_cast<Eigen::Index>(model.estimates);
   Eigen::VectorXd scale(size);  // of the estimates, from a row's to a group's sum
   scale(0) = row_group;
   std::vector<double> of_groups;
@@ -60,17 +60,15 @@ StreamingFit::Candidate StreamingFit::candidate(std::size_t rows, std::span<cons
     of_groups.push_back(row_group * cycles);
   }
   const Eigen::VectorXd inverse = scale.cwiseInverse();
-  const Eigen::Map<const RowMajor> weights(model.weights.data(), size, count),
-      covariance(model.covariance.data(), size, size);
-  return {row_group, model.tone_flags, inverse.asDiagonal() * weights,
+  return {row_group, model.tone_flags, inverse.asDiagonal() * model.weights.transpose(),
           tone_design(centred_rows(groups), of_groups) * scale.asDiagonal(),
-          row_group * (inverse.asDiagonal() * covariance * inverse.asDiagonal())};
+          row_group * (inverse.asDiagonal() * model.covariance * inverse.asDiagonal())};
 }
 
 namespace {
 
 // True if the sums preserve the required fraction of every tone's information.
-bool keeps(double efficiency, const RowMajor& all_rows, const RowMajor& sums) {
+bool keeps(double efficiency, const Eigen::MatrixXd& all_rows, const Eigen::MatrixXd& sums) {
   for (Eigen::Index a = 1; a < sums.rows(); a += 2) {
     const double before = all_rows(a, a) + all_rows(a + 1, a + 1);
     const double after = sums(a, a) + sums(a + 1, a + 1);
@@ -107,8 +105,8 @@ void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
   const auto groups = static_cast<std::size_t>(chosen.design.rows());
   middle_ = (static_cast<double>(groups * static_cast<std::size_t>(chosen.row_group)) - 1) / 2;
   freedom_ = static_cast<double>(groups - estimates_) * chosen.row_group;
-  covariance_ = dense(chosen.covariance);
-  gram_ = dense(transposed_product(chosen.design, chosen.design));
+  covariance_ = chosen.covariance;
+  gram_ = transposed_product(chosen.design, chosen.design);
   // The mean's row is omitted: with those of the tones, the plain sum spans the same estimates.
   const auto tones = chosen.weights.rows() - 1;
   weights_ = RowWeights(dense(chosen.weights.bottomRows(tones)), estimates_ - 1, rows, chosen.row_group, limbs);

@@ -30,7 +30,6 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 18, 1>;
 
 constexpr std::size_t kColumnsPerBlock = 640;
-constexpr std::size_t kColumnsInCache = 32;  // their light and what is left of it fit the second-level cache
 // Share of a column's energy that the model leaves: below it, energies of model and column differ by too few digits.
 constexpr double kResolvedRest = 1e-6;
 
@@ -139,8 +138,7 @@ Plan make_plan(std::size_t rows, double cycles_per_row, int degree, const ToneGa
   const std::array<ModelTone, 1> tone{{{cycles_per_row, shape_harmonics}}};
   const HarmonicModel steady = harmonic_model(rows, tone);
   plan.weights.resize(3 * plan.terms + 3, design.rows());
-  plan.weights << fit.weights.transpose(), Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>>(
-                                               steady.weights.data(), 3, design.rows());
+  plan.weights << fit.weights.transpose(), steady.weights.transpose();
   plan.covariance = product(plan.weights, plan.weights.transpose());
   plan.polynomials = legendre_at_places(degree);
   for (std::size_t i = 0; i < kPlaces; ++i) {
