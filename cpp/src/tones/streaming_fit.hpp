@@ -10,6 +10,7 @@
 #include "ocisac/core/flags.hpp"
 #include "ocisac/core/views.hpp"
 #include "ocisac/tones/projection.hpp"
+#include "tones/harmonic_model.hpp"
 
 namespace ocisac {
 
@@ -52,10 +53,8 @@ class StreamingFit {
   [[nodiscard]] Flags flags(std::size_t tone) const { return flags_[tone]; }
 
  private:
-  struct Candidate;
-  static Candidate candidate(std::size_t rows, std::span<const double> cycles_per_row, int row_group);
-  void choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows, int limbs);
-  void adopt(std::size_t rows, const Candidate& chosen, int limbs);
+  void adopt(const HarmonicModel& chosen, std::size_t rows, std::span<const double> cycles_per_row, int row_group,
+             int limbs);
 
   std::size_t estimates_;
   bool well_posed_ = false;
@@ -66,7 +65,7 @@ class StreamingFit {
   Eigen::MatrixXd gram_;        // (estimates × estimates): AᵀA of the design A of the sums
   // Matrices from totals and weighted sums to estimates (estimates × estimates), for exact weights and for those of
   // bytes.
-  std::vector<double> of_samples_, of_bytes_;
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> of_samples_, of_bytes_;
   RowWeights weights_;
 };
 
