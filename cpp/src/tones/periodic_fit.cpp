@@ -306,7 +306,8 @@ HarmonicProducts products_of_each(const PeriodicSignals& signals, const Periodic
     }
     return values;
   };
-  const auto at = phasors_at(first), turn = phasors_at(1), leap = phasors_at(static_cast<double>(kernels::kRowsPerLeap));
+  const auto at = phasors_at(first), turn = phasors_at(1),
+             leap = phasors_at(static_cast<double>(kernels::kRowsPerLeap));
   const auto rows = static_cast<Index>(harmonics), count = static_cast<Index>(signals.count());
   HarmonicProducts products{RowMajor(rows, count), RowMajor(rows, count), RowMajor(rows, count), RowMajor(rows, count)};
   std::vector<double> sums(4 * padded);
