@@ -115,7 +115,7 @@ inline ocisac::AnyFramesView flashing(std::size_t columns) {
 
 inline double find_frequency(std::size_t columns) { return ocisac::find_frequency(flashing(columns), {}).frequency; }
 
-inline double varying_gain() { return total(ocisac::varying_tone_gain(flashing(kColumns), kCamera, 500, {}).mean); }
+inline double varying_gain() { return total(ocisac::varying_tone_gain(flashing(kColumns), kCamera, 500).mean); }
 
 inline double pooled_gain() {
   const double frequency = 500;

@@ -108,8 +108,8 @@ py::object tone_gain_as_given(const py::object& columns, const Camera& camera, c
 py::tuple varying_tone_gain_arrays(const py::array& columns, const Camera& camera, double frequency, int degree,
                                    const std::string& waveform, double duty, const Doubles& background, int threads) {
   const AnyFramesView view = any_view(columns);
-  const VaryingToneOptions options{degree, waveform_shape(waveform), duty, span_of(background), threads};
-  const auto result = unlocked([&] { return varying_tone_gain(view, camera, frequency, options); });
+  const ToneGainOptions options{GainMethod::fit, waveform_shape(waveform), duty, span_of(background), 1.0, threads};
+  const auto result = unlocked([&] { return varying_tone_gain(view, camera, frequency, degree, options); });
   const std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(result.frames),
                                        static_cast<py::ssize_t>(result.columns)};
   return py::make_tuple(array_of(result.gain, shape), array_of(result.gain_std, shape), array_of(result.mean, shape),

@@ -13,7 +13,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kMaxBlocks = 64;     // per frame; a light of 1/64 of the frame's width fills one
 constexpr std::size_t kMaxSignals = 1024;  // over all frames
 
 // The smallest integer that is saturated, above all samples if none is.

@@ -19,6 +19,7 @@
 #include "core/levels.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/constants.hpp"
 
 namespace ocisac {
@@ -29,7 +30,6 @@ using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowM
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr std::size_t kBlocks = 64;              // groups of neighbouring columns, one weight each
 constexpr double kTogether = 0.6, kApart = 0.3;  // cosines between swings of one light, of different lights
 constexpr int kMaxShears = 3;
 constexpr std::size_t kWeightsInterval = 2, kSlopeInterval = 8;  // frames of a followed light between estimates
@@ -58,7 +58,7 @@ struct Blocks {
 
 Blocks make_blocks(std::span<const std::uint8_t> usable) {
   Blocks blocks;
-  const std::size_t groups = std::min(kBlocks, usable.size());
+  const std::size_t groups = std::min(kMaxBlocks, usable.size());
   for (std::size_t group = 0; group < groups; ++group) {
     const std::size_t begin = group * usable.size() / groups, end = (group + 1) * usable.size() / groups;
     const auto size = static_cast<std::size_t>(std::count(usable.begin() + static_cast<std::ptrdiff_t>(begin),
@@ -115,10 +115,9 @@ double block_sums(const FramesView<const T>& view, const ToneCurve& curve, std::
       sum_stored(view, usable, blocks, sums);
       dark = curve.dark_level;
     } else {
-      std::vector<double> table(std::size_t{std::numeric_limits<T>::max()} + 1);
-      for (std::size_t value = 0; value < table.size(); ++value) table[value] = light(value);
+      const auto table = light_table(view, curve);
       sum_blocks(
-          view, usable, blocks, [&](T value) { return table[value]; }, sums);
+          view, usable, blocks, [&](T value) { return table->light[value]; }, sums);
     }
   } else {
     sum_blocks(view, usable, blocks, light, sums);

@@ -49,23 +49,23 @@ ColumnDft<T>::ColumnDft(std::size_t length) : order_(length) {
 template <class T>
 void ColumnDft<T>::run(std::size_t first, T* rows, const T* gain, std::size_t pairs, bool forward, bool inverse) const {
   const std::size_t length = first < steps_.size() ? steps_[first].length : 1;
+  const auto loops = kernels::dft_loops<T>();
   if (length > kRowsInCache) {
     const auto& step = steps_[first];
     const std::size_t part = length / step.radix;
-    if (forward) kernels::dft_step(step, rows, 1, pairs);
+    if (forward) loops.step(step, rows, 1, pairs);
     for (std::size_t q = 0; q < step.radix; ++q)
       run(first + 1, rows + q * part * 2 * kernels::kColumnPairs<T>, gain ? gain + q * part * 2 : nullptr, pairs,
           forward, inverse);
-    if (inverse) kernels::inverse_dft_step(step, rows, 1, pairs);
+    if (inverse) loops.inverse_step(step, rows, 1, pairs);
     return;
   }
   if (forward)
-    for (std::size_t k = first; k < steps_.size(); ++k)
-      kernels::dft_step(steps_[k], rows, length / steps_[k].length, pairs);
-  if (gain) kernels::multiply_rows(rows, gain, length, pairs);
+    for (std::size_t k = first; k < steps_.size(); ++k) loops.step(steps_[k], rows, length / steps_[k].length, pairs);
+  if (gain) loops.multiply_rows(rows, gain, length, pairs);
   if (inverse)
     for (std::size_t k = steps_.size(); k-- > first;)
-      kernels::inverse_dft_step(steps_[k], rows, length / steps_[k].length, pairs);
+      loops.inverse_step(steps_[k], rows, length / steps_[k].length, pairs);
 }
 
 template class ColumnDft<float>;

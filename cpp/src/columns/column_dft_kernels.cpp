@@ -184,22 +184,8 @@ void times_gain(T* rows, const T* gain, std::size_t count, std::size_t pairs) {
     }
 }
 
-// NOLINTBEGIN(bugprone-macro-parentheses): T names a type, which takes no parentheses.
-#define OCISAC_OF_BOTH(T, NAME)                                                                       \
-  void DftStep##NAME(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs) {        \
-    any_step<T, false>(step, rows, blocks, pairs);                                                    \
-  }                                                                                                   \
-  void InverseDftStep##NAME(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs) { \
-    any_step<T, true>(step, rows, blocks, pairs);                                                     \
-  }                                                                                                   \
-  void MultiplyRows##NAME(T* rows, const T* gain, std::size_t count, std::size_t pairs) {             \
-    times_gain(rows, gain, count, pairs);                                                             \
-  }
-
-OCISAC_OF_BOTH(float, Float)
-OCISAC_OF_BOTH(double, Double)
-#undef OCISAC_OF_BOTH
-// NOLINTEND(bugprone-macro-parentheses)
+DftLoops<float> DftFloats() { return {any_step<float, false>, any_step<float, true>, times_gain<float>}; }
+DftLoops<double> DftDoubles() { return {any_step<double, false>, any_step<double, true>, times_gain<double>}; }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace ocisac::kernels
@@ -208,28 +194,17 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace ocisac::kernels {
 
-// NOLINTBEGIN(bugprone-macro-parentheses): as above.
-#define OCISAC_OF_BOTH(T, NAME)                                                                   \
-  HWY_EXPORT(DftStep##NAME);                                                                      \
-  HWY_EXPORT(InverseDftStep##NAME);                                                               \
-  HWY_EXPORT(MultiplyRows##NAME);                                                                 \
-  template <>                                                                                     \
-  void dft_step(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs) {         \
-    HWY_DYNAMIC_DISPATCH(DftStep##NAME)(step, rows, blocks, pairs);                               \
-  }                                                                                               \
-  template <>                                                                                     \
-  void inverse_dft_step(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs) { \
-    HWY_DYNAMIC_DISPATCH(InverseDftStep##NAME)(step, rows, blocks, pairs);                        \
-  }                                                                                               \
-  template <>                                                                                     \
-  void multiply_rows(T* rows, const T* gain, std::size_t count, std::size_t pairs) {              \
-    HWY_DYNAMIC_DISPATCH(MultiplyRows##NAME)(rows, gain, count, pairs);                           \
-  }
+HWY_EXPORT(DftFloats);
+HWY_EXPORT(DftDoubles);
 
-OCISAC_OF_BOTH(float, Float)
-OCISAC_OF_BOTH(double, Double)
-#undef OCISAC_OF_BOTH
-// NOLINTEND(bugprone-macro-parentheses)
+template <>
+DftLoops<float> dft_loops() {
+  return HWY_DYNAMIC_DISPATCH(DftFloats)();
+}
+template <>
+DftLoops<double> dft_loops() {
+  return HWY_DYNAMIC_DISPATCH(DftDoubles)();
+}
 
 }  // namespace ocisac::kernels
 #endif

@@ -20,16 +20,16 @@ struct DftStep {
   const T* turns;
 };
 
-// rows: (blocks·length × 2·kColumnPairs); of each row the first `pairs` count, the others may change.
+// The loops of the target whose code runs. rows: (blocks·length × 2·kColumnPairs); of each row the first `pairs` count,
+// the others may change.
 template <class T>
-void dft_step(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs);
-
-// The step back, not scaled: x from X.
+struct DftLoops {
+  void (*step)(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs);
+  void (*inverse_step)(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs);  // not scaled: x from X
+  // rows (count × 2·kColumnPairs) = gain·rows; gain: (count × 2), real and imaginary part.
+  void (*multiply_rows)(T* rows, const T* gain, std::size_t count, std::size_t pairs);
+};
 template <class T>
-void inverse_dft_step(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t pairs);
-
-// rows (count × 2·kColumnPairs) = gain·rows; gain: (count × 2), real and imaginary part.
-template <class T>
-void multiply_rows(T* rows, const T* gain, std::size_t count, std::size_t pairs);
+DftLoops<T> dft_loops();
 
 }  // namespace ocisac::kernels

@@ -15,9 +15,8 @@ using Eigen::Index;
 
 constexpr double kSmoothShare = 100;
 constexpr double kNoiseShare = 0.001;
-constexpr double kLongestReach = 1024;   // rows; bounds the run time for very long exposures
-constexpr double kLeftOut = 1e-16;       // of the smooth component's variance
-constexpr std::size_t kMostTerms = 100;  // some 19 do
+constexpr double kLongestReach = 1024;  // rows; bounds the run time for very long exposures
+constexpr double kLeftOut = 1e-16;      // of the smooth component's variance
 
 double exposed_together(double rows_apart, double exposure_rows) {
   return std::max(0.0, 1 - rows_apart / std::max(exposure_rows, 1.0));
@@ -41,7 +40,7 @@ template <class Value>
 Cross cross_approximation(Index rows, Index columns, long double left_out, Value value) {
   Cross cross;
   std::vector<bool> taken(static_cast<std::size_t>(rows), false);
-  for (Index row = 0; cross.left.size() < std::min<std::size_t>(kMostTerms, static_cast<std::size_t>(rows));) {
+  for (Index row = 0; cross.left.size() < static_cast<std::size_t>(rows);) {
     taken[static_cast<std::size_t>(row)] = true;
     Precise along = Precise::NullaryExpr(columns, [&](Index j) { return value(row, j); });
     for (std::size_t k = 0; k < cross.left.size(); ++k) along -= cross.left[k](row) * cross.right[k];

@@ -141,8 +141,7 @@ ContrastSlope slope_of(RowContrast rows) {
 }  // namespace
 
 bool ContrastSlope::is_of_texture() const {
-  constexpr double kLeastSlope = -2;
-  return kLeastSlope - slope > kSure * std;
+  return -2 - slope > kSure * std;  // more than a veil's
 }
 
 ContrastSlope contrast_slope(const AnyFramesView& frames, std::size_t frame, const Region& box, const ToneCurve& curve,

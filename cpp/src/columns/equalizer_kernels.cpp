@@ -174,28 +174,12 @@ void rows_product(const T* matrix, std::size_t outputs, std::size_t inputs, cons
   for (; c < width; c += lanes) product_columns<6, 1>(matrix, outputs, inputs, in + c, stride, out + c, out_stride);
 }
 
-// NOLINTBEGIN(bugprone-macro-parentheses): T names a type, which takes no parentheses.
-#define OCISAC_OF_BOTH(T, NAME)                                                                             \
-  void ColumnLines##NAME(const T* block, std::size_t rows, std::size_t width, const ColumnLines& lines) {   \
-    lines_of_columns(block, rows, width, lines);                                                            \
-  }                                                                                                         \
-  void TakeLinesOff##NAME(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines,          \
-                          const double* scale) {                                                            \
-    take_off(block, rows, width, lines, scale);                                                             \
-  }                                                                                                         \
-  void PutLinesBack##NAME(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines,          \
-                          const double* scale, double later) {                                              \
-    put_back(block, rows, width, lines, scale, later);                                                      \
-  }                                                                                                         \
-  void MatrixTimesRows##NAME(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in,         \
-                             std::ptrdiff_t stride, T* out, std::ptrdiff_t out_stride, std::size_t width) { \
-    rows_product(matrix, outputs, inputs, in, stride, out, out_stride, width);                              \
-  }
-
-OCISAC_OF_BOTH(float, Float)
-OCISAC_OF_BOTH(double, Double)
-#undef OCISAC_OF_BOTH
-// NOLINTEND(bugprone-macro-parentheses)
+EqualizerLoops<float> EqualizerFloats() {
+  return {lines_of_columns<float>, take_off<float>, put_back<float>, rows_product<float>};
+}
+EqualizerLoops<double> EqualizerDoubles() {
+  return {lines_of_columns<double>, take_off<double>, put_back<double>, rows_product<double>};
+}
 
 }  // namespace HWY_NAMESPACE
 }  // namespace ocisac::kernels
@@ -204,35 +188,17 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace ocisac::kernels {
 
-// NOLINTBEGIN(bugprone-macro-parentheses): as above.
-#define OCISAC_OF_BOTH(T, NAME)                                                                                        \
-  HWY_EXPORT(ColumnLines##NAME);                                                                                       \
-  HWY_EXPORT(TakeLinesOff##NAME);                                                                                      \
-  HWY_EXPORT(PutLinesBack##NAME);                                                                                      \
-  HWY_EXPORT(MatrixTimesRows##NAME);                                                                                   \
-  template <>                                                                                                          \
-  void column_lines(const T* block, std::size_t rows, std::size_t width, const ColumnLines& lines) {                   \
-    HWY_DYNAMIC_DISPATCH(ColumnLines##NAME)(block, rows, width, lines);                                                \
-  }                                                                                                                    \
-  template <>                                                                                                          \
-  void take_lines_off(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale) {  \
-    HWY_DYNAMIC_DISPATCH(TakeLinesOff##NAME)(block, rows, width, lines, scale);                                        \
-  }                                                                                                                    \
-  template <>                                                                                                          \
-  void put_lines_back(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale,    \
-                      double later) {                                                                                  \
-    HWY_DYNAMIC_DISPATCH(PutLinesBack##NAME)(block, rows, width, lines, scale, later);                                 \
-  }                                                                                                                    \
-  template <>                                                                                                          \
-  void matrix_times_rows(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in, std::ptrdiff_t stride, \
-                         T* out, std::ptrdiff_t out_stride, std::size_t width) {                                       \
-    HWY_DYNAMIC_DISPATCH(MatrixTimesRows##NAME)(matrix, outputs, inputs, in, stride, out, out_stride, width);          \
-  }
+HWY_EXPORT(EqualizerFloats);
+HWY_EXPORT(EqualizerDoubles);
 
-OCISAC_OF_BOTH(float, Float)
-OCISAC_OF_BOTH(double, Double)
-#undef OCISAC_OF_BOTH
-// NOLINTEND(bugprone-macro-parentheses)
+template <>
+EqualizerLoops<float> equalizer_loops() {
+  return HWY_DYNAMIC_DISPATCH(EqualizerFloats)();
+}
+template <>
+EqualizerLoops<double> equalizer_loops() {
+  return HWY_DYNAMIC_DISPATCH(EqualizerDoubles)();
+}
 
 }  // namespace ocisac::kernels
 #endif

@@ -81,12 +81,9 @@ HWY_INLINE void pool_all(const StoredRows<T>& from, const double* weights, doubl
   }
 }
 
-void PoolBytes(const StoredRows<std::uint8_t>& from, const double* weights, double* to) { pool_all(from, weights, to); }
-void PoolWords(const StoredRows<std::uint16_t>& from, const double* weights, double* to) {
-  pool_all(from, weights, to);
+void PoolRows(const AnyStoredRows& from, const double* weights, double* to) {
+  std::visit([=](const auto& rows) HWY_ATTR { pool_all(rows, weights, to); }, from);
 }
-void PoolFloats(const StoredRows<float>& from, const double* weights, double* to) { pool_all(from, weights, to); }
-void PoolDoubles(const StoredRows<double>& from, const double* weights, double* to) { pool_all(from, weights, to); }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace ocisac::kernels
@@ -96,29 +93,10 @@ HWY_AFTER_NAMESPACE();
 
 namespace ocisac::kernels {
 
-HWY_EXPORT(PoolBytes);
-HWY_EXPORT(PoolWords);
-HWY_EXPORT(PoolFloats);
-HWY_EXPORT(PoolDoubles);
+HWY_EXPORT(PoolRows);
 
-template <>
-void pool_rows(const StoredRows<std::uint8_t>& from, const double* weights, double* to) {
-  HWY_DYNAMIC_DISPATCH(PoolBytes)(from, weights, to);
-}
-
-template <>
-void pool_rows(const StoredRows<std::uint16_t>& from, const double* weights, double* to) {
-  HWY_DYNAMIC_DISPATCH(PoolWords)(from, weights, to);
-}
-
-template <>
-void pool_rows(const StoredRows<float>& from, const double* weights, double* to) {
-  HWY_DYNAMIC_DISPATCH(PoolFloats)(from, weights, to);
-}
-
-template <>
-void pool_rows(const StoredRows<double>& from, const double* weights, double* to) {
-  HWY_DYNAMIC_DISPATCH(PoolDoubles)(from, weights, to);
+void pool_rows(const AnyStoredRows& from, const double* weights, double* to) {
+  HWY_DYNAMIC_DISPATCH(PoolRows)(from, weights, to);
 }
 
 }  // namespace ocisac::kernels

@@ -127,52 +127,22 @@ HWY_INLINE RunSum sum_singly(const std::uint8_t* run, std::size_t count, unsigne
 // Short vectors: runs of a frame's 64th part are.
 const hn::CappedTag<std::uint8_t, 32> d_run;
 
-// `kCount`: how many reach the level is asked for.
+// The same by vectors, of which the last may be read beyond the run. `kCount`: how many reach the level is asked for.
 template <bool kCount>
-class RunAdder {
- public:
-  HWY_INLINE explicit RunAdder(unsigned level) : level_(hn::Set(d_run, static_cast<std::uint8_t>(level))) {}
-
-  HWY_INLINE void add(hn::Vec<decltype(d_run)> bytes, hn::Mask<decltype(d_run)> counted) {
-    sum_ = hn::Add(sum_, hn::SumsOf8(bytes));
-    if (kCount) reaching_ += hn::CountTrue(d_run, hn::And(counted, hn::Eq(hn::Max(bytes, level_), bytes)));
+HWY_INLINE RunSum sum_vectors(const std::uint8_t* run, std::size_t count, unsigned level) {
+  const hn::Repartition<std::uint64_t, decltype(d_run)> d_sum;
+  const std::size_t lanes = hn::Lanes(d_run);
+  const auto least = hn::Set(d_run, static_cast<std::uint8_t>(level));
+  auto sum = hn::Zero(d_sum);
+  std::size_t reaching = 0;
+  for (std::size_t i = 0; i < count; i += lanes) {
+    const auto own = hn::FirstN(d_run, std::min(count - i, lanes));
+    const auto bytes = hn::IfThenElseZero(own, hn::LoadU(d_run, run + i));
+    sum = hn::Add(sum, hn::SumsOf8(bytes));
+    if (kCount) reaching += hn::CountTrue(d_run, hn::And(own, hn::Eq(hn::Max(bytes, least), bytes)));
   }
-  [[nodiscard]] HWY_INLINE RunSum result() const {
-    return {static_cast<std::uint32_t>(hn::GetLane(hn::SumOfLanes(d_sum, sum_))),
-            static_cast<std::uint32_t>(reaching_)};
-  }
-
- private:
-  static constexpr hn::Repartition<std::uint64_t, decltype(d_run)> d_sum{};
-  hn::Vec<decltype(d_run)> level_;
-  hn::Vec<decltype(d_sum)> sum_ = hn::Zero(d_sum);
-  std::size_t reaching_ = 0;
-};
-
-// Runs of one width: whole vectors, and a rest of which a vector may be read.
-template <bool kCount>
-class Run {
- public:
-  HWY_INLINE Run(std::size_t width, unsigned level)
-      : whole_(width / hn::Lanes(d_run) * hn::Lanes(d_run)),
-        has_rest_(whole_ < width),
-        rest_(hn::FirstN(d_run, width - whole_)),
-        level_(level) {}
-
-  HWY_INLINE RunSum sum(const std::uint8_t* run) const {
-    RunAdder<kCount> adder(level_);
-    for (std::size_t i = 0; i < whole_; i += hn::Lanes(d_run))
-      adder.add(hn::LoadU(d_run, run + i), hn::FirstN(d_run, hn::Lanes(d_run)));
-    if (has_rest_) adder.add(hn::IfThenElseZero(rest_, hn::LoadU(d_run, run + whole_)), rest_);
-    return adder.result();
-  }
-
- private:
-  std::size_t whole_;
-  bool has_rest_;
-  hn::Mask<decltype(d_run)> rest_;
-  unsigned level_;
-};
+  return {static_cast<std::uint32_t>(hn::GetLane(hn::SumOfLanes(d_sum, sum))), static_cast<std::uint32_t>(reaching)};
+}
 
 #endif
 
@@ -185,8 +155,8 @@ void sum_all_runs(const std::uint8_t* row, std::size_t columns, std::size_t widt
   };
   std::size_t first = 0;
 #if HWY_TARGET != HWY_SCALAR
-  const Run<kCount> run(width, level);
-  for (; first + width + hn::Lanes(d_run) <= columns; first += width) put(run.sum(row + first));
+  for (; first + width + hn::Lanes(d_run) <= columns; first += width)
+    put(sum_vectors<kCount>(row + first, width, level));
 #endif
   for (; first < columns; first += width) put(sum_singly(row + first, std::min(width, columns - first), level));
 }
@@ -283,16 +253,16 @@ void look_up_singly(const StoredRows<T>& from, std::size_t first, const float* H
 // The whole vectors of rows by AVX-512 VBMI, whose shuffles look up 128 bytes; returns how many columns.
 __attribute__((target("avx512f,avx512bw,avx512vbmi"))) std::size_t look_up_vectors(const StoredRows<std::uint8_t>& from,
                                                                                    const ByteTable& table, float* to) {
-  constexpr std::size_t kLanes = 64, kPlanes = sizeof(float);
+  constexpr std::size_t kPlanes = sizeof(float);
   __m512i quarters[kPlanes][4];
   for (std::size_t i = 0; i < kPlanes; ++i)
-    for (std::size_t q = 0; q < 4; ++q) quarters[i][q] = _mm512_load_si512(table.plane(i) + q * kLanes);
+    for (std::size_t q = 0; q < 4; ++q) quarters[i][q] = _mm512_load_si512(table.plane(i) + q * kLine);
   // Interleaving keeps blocks of 16 bytes apart: dwords in this order come out in that of the columns.
   const __m512i order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
-  const std::size_t whole = from.columns / kLanes * kLanes;
+  const std::size_t whole = from.columns / kLine * kLine;
   for (std::size_t r = 0; r < from.rows; ++r, to += from.columns) {
     const std::uint8_t* row = from.samples + static_cast<std::ptrdiff_t>(r) * from.stride;
-    for (std::size_t c = 0; c < whole; c += kLanes) {
+    for (std::size_t c = 0; c < whole; c += kLine) {
       ask_early_for(row + static_cast<std::ptrdiff_t>(c) + from.to_next);
       const __m512i values = _mm512_permutexvar_epi32(order, _mm512_loadu_si512(row + c));
       const __mmask64 upper = _mm512_movepi8_mask(values);

@@ -4,14 +4,28 @@
 
 namespace ocisac {
 
+namespace {
+
+bool is_across(ScanAxis axis) { return axis == ScanAxis::right || axis == ScanAxis::left; }
+bool is_backwards(ScanAxis axis) { return axis == ScanAxis::up || axis == ScanAxis::left; }
+
+Region turned(const Region& region) { return {region.y, region.x, region.height, region.width}; }
+
+// Rows counted from the end, of `rows` of them.
+Region from_end(const Region& region, std::size_t rows) {
+  return {region.x, rows - region.bottom(), region.width, region.height};
+}
+
+}  // namespace
+
 AnyFramesView in_time_order(const AnyFramesView& stored, ScanAxis axis) {
   return std::visit(
       [&](auto view) -> AnyFramesView {
-        if (axis == ScanAxis::right || axis == ScanAxis::left) {
+        if (is_across(axis)) {
           std::swap(view.rows, view.columns);
           std::swap(view.row_stride, view.column_stride);
         }
-        if (axis == ScanAxis::up || axis == ScanAxis::left) {
+        if (is_backwards(axis)) {
           view.data = view.at(0, view.rows - 1, 0);
           view.row_stride = -view.row_stride;
         }
@@ -21,23 +35,13 @@ AnyFramesView in_time_order(const AnyFramesView& stored, ScanAxis axis) {
 }
 
 Region to_time_order(const Region& stored, ScanAxis axis, std::size_t width, std::size_t height) {
-  switch (axis) {
-    case ScanAxis::up: return {stored.x, height - stored.y - stored.height, stored.width, stored.height};
-    case ScanAxis::right: return {stored.y, stored.x, stored.height, stored.width};
-    case ScanAxis::left: return {stored.y, width - stored.x - stored.width, stored.height, stored.width};
-    case ScanAxis::down: break;
-  }
-  return {stored.x, stored.y, stored.width, stored.height};
+  const Region region = is_across(axis) ? turned(stored) : stored;
+  return is_backwards(axis) ? from_end(region, is_across(axis) ? width : height) : region;
 }
 
 Region to_stored(const Region& box, ScanAxis axis, std::size_t width, std::size_t height) {
-  switch (axis) {
-    case ScanAxis::up: return {box.x, height - box.y - box.height, box.width, box.height};
-    case ScanAxis::right: return {box.y, box.x, box.height, box.width};
-    case ScanAxis::left: return {width - box.y - box.height, box.x, box.height, box.width};
-    case ScanAxis::down: break;
-  }
-  return {box.x, box.y, box.width, box.height};
+  const Region region = is_backwards(axis) ? from_end(box, is_across(axis) ? width : height) : box;
+  return is_across(axis) ? turned(region) : region;
 }
 
 }  // namespace ocisac

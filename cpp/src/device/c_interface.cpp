@@ -444,7 +444,8 @@ int ocisac_find_frequency(const ocisac_options* options, const ocisac_frame* fra
       view = part_of(view, ocisac::to_time_order(*region, axis, frame->width, frame->height));
     }
     const auto found =
-        ocisac::tone_spectrum(view, camera_of(all), {known(all.frequency), waveform_of(all), all.duty, all.background});
+        ocisac::tone_spectrum(view, camera_of(all), known(all.frequency),
+                              {ocisac::GainMethod::fit, waveform_of(all), all.duty, {&all.background, 1}});
     answer(tone, tone_of(found, places, all.row_time, all.exposure), "tone");
   });
 }

@@ -312,16 +312,23 @@ class Branching {
   BestExposure best_{kInfinity, -1};
 };
 
+// The best of `count` exposures; of equals the first.
+template <class ExposureAt>
+BestExposure best_of(Tones tones, std::size_t count, ExposureAt exposure_at) {
+  BestExposure best{0, -1};
+  for (std::size_t i = 0; i < count; ++i) {
+    if (i % 1024 == 0) check_interrupt();
+    const double exposure = exposure_at(static_cast<double>(i));
+    if (const double value = exposure > 0 ? objective(tones, exposure) : -1; value > best.objective)
+      best = {exposure, value};
+  }
+  return best;
+}
+
 BestExposure best_multiple(Tones tones, double step, const Bounds& multiples) {
   const double count = multiples.high - multiples.low + 1;
   require_few(count, "step", "multiples");
-  BestExposure best{0, -1};
-  for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
-    if (i % 1024 == 0) check_interrupt();
-    const double exposure = (multiples.low + static_cast<double>(i)) * step;
-    if (const double value = objective(tones, exposure); value > best.objective) best = {exposure, value};
-  }
-  return best;
+  return best_of(tones, static_cast<std::size_t>(count), [&](double i) { return (multiples.low + i) * step; });
 }
 
 BestExposure closed_form(const WeightedTone& first, const WeightedTone& second, bool rounded) {
@@ -354,14 +361,9 @@ BestExposure exact_of_lobes(Tones tones, const ExposureDomain& domain) {
 BestExposure search(Tones tones, const ExposureDomain& domain, std::size_t points) {
   const auto bounds = bounds_of(domain, tones);
   if (domain.step) return best_multiple(tones, *domain.step, multiples_of(*domain.step, bounds));
-  BestExposure best{0, -1};
-  const double spacing = (bounds.high - bounds.low) / static_cast<double>(points - 1);
-  for (std::size_t j = 0; j < points; ++j) {
-    const double exposure = j + 1 == points ? bounds.high : bounds.low + static_cast<double>(j) * spacing;
-    const double value = exposure > 0 ? objective(tones, exposure) : -1;
-    if (value > best.objective) best = {exposure, value};
-  }
-  return best;
+  const auto last = static_cast<double>(points - 1);
+  const double spacing = (bounds.high - bounds.low) / last;
+  return best_of(tones, points, [&](double j) { return j == last ? bounds.high : bounds.low + j * spacing; });
 }
 
 void check_points(std::size_t points) {

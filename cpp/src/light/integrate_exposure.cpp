@@ -1,6 +1,7 @@
 #include "ocisac/light/integrate_exposure.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -72,12 +73,8 @@ void integrate(const Waveform& waveform, const Camera& camera, double start, std
 
 void integrate_exposure(const Waveform& waveform, const Camera& camera, std::span<const std::int64_t> rows,
                         double start, std::int64_t frame, std::span<double> out) {
-  check(camera);
-  const std::vector<double> numbers = row_numbers(rows);
   require_one_each(rows.size(), out.size());
-  Instants instants(numbers);
-  require_exact(rows, instants);
-  integrate(waveform, camera, start, frame, instants, out);
+  integrate_exposure(waveform, camera, rows, start, std::array{frame}, dense_view(out.data(), 1, 1, out.size()));
 }
 
 void integrate_exposure(const Waveform& waveform, const Camera& camera, std::span<const std::int64_t> rows,

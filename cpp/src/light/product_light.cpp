@@ -18,7 +18,6 @@ namespace ocisac {
 namespace {
 
 constexpr double kMaxPieces = 0x1p22;
-constexpr double kShortestExposure = 1e-150;  // s; a shorter one is a point
 
 // Spherical Bessel function of the first kind and order 1: sin(x)/x² − cos(x)/x.
 double spherical_bessel_1(double x) {
@@ -164,23 +163,6 @@ class PiecesLight {
   std::vector<DoubleDouble> before_;  // each: light·seconds of all earlier pieces
 };
 
-// Exposure 0: the product of the factors' values.
-MeanLight light_of_points(const WaveformFactors& factors, const Exposures& exposures) {
-  std::vector<MeanLight> lights;
-  for (const auto& factor : factors) lights.push_back(factor->mean_light(exposures));
-  return [lights = std::move(lights)](std::size_t first, double scale, const kernels::MeansOutput& to) {
-    for (std::size_t i = 0; i < to.means.size(); ++i) {
-      double product = scale;
-      for (const MeanLight& light : lights) {
-        double value = 0;
-        light(first + i, 1, {{&value, 1}});
-        product *= value;
-      }
-      to.put(i, product);
-    }
-  };
-}
-
 Stretch stretch_of(const Exposures& exposures) {
   const DoubleDouble origin = exposures.line.at(exposures.instants.first()) - DoubleDouble{exposures.exposure, 0};
   return {origin, (exposures.line.at(exposures.instants.last()) - origin).value()};
@@ -207,7 +189,6 @@ MeanLight sparse_light(const WaveformFactors& factors, const Exposures& exposure
 }  // namespace
 
 MeanLight product_light(const WaveformFactors& factors, const Exposures& exposures) {
-  if (exposures.exposure < kShortestExposure) return light_of_points(factors, exposures);
   const Stretch stretch = stretch_of(exposures);
   if (max_pieces(factors, stretch.length) <= kMaxPieces) return PiecesLight(factors, exposures, stretch);
   const double pieces = max_pieces(factors, exposures.exposure);

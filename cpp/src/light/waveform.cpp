@@ -11,7 +11,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMaxLevel = 1e100;
 constexpr double kMaxLight = 1e300;
 constexpr std::size_t kMaxTerms = 4096;
 

@@ -230,7 +230,7 @@ struct Cells {
 
   Decay decay_of(std::int64_t k) const {
     if (repeat && k < 0) k += count();
-    return k < 0 || k >= count() ? Decay{} : decays[static_cast<std::size_t>(k)];
+    return decays.empty() || k < 0 || k >= count() ? Decay{} : decays[static_cast<std::size_t>(k)];
   }
 
   // Integral of the light over the cells first, …, last − 1.
@@ -260,7 +260,6 @@ class CellsLight {
       const double rounds = std::floor(length_ / static_cast<double>(cells.count()));
       length = length - exact_product(rounds, static_cast<double>(cells.count()));
       whole_light_ = rounds * cells.total().value();
-      whole_ = rounds > 0;
     }
     part_ = std::max(length.value(), 0.0);
     fits_tables_ = length_ > kMinLength && cells.decays.empty() && (cells.repeat || is_inside(exposures.instants));
@@ -268,7 +267,13 @@ class CellsLight {
 
   void operator()(std::size_t first, double scale, const kernels::MeansOutput& to) const {
     if (fits_tables_) return kernels::write_means(means(scale), counts_.from(first, to.means.size(), false), to);
-    cells_.decays.empty() ? write_means<false>(first, scale, to) : write_means<true>(first, scale, to);
+    for (std::size_t i = 0; i < to.means.size(); ++i) {
+      const Position end = counts_.at(first + i);
+      const double offset = end.fraction + end.rest;
+      const bool below = end.fraction < 0 || (end.fraction == 0 && end.rest < 0);
+      const auto cell = static_cast<std::int64_t>(end.whole) - (below ? 1 : 0);
+      to.put(i, scale * amplitude_ * mean_before(cells_.inside_round(cell), below ? offset + 1 : offset));
+    }
   }
 
  private:
@@ -296,29 +301,15 @@ class CellsLight {
             whole_light_};
   }
 
-  template <bool decays>
-  void write_means(std::size_t first, double scale, const kernels::MeansOutput& to) const {
-    for (std::size_t i = 0; i < to.means.size(); ++i) {
-      const Position end = counts_.at(first + i);
-      const double offset = end.fraction + end.rest;
-      const bool below = end.fraction < 0 || (end.fraction == 0 && end.rest < 0);
-      const auto cell = static_cast<std::int64_t>(end.whole) - (below ? 1 : 0);
-      to.put(i, scale * amplitude_ * mean_before<decays>(cells_.inside_round(cell), below ? offset + 1 : offset));
-    }
-  }
-
   // Mean light of the exposure that ends `offset` cells after the start of `cell`.
-  template <bool decays>
   double mean_before(std::int64_t cell, double offset) const {
-    const auto decayed = [&](std::int64_t k, double u, double width) {
-      return decays ? cells_.decay_of(k).integral(u, width) : 0.0;
-    };
+    const auto decayed = [&](std::int64_t k, double u, double width) { return cells_.decay_of(k).integral(u, width); };
     const auto [value, slope] = cells_.line(cell);
-    if (point_) return value + slope * offset + (decays ? cells_.decay_of(cell).at(offset) : 0.0);
+    if (point_) return value + slope * offset + cells_.decay_of(cell).at(offset);
     if (offset >= part_) {
       const double level = value + slope * (offset - part_ / 2);
-      if (decays) return (whole_light_ + part_ * level + decayed(cell, offset - part_, part_)) / length_;
-      return whole_ ? (whole_light_ + part_ * level) / length_ : level;
+      const double more = whole_light_ + decayed(cell, offset - part_, part_);
+      return more == 0 ? level * (part_ / length_) : (more + part_ * level) / length_;
     }
     const double left_over = part_ - offset;
     const auto between = static_cast<std::int64_t>(left_over);    // whole cells
@@ -337,7 +328,6 @@ class CellsLight {
   double length_;           // of the exposure, in cells
   double part_;             // what is left of it after whole rounds of repeating cells
   double whole_light_ = 0;  // in those rounds
-  bool whole_ = false;
   bool fits_tables_ = false;
 };
 

@@ -25,7 +25,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 // Rows per block: few enough for the second-level cache to hold them and the next ones, enough to amortise the transfer
 // of the sums to the first-level cache; larger where there are more sums than those of one tone.
-constexpr std::size_t kRowsPerBlock = kWide ? 64 : 32, kRowsForMore = kWide ? 64 : 48;
+constexpr std::size_t kRowsPerBlock = kWide ? 64 : 48;
 
 #if HWY_TARGET == HWY_SCALAR
 
@@ -225,7 +225,7 @@ struct RowsAhead {
   const std::ptrdiff_t* run;
 };
 
-constexpr std::array<std::ptrdiff_t, kRowsForMore> kFirstLine{};
+constexpr std::array<std::ptrdiff_t, kRowsPerBlock> kFirstLine{};
 constexpr const std::ptrdiff_t* kNoRun = kWide ? nullptr : kFirstLine.data();
 
 template <int kGroup, bool kNear, bool kFar>
@@ -252,35 +252,9 @@ struct Pairs {
   Pair16 differences[kPerSlice];
 };
 
-// The pixels of two single rows and of their mirror images, four of a column in each 32-bit lane, in the order of
-// Pairs.
-struct Pixels {
-  HWY_INLINE Pixels() {}
-  Bytes of[kPerSlice];
-};
-
-// True where squares are those of pixels: one multiplication, where those of sums and differences take two.
-template <int kGroup, bool kFold, bool kDot>
-constexpr bool are_of_pixels() {
-  return kGroup == 1 && kFold && kDot;
-}
-
-// sum + Σ x·(x − 128) of the four bytes x of each lane, since vpdpbusd multiplies unsigned by signed ones.
-template <bool kDot>
-HWY_INLINE Sum32 add_squares_of_pixels(Sum32 sum, Bytes x)
-#if HWY_TARGET <= HWY_AVX3 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
-{
-  const Bytes less = hn::Xor(x, hn::Set(d8, 128));
-  asm("vpdpbusd %2, %1, %0" : "+v"(sum.raw) : "v"(x.raw), "v"(less.raw));
-  return sum;
-}
-#else
-    = delete;
-#endif
-
 // Positions of a strip's rows: from the block's first on and, mirrored, from its last group on backwards (unused if not
 // folded).
-template <std::size_t kLines = 0>
+template <std::size_t kLines>
 struct Rows {
   const std::uint8_t* near;
   const std::uint8_t* far;
@@ -318,24 +292,20 @@ HWY_INLINE V interleave(D d, V a, V b) {
 // Half of a strip's pairs of single rows, of the lower or the upper halves of the blocks: a row and its mirror image as
 // neighbouring bytes, for sums and differences.
 template <bool kFold, bool kUpper>
-HWY_INLINE void pair_rows(const Bytes (&near)[2], const Bytes (&far)[2], Pair16* sums, Pair16* differences,
-                          Bytes* pixels) {
+HWY_INLINE void pair_rows(const Bytes (&near)[2], const Bytes (&far)[2], Pair16* sums, Pair16* differences) {
   const Pair16 a = hn::BitCast(d16s, interleave<kUpper>(d8, near[0], far[0]));
   const Pair16 b = hn::BitCast(d16s, interleave<kUpper>(d8, near[1], far[1]));
-  const Pair16 first = hn::InterleaveLower(d16s, a, b), second = hn::InterleaveUpper(d16s, a, b);
-  pixels[0] = hn::BitCast(d8, first);
-  pixels[1] = hn::BitCast(d8, second);
-  sums[0] = kFold ? sum_of_neighbours(pixels[0]) : first;
-  sums[1] = kFold ? sum_of_neighbours(pixels[1]) : second;
-  if constexpr (!kFold) return;
-  differences[0] = difference_of_neighbours(pixels[0]);
-  differences[1] = difference_of_neighbours(pixels[1]);
+  const Pair16 pairs[] = {hn::InterleaveLower(d16s, a, b), hn::InterleaveUpper(d16s, a, b)};
+  for_each_constant<2>([&](auto i) OCISAC_INLINE_LAMBDA {
+    sums[i] = kFold ? sum_of_neighbours(hn::BitCast(d8, pairs[i])) : pairs[i];
+    if (kFold) differences[i] = difference_of_neighbours(hn::BitCast(d8, pairs[i]));
+  });
 }
 
 // Two single rows and, folded, their mirror images. The maximum is updated with the first slice only, and each of two
 // slices prefetches the lines of half of the rows: all with the first are more at once than memory serves.
 template <bool kFold, std::size_t kSlice, std::size_t kLines>
-HWY_INLINE void load_rows(const Rows<kLines>& rows, Bytes& top, Pairs& to, Pixels& pixels) {
+HWY_INLINE void load_rows(const Rows<kLines>& rows, Bytes& top, Pairs& to) {
   const auto load = [&top](const std::uint8_t* row) { return kSlice == 0 ? load_row(row, top) : hn::LoadU(d8, row); };
   const auto near = [&](std::ptrdiff_t row) {
     if (kSlice == 0) ask_for_lines(rows.near + row, rows.near_ahead);
@@ -348,9 +318,8 @@ HWY_INLINE void load_rows(const Rows<kLines>& rows, Bytes& top, Pairs& to, Pixel
   const Bytes none = hn::Zero(d8);
   const Bytes two[] = {near(0), near(rows.stride)};
   const Bytes mirrored[] = {kFold ? far(0) : none, kFold ? far(rows.stride) : none};
-  if (kSlice == 0) pair_rows<kFold, false>(two, mirrored, to.sums, to.differences, pixels.of);
-  if (kSlice + 1 == kSlices)
-    pair_rows<kFold, true>(two, mirrored, to.sums + kUpperHalf, to.differences + kUpperHalf, pixels.of + kUpperHalf);
+  if (kSlice == 0) pair_rows<kFold, false>(two, mirrored, to.sums, to.differences);
+  if (kSlice + 1 == kSlices) pair_rows<kFold, true>(two, mirrored, to.sums + kUpperHalf, to.differences + kUpperHalf);
 }
 
 // Sums of a group of rows, for the columns in the lower and in the upper halves of a vector's blocks.
@@ -495,8 +464,8 @@ struct SliceOutputs {
   Pairs* keep;
 };
 
-// load(p, top, pairs, pixels) computes the p-th of `count` pairs of groups, or its pixels too, and updates the maximum.
-template <bool kFold, bool kPixels, bool kTone, bool kKeep, bool kDot, class Load>
+// load(p, top, pairs) computes the p-th of `count` pairs of groups and updates the maximum.
+template <bool kFold, bool kTone, bool kKeep, bool kDot, class Load>
 HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) {
   Sum32 a[kPerSlice], b[kPerSlice], square[kPerSlice];
   Sum16 total[kPerSlice];
@@ -510,19 +479,14 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
 #pragma GCC unroll 1  // otherwise the compiler reorders the additions and spills
   for (std::size_t p = 0; p < count; ++p) {
     Pairs pairs;
-    Pixels pixels;
-    load(p, top, pairs, pixels);
+    load(p, top, pairs);
     for_each_constant<kPerSlice>([&](auto v) OCISAC_INLINE_LAMBDA {
       const Pair16 sum = pairs.sums[v], other = kFold ? pairs.differences[v] : sum;
       total[v] = hn::Add(total[v], hn::BitCast(d16, sum));
       if (kTone) a[v] = multiply_pairs<kDot>(a[v], sum, to.weights[p][0]);
       if (kTone) b[v] = multiply_pairs<kDot>(b[v], other, to.weights[p][1]);
-      if constexpr (kPixels) {
-        square[v] = add_squares_of_pixels<kDot>(square[v], pixels.of[v]);
-      } else {
-        square[v] = multiply_pairs<kDot>(square[v], sum, sum);
-        if (kFold) square[v] = multiply_pairs<kDot>(square[v], other, other);
-      }
+      square[v] = multiply_pairs<kDot>(square[v], sum, sum);
+      if (kFold) square[v] = multiply_pairs<kDot>(square[v], other, other);
       if (kKeep) to.keep[p].sums[v] = sum;
       if (kKeep && kFold) to.keep[p].differences[v] = other;
     });
@@ -569,14 +533,9 @@ HWY_INLINE void add_outputs_of_kind(std::span<const Pairs> pairs, const ByteWeig
   if (first + 1 == end) add.template operator()<1>();
 }
 
-// Pairs of groups of rows per block, and their rows, without mirror images.
-template <int kGroup, bool kFold, bool kMore>
-constexpr std::size_t kPairsPerBlock = std::max<std::size_t>((kMore ? kRowsForMore : kRowsPerBlock) /
-                                                                 ((kFold ? 4 : 2) * kGroup),
-                                                             1);
-template <int kGroup, bool kFold, bool kMore>
-constexpr std::size_t kRowsAhead = kPairsPerBlock<kGroup, kFold, kMore> * 2 * kGroup;
-
+// Pairs of groups of rows per block.
+template <int kGroup, bool kFold>
+constexpr std::size_t kPairsPerBlock = std::max<std::size_t>(kRowsPerBlock / ((kFold ? 4 : 2) * kGroup), 1);
 // Data common to all strips of a block. A missing first output of a kind has weight 0 and is written to the spare.
 struct BlockPlan {
   const ByteWeights& weights;
@@ -584,7 +543,7 @@ struct BlockPlan {
   std::size_t second;  // the part where the second kind begins
   std::int32_t* spare;
   bool has_first, has_second;
-  std::array<std::array<PairWeights, 2>, kRowsForMore / 2> first_weights;  // of the first output of either kind
+  std::array<std::array<PairWeights, 2>, kRowsPerBlock / 2> first_weights;  // of the first output of either kind
 
   BlockPlan(const ByteWeights& of, std::size_t pairs, bool fold, std::int32_t* spare_sums)
       : weights(of),
@@ -605,11 +564,11 @@ bool has_more(const ByteWeights& weights, bool fold) { return weights.parts.size
 
 // A slice of a strip. `load` computes its pairs as for add_slice() and stores them in `kept` if kKeep; otherwise they
 // are already there. Folded, squares of pairs count twice.
-template <bool kFold, bool kPixels, bool kMore, bool kKeep, std::size_t kSlice, bool kDot, class Load>
+template <bool kFold, bool kMore, bool kKeep, std::size_t kSlice, bool kDot, class Load>
 HWY_INLINE void add_slice_of_strip(const BlockPlan& plan, const Strip& strip, Pairs* kept, Load load) {
   const std::size_t parts = plan.weights.parts.size();
   std::int32_t* sums = strip.sums + kSlice * kPerSlice * hn::Lanes(d32);
-  add_slice<kFold, kPixels, !kMore, kKeep, kDot>(
+  add_slice<kFold, !kMore, kKeep, kDot>(
       plan.count,
       {plan.first_weights.data(), plan.has_first ? sums : plan.spare,
        plan.has_second ? sums + plan.second * kPerSum : plan.spare, strip.squares + kSlice * kPerSlice * hn::Lanes(d32),
@@ -631,14 +590,13 @@ HWY_INLINE void for_each_slice(Add add) {
 // The pairs of one strip, straight from the pixels.
 template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
 HWY_INLINE void add_strip(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
-  constexpr bool kPixels = are_of_pixels<kGroup, kFold, kDot>();
-  Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold, kMore> : 1];
+  Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold> : 1];
   for_each_slice([&]<std::size_t kSlice>() OCISAC_INLINE_LAMBDA {
-    add_slice_of_strip<kFold, kPixels, kMore, kMore, kSlice, kDot>(
-        plan, strip, kept, [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs, Pixels& pixels) mutable {
+    add_slice_of_strip<kFold, kMore, kMore, kSlice, kDot>(
+        plan, strip, kept, [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
           ask_for_run<kGroup, kSlice == 0, kFold && kSlice + 1 == kSlices>(ahead, p);
           if constexpr (kGroup == 1)
-            load_rows<kFold, kSlice>(at, top, pairs, pixels);
+            load_rows<kFold, kSlice>(at, top, pairs);
           else
             load_groups<kGroup, kFold>(at, top, pairs, pairs);
           at.template advance<kFold>(2 * kGroup);
@@ -650,7 +608,7 @@ HWY_INLINE void add_strip(const Rows<kLines>& rows, const BlockPlan& plan, const
 template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
 HWY_INLINE void add_strip_by_memory(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
                                     const Strip& strip) {
-  Pairs slices[kSlices][kPairsPerBlock<kGroup, kFold, kMore>];
+  Pairs slices[kSlices][kPairsPerBlock<kGroup, kFold>];
   Bytes top = hn::LoadU(d8, strip.maximum);
   Rows<kLines> at = rows;
 #pragma GCC unroll 1
@@ -662,81 +620,59 @@ HWY_INLINE void add_strip_by_memory(const Rows<kLines>& rows, const BlockPlan& p
   hn::StoreU(top, d8, strip.maximum);
   for_each_slice([&]<std::size_t kSlice>() {
     const Pairs* made = slices[kSlice];
-    add_slice_of_strip<kFold, false, kMore, false, kSlice, kDot>(plan, strip, slices[kSlice],
-                                                                 [made](std::size_t p, Bytes&, Pairs& pairs, Pixels&) {
-                                                                   for (std::size_t v = 0; v < kPerSlice; ++v) {
-                                                                     pairs.sums[v] = made[p].sums[v];
-                                                                     if (kFold)
-                                                                       pairs.differences[v] = made[p].differences[v];
-                                                                   }
-                                                                 });
+    add_slice_of_strip<kFold, kMore, false, kSlice, kDot>(plan, strip, slices[kSlice],
+                                                          [made](std::size_t p, Bytes&, Pairs& pairs) {
+                                                            for (std::size_t v = 0; v < kPerSlice; ++v) {
+                                                              pairs.sums[v] = made[p].sums[v];
+                                                              if (kFold) pairs.differences[v] = made[p].differences[v];
+                                                            }
+                                                          });
   });
 }
 
-// Rows of a block narrower than a strip; the rest of a vector is 0.
-template <int kGroup, bool kFold, bool kMore>
-class PaddedRows {
+// Dense copies of a block: a vector wide or more, and an even number of groups; what is beyond the block is 0.
+class PaddedBlock {
  public:
-  PaddedRows(const ByteBlock& block, std::size_t count) {
-    const std::size_t rows = 2 * kGroup * count;
-    const auto back = static_cast<std::ptrdiff_t>(rows - kGroup);  // from the last group to the first
-    copy(block.pixels, block, rows, near_.data());
-    if (kFold) copy(block.mirrored - back * block.row_stride, block, rows, far_.data());
-    rows_ = {near_.data(), far_.data() + (kFold ? back * kWidth : 0), kWidth};
+  PaddedBlock(const ByteBlock& of, int row_group)
+      : group_(static_cast<std::size_t>(row_group)),
+        groups_(of.groups + of.groups % 2),
+        columns_(of.columns),
+        width_(std::max(of.columns, hn::Lanes(d8))),
+        near_(rows() * width_),
+        far_(of.mirrored ? near_.size() : 0) {
+    for (std::size_t g = 0; g < of.groups; ++g) {
+      copy(of.pixels + first_row(g) * of.row_stride, of.row_stride, &near_[g * group_ * width_]);
+      if (of.mirrored) copy(of.mirrored - first_row(g) * of.row_stride, of.row_stride, mirrored(g));
+    }
   }
-  PaddedRows(const PaddedRows&) = delete;
-  PaddedRows& operator=(const PaddedRows&) = delete;
-
-  [[nodiscard]] const Rows<>& rows() const { return rows_; }
-
- private:
-  static constexpr std::size_t kBytes = kRowsAhead<kGroup, kFold, kMore> * hn::MaxLanes(d8);
-
-  static void copy(const std::uint8_t* from, const ByteBlock& block, std::size_t rows, std::uint8_t* to) {
-    for (std::size_t r = 0; r < rows; ++r)
-      std::copy_n(from + static_cast<std::ptrdiff_t>(r) * block.row_stride, block.columns, to + r * hn::Lanes(d8));
-  }
-
-  std::array<std::uint8_t, kBytes> near_{};
-  std::array<std::uint8_t, kFold ? kBytes : 1> far_{};
-  Rows<> rows_{};
-};
-
-// The last of an odd number of groups with a group of zeros after it, as a pair.
-template <int kGroup>
-class LoneGroup {
- public:
-  explicit LoneGroup(const ByteBlock& block)
-      : columns_(block.columns), near_(kRows * columns_), far_(kRows * columns_) {
-    copy(block.pixels, block.row_stride, near_.data());
-    if (block.mirrored) copy(block.mirrored, block.row_stride, first_mirrored());
-  }
-  LoneGroup(const LoneGroup&) = delete;
-  LoneGroup& operator=(const LoneGroup&) = delete;
+  PaddedBlock(const PaddedBlock&) = delete;
+  PaddedBlock& operator=(const PaddedBlock&) = delete;
 
   [[nodiscard]] ByteBlock block() {
-    return {near_.data(), first_mirrored(), static_cast<std::ptrdiff_t>(columns_), 2, columns_, true};
+    return {near_.data(), far_.empty() ? nullptr : mirrored(0), static_cast<std::ptrdiff_t>(width_), groups_, columns_,
+            true};
   }
 
  private:
-  static constexpr std::size_t kRows = 2 * kGroup;
-
-  [[nodiscard]] std::uint8_t* first_mirrored() { return far_.data() + kGroup * columns_; }
+  [[nodiscard]] std::size_t rows() const { return groups_ * group_; }
+  [[nodiscard]] std::ptrdiff_t first_row(std::size_t g) const { return static_cast<std::ptrdiff_t>(g * group_); }
+  [[nodiscard]] std::uint8_t* mirrored(std::size_t g) { return &far_[(groups_ - 1 - g) * group_ * width_]; }
   void copy(const std::uint8_t* from, std::ptrdiff_t stride, std::uint8_t* to) const {
-    for (int r = 0; r < kGroup; ++r, from += stride, to += columns_) std::copy_n(from, columns_, to);
+    for (std::size_t r = 0; r < group_; ++r, from += stride, to += width_) std::copy_n(from, columns_, to);
   }
 
-  std::size_t columns_;
+  std::size_t group_, groups_, columns_, width_;
   std::vector<std::uint8_t> near_, far_;
 };
 
 // All strips of a block.
 template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
-void add_strips(const Rows<>& rows, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
-  const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>(2 * kGroup * plan.count) * rows.stride;
+void add_block(const ByteBlock& block, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
+  const std::uint8_t* const far = kFold ? block.mirrored : block.pixels;
+  const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>(2 * kGroup * plan.count) * block.row_stride;
   for (std::size_t i = 0; i < strips.grid.count(); ++i, ahead.run += ahead.run == kNoRun ? 0 : plan.count) {
     const std::ptrdiff_t first = strips.grid.first(i);
-    Rows<kLines> here{rows.near + first, rows.far + first, rows.stride};
+    Rows<kLines> here{block.pixels + first, far + first, block.row_stride};
     for (std::size_t n = 0; n < kLines; ++n) {
       const std::size_t strips_ahead = kLines <= kLinesAfterRuns ? kAheadAfterRuns<kGroup>[n] : kAheadAlone[n];
       const auto step = strips.grid.step(i, strips_ahead, next_rows);
@@ -750,18 +686,7 @@ void add_strips(const Rows<>& rows, const BlockPlan& plan, RowsAhead ahead, Stri
   }
 }
 
-template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
-void add_block(const ByteBlock& block, const BlockPlan& plan, const RowsAhead& ahead, Strips& strips) {
-  const Rows<> rows{block.pixels, kFold ? block.mirrored : block.pixels, block.row_stride};
-  if (block.columns < hn::Lanes(d8))
-    add_strips<kGroup, kFold, kMore, kLines, kDot>(PaddedRows<kGroup, kFold, kMore>(block, plan.count).rows(), plan,
-                                                   ahead, strips);
-  else
-    add_strips<kGroup, kFold, kMore, kLines, kDot>(rows, plan, ahead, strips);
-}
-
-// Moves the totals from 16 to 32 bits, and completes the squares of pixels by 128·Σ x.
-template <bool kPixels>
+// Moves the totals from 16 to 32 bits.
 void widen_totals(Strips& strips) {
   for (std::size_t i = 0; i < strips.grid.count(); ++i) {
     const Strip strip = strips.at(i);
@@ -773,9 +698,6 @@ void widen_totals(Strips& strips) {
       const Sum32 sum = hn::BitCast(d32, hn::Add(one, hn::ShiftRight<16>(both)));
       hn::Store(hn::Add(hn::Load(d32, to), sum), d32, to);
       hn::Store(hn::Zero(d16), d16, from);
-      if constexpr (!kPixels) continue;
-      std::int32_t* squares = strip.squares + v * hn::Lanes(d32);
-      hn::Store(hn::Add(hn::Load(d32, squares), hn::ShiftLeft<7>(sum)), d32, squares);
     }
   }
 }
@@ -788,11 +710,11 @@ class BlockProjector {
         rest_(block),
         weights_(weights),
         strips_(strips),
-        rows_ahead_(std::min(kRows, block.groups * kGroup)),
+        rows_ahead_(std::min(kPairs * 2 * kGroup, block.groups * kGroup)),
         runs_(kLines <= kLinesAfterRuns && asks_for_runs(block)
                   ? offsets_of({kRun, rows_ahead_, block.row_stride, block.columns, strips.grid.count() * kPairs})
                   : nullptr) {
-    strips.square_share = kFold && !kPixels ? 0.5 : 1;
+    strips.square_share = kFold ? 0.5 : 1;
   }
 
   void run() {
@@ -802,18 +724,16 @@ class BlockProjector {
       add(rest_, pairs);
       advance(pairs);
     }
-    if (rest_.groups > 0) add(LoneGroup<kGroup>(rest_).block(), 1);
-    widen_totals<kPixels>(strips_);
+    if (rest_.groups > 0) add(PaddedBlock(rest_, kGroup).block(), 1);
+    widen_totals(strips_);
   }
 
  private:
-  static constexpr bool kPixels = are_of_pixels<kGroup, kFold, kDot>();
   static constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
   // Fewer with wide vectors and runs, since rows of two blocks share the second-level cache.
-  static constexpr std::size_t kMostPairs = kPairsPerBlock<kGroup, kFold, kMore>;
   static constexpr std::size_t kPairs =
-      kWide && kLines == kLinesAfterRuns ? std::max<std::size_t>(kMostPairs * (kMore ? 3 : 2) / 4, 1) : kMostPairs;
-  static constexpr std::size_t kRows = kPairs * 2 * kGroup;
+      kWide && kLines == kLinesAfterRuns ? std::max<std::size_t>(kPairsPerBlock<kGroup, kFold> * (kMore ? 3 : 2) / 4, 1)
+                                         : kPairsPerBlock<kGroup, kFold>;
   static constexpr std::size_t kRun = kLinesPerPair<kGroup> * kLine;
   static constexpr int kBlocksAhead = kWide && !kMore ? 2 : 1;
 
@@ -848,7 +768,7 @@ class BlockProjector {
 
   void add(const ByteBlock& block, std::size_t pairs) {
     if (rows_in_totals_ + pairs * kRowsPerPair > kRowsPerTotal) {
-      widen_totals<kPixels>(strips_);
+      widen_totals(strips_);
       rows_in_totals_ = 0;
     }
     rows_in_totals_ += pairs * kRowsPerPair;
@@ -885,25 +805,21 @@ void project_blocks(const ByteBlock& block, const ByteWeights& weights, Strips& 
   project.template operator()<kWide ? kLinesAlone : 0>();
 }
 
-template <int kGroup, bool kFold, bool kDot>
-void project_folded(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
-  const auto project =
-      has_more(weights, kFold) ? project_blocks<kGroup, kFold, true, kDot> : project_blocks<kGroup, kFold, false, kDot>;
-  project(block, weights, strips);
-}
-
 template <int kGroup, bool kDot>
-void project_any(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
-  const auto project = block.mirrored ? project_folded<kGroup, true, kDot> : project_folded<kGroup, false, kDot>;
+void project_groups(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
+  const auto project =
+      has_more(weights, block.mirrored != nullptr)
+          ? (block.mirrored ? project_blocks<kGroup, true, true, kDot> : project_blocks<kGroup, false, true, kDot>)
+          : (block.mirrored ? project_blocks<kGroup, true, false, kDot> : project_blocks<kGroup, false, false, kDot>);
   project(block, weights, strips);
 }
 
 template <bool kDot>
-void project_groups(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
-  if (weights.row_group == 1) project_any<1, kDot>(block, weights, strips);
-  if (weights.row_group == 2) project_any<2, kDot>(block, weights, strips);
-  if (weights.row_group == 4) project_any<4, kDot>(block, weights, strips);
-  if (weights.row_group == 8) project_any<8, kDot>(block, weights, strips);
+void project_any(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
+  if (weights.row_group == 1) project_groups<1, kDot>(block, weights, strips);
+  if (weights.row_group == 2) project_groups<2, kDot>(block, weights, strips);
+  if (weights.row_group == 4) project_groups<4, kDot>(block, weights, strips);
+  if (weights.row_group == 8) project_groups<8, kDot>(block, weights, strips);
 }
 
 constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes kept together by the interleaving
@@ -975,12 +891,17 @@ void add_strip_in_order(Strips& strips, std::size_t i, const ByteWeights& weight
   raise_in_order<kWrite>(strip.maximum, to.moments.maximum + first, count);
 }
 
-void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
+void project_wide(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   Strips strips(block, weights);
   const bool dot = kMayHaveDotProducts && has_dot_products();
-  (dot ? project_groups<kMayHaveDotProducts> : project_groups<false>)(block, weights, strips);
+  (dot ? project_any<kMayHaveDotProducts> : project_any<false>)(block, weights, strips);
   const auto add = to.first ? add_strip_in_order<true> : add_strip_in_order<false>;
   for (std::size_t i = 0; i < strips.grid.count(); ++i) add(strips, i, weights, to);
+}
+
+void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
+  if (block.columns >= hn::Lanes(d8)) return project_wide(block, weights, to);
+  project_wide(PaddedBlock(block, weights.row_group).block(), weights, to);
 }
 
 // Sum of 16-bit lanes that hold sums of bytes.

@@ -55,58 +55,17 @@ std::optional<Pile> lowest(std::vector<T>& samples, int sign) {
 
 constexpr std::size_t kCountedRows = 255;  // that a counter of one byte can count
 
-// Counts rows in unsigned numbers as wide as the samples, so that compilers make one vector operation of many columns.
+// A counter as wide as a sample, so that compilers make one vector operation of many columns.
 template <class T>
-class PileCounter {
- public:
-  PileCounter(std::size_t columns, const Pile& pile)
-      : level_(static_cast<T>(pile.level)),
-        beside_(static_cast<T>(pile.beside)),
-        samples_(columns),
-        was_at_(columns),
-        at_(columns),
-        beside_count_(columns),
-        beyond_(columns),
-        runs_(columns) {}
+using CountOf =
+    std::conditional_t<sizeof(T) == 1, std::uint8_t,
+                       std::conditional_t<sizeof(T) == 2, std::uint16_t,
+                                          std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>>>;
 
-  void add(const T* row, std::ptrdiff_t stride) {
-    const std::size_t columns = samples_.size();
-    if (stride != 1) {
-      for (std::size_t c = 0; c < columns; ++c) samples_[c] = row[static_cast<std::ptrdiff_t>(c) * stride];
-      row = samples_.data();
-    }
-    const T level = level_, beside = beside_;
-    if (level < beside)
-      for (std::size_t c = 0; c < columns; ++c) count(beyond_[c], row[c] < level);
-    else
-      for (std::size_t c = 0; c < columns; ++c) count(beyond_[c], row[c] > level);
-    for (std::size_t c = 0; c < columns; ++c) count(beside_count_[c], row[c] == beside);
-    for (std::size_t c = 0; c < columns; ++c) {
-      const Count is_at = row[c] == level ? 1 : 0;
-      count(at_[c], row[c] == level);
-      count(runs_[c], is_at > was_at_[c]);
-      was_at_[c] = is_at;
-    }
-  }
-
-  void move_to(PileCounts& counts) {
-    const auto move = [](std::vector<Count>& from, std::vector<std::uint32_t>& to) {
-      for (std::size_t c = 0; c < to.size(); ++c) to[c] += static_cast<std::uint32_t>(std::exchange(from[c], 0));
-    };
-    move(at_, counts.at), move(beside_count_, counts.beside), move(beyond_, counts.beyond), move(runs_, counts.runs);
-  }
-
- private:
-  using Count =
-      std::conditional_t<sizeof(T) == 1, std::uint8_t,
-                         std::conditional_t<sizeof(T) == 2, std::uint16_t,
-                                            std::conditional_t<sizeof(T) == 4, std::uint32_t, std::uint64_t>>>;
-  static void count(Count& to, bool is) { to = static_cast<Count>(to + (is ? 1 : 0)); }
-
-  T level_, beside_;
-  std::vector<T> samples_;
-  std::vector<Count> was_at_, at_, beside_count_, beyond_, runs_;
-};
+template <class Count>
+void count(Count& to, bool is) {
+  to = static_cast<Count>(to + (is ? 1 : 0));
+}
 
 }  // namespace
 
@@ -158,11 +117,35 @@ PileCounts count_pile(const AnyFramesView& frames, std::size_t frame, const Pile
       [&]<class T>(const FramesView<const T>& view) {
         const auto zeros = [&] { return std::vector<std::uint32_t>(view.columns); };
         PileCounts counts{zeros(), zeros(), zeros(), zeros()};
-        PileCounter<T> counter(view.columns, pile);
+        const T level = static_cast<T>(pile.level), beside = static_cast<T>(pile.beside);
+        std::vector<T> copied(view.columns);
+        std::vector<CountOf<T>> was_at(view.columns);
         for (std::size_t first = 0; first < view.rows; first += kCountedRows) {
-          for (std::size_t row = first; row < std::min(view.rows, first + kCountedRows); ++row)
-            counter.add(view.at(frame, row, 0), view.column_stride);
-          counter.move_to(counts);
+          auto at = std::vector<CountOf<T>>(view.columns), near = at, beyond = at, runs = at;
+          for (std::size_t n = first; n < std::min(view.rows, first + kCountedRows); ++n) {
+            const T* row = view.at(frame, n, 0);
+            if (view.column_stride != 1) {
+              for (std::size_t c = 0; c < view.columns; ++c) copied[c] = view(frame, n, c);
+              row = copied.data();
+            }
+            if (level < beside)
+              for (std::size_t c = 0; c < view.columns; ++c) count(beyond[c], row[c] < level);
+            else
+              for (std::size_t c = 0; c < view.columns; ++c) count(beyond[c], row[c] > level);
+            for (std::size_t c = 0; c < view.columns; ++c) count(near[c], row[c] == beside);
+            for (std::size_t c = 0; c < view.columns; ++c) {
+              const CountOf<T> is_at = row[c] == level ? 1 : 0;
+              count(at[c], row[c] == level);
+              count(runs[c], is_at > was_at[c]);
+              was_at[c] = is_at;
+            }
+          }
+          for (std::size_t c = 0; c < view.columns; ++c) {
+            counts.at[c] += static_cast<std::uint32_t>(at[c]);
+            counts.beside[c] += static_cast<std::uint32_t>(near[c]);
+            counts.beyond[c] += static_cast<std::uint32_t>(beyond[c]);
+            counts.runs[c] += static_cast<std::uint32_t>(runs[c]);
+          }
         }
         return counts;
       },

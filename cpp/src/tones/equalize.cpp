@@ -161,7 +161,7 @@ std::shared_ptr<const Plan> plan_of(const PlanKey& key) {
 // ---- Blocks of columns ---------------------------------------------------------------------------------------------
 
 template <class T>
-constexpr std::size_t kColumnsPerBlock = 2 * kernels::kColumnPairs<T>;  // the block fits the second-level cache
+constexpr std::size_t kWidth = 2 * kernels::kColumnPairs<T>;  // columns; the block fits the second-level cache
 
 // Linear light of columns first … first + count in memory order: (rows × width), 0 in columns beyond `count`.
 template <class T>
@@ -203,7 +203,7 @@ struct Memory {
 template <class T>
 void store(const T* block, std::size_t frame, std::size_t first, std::size_t count, const FramesView<T>& out) {
   for (std::size_t row = 0; row < out.rows; ++row) {
-    const T* const from = block + row * kColumnsPerBlock<T>;
+    const T* const from = block + row * kWidth<T>;
     if (out.column_stride == 1)
       std::copy_n(from, count, out.at(frame, row, first));
     else
@@ -229,17 +229,15 @@ void filter_pair(const Filter& one, const Filter& two, std::span<const std::size
 template <class T>
 class BlockEqualizer {
  public:
-  static constexpr std::size_t kWidth = kColumnsPerBlock<T>;
-
   BlockEqualizer(const Plan& plan, std::size_t count, double max_boost)
       : plan_(plan),
         count_(count),
         max_boost_(max_boost),
-        pairs_(std::min(count, kWidth / 2)),
-        block_(memory_.block.at_least(plan.response.length * kWidth)) {
-    memory_.terms.resize(static_cast<std::size_t>(plan.ends.terms.rows()) * kWidth);
+        pairs_(std::min(count, kWidth<T> / 2)),
+        block_(memory_.block.at_least(plan.response.length * kWidth<T>)) {
+    memory_.terms.resize(static_cast<std::size_t>(plan.ends.terms.rows()) * kWidth<T>);
     for (auto* values : {&memory_.mean, &memory_.slope, &memory_.reach, &memory_.units, &memory_.scale})
-      values->resize(kWidth);
+      values->resize(kWidth<T>);
     memory_.column.resize(plan.rows);
   }
 
@@ -250,21 +248,22 @@ class BlockEqualizer {
   void run(std::span<const double> noise, std::span<double> noise_gain, std::span<double> assumed,
            std::span<double> restored) {
     const kernels::ColumnLines lines{memory_.mean.data(), memory_.slope.data(), memory_.reach.data()};
-    kernels::column_lines(block(), plan_.rows, kWidth, lines);
-    for (std::size_t c = 0; c < kWidth; ++c) {
+    kernels::equalizer_loops<T>().column_lines(block(), plan_.rows, kWidth<T>, lines);
+    for (std::size_t c = 0; c < kWidth<T>; ++c) {
       memory_.units[c] = unit_of(memory_.reach[c]);
       memory_.scale[c] = memory_.units[c] > 0 ? 1 / memory_.units[c] : 1;
     }
-    kernels::take_lines_off(block(), plan_.rows, kWidth, lines, memory_.scale.data());
+    kernels::equalizer_loops<T>().take_lines_off(block(), plan_.rows, kWidth<T>, lines, memory_.scale.data());
     const auto analysed = analyse(noise);
     extend();
     filter(analysed, noise_gain, restored);
     for (std::size_t c = 0; c < analysed.size(); ++c) {
       assumed[c] = std::sqrt(analysed[c].rest.noise) / memory_.scale[c];
       for (std::size_t n = 0; n < analysed[c].course.size(); ++n)
-        block_[n * kWidth + c] += static_cast<T>(analysed[c].course[n]);
+        block_[n * kWidth<T> + c] += static_cast<T>(analysed[c].course[n]);
     }
-    kernels::put_lines_back(block(), plan_.rows, kWidth, lines, memory_.units.data(), plan_.exposure_rows / 2);
+    kernels::equalizer_loops<T>().put_lines_back(block(), plan_.rows, kWidth<T>, lines, memory_.units.data(),
+                                                 plan_.exposure_rows / 2);
   }
 
  private:
@@ -285,10 +284,10 @@ class BlockEqualizer {
       // Beyond these the filter is the same, and squares of squares stay finite.
       constexpr double kBeyond = 1e30;
       const double scaled = noise.empty() ? 1 : std::clamp(noise[c] * memory_.scale[c], 1 / kBeyond, kBeyond);
-      for (std::size_t n = 0; n < plan_.rows; ++n) memory_.column[n] = static_cast<double>(block_[n * kWidth + c]);
+      for (std::size_t n = 0; n < plan_.rows; ++n) memory_.column[n] = static_cast<double>(block_[n * kWidth<T> + c]);
       analysed[c] = plan_.analysis->take_off_course(memory_.column,
                                                     noise.empty() ? std::nullopt : std::optional(scaled * scaled));
-      for (std::size_t n = 0; n < plan_.rows; ++n) block_[n * kWidth + c] = static_cast<T>(memory_.column[n]);
+      for (std::size_t n = 0; n < plan_.rows; ++n) block_[n * kWidth<T> + c] = static_cast<T>(memory_.column[n]);
     }
     return analysed;
   }
@@ -298,16 +297,18 @@ class BlockEqualizer {
     const auto& tables = plan_.template in<T>();
     const Continuation& ends = plan_.ends;
     const std::size_t length = plan_.response.length;
-    const auto stride = static_cast<std::ptrdiff_t>(kWidth);
-    const auto row = [&](std::size_t n) { return block() + n * kWidth; };
+    const auto stride = static_cast<std::ptrdiff_t>(kWidth<T>);
+    const auto row = [&](std::size_t n) { return block() + n * kWidth<T>; };
     const auto end = [&](const T* nearest, std::ptrdiff_t inwards, T* next) {
       const auto terms = static_cast<std::size_t>(ends.terms.rows());
       T* const of_terms = memory_.terms.data();
-      kernels::matrix_times_rows(tables.terms.data(), terms, ends.used, nearest, inwards, of_terms, stride, kWidth);
-      kernels::matrix_times_rows(tables.smooth.data(), ends.predicted, terms - ends.near, of_terms + ends.near * kWidth,
-                                 stride, next, -inwards, kWidth);
+      kernels::equalizer_loops<T>().matrix_times_rows(tables.terms.data(), terms, ends.used, nearest, inwards, of_terms,
+                                                      stride, kWidth<T>);
+      kernels::equalizer_loops<T>().matrix_times_rows(tables.smooth.data(), ends.predicted, terms - ends.near,
+                                                      of_terms + ends.near * kWidth<T>, stride, next, -inwards,
+                                                      kWidth<T>);
       for (std::size_t i = 0; i < ends.near; ++i, next -= inwards)
-        for (std::size_t c = 0; c < kWidth; ++c) next[c] += of_terms[i * kWidth + c];
+        for (std::size_t c = 0; c < kWidth<T>; ++c) next[c] += of_terms[i * kWidth<T> + c];
     };
     end(row(plan_.rows - 1), -stride, row(plan_.rows));
     end(row(0), stride, row(length - 1));
@@ -332,12 +333,12 @@ class BlockEqualizer {
     std::vector<std::complex<double>> values(tables.dft.length());
     for (std::size_t c = 0; c < pairs_; ++c) {
       T* const real = block_ + c;
-      T* const imaginary = real + kWidth / 2;
-      for (std::size_t n = 0; n < values.size(); ++n) values[n] = {real[n * kWidth], imaginary[n * kWidth]};
-      filter_pair(used(c), used(c + kWidth / 2), tables.dft.order(), values);
+      T* const imaginary = real + kWidth<T> / 2;
+      for (std::size_t n = 0; n < values.size(); ++n) values[n] = {real[n * kWidth<T>], imaginary[n * kWidth<T>]};
+      filter_pair(used(c), used(c + kWidth<T> / 2), tables.dft.order(), values);
       for (std::size_t n = 0; n < values.size(); ++n) {
-        real[n * kWidth] = static_cast<T>(values[n].real());
-        imaginary[n * kWidth] = static_cast<T>(values[n].imag());
+        real[n * kWidth<T>] = static_cast<T>(values[n].real());
+        imaginary[n * kWidth<T>] = static_cast<T>(values[n].imag());
       }
     }
     tables.dft.inverse(block_, pairs_);
@@ -390,9 +391,9 @@ EqualizerReport without_dft(const AnyFramesView& frames, const Camera& camera, c
   const bool identity = *camera.exposure == 0;
   const std::size_t columns = out.frames * out.columns;
   for (std::size_t frame = 0; frame < out.frames; ++frame)
-    for (std::size_t first = 0; first < out.columns; first += kColumnsPerBlock<T>) {
+    for (std::size_t first = 0; first < out.columns; first += kWidth<T>) {
       check_interrupt();
-      const std::size_t count = std::min(kColumnsPerBlock<T>, out.columns - first);
+      const std::size_t count = std::min(kWidth<T>, out.columns - first);
       const auto signals = column_signals(frames, frame, first, count, camera.tone_curve);
       for (std::size_t c = 0; c < count; ++c) {
         const auto signal = std::span(signals).subspan(c * out.rows, out.rows);
@@ -474,19 +475,19 @@ EqualizerReport equalize_as(const AnyFramesView& frames, const Camera& camera, c
 
   const auto plan = plan_of({shape.rows, exposure_rows, settings.max_boost, settings.method});
   EqualizerReport report{{}, std::vector<double>(columns), std::vector<double>(columns)};
-  const std::size_t per_frame = (shape.columns + kColumnsPerBlock<T> - 1) / kColumnsPerBlock<T>;
+  const std::size_t per_frame = (shape.columns + kWidth<T> - 1) / kWidth<T>;
   const std::size_t blocks = shape.frames * per_frame;
   const bool inverse = settings.method == EqualizerMethod::inverse;
   const std::size_t bins = inverse ? 0 : plan->inverse.restored.size();
   std::vector<double> restored(blocks * bins);  // of each block: their sum does not depend on the threads
   for_each_block(blocks, settings.threads, [&](std::size_t index) {
-    const std::size_t frame = index / per_frame, first = index % per_frame * kColumnsPerBlock<T>;
-    const std::size_t count = std::min(kColumnsPerBlock<T>, shape.columns - first), at = frame * shape.columns + first;
+    const std::size_t frame = index / per_frame, first = index % per_frame * kWidth<T>;
+    const std::size_t count = std::min(kWidth<T>, shape.columns - first), at = frame * shape.columns + first;
     std::vector<double> noise;
     if (settings.noise.size() == 1) noise.assign(count, settings.noise[0]);
     if (settings.noise.size() > 1) noise.assign(&settings.noise[at], &settings.noise[at] + count);
     BlockEqualizer<T> block(*plan, count, settings.max_boost);
-    light_rows(frames, frame, first, count, camera.tone_curve, block.kWidth, block.block());
+    light_rows(frames, frame, first, count, camera.tone_curve, kWidth<T>, block.block());
     block.run(noise, std::span(report.noise_gain).subspan(at, count), std::span(report.noise).subspan(at, count),
               std::span(restored).subspan(index * bins, bins));
     store(block.block(), frame, first, count, out);

@@ -80,8 +80,8 @@ std::vector<Shown> shown_by_phase(const HarmonicModel& model, std::span<const in
   const double sign = std::copysign(1.0, sinc(exposure_cycles));
   for (const int order : tied) {
     fill_wave(times, order * cycles_per_row, cosine, sine);
-    const auto fitted = [&](std::size_t estimate, std::span<const double> wave) {
-      return std::inner_product(wave.begin(), wave.end(), &model.weights[estimate * model.rows], 0.0);
+    const auto fitted = [&](Eigen::Index estimate, std::span<const double> wave) {
+      return std::inner_product(wave.begin(), wave.end(), model.weights.col(estimate).data(), 0.0);
     };
     const double ratio = ratio_of(order, duty, exposure_cycles);
     const double mean = sign * ratio * fitted(0, cosine), even = ratio * fitted(1, cosine),

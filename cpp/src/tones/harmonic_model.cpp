@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/levels.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
@@ -26,9 +27,8 @@ bool at_multiple_of_half_row_rate(double cycles_per_row) {
 }
 
 Flags frequency_flags(double cycles_per_row, std::size_t rows) {
-  constexpr double kOne = 1 - 4 * std::numeric_limits<double>::epsilon();  // a whole cycle, rounded
   Flags flags = 0;
-  if (cycles_per_row * static_cast<double>(rows) < kOne) flags |= flag::few_cycles;
+  if (cycles_per_row * static_cast<double>(rows) < 1 - kEqual) flags |= flag::few_cycles;
   if (cycles_per_row > 0.5) flags |= flag::aliased;
   if (at_multiple_of_half_row_rate(cycles_per_row)) flags |= flag::unresolvable;
   return flags;
@@ -76,32 +76,27 @@ RowSampling folded_rows(std::size_t rows) {
 }
 
 // Expands a folded column to the full one: symmetric (sign = 1) or antisymmetric (sign = −1).
-void unfold(const Eigen::Ref<const VectorXd>& folded, const RowSampling& half, double sign, std::span<double> full) {
-  const std::size_t rows = full.size();
-  for (std::size_t i = 0; i < half.times.size(); ++i) {
-    const double value = folded(static_cast<Index>(i)) / half.weights[i];
-    const std::size_t above = rows / 2 + i;
-    full[rows - 1 - above] = sign * value;
-    full[above] = value;
+void unfold(const Eigen::Ref<const VectorXd>& folded, const RowSampling& half, double sign, Eigen::Ref<VectorXd> full) {
+  const Index above = full.size() / 2, below = full.size() - 1 - above;
+  for (Index i = 0; i < folded.size(); ++i) {
+    const double value = folded(i) / half.weights[static_cast<std::size_t>(i)];
+    full(below - i) = sign * value;
+    full(above + i) = value;
   }
 }
 
 // Adds the solution of a block to the model; `places`: indices of its estimates in the model.
-void add_block(const LinearFit& block, const RowSampling& half, double sign, const std::vector<std::size_t>& places,
+void add_block(const LinearFit& block, const RowSampling& half, double sign, const std::vector<Index>& places,
                HarmonicModel& model) {
-  const auto row_of = [&](std::vector<double>& table, std::size_t index) {
-    return std::span(table).subspan(index * model.rows, model.rows);
-  };
-  const auto first = model.parameters;
+  const Index first = static_cast<Index>(model.parameters);
   model.parameters += static_cast<std::size_t>(block.basis.cols());
-  model.basis.resize(model.parameters * model.rows);
-  for (Index j = 0; j < block.basis.cols(); ++j)
-    unfold(block.basis.col(j), half, sign, row_of(model.basis, first + static_cast<std::size_t>(j)));
-  for (std::size_t j = 0; j < places.size(); ++j) {
-    unfold(block.weights.col(static_cast<Index>(j)), half, sign, row_of(model.weights, places[j]));
-    for (std::size_t k = 0; k < places.size(); ++k)
-      model.covariance[places[j] * model.estimates + places[k]] =
-          block.covariance(static_cast<Index>(j), static_cast<Index>(k));
+  model.basis.conservativeResize(static_cast<Index>(model.rows), static_cast<Index>(model.parameters));
+  for (Index j = 0; j < block.basis.cols(); ++j) unfold(block.basis.col(j), half, sign, model.basis.col(first + j));
+  for (Index j = 0; j < block.weights.cols(); ++j) {
+    const Index place = places[static_cast<std::size_t>(j)];
+    unfold(block.weights.col(j), half, sign, model.weights.col(place));
+    for (Index k = 0; k < block.weights.cols(); ++k)
+      model.covariance(place, places[static_cast<std::size_t>(k)]) = block.covariance(j, k);
   }
 }
 
@@ -122,9 +117,10 @@ HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones)
   HarmonicModel model;
   model.rows = rows;
   model.estimates = 1 + 2 * tones.size();
-  model.weights.assign(model.estimates * rows, 0.0);
-  model.covariance.assign(model.estimates * model.estimates, 0.0);
-  for (std::size_t i = 1; i < model.estimates; ++i) model.covariance[i * model.estimates + i] = kInfinity;
+  const auto estimates = static_cast<Index>(model.estimates);
+  model.weights.setZero(static_cast<Index>(rows), estimates);
+  model.covariance.setZero(estimates, estimates);
+  model.covariance.diagonal().tail(estimates - 1).setConstant(kInfinity);
   for (const ModelTone& tone : tones) {
     require_positive("frequency", tone.cycles_per_row);
     const Flags too_few_rows =
@@ -135,11 +131,10 @@ HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones)
   const auto oscillations = usable_oscillations(tones, rows, model.tone_flags);
   const RowSampling half = folded_rows(rows);
   const auto wanted = std::ranges::count_if(model.tone_flags, [](Flags f) { return !(f & flag::unresolvable); });
-  std::vector<std::size_t> even_places{0};
-  std::vector<std::size_t> odd_places;
+  std::vector<Index> even_places{0}, odd_places;
   for (std::size_t k = 0; k < static_cast<std::size_t>(wanted); ++k) {
-    even_places.push_back(2 * oscillations[k].tone + 1);
-    odd_places.push_back(2 * oscillations[k].tone + 2);
+    even_places.push_back(2 * static_cast<Index>(oscillations[k].tone) + 1);
+    odd_places.push_back(even_places.back() + 1);
   }
   std::vector<double> frequencies;
   for (const Oscillation& oscillation : oscillations) frequencies.push_back(oscillation.cycles_per_row);

@@ -248,9 +248,10 @@ RowMajor products_with(const RowMajor& functions, const std::vector<double>& par
   RowMajor sums(functions.rows(), static_cast<Index>(width));
   const auto half = static_cast<std::size_t>(functions.cols());
   for (std::size_t first = 0; first < width; first += kernels::kBlockAlignment)
-    kernels::matrix_times_rows(functions.data(), static_cast<std::size_t>(functions.rows()), half, &parts[first * half],
-                               static_cast<std::ptrdiff_t>(kernels::kBlockAlignment), sums.data() + first,
-                               static_cast<std::ptrdiff_t>(width), kernels::kBlockAlignment);
+    kernels::equalizer_loops<double>().matrix_times_rows(
+        functions.data(), static_cast<std::size_t>(functions.rows()), half, &parts[first * half],
+        static_cast<std::ptrdiff_t>(kernels::kBlockAlignment), sums.data() + first, static_cast<std::ptrdiff_t>(width),
+        kernels::kBlockAlignment);
   return sums;
 }
 

@@ -75,21 +75,25 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
   fold_exactly(largest);
 
   const double integer = largest_integer(weights, largest, rows, row_group, limbs);
-  pairs_.assign(outputs * static_cast<std::size_t>(limbs) * pair_count(), 0);
-  for (std::size_t o = 0; o < outputs; ++o) {
+  const auto each = static_cast<std::size_t>(limbs);
+  units_.resize(outputs * each);
+  pairs_.assign(units_.size() * pair_count(), 0);
+  for (const std::size_t o : output_order_) {
     const double scale = largest[o] > 0 ? largest[o] / integer : 1.0;
-    const std::size_t first = units_.size();
-    for (int limb = 0; limb < limbs; ++limb) units_.push_back(scale * std::pow(2 * integer, -limb));
+    const std::size_t place = order_.size();
+    for (std::size_t limb = 0; limb < each; ++limb) {
+      order_.push_back(o * each + limb);
+      units_[order_.back()] = scale * std::pow(2 * integer, -static_cast<double>(limb));
+    }
     for (std::size_t g = 0; g < groups_; ++g) {
       double rest = weights_[o * groups_ + g] / scale;
-      for (std::size_t part = first; part < units_.size(); ++part) {
+      for (std::size_t limb = 0; limb < each; ++limb) {
         const double whole = std::clamp(nearest_whole(rest), -integer, integer);
         rest = (rest - whole) * 2 * integer;
-        put_weight(pairs_[part * pair_count() + g / 2], g, static_cast<int>(whole));
+        put_weight(pairs_[(place + limb) * pair_count() + g / 2], g, static_cast<int>(whole));
       }
     }
   }
-  fold();
 }
 
 // Weights that are symmetric or antisymmetric but for rounding become so.
@@ -120,46 +124,25 @@ void RowWeights::fold_exactly(std::span<const double> largest) {
   folds_ = true;
 }
 
-int RowWeights::integer_weight(std::size_t part, std::size_t group) const {
-  const auto pair = static_cast<std::uint32_t>(pairs_[part * pair_count() + group / 2]);
-  return static_cast<std::int16_t>(group % 2 == 0 ? pair & 0xffffU : pair >> 16);
-}
-
-// Rounding keeps the symmetry of the exact weights.
-void RowWeights::fold() {
-  order_.resize(units_.size());
-  std::iota(order_.begin(), order_.end(), std::size_t{0});
-  if (!folds_) return;
-  for (const std::size_t output : output_order_)
-    for (std::size_t limb = 0; limb < limbs(); ++limb) folded_order_.push_back(output * limbs() + limb);
-  const std::size_t pairs = (groups_ / 2 + 1) / 2;
-  folded_pairs_.assign(folded_order_.size() * pairs, 0);
-  for (std::size_t place = 0; place < folded_order_.size(); ++place)
-    for (std::size_t g = 0; g < groups_ / 2; ++g)
-      put_weight(folded_pairs_[place * pairs + g / 2], g, integer_weight(folded_order_[place], g));
-}
-
+// Rounding keeps the symmetry of the exact weights. Folded, the last of an odd number of groups is followed by zeros.
 kernels::ByteWeights RowWeights::integers(bool folded, std::size_t group) const {
-  if (folded)
-    return {row_group_,    from(folded_pairs_, group / 2), (groups_ / 2 + 1) / 2,
-            folded_order_, even_outputs_ * limbs(),        units_};
-  return {row_group_, from(pairs_, group / 2), pair_count(), order_, order_.size(), units_};
+  return {row_group_, from(pairs_, group / 2), pair_count(), order_, folded ? even_outputs_ * limbs() : order_.size(),
+          units_};
 }
 
 std::vector<double> RowWeights::byte_weights() const {
   std::vector<double> values(outputs_ * groups_);
-  for (std::size_t part = units_.size(); part-- > 0;)  // smallest limb of an output first
-    for (std::size_t g = 0; g < groups_; ++g)
-      values[part / limbs() * groups_ + g] += units_[part] * integer_weight(part, g);
+  for (std::size_t place = order_.size(); place-- > 0;)  // smallest limb of an output first
+    for (std::size_t g = 0; g < groups_; ++g) {
+      const auto pair = static_cast<std::uint32_t>(pairs_[place * pair_count() + g / 2]);
+      const std::size_t part = order_[place];
+      values[part / limbs() * groups_ + g] +=
+          units_[part] * static_cast<std::int16_t>(g % 2 == 0 ? pair & 0xffffU : pair >> 16);
+    }
   return values;
 }
 
 namespace {
-
-// Copies of few rows are made of whole ones, which come in memory order; of many rows, of parts that stay in the cache.
-constexpr std::size_t kConvertedOfFew = 2048, kConvertedOfMany = 320;
-// Rows of a block for one tone, so that those of the next block come meanwhile. For more, as many as kernels take.
-constexpr std::size_t kSampleRows = 32;
 
 using ByteRows = DenseRows<std::uint8_t, std::uint8_t>;
 
@@ -298,9 +281,8 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
   const bool in_two_streams = !near.in_place() || (kernels::has_wide_vectors() && sizeof(Stored) < sizeof(double));
   const bool folded = weights.folds() && (more || (tone && in_two_streams));
   const std::size_t groups = folded ? weights.groups() / 2 : weights.groups();
-  const std::size_t most = (more ? kernels::kSampleRows : kSampleRows) / (folded ? 2 * group : group);
-  const std::size_t converted = more ? kConvertedOfMany : kConvertedOfFew;
-  const std::size_t most_columns = near.in_place() ? columns.count : converted;
+  const std::size_t most = kernels::kSampleRows / (folded ? 2 * group : group);
+  const std::size_t most_columns = near.in_place() ? columns.count : kCopied.columns;
   for (std::size_t g = 0; g < groups; g += most) {
     const std::size_t here = std::min(most, groups - g), read = here * group;
     const auto next_rows = static_cast<std::ptrdiff_t>(read) * view.row_stride;
@@ -316,11 +298,13 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
         const auto others = far.read((weights.groups() - g - here) * group, read, part, to_next(-next_rows));
         mirrored = others.samples + static_cast<std::ptrdiff_t>(read - group) * others.stride;
       }
-      kernels::project_samples<Sample>({rows.samples, mirrored, rows.stride, here, part.count,
-                                        near.in_place() ? to_next(next_rows) : 0, light_of_bytes.data()},
-                                       {weights.row_group(), from(weights.weights(), g), weights.groups(),
-                                        weights.output_order(), weights.even_outputs()},
-                                       sums_of(result, part.first - columns.first, columns.count));
+      const kernels::SampleBlock<Sample> block{
+          rows.samples,         mirrored, rows.stride, here, part.count, near.in_place() ? to_next(next_rows) : 0,
+          light_of_bytes.data()};
+      kernels::project_samples(block,
+                               {weights.row_group(), from(weights.weights(), g), weights.groups(),
+                                weights.output_order(), weights.even_outputs()},
+                               sums_of(result, part.first - columns.first, columns.count));
     });
   }
 }

@@ -93,9 +93,9 @@ constexpr std::array<std::ptrdiff_t, 0> kNothingAhead{};
 
 template <class T, std::size_t kCount>
 HWY_INLINE void ask_for_samples(const T* pixels, const std::array<std::ptrdiff_t, kCount>& ahead) {
-  constexpr std::size_t kBytes = kSampleVectors * hn::MaxLanes(d64) * sizeof(T);
   for (const std::ptrdiff_t offset : ahead)
-    ask_for<(kBytes + kLine - 1) / kLine>(reinterpret_cast<const std::uint8_t*>(pixels + offset));
+    ask_for<(kSampleVectors * hn::MaxLanes(d64) * sizeof(T) + kLine - 1) / kLine>(
+        reinterpret_cast<const std::uint8_t*>(pixels + offset));
 }
 
 // Sum of a group of rows of a vector's columns; raises the maximum. The rows ask for the lines `ahead`.
@@ -358,23 +358,13 @@ void project_strips(const SampleBlock<T>& block, const SampleWeights& weights, c
   if (c < block.columns) add_last_columns(from(c), weights, sums(c));
 }
 
-template <class T>
-void ProjectSamples(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to) {
-  const auto project = block.to_next == 0 ? project_strips<false, T> : project_strips<true, T>;
-  project(block, weights, to);
-}
-
-void ProjectLight(const SampleBlock<std::uint8_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
-  ProjectSamples(block, weights, to);
-}
-void ProjectShorts(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
-  ProjectSamples(block, weights, to);
-}
-void ProjectFloats(const SampleBlock<float>& block, const SampleWeights& weights, const ProjectionSums& to) {
-  ProjectSamples(block, weights, to);
-}
-void ProjectDoubles(const SampleBlock<double>& block, const SampleWeights& weights, const ProjectionSums& to) {
-  ProjectSamples(block, weights, to);
+void ProjectSamples(const AnySampleBlock& any, const SampleWeights& weights, const ProjectionSums& to) {
+  std::visit(
+      [&]<class T>(const SampleBlock<T>& block) HWY_ATTR {
+        const auto project = block.to_next == 0 ? project_strips<false, T> : project_strips<true, T>;
+        project(block, weights, to);
+      },
+      any);
 }
 
 bool TakesLightOfBytes() { return HWY_TARGET == HWY_AVX2; }
@@ -386,30 +376,11 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace ocisac::kernels {
 
-HWY_EXPORT(ProjectLight);
-HWY_EXPORT(ProjectShorts);
-HWY_EXPORT(ProjectFloats);
-HWY_EXPORT(ProjectDoubles);
+HWY_EXPORT(ProjectSamples);
 HWY_EXPORT(TakesLightOfBytes);
 
-template <>
-void project_samples(const SampleBlock<std::uint8_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
-  HWY_DYNAMIC_DISPATCH(ProjectLight)(block, weights, to);
-}
-
-template <>
-void project_samples(const SampleBlock<std::uint16_t>& block, const SampleWeights& weights, const ProjectionSums& to) {
-  HWY_DYNAMIC_DISPATCH(ProjectShorts)(block, weights, to);
-}
-
-template <>
-void project_samples(const SampleBlock<float>& block, const SampleWeights& weights, const ProjectionSums& to) {
-  HWY_DYNAMIC_DISPATCH(ProjectFloats)(block, weights, to);
-}
-
-template <>
-void project_samples(const SampleBlock<double>& block, const SampleWeights& weights, const ProjectionSums& to) {
-  HWY_DYNAMIC_DISPATCH(ProjectDoubles)(block, weights, to);
+void project_samples(const AnySampleBlock& block, const SampleWeights& weights, const ProjectionSums& to) {
+  HWY_DYNAMIC_DISPATCH(ProjectSamples)(block, weights, to);
 }
 
 bool takes_light_of_bytes() { return HWY_DYNAMIC_DISPATCH(TakesLightOfBytes)(); }

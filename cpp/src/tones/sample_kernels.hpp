@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <variant>
 
 #include "tones/projection_sums.hpp"
 
@@ -22,7 +23,10 @@ struct SampleBlock {
   const double* light = nullptr;  // of bytes: that of each value
 };
 
-inline constexpr std::size_t kSampleRows = 64;
+using AnySampleBlock =
+    std::variant<SampleBlock<std::uint8_t>, SampleBlock<std::uint16_t>, SampleBlock<float>, SampleBlock<double>>;
+
+inline constexpr std::size_t kSampleRows = 32;
 
 // Weights of output o begin at values + o·stride. order: all outputs; folded, the first `even` apply to sums, the
 // others to differences.
@@ -35,8 +39,7 @@ struct SampleWeights {
 };
 
 // As project_bytes().
-template <class T>
-void project_samples(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to);
+void project_samples(const AnySampleBlock& block, const SampleWeights& weights, const ProjectionSums& to);
 
 // True if the target whose code runs is faster with the light of bytes than with a copy of it.
 bool takes_light_of_bytes();

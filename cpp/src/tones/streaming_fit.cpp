@@ -10,19 +10,10 @@
 #include "core/recently_used.hpp"
 #include "rows/fit.hpp"
 #include "tones/gain_kernel.hpp"
-#include "tones/harmonic_model.hpp"
 
 namespace ocisac {
 
 namespace {
-
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-HarmonicModel fundamentals_only(std::size_t rows, std::span<const double> cycles_per_row, double factor) {
-  std::vector<ModelTone> tones;
-  for (const double cycles : cycles_per_row) tones.push_back({cycles * factor, {1}});
-  return harmonic_model(rows, tones);
-}
 
 constexpr std::size_t kFewRows = 256;  // fewer rows use 3 limbs, at little cost
 
@@ -33,44 +24,31 @@ double group_gain(double cycles_per_row, int row_group) {
          (row_group * std::sin(std::numbers::pi * cycles_per_row));
 }
 
-std::vector<double> dense(const RowMajor& matrix) { return {matrix.data(), matrix.data() + matrix.size()}; }
-
-}  // namespace
-
-// The fit of sums of `row_group` rows, in terms of the rows.
-struct StreamingFit::Candidate {
-  int row_group;
-  std::vector<Flags> flags;  // of the tones
-  RowMajor weights;          // (estimates × groups), of sums
-  Eigen::MatrixXd design;    // (groups × estimates), of sums
-  RowMajor covariance;       // for rows with noise of variance 1
-};
-
-StreamingFit::Candidate StreamingFit::candidate(std::size_t rows, std::span<const double> cycles_per_row,
-                                                int row_group) {
-  const std::size_t groups = rows / static_cast<std::size_t>(row_group);
-  const HarmonicModel model = fundamentals_only(groups, cycles_per_row, row_group);
-  const auto size = static_cast<Eigen::Index>(model.estimates), count = static_cast<Eigen::Index>(groups);
-  Eigen::VectorXd scale(size);  // of the estimates, from a row's to a group's sum
+// What an estimate for the rows is for sums of `row_group` of them.
+Eigen::VectorXd scale_of(std::span<const double> cycles_per_row, int row_group) {
+  Eigen::VectorXd scale(1 + 2 * std::ssize(cycles_per_row));
   scale(0) = row_group;
-  std::vector<double> of_groups;
-  for (Eigen::Index a = 1; a < size; a += 2) {
-    const double cycles = cycles_per_row[of_groups.size()];
-    scale.segment(a, 2).setConstant(row_group * group_gain(cycles, row_group));
-    of_groups.push_back(row_group * cycles);
+  Eigen::Index place = 1;
+  for (const double cycles : cycles_per_row) {
+    scale.segment(place, 2).setConstant(row_group * group_gain(cycles, row_group));
+    place += 2;
   }
-  const Eigen::VectorXd inverse = scale.cwiseInverse();
-  const Eigen::Map<const RowMajor> weights(model.weights.data(), size, count),
-      covariance(model.covariance.data(), size, size);
-  return {row_group, model.tone_flags, inverse.asDiagonal() * weights,
-          tone_design(centred_rows(groups), of_groups) * scale.asDiagonal(),
-          row_group * (inverse.asDiagonal() * covariance * inverse.asDiagonal())};
+  return scale;
 }
 
-namespace {
+// The fit of sums of `row_group` rows: weights of sums, estimates for the rows, covariance for their noise.
+HarmonicModel model_of_sums(std::size_t rows, std::span<const double> cycles_per_row, int row_group) {
+  std::vector<ModelTone> tones;
+  for (const double cycles : cycles_per_row) tones.push_back({cycles * row_group, {1}});
+  HarmonicModel model = harmonic_model(rows / static_cast<std::size_t>(row_group), tones);
+  const Eigen::VectorXd inverse = scale_of(cycles_per_row, row_group).cwiseInverse();
+  model.weights = model.weights * inverse.asDiagonal();
+  model.covariance = row_group * (inverse.asDiagonal() * model.covariance * inverse.asDiagonal());
+  return model;
+}
 
 // True if the sums preserve the required fraction of every tone's information.
-bool keeps(double efficiency, const RowMajor& all_rows, const RowMajor& sums) {
+bool keeps(double efficiency, const Eigen::MatrixXd& all_rows, const Eigen::MatrixXd& sums) {
   for (Eigen::Index a = 1; a < sums.rows(); a += 2) {
     const double before = all_rows(a, a) + all_rows(a + 1, a + 1);
     const double after = sums(a, a) + sums(a + 1, a + 1);
@@ -84,38 +62,42 @@ bool keeps(double efficiency, const RowMajor& all_rows, const RowMajor& sums) {
 StreamingFit::StreamingFit(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows,
                            int limbs)
     : estimates_(1 + 2 * cycles_per_row.size()), weights_(std::vector<double>(rows), 1, rows, 1, 1) {
-  if (rows > 2 * estimates_) choose(rows, cycles_per_row, efficiency, most_rows, limbs);
-}
-
-void StreamingFit::choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows,
-                          int limbs) {
-  const Candidate all_rows = candidate(rows, cycles_per_row, 1);
-  flags_ = all_rows.flags;
+  if (rows <= 2 * estimates_) return;
+  HarmonicModel chosen = model_of_sums(rows, cycles_per_row, 1);
+  flags_ = chosen.tone_flags;
   well_posed_ = std::ranges::all_of(flags_, is_well_posed);
   if (!well_posed_) return;
-  for (const int row_group : {8, 4, 2}) {
-    if (row_group > most_rows || efficiency == 1) continue;
-    if (rows / static_cast<std::size_t>(row_group) <= 2 * estimates_) continue;
-    const Candidate sums = candidate(rows, cycles_per_row, row_group);
-    if (keeps(efficiency, all_rows.covariance, sums.covariance)) return adopt(rows, sums, 1);
+  int row_group = 1;
+  for (const int more : {8, 4, 2}) {
+    if (row_group > 1 || more > most_rows || efficiency == 1) continue;
+    if (rows / static_cast<std::size_t>(more) <= 2 * estimates_) continue;
+    HarmonicModel sums = model_of_sums(rows, cycles_per_row, more);
+    if (!keeps(efficiency, chosen.covariance, sums.covariance)) continue;
+    chosen = std::move(sums);
+    row_group = more;
   }
-  adopt(rows, all_rows, efficiency < 1 || rows >= kFewRows ? limbs : kMostLimbs);
+  const bool few = efficiency == 1 && rows < kFewRows;
+  adopt(chosen, rows, cycles_per_row, row_group, row_group > 1 ? 1 : few ? kMostLimbs : limbs);
 }
 
-void StreamingFit::adopt(std::size_t rows, const Candidate& chosen, int limbs) {
-  const auto estimates = chosen.weights.rows();
-  const auto groups = static_cast<std::size_t>(chosen.design.rows());
-  middle_ = (static_cast<double>(groups * static_cast<std::size_t>(chosen.row_group)) - 1) / 2;
-  freedom_ = static_cast<double>(groups - estimates_) * chosen.row_group;
-  covariance_ = dense(chosen.covariance);
-  gram_ = dense(transposed_product(chosen.design, chosen.design));
-  // The mean's row is omitted: with those of the tones, the plain sum spans the same estimates.
-  const auto tones = chosen.weights.rows() - 1;
-  weights_ = RowWeights(dense(chosen.weights.bottomRows(tones)), estimates_ - 1, rows, chosen.row_group, limbs);
+void StreamingFit::adopt(const HarmonicModel& chosen, std::size_t rows, std::span<const double> cycles_per_row,
+                         int row_group, int limbs) {
+  const Eigen::Index groups = chosen.weights.rows(), tones = chosen.weights.cols() - 1;
+  std::vector<double> of_groups;
+  for (const double cycles : cycles_per_row) of_groups.push_back(row_group * cycles);
+  const Eigen::MatrixXd design =
+      tone_design(centred_rows(chosen.rows), of_groups) * scale_of(cycles_per_row, row_group).asDiagonal();
+  middle_ = (static_cast<double>(groups * row_group) - 1) / 2;
+  freedom_ = static_cast<double>(groups - tones - 1) * row_group;
+  covariance_ = chosen.covariance;
+  gram_ = transposed_product(design, design);
+  // The mean's weights are omitted: with those of the tones, the plain sum spans the same estimates.
+  weights_ = RowWeights({chosen.weights.col(1).data(), static_cast<std::size_t>(tones * groups)}, estimates_ - 1, rows,
+                        row_group, limbs);
   const auto transform = [&](std::span<const double> of_tones) {
-    RowMajor all = RowMajor::Ones(estimates, chosen.weights.cols());
-    all.bottomRows(tones) = Eigen::Map<const RowMajor>(of_tones.data(), tones, chosen.weights.cols());
-    return dense(inverse(transposed_product(all.transpose(), chosen.design)));
+    Eigen::MatrixXd all = Eigen::MatrixXd::Ones(groups, tones + 1);
+    all.rightCols(tones) = Eigen::Map<const Eigen::MatrixXd>(of_tones.data(), groups, tones);
+    return inverse(transposed_product(all, design));
   };
   of_samples_ = transform(weights_.weights());
   of_bytes_ = transform(weights_.byte_weights());

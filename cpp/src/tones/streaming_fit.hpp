@@ -1,6 +1,7 @@
 // Least squares of mean + tones in one streaming pass over the pixels; rows are summed first if the loss is small.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
 #include <memory>
 #include <span>
@@ -9,6 +10,7 @@
 #include "ocisac/core/flags.hpp"
 #include "ocisac/core/views.hpp"
 #include "ocisac/tones/projection.hpp"
+#include "tones/harmonic_model.hpp"
 
 namespace ocisac {
 
@@ -43,7 +45,7 @@ class StreamingFit {
   void estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count, Columns& to) const;
 
   // Covariance of the parameters for row noise of variance 1, (estimates × estimates).
-  [[nodiscard]] std::span<const double> covariance() const { return covariance_; }
+  [[nodiscard]] const Eigen::MatrixXd& covariance() const { return covariance_; }
   [[nodiscard]] std::size_t rows_added() const {  // the first ones
     return weights_.groups() * static_cast<std::size_t>(weights_.row_group());
   }
@@ -51,21 +53,19 @@ class StreamingFit {
   [[nodiscard]] Flags flags(std::size_t tone) const { return flags_[tone]; }
 
  private:
-  struct Candidate;
-  static Candidate candidate(std::size_t rows, std::span<const double> cycles_per_row, int row_group);
-  void choose(std::size_t rows, std::span<const double> cycles_per_row, double efficiency, int most_rows, int limbs);
-  void adopt(std::size_t rows, const Candidate& chosen, int limbs);
+  void adopt(const HarmonicModel& chosen, std::size_t rows, std::span<const double> cycles_per_row, int row_group,
+             int limbs);
 
   std::size_t estimates_;
   bool well_posed_ = false;
   double middle_ = 0;
-  double freedom_ = 0;              // degrees of freedom of the noise times D: squares of sums → variance of a row
-  std::vector<Flags> flags_;        // of the tones
-  std::vector<double> covariance_;  // (estimates × estimates)
-  std::vector<double> gram_;        // (estimates × estimates): AᵀA of the design A of the sums
+  double freedom_ = 0;          // degrees of freedom of the noise times D: squares of sums → variance of a row
+  std::vector<Flags> flags_;    // of the tones
+  Eigen::MatrixXd covariance_;  // (estimates × estimates)
+  Eigen::MatrixXd gram_;        // (estimates × estimates): AᵀA of the design A of the sums
   // Matrices from totals and weighted sums to estimates (estimates × estimates), for exact weights and for those of
   // bytes.
-  std::vector<double> of_samples_, of_bytes_;
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> of_samples_, of_bytes_;
   RowWeights weights_;
 };
 

@@ -221,7 +221,7 @@ namespace {
 // RMS deviation of parts, in pairs of rows and every other row too if they are shares of a mean, over the tone.
 double deviation_of_parts(std::span<const double> left, double cycles_per_row, double mean, Level level,
                           bool is_phase) {
-  constexpr double kCyclesOfPart = 1.5, kMostParts = 8, kLeastPivot = 0.01;
+  constexpr double kCyclesOfPart = 1.5, kMostParts = 8;
   const std::size_t rows = left.size();
   const auto along =
       static_cast<std::size_t>(std::clamp(cycles_per_row * static_cast<double>(rows) / kCyclesOfPart, 1.0, kMostParts));
@@ -242,7 +242,7 @@ double deviation_of_parts(std::span<const double> left, double cycles_per_row, d
     for (const Eigen::Matrix4d& product : products) {
       const double of_rows = product(0, 0);
       const auto found =
-          solve_symmetric(product.topLeftCorner<3, 3>(), product.topRightCorner<3, 1>(), kLeastPivot * of_rows);
+          solve_symmetric(product.topLeftCorner<3, 3>(), product.topRightCorner<3, 1>(), kNextToNone * of_rows);
       if (!found || !(of_rows > 3)) return;
       const Eigen::Vector3d levels = *found;
       const double squares = product(3, 3) - levels.dot(product.topRightCorner<3, 1>());

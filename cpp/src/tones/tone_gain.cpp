@@ -13,9 +13,11 @@
 #include <string>
 #include <utility>
 
+#include "columns/dense_rows.hpp"
 #include "core/levels.hpp"
 #include "core/parallel.hpp"
 #include "core/recently_used.hpp"
+#include "light/waveform_elements.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/constants.hpp"
@@ -33,9 +35,6 @@
 namespace ocisac {
 
 namespace {
-
-constexpr std::size_t kColumnsPerStream = 2048;  // as wide as a frame: reading along rows is fastest
-constexpr std::size_t kColumnsPerBlock = 64;     // fixed, so that results do not depend on the threads
 
 struct Tone {
   double frequency;
@@ -152,10 +151,7 @@ StreamingFit::Columns fitted_columns(const HarmonicModel& model, const std::vect
   const auto rows = static_cast<Eigen::Index>(model.rows);
   const Eigen::Index count = static_cast<Eigen::Index>(signals.size()) / rows;
   const Eigen::Map<const Eigen::MatrixXd> y(signals.data(), rows, count);
-  const Eigen::Map<const Eigen::MatrixXd> weights(model.weights.data(), rows,
-                                                  static_cast<Eigen::Index>(model.estimates));
-  const Eigen::Map<const Eigen::MatrixXd> basis(model.basis.data(), rows, static_cast<Eigen::Index>(model.parameters));
-  const Eigen::MatrixXd values = transposed_product(y, weights), residual = beside(basis, y);
+  const Eigen::MatrixXd values = transposed_product(y, model.weights), residual = beside(model.basis, y);
   const auto freedom = static_cast<double>(model.rows - std::min(model.rows, model.parameters));
   StreamingFit::Columns fitted{{values.data(), values.data() + values.size()},
                                std::vector<double>(static_cast<std::size_t>(count), kNaN)};
@@ -165,21 +161,20 @@ StreamingFit::Columns fitted_columns(const HarmonicModel& model, const std::vect
 }
 
 // One tone of the estimates. `covariance`: of the parameters, for noise of variance 1.
-kernels::FittedTone fitted_tone(const StreamingFit::Columns& columns, std::span<const double> covariance,
+kernels::FittedTone fitted_tone(const StreamingFit::Columns& columns, const Eigen::MatrixXd& covariance,
                                 std::size_t tone) {
-  const std::size_t count = columns.noise_variance.size(), estimates = columns.parameters.size() / count,
-                    a = 2 * tone + 1;
-  const auto parameter = [&](std::size_t i) { return &columns.parameters[i * count]; };
-  const auto of = [&](std::size_t i, std::size_t j) { return covariance[i * estimates + j]; };
-  return {parameter(0),
-          parameter(a),
-          parameter(a + 1),
+  const std::size_t count = columns.noise_variance.size();
+  const double* const cosine = &columns.parameters[(2 * tone + 1) * count];
+  const auto a = static_cast<Eigen::Index>(2 * tone + 1), b = a + 1;
+  return {columns.parameters.data(),
+          cosine,
+          cosine + count,
           columns.noise_variance.data(),
           count,
-          of(0, 0),
-          of(a, a),
-          of(a + 1, a + 1),
-          of(0, a),
+          covariance(0, 0),
+          covariance(a, a),
+          covariance(b, b),
+          covariance(0, a),
           0,
           0};
 }
@@ -447,10 +442,10 @@ std::size_t columns_per_part(std::size_t columns, std::size_t left, std::size_t 
 std::vector<Piece> pieces_of(const Shape& shape, std::size_t threads) {
   std::vector<Piece> pieces;
   const std::size_t left = threads > 1 ? shape.frames % threads : 0;
-  const std::size_t part = std::min(columns_per_part(shape.columns, left, threads), kColumnsPerStream);
+  const std::size_t part = std::min(columns_per_part(shape.columns, left, threads), kCopied.columns);
   for (std::size_t frame = 0; frame < shape.frames; ++frame) {
     const bool is_left = frame + left >= shape.frames;
-    const std::size_t most = is_left ? part : kColumnsPerStream;
+    const std::size_t most = is_left ? part : kCopied.columns;
     for (std::size_t first = 0; first < shape.columns; first += most)
       pieces.push_back({frame, first, std::min(most, shape.columns - first)});
   }
@@ -479,9 +474,8 @@ StoredLight stored_light(const AnyFramesView& frames, const ToneCurve& curve) {
 
 // Refuses light whose squares are no numbers.
 void check_size(std::span<const double> light) {
-  constexpr double kMost = 1e100;
   for (const double each : light)
-    require(each == 0 || (std::abs(each) >= 1 / kMost && std::abs(each) <= kMost), "columns", each,
+    require(each == 0 || (std::abs(each) >= 1 / kMaxLevel && std::abs(each) <= kMaxLevel), "columns", each,
             "light of 1e-100 to 1e100, whose squares are numbers");
 }
 
@@ -664,11 +658,11 @@ void gains_of_model(const AnyFramesView& frames, const Context& context, const T
   const RowWeights none({}, 0, context.shape.rows, 1, 1);
   std::vector<double> tops(frame_count * columns);
   const double level = saturation_level(frames, context.camera->tone_curve);
-  const std::size_t blocks = (columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
+  const std::size_t blocks = (columns + kColumnsInCache - 1) / kColumnsInCache;
   for_each_block(frame_count * blocks, context.options->threads, [&](std::size_t block) {
     const std::size_t frame = block / blocks;
-    const std::size_t first = block % blocks * kColumnsPerBlock;
-    const std::size_t count = std::min(kColumnsPerBlock, context.shape.columns - first);
+    const std::size_t first = block % blocks * kColumnsInCache;
+    const std::size_t count = std::min(kColumnsInCache, context.shape.columns - first);
     auto fitted = fitted_columns(*model, column_signals(frames, frame, first, count, context.camera->tone_curve));
     check_size(std::span(fitted.parameters).first(count));
     take_off(context, frame, first, 0, std::span(fitted.parameters).first(count));
@@ -737,13 +731,11 @@ struct ColumnFit {
     if (column.empty() || context.shape.rows <= 2 * (1 + 2 * oscillations.size())) return {};
     auto model = kept_model(context.shape.rows, oscillations);
     if (!std::ranges::all_of(model->tone_flags, is_well_posed)) return {};
-    const auto rows = static_cast<Eigen::Index>(model->rows), size = static_cast<Eigen::Index>(model->estimates);
-    const Eigen::Map<const Eigen::VectorXd> y(column.data(), rows);
-    const Eigen::Map<const Eigen::MatrixXd> weights(model->weights.data(), rows, size),
-        basis(model->basis.data(), rows, size);
-    Eigen::VectorXd left = beside(basis, y);
+    const Eigen::Map<const Eigen::VectorXd> y(column.data(), static_cast<Eigen::Index>(model->rows));
+    Eigen::VectorXd left = beside(model->basis, y);
     if (left.norm() <= kEqual * y.norm()) return {};
-    return ColumnFit{std::move(model), transposed_product(weights, y), std::move(left)};
+    Eigen::VectorXd parameters = transposed_product(model->weights, y);
+    return ColumnFit{std::move(model), std::move(parameters), std::move(left)};
   }
 
   [[nodiscard]] std::complex<double> level(std::size_t tone) const {
@@ -763,7 +755,7 @@ bool may_have_surroundings(const ColumnFit& column, const Context& context) {
   for (std::size_t k = 0; k < orders.size(); ++k) lines.push_back({orders[k], column.level(k)});
   const HarmonicModel& model = *column.model;
   const double noise = column.left.squaredNorm() / static_cast<double>(model.rows - model.parameters);
-  return harmonic_distortion(lights_of(context)[0], lines, noise * model.covariance[model.estimates + 1]) > 0;
+  return harmonic_distortion(lights_of(context)[0], lines, noise * model.covariance(1, 1)) > 0;
 }
 
 // The largest of all tones.

@@ -55,16 +55,17 @@ std::vector<double> amplitude_spectrum(std::span<const double> signal) {
   return amplitude;
 }
 
-ToneSpectrum tone_spectrum(const AnyFramesView& frame, const Camera& camera, const ToneSpectrumOptions& options) {
+ToneSpectrum tone_spectrum(const AnyFramesView& frame, const Camera& camera, std::optional<double> frequency,
+                           const ToneGainOptions& options) {
   check(frame);
-  if (options.frequency) require_positive("frequency", *options.frequency);
+  if (frequency) require_positive("frequency", *frequency);
   ToneSpectrum result{kNaN, kNaN, kNaN, kNaN, kNaN, kNaN, kNaN, 0, 0, {}, {}};
   FrequencySearch search;
   search.saturation = saturation_level(frame, camera.tone_curve);
   ToneColumns selected;
-  if (options.frequency) {
-    result.frequency = *options.frequency;
-    selected = tone_columns(frame, *options.frequency * camera.row_time, search.saturation);
+  if (frequency) {
+    result.frequency = *frequency;
+    selected = tone_columns(frame, *frequency * camera.row_time, search.saturation);
   } else {
     FoundFrequency found = find_frequency(frame, search);
     result.flags = found.flags;
@@ -81,11 +82,7 @@ ToneSpectrum tone_spectrum(const AnyFramesView& frame, const Camera& camera, con
     const std::vector<double> weights(result.columns, 1 / static_cast<double>(result.columns));
     result.column = weighted_rows(columns, 0, camera.tone_curve, weights);
     if (!std::isfinite(result.frequency)) return;
-    ToneGainOptions wanted;
-    wanted.waveform = options.waveform;
-    wanted.duty = options.duty;
-    wanted.background = {&options.background, 1};
-    const ToneGain gain = pooled_tone_gain(columns, camera, {&result.frequency, 1}, wanted);
+    const ToneGain gain = pooled_tone_gain(columns, camera, {&result.frequency, 1}, options);
     result.gain = gain.gain.front();
     result.gain_std = gain.gain_std.front();
     result.phase = gain.phase.front();

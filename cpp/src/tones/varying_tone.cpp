@@ -30,7 +30,6 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 18, 1>;
 
 constexpr std::size_t kColumnsPerBlock = 640;
-constexpr std::size_t kColumnsInCache = 32;  // their light and what is left of it fit the second-level cache
 // Share of a column's energy that the model leaves: below it, energies of model and column differ by too few digits.
 constexpr double kResolvedRest = 1e-6;
 
@@ -115,19 +114,19 @@ void plan_sums(Plan& plan) {
                     kMostLimbs);  // energies are differences
 }
 
-Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions& options) {
+Plan make_plan(std::size_t rows, double cycles_per_row, int degree, const ToneGainOptions& options) {
   const auto shape_harmonics = options.waveform == WaveformShape::square
                                    ? square_wave_harmonics(cycles_per_row, options.duty)
                                    : std::vector<int>{1};
-  const auto harmonics = usable_harmonics(shape_harmonics, rows, cycles_per_row, options.degree);
+  const auto harmonics = usable_harmonics(shape_harmonics, rows, cycles_per_row, degree);
   Plan plan;
-  plan.terms = options.degree + 1;
+  plan.terms = degree + 1;
   if (harmonics.size() < shape_harmonics.size()) plan.flags |= flag::harmonics_dropped;
-  if (cycles_per_row * static_cast<double>(rows) < 1 + options.degree / 2.0) plan.flags |= flag::few_cycles;
+  if (cycles_per_row * static_cast<double>(rows) < 1 + degree / 2.0) plan.flags |= flag::few_cycles;
   std::vector<double> frequencies;
   for (const int h : harmonics) frequencies.push_back(h * cycles_per_row);
-  const auto degree = static_cast<std::size_t>(options.degree);
-  const MatrixXd design = tone_design(centred_rows(rows), frequencies, degree, degree);
+  const auto powers = static_cast<std::size_t>(degree);
+  const MatrixXd design = tone_design(centred_rows(rows), frequencies, powers, powers);
   LinearFit fit = linear_fit(design, 3 * plan.terms);
   if (design.rows() <= design.cols() || !std::isfinite(fit.condition)) {
     plan.flags |= flag::unresolvable;
@@ -139,10 +138,9 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
   const std::array<ModelTone, 1> tone{{{cycles_per_row, shape_harmonics}}};
   const HarmonicModel steady = harmonic_model(rows, tone);
   plan.weights.resize(3 * plan.terms + 3, design.rows());
-  plan.weights << fit.weights.transpose(), Eigen::Map<const Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>>(
-                                               steady.weights.data(), 3, design.rows());
+  plan.weights << fit.weights.transpose(), steady.weights.transpose();
   plan.covariance = product(plan.weights, plan.weights.transpose());
-  plan.polynomials = legendre_at_places(options.degree);
+  plan.polynomials = legendre_at_places(degree);
   for (std::size_t i = 0; i < kPlaces; ++i) {
     const Eigen::VectorXd p = plan.polynomials.row(static_cast<Index>(i)).transpose();
     const auto covariance = [&](Index a, Index b) {
@@ -154,10 +152,11 @@ Plan make_plan(std::size_t rows, double cycles_per_row, const VaryingToneOptions
   return plan;
 }
 
-std::shared_ptr<const Plan> plan_of(std::size_t rows, double cycles_per_row, const VaryingToneOptions& options) {
+std::shared_ptr<const Plan> plan_of(std::size_t rows, double cycles_per_row, int degree,
+                                    const ToneGainOptions& options) {
   static RecentlyUsed<std::tuple<std::size_t, double, WaveformShape, double, int>, Plan, 4> kept;
-  return kept.get({rows, cycles_per_row, options.waveform, options.duty, options.degree},
-                  [&] { return std::make_shared<const Plan>(make_plan(rows, cycles_per_row, options)); });
+  return kept.get({rows, cycles_per_row, options.waveform, options.duty, degree},
+                  [&] { return std::make_shared<const Plan>(make_plan(rows, cycles_per_row, degree, options)); });
 }
 
 // Mean of the tone's amplitude over the rows, and its derivatives by the parameters.
@@ -294,16 +293,16 @@ VaryingToneGain empty_result(std::size_t frames, std::size_t columns) {
 
 }  // namespace
 
-VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& camera, double frequency,
-                                  const VaryingToneOptions& options) {
-  require(options.degree >= 0 && options.degree <= 4, "degree", options.degree, "0 to 4");
+VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& camera, double frequency, int degree,
+                                  const ToneGainOptions& options) {
+  require(degree >= 0 && degree <= 4, "degree", degree, "0 to 4");
   const std::array<double, 1> frequencies{frequency};
   const ToneGain steady =
       tone_gain(frames, camera, frequencies,
                 {GainMethod::fit, options.waveform, options.duty, options.background, 1.0, options.threads, false});
   const Shape shape = shape_of(frames);
   VaryingToneGain result = empty_result(shape.frames, shape.columns);
-  const auto kept_plan = plan_of(shape.rows, frequency * camera.row_time, options);
+  const auto kept_plan = plan_of(shape.rows, frequency * camera.row_time, degree, options);
   const Plan& plan = *kept_plan;
   if (!plan.resolvable()) {
     for (std::size_t i = 0; i < result.flags.size(); ++i) result.flags[i] = steady.flags[i] | plan.flags;

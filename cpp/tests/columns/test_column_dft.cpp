@@ -77,7 +77,7 @@ void check_filter(std::size_t length, double tolerance) {
   }
   dft.filter(filtered.data(), gain.data(), kColumnPairs<T>);
   dft.forward(steps.data(), kColumnPairs<T>);
-  ocisac::kernels::multiply_rows<T>(steps.data(), gain.data(), length, kColumnPairs<T>);
+  ocisac::kernels::dft_loops<T>().multiply_rows(steps.data(), gain.data(), length, kColumnPairs<T>);
   dft.inverse(steps.data(), kColumnPairs<T>);
   for (std::size_t i = 0; i < steps.size(); ++i)
     REQUIRE(std::abs(static_cast<double>(steps[i] - filtered[i])) <= tolerance * static_cast<double>(length));

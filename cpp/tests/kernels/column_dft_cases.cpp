@@ -69,8 +69,8 @@ KernelCase step_case(std::size_t radix, std::size_t length, bool inverse) {
   const auto run = [=](bool plain, T* out) {
     std::copy_n(rows->data(), kBlocks * size, out);
     const DftStep<T> step{radix, length, turns->data()};
-    if (!plain && inverse) return ocisac::kernels::inverse_dft_step<T>(step, out, kBlocks, kColumnPairs<T>);
-    if (!plain) return ocisac::kernels::dft_step<T>(step, out, kBlocks, kColumnPairs<T>);
+    if (!plain && inverse) return ocisac::kernels::dft_loops<T>().inverse_step(step, out, kBlocks, kColumnPairs<T>);
+    if (!plain) return ocisac::kernels::dft_loops<T>().step(step, out, kBlocks, kColumnPairs<T>);
     for (std::size_t block = 0; block < kBlocks; ++block) plain_step<T>(radix, length, out + block * size, inverse);
   };
   const auto name = named<T>(inverse ? "inverse_dft_step" : "dft_step", length) + " by " + std::to_string(radix);
@@ -84,7 +84,7 @@ KernelCase multiply_case(std::size_t count) {
   auto gain = std::make_shared<Misaligned<T>>(random_rows<T>(1, 2 * count, 2 * count));
   const auto run = [=](bool plain, T* out) {
     std::copy_n(rows->data(), size, out);
-    if (!plain) return ocisac::kernels::multiply_rows<T>(out, gain->data(), count, kColumnPairs<T>);
+    if (!plain) return ocisac::kernels::dft_loops<T>().multiply_rows(out, gain->data(), count, kColumnPairs<T>);
     for (std::size_t i = 0; i < size; ++i) {
       const std::size_t n = i / kRow<T>, c = i % kRow<T> % kColumnPairs<T>;
       const T* const from = rows->data() + n * kRow<T> + c;

@@ -41,7 +41,7 @@ KernelCase lines_case(std::size_t rows, std::size_t width) {
   auto block = std::make_shared<Misaligned<T>>(random_rows<T>(rows, width, width, 100, 5));
   const auto run = [=](bool plain, double* out) {
     if (plain) return plain_lines(block->data(), rows, width, out);
-    ocisac::kernels::column_lines<T>(block->data(), rows, width, {out, out + width, out + 2 * width});
+    ocisac::kernels::equalizer_loops<T>().column_lines(block->data(), rows, width, {out, out + width, out + 2 * width});
   };
   return kernel_case<double>(named<T>("column_lines", size_of(rows, width)), kTolerance<T>, {3, width, width}, run,
                              rows > 1000);
@@ -62,8 +62,9 @@ KernelCase line_case(std::size_t rows, std::size_t width, bool back) {
   const auto run = [=](bool plain, T* out) {
     std::copy_n(block->data(), rows * width, out);
     const ColumnLines of{lines->mean.data(), lines->slope.data(), lines->reach.data()};
-    if (!plain && back) return ocisac::kernels::put_lines_back<T>(out, rows, width, of, lines->scale.data(), later);
-    if (!plain) return ocisac::kernels::take_lines_off<T>(out, rows, width, of, lines->scale.data());
+    if (!plain && back)
+      return ocisac::kernels::equalizer_loops<T>().put_lines_back(out, rows, width, of, lines->scale.data(), later);
+    if (!plain) return ocisac::kernels::equalizer_loops<T>().take_lines_off(out, rows, width, of, lines->scale.data());
     for (std::size_t i = 0; i < rows * width; ++i) {
       const std::size_t c = i % width;
       const double row = static_cast<double>(i / width) - middle, value = static_cast<double>(out[i]);
@@ -83,8 +84,8 @@ KernelCase product_case(std::size_t outputs, std::size_t inputs, std::size_t wid
     const T* const first = rows->data() + (forwards ? 0 : (inputs - 1) * width);
     const auto stride = static_cast<std::ptrdiff_t>(width);
     if (!plain)
-      return ocisac::kernels::matrix_times_rows<T>(matrix->data(), outputs, inputs, first, forwards ? stride : -stride,
-                                                   out, stride, width);
+      return ocisac::kernels::equalizer_loops<T>().matrix_times_rows(matrix->data(), outputs, inputs, first,
+                                                                     forwards ? stride : -stride, out, stride, width);
     for (std::size_t i = 0; i < outputs; ++i)
       for (std::size_t c = 0; c < width; ++c) {
         double sum = 0;

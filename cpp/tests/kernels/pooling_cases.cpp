@@ -15,8 +15,9 @@ KernelCase pooling_case(std::size_t rows, std::size_t columns) {
   auto weights = std::make_shared<Misaligned<double>>(random_rows<double>(1, columns, columns, 1, 0.5));
   const auto run = [=](bool plain, double* out) {
     if (!plain)
-      return ocisac::kernels::pool_rows<T>({samples->data(), static_cast<std::ptrdiff_t>(stride), 0, rows, columns},
-                                           weights->data(), out);
+      return ocisac::kernels::pool_rows(
+          ocisac::kernels::StoredRows<T>{samples->data(), static_cast<std::ptrdiff_t>(stride), 0, rows, columns},
+          weights->data(), out);
     for (std::size_t r = 0; r < rows; ++r) {
       const T* row = samples->data() + r * stride;
       const std::size_t whole = columns / kSums * kSums;

@@ -8,6 +8,9 @@
 
 namespace ocisac {
 
+// Groups of neighbouring columns of a frame: a light of 1/64 of its width fills one.
+inline constexpr std::size_t kMaxBlocks = 64;
+
 // Block b of a frame is the sum of columns [b·width, (b+1)·width), in DN: a memoryless tone curve preserves every
 // period, so a frequency estimate needs no linear light.
 struct ColumnBlocks {

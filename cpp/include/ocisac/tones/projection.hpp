@@ -51,12 +51,10 @@ class RowWeights {
   int row_group_;
   std::vector<double> weights_;
   [[nodiscard]] std::size_t pair_count() const { return (groups_ + 1) / 2; }
-  [[nodiscard]] int integer_weight(std::size_t part, std::size_t group) const;
-  void fold();
   void fold_exactly(std::span<const double> largest);
-  std::vector<double> units_;  // value of one unit of each part: the limbs of output 0, those of output 1, …
-  std::vector<std::size_t> order_, folded_order_;   // index of each part
-  std::vector<std::int32_t> pairs_, folded_pairs_;  // (parts × pairs of groups)
+  std::vector<double> units_;        // value of one unit of each part: the limbs of output 0, those of output 1, …
+  std::vector<std::size_t> order_;   // index of each part, in the order of the outputs
+  std::vector<std::int32_t> pairs_;  // (parts × pairs of groups), in that order
   bool folds_ = false;
   std::vector<std::size_t> output_order_;
   std::size_t even_outputs_ = 0;

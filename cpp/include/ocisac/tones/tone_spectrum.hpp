@@ -18,13 +18,6 @@ namespace ocisac {
 // these frequencies gives 1. A mean of 0 or below counts as 1.
 std::vector<double> amplitude_spectrum(std::span<const double> signal);
 
-struct ToneSpectrumOptions {
-  std::optional<double> frequency{};  // Hz; absent: estimated
-  WaveformShape waveform = WaveformShape::tone;
-  double duty = 0.5;      // of a square wave
-  double background = 0;  // light of other sources, DN above dark
-};
-
 // Unknown numbers are NaN.
 struct ToneSpectrum {
   double frequency, frequency_std;          // Hz; no standard error for a given frequency
@@ -35,7 +28,8 @@ struct ToneSpectrum {
   std::vector<double> amplitude;  // (2·rows + 1) its amplitude_spectrum over the full-depth ratio of the waveform
 };
 
-// `frame`: one picture.
-ToneSpectrum tone_spectrum(const AnyFramesView& frame, const Camera& camera, const ToneSpectrumOptions& options = {});
+// `frame`: one picture. `frequency`: Hz; absent: estimated.
+ToneSpectrum tone_spectrum(const AnyFramesView& frame, const Camera& camera, std::optional<double> frequency = {},
+                           const ToneGainOptions& options = {});
 
 }  // namespace ocisac

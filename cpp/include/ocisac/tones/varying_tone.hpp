@@ -13,14 +13,6 @@
 
 namespace ocisac {
 
-struct VaryingToneOptions {
-  int degree = 2;  // of the polynomials, 0 to 4
-  WaveformShape waveform = WaveformShape::tone;
-  double duty = 0.5;
-  std::span<const double> background;  // as for ToneGainOptions
-  int threads = 1;
-};
-
 // Arrays (frames × columns), dense. Undetermined values are NaN and flagged.
 //   gain      mean over the rows of the tone's amplitude, over the mean light and the waveform's ratio
 //   gain_std  standard error of gain
@@ -34,9 +26,9 @@ struct VaryingToneGain {
   std::vector<Flags> flags;
 };
 
-// Least squares of a trend and tones whose levels are polynomials of `degree`. Throws as tone_gain does, and for a
-// degree outside its range.
-VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& camera, double frequency,
-                                  const VaryingToneOptions& options = {});
+// Least squares of a trend and tones whose levels are polynomials of `degree`, 0 to 4. Of the options waveform, duty,
+// background and threads count. Throws as tone_gain does, and for a degree outside its range.
+VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& camera, double frequency, int degree = 2,
+                                  const ToneGainOptions& options = {});
 
 }  // namespace ocisac
