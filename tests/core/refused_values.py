@@ -48,6 +48,11 @@ def scene_of(*surfaces: scene.Surface, camera: Camera = CAMERA) -> scene.Scene:
     return scene.Scene(LENS, camera, scene.Sensor(1e5), sources=[SOURCE], surfaces=surfaces)
 
 
+def no_data(value: float, **changes: Any) -> Call:
+    """One pixel of columns has the value."""
+    return Call({"columns": np.where(np.arange(512).reshape(64, 8) == 203, value, FRAME), **changes})
+
+
 NO_FRAMES = [np.zeros((0, 8)), np.zeros((64, 0)), np.zeros((64, 8), complex)]
 PERHAPS_COLOURS = [np.zeros((64, 48, colours), np.uint8) for colours in (3, 4)]
 NO_COLUMNS = [*NO_FRAMES, np.zeros((2, 2, 2, 2)), np.array([["a"]]), np.full((64, 8), NAN), np.full((64, 8), INF)]
@@ -105,14 +110,21 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     },
     "tones.tone_columns": {"frequency": [0.0, -5.0, NAN, INF]},
     "tones.find_frequency": {
-        "columns": NO_COLUMNS, "waveform": ["saw"],
+        "columns": [*NO_COLUMNS, np.full((64, 8), 1e61)], "waveform": ["saw"],
         "bounds": [(-1e5, 2e4), (2e4, 1e4), (5e4, 9e4), (NAN, 1e4), (1e4, NAN), ("a", 1)],
     },
     "tones.equalize": {
         "max_boost": [0.5, NAN, INF], "method": ["zero"],
-        "noise": [of(method="wiener", noise=noise) for noise in (-1.0, NAN, [1.0, 2.0])],
+        "noise": [of(method=one, noise=bad) for one in ("wiener", "inverse") for bad in (-1.0, NAN, [1.0, 2.0])],
         "out": [np.empty((50, 2)), np.empty((64, 8), np.float16), np.broadcast_to(0.0, (64, 8))], "threads": [0],
-        "columns": [np.full((64, 8), NAN), *(np.ones(shape) for shape in ((), (0,), (0, 3), (3, 0), (1, 2, 3, 4)))],
+        "columns": [
+            np.full((64, 8), NAN), *(np.ones(shape) for shape in ((), (0,), (0, 3), (3, 0), (1, 2, 3, 4))),
+            *(no_data(value, method=one, **more)
+              for one in ("wiener", "inverse")
+              for value, more in ((1e308, {}), (-1e308, {}), (3e38, {"out": np.empty((64, 8), np.float32)}),
+                                  (1e304, {"camera": Camera(1e-5, 1e-4, tone_curve="srgb")}),
+                                  (1e308, {"camera": Camera(1e-5, 1.0)}))),
+        ],
         "exposure": [of(camera=Camera(1e-5))],
     },
     "tones.lost_frequencies": {"exposure": [of(camera=Camera(1e-5))]},
@@ -249,7 +261,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     "lights.detect_sources": {
         "false_alarms": [0.0, NAN, 1.5], "min_cycles": [1.0, INF], "max_sources": [0, -1], "frame": [-1],
         "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2)), np.zeros((1, 64, 48, 3), np.uint8), *PERHAPS_COLOURS],
-        "columns": [of(frames=np.full((64, 64), NAN))],
+        "columns": [of(frames=np.full((64, 64), value)) for value in (NAN, 1e61)],
     },
     "receiver.compare_bits": {"received": ["012", ["01", "2"]], "sent": ["", "0a", [0.5], [[0, 1]]]},
     "receiver.receive": {
@@ -298,20 +310,21 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     },
     "scene.render": {"frames": [2], "noise": [True], "threads": [0]},
     "sensing.sense": {
-        "frames": [np.zeros(100), *PERHAPS_COLOURS], "depth": [0.0], "unlit": [np.zeros((5, 5))], "waveform": ["saw"],
+        "frames": [np.zeros(100), *PERHAPS_COLOURS, np.full((2, 64, 8), 1e302)], "depth": [0.0],
+        "unlit": [np.zeros((5, 5))], "waveform": ["saw"],
     },
     "sensing.restore_contrast": {
         "camera.exposure": [of(camera=Camera(1e-5))],
         "columns": [of(columns=np.ones(100), camera=Camera(22.2e-6, 600e-6))],
     },
-    "sensing.background_light": {"frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2))]},
+    "sensing.background_light": {"frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2)), np.full((2, 64, 8), 1e302)]},
     "sensing.sense_region": {
         "frames": [*NO_FRAMES, np.zeros((2, 2, 2, 2)), np.full((2, 64, 8), 1e100), np.full((2, 64, 8), 1e-100)],
         "frame_times": [of(motion=sensing.KnownMotion(frame_times=(0.0, 1.0)))],
         "frequency": [0.0, NAN], "waveform": ["saw"], "duty": [1.0], "depth": [0.0], "motion": ["across"],
         "frequency_std": [of(frequency=types.SimpleNamespace(frequency=517.0, frequency_std=-1.0))],
         "bounds": [of(frequency=None, bounds=(500.0, 400.0))], "others": [[0.0]],
-        "background": [np.zeros(3), NAN],
+        "background": [np.zeros(3), NAN, 1e300],
     },
     "sensing.KnownMotion": {
         "axis": ["up"], "direction": [2], "pitch": [-1.0, "1mm", Quantity(0.0)], "spatial_frequency": [0.0],

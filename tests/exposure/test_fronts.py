@@ -10,6 +10,10 @@ import pytest
 from ocisac_fast.exposure import best_noisy_exposure, exposure_front
 
 
+def test_noise_without_bound_leaves_no_signal() -> None:
+    assert not exposure_front(500.0, 120.0, noise_exposure=1e-320).comm.any()
+
+
 def test_no_exposure_beats_an_efficient_one() -> None:
     front = exposure_front(500.0, 350.0, points=401)
     for k in range(front.exposure.size):

@@ -44,6 +44,13 @@ def frames():
     return scene()
 
 
+def test_contrast_at_the_row_rate_is_not_known() -> None:
+    camera = ocisac.Camera(22.2e-6, exposure=200e-6, frame_time=1 / 30)
+    light = 120 + 80 * np.sin(2 * np.pi * 1000 * 22.2e-6 * np.arange(240))[:, np.newaxis]
+    frames = light + 2 * np.random.default_rng(0).standard_normal((3, 240, 24))
+    assert ocisac.restore_contrast(frames, camera, 45045.045).flags & ocisac.Flag.UNRESOLVABLE
+
+
 def test_finds_and_measures_lights_and_moving_textures(frames):
     found = ocisac.sense(frames, CAMERA, unlit=scene(seed=1, lit=False), motion=KnownMotion(pitch=1e-3))
     assert sorted(one.kind for one in found) == ["light", "moving", "moving"]

@@ -74,6 +74,52 @@ def test_pooled_columns_that_are_clipped_are_flagged_or_left_out(kind):
     assert missed <= 0.05 * biased
 
 
+def dim_lamp(waveform, swing, noise, black, seed):
+    """200 columns of bytes, clipped at 0, and the gain's arguments."""
+    random = np.random.default_rng([seed, 7])
+    camera = Camera(ROW_TIME, exposure=50e-6, dark_level=black)
+    wave = (SquareWave if waveform == "square" else Tone)(1000.0, phase=random.uniform(0, 6))
+    light = swing * integrate_exposure(wave, camera, 720)[:, None] + black
+    pixels = np.rint(light + noise * random.standard_normal((720, 200))).clip(0, 255).astype(np.uint8)
+    return pixels, camera, {"frequency": 1000.0, "waveform": waveform}
+
+
+@pytest.mark.parametrize("waveform", ["tone", "square"])
+@pytest.mark.parametrize(
+    ("swing", "noise", "black"),
+    [(2.0, 8.0, 0.0), (4.0, 16.0, 0.0), (4.0, 24.0, 0.0), (8.0, 30.0, 0.0), (4.0, 16.0, 32.0), (4.0, 16.0, 40.0)],
+)
+def test_a_dim_lamp_below_noise_that_is_clipped_has_no_pooled_gain_without_a_flag(waveform, swing, noise, black):
+    """Columns are weak, and at the dark level of 40 too few samples of each are at 0: all together are not."""
+    for seed in range(4):
+        pixels, camera, asked = dim_lamp(waveform, swing, noise, black, seed)
+        assert tone_gain(pixels, camera, **asked, pooled=True).flags & Flag.SATURATED
+
+
+@pytest.mark.parametrize("waveform", ["tone", "square"])
+@pytest.mark.parametrize(("swing", "noise"), [(2.0, 0.5), (4.0, 0.5), (8.0, 0.5), (4.0, 0.4), (4.0, 0.6)])
+def test_noise_of_half_a_step_that_is_clipped_at_black_is_flagged(waveform, swing, noise):
+    """As many samples of a tone of two steps are at 1 as at 0: a third of its columns have no flag by themselves."""
+    silent = 0
+    for seed in range(4):
+        pixels, camera, asked = dim_lamp(waveform, swing, noise, 0.0, seed)
+        assert tone_gain(pixels, camera, **asked, pooled=True).flags & (Flag.SATURATED | Flag.QUANTISED)
+        found = tone_gain(pixels, camera, **asked)
+        truth = np.sinc(1000.0 * camera.exposure)
+        silent += ((found.flags == 0) & (np.abs(found.gain - truth) > 3 * found.gain_std)).sum()
+    assert silent <= (0.3 if swing == 2 and waveform == "tone" else 0.05) * 4 * 200
+
+
+def test_a_bright_lamp_with_little_noise_above_black_has_no_flag():
+    """Noise of a fifth of a step loses 0.6 % of the samples where the lamp is off: less than a standard error."""
+    flagged = 0
+    for seed in range(8):
+        pixels, camera, asked = dim_lamp("square", 100.0, 0.2, 0.0, seed)
+        assert not tone_gain(pixels, camera, **asked, pooled=True).flags & Flag.SATURATED
+        flagged += (tone_gain(pixels, camera, **asked).flags & Flag.SATURATED != 0).mean() / 8
+    assert flagged <= 0.05
+
+
 @pytest.mark.parametrize("pooled", [True, False])
 def test_light_far_below_the_dark_level_is_flagged(pooled):
     flagged = []

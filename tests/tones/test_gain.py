@@ -328,6 +328,17 @@ def test_arguments_of_other_types_are_not_taken_as_given(change):
     assert as_given(np.eye(9), **change) is None
 
 
+@pytest.mark.parametrize("pooled", [True, False])
+@pytest.mark.parametrize("frequency", [0.7, 5.0, 20.0])
+def test_a_mean_beyond_all_samples_is_not_known(pooled, frequency):
+    """A part of a cycle, as of a frequency in kHz, tells no mean: 10⁹ DN of bytes."""
+    camera = Camera(ROW_TIME, exposure=1e-4)
+    light = 20 + 150 * ocisac.integrate_exposure(ocisac.SquareWave(1000.0), camera, 480)[:, np.newaxis] * np.ones(64)
+    found = ocisac.tone_gain(np.rint(light).astype(np.uint8), camera, frequency, waveform="square", pooled=pooled)
+    assert np.isnan([found.mean, found.gain]).all()
+    assert np.all(found.flags & Flag.UNRESOLVABLE)
+
+
 def test_flags():
     camera = Camera(ROW_TIME, exposure=1e-3)
 

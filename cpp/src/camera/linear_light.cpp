@@ -105,27 +105,31 @@ void check_shape(const AnyFramesView& frames) {
   require(shape.columns > 0, "columns", "0 columns", "at least one column");
 }
 
-void check_samples(const AnyFramesView& frames) {
+void check_samples(const AnyFramesView& frames, double most) {
   std::visit(
-      []<class T>(const FramesView<const T>& view) {
+      [most]<class T>(const FramesView<const T>& view) {
+        const T limit = static_cast<T>(std::min(most, static_cast<double>(std::numeric_limits<T>::max())));
         if constexpr (std::is_floating_point_v<T>)
           for (std::size_t frame = 0; frame < view.frames; ++frame)
             for (std::size_t row = 0; row < view.rows; ++row) {
               bool finite = true;  // without a branch for each sample
               for (std::size_t column = 0; column < view.columns; ++column) {
                 const T v = view(frame, row, column);
-                finite &= v - v == 0;
+                finite &= std::abs(v) <= limit;
               }
-              for (std::size_t column = 0; !finite && column < view.columns; ++column)
-                require_finite("columns", static_cast<double>(view(frame, row, column)));
+              for (std::size_t column = 0; !finite && column < view.columns; ++column) {
+                const auto v = static_cast<double>(view(frame, row, column));
+                require_finite("columns", v);
+                require(std::abs(v) <= most, "columns", v, "samples of at most " + shortest_text(most));
+              }
             }
       },
       frames);
 }
 
-void check(const AnyFramesView& frames) {
+void check(const AnyFramesView& frames, double most) {
   check_shape(frames);
-  check_samples(frames);
+  check_samples(frames, most);
 }
 
 }  // namespace ocisac

@@ -75,7 +75,7 @@ void remove_mean(std::span<double> signal, double mean) {
 }  // namespace
 
 ColumnBlocks column_blocks(const AnyFramesView& frames, double saturation) {
-  check(frames);
+  check(frames, kMostLight);
   const Shape shape = shape_of(frames);
   const std::size_t most = std::clamp<std::size_t>(kMaxSignals / std::max<std::size_t>(shape.frames, 1), 1, kMaxBlocks);
   const std::size_t width = (shape.columns + most - 1) / most;

@@ -75,7 +75,7 @@ void check(const ExpectedLight& light, const Shape& shape, const Camera& camera)
 
 std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camera& camera,
                                         const DetectOptions& options) {
-  check(frames);
+  check(frames, kMostLight);
   check(camera);
   check(options);
   std::vector<LightSource> sources;

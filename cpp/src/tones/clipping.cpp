@@ -48,7 +48,7 @@ std::optional<Pile> lowest(std::vector<T>& samples, int sign) {
   T beside = level;
   for (const T sample : samples)
     if (sample != level && (beside == level || before(sample, beside))) beside = sample;
-  if (at <= static_cast<std::size_t>(std::ranges::count(samples, beside))) return {};
+  if ((level == T{0} ? 2 * at : at) <= static_cast<std::size_t>(std::ranges::count(samples, beside))) return {};
   std::ranges::sort(samples);
   return Pile{static_cast<double>(level), static_cast<double>(beside), smallest_step(samples)};
 }

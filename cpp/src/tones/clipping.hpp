@@ -10,8 +10,8 @@
 
 namespace ocisac {
 
-// The smallest or the largest value of some samples where more have it than the value beside it, as stored, and the
-// smallest step between any two of them.
+// The smallest or the largest value of some samples where more have it than the value beside it (0: than half as
+// many), as stored, and the smallest step between any two of them.
 struct Pile {
   double level, beside, step;
 };

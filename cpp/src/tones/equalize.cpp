@@ -191,6 +191,14 @@ void light_rows(const AnyFramesView& frames, std::size_t frame, std::size_t firs
       frames);
 }
 
+// Refuses light of which sums over rows, boosted, are no numbers in T.
+template <class T>
+void check_light(double largest) {
+  constexpr double kMost = 1e-6 * static_cast<double>(std::numeric_limits<T>::max());
+  require(std::abs(largest) <= kMost, "columns", "light that is too large",
+          "up to 1e-6 of the largest number of out's type");
+}
+
 // Memory of a thread, reused from call to call.
 template <class T>
 struct Memory {
@@ -249,7 +257,9 @@ class BlockEqualizer {
            std::span<double> restored) {
     const kernels::ColumnLines lines{memory_.mean.data(), memory_.slope.data(), memory_.reach.data()};
     kernels::equalizer_loops<T>().column_lines(block(), plan_.rows, kWidth<T>, lines);
+    const auto height = static_cast<double>(plan_.rows);
     for (std::size_t c = 0; c < kWidth<T>; ++c) {
+      check_light<T>(std::abs(memory_.mean[c]) + memory_.reach[c] + std::abs(memory_.slope[c]) * height);
       memory_.units[c] = unit_of(memory_.reach[c]);
       memory_.scale[c] = memory_.units[c] > 0 ? 1 / memory_.units[c] : 1;
     }
@@ -395,6 +405,7 @@ EqualizerReport without_dft(const AnyFramesView& frames, const Camera& camera, c
       check_interrupt();
       const std::size_t count = std::min(kWidth<T>, out.columns - first);
       const auto signals = column_signals(frames, frame, first, count, camera.tone_curve);
+      for (const double light : signals) check_light<T>(light);
       for (std::size_t c = 0; c < count; ++c) {
         const auto signal = std::span(signals).subspan(c * out.rows, out.rows);
         const double mean = mean_of(signal);

@@ -52,6 +52,7 @@ struct Context {
   double step;                   // between samples, which are light; 0: they have fractions
   std::vector<double> others{};  // cycles per row of tones that are fitted too, without a result
   bool stored = true;            // samples as they were stored, which may be clipped
+  bool pooled = false;           // columns are combined later
 };
 
 // Rows after which a tone's phases come again, and by how many cycles they drift in the frame.
@@ -127,7 +128,7 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
                                                      &result.mean[first], &result.snr[first], remarks.data()});
   for (std::size_t i = 0; i < count; ++i)
     result.flags[first + i] = tone.flags | flag_if(tops[i] >= level, flag::saturated);
-  if (!any && context.step <= 1 && !(tone.flags & flag::unresolvable)) return;
+  if (!any && context.step <= 1 && !(tone.flags & (flag::unresolvable | flag::few_cycles))) return;
   Recurrences recurrences;
   if (context.step > 0) recurrences = recurrences_of(tone.cycles_per_row, context.shape.rows);
   for (std::size_t i = 0; i < count; ++i) {
@@ -135,6 +136,11 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
     Flags& flags = result.flags[index];
     const auto remark = static_cast<kernels::Remark>(remarks[i]);
     if (remark == kernels::kNoLight) flags |= flag::no_light;
+    // A mean beyond all samples follows from the part of a cycle that is seen.
+    if (flags & flag::few_cycles && !(std::abs(result.mean[index]) <= tops[i])) {
+      flags |= flag::unresolvable;
+      result.mean[index] = kNaN;
+    }
     if (flags & (flag::unresolvable | flag::no_light))
       mark_unknown(result, index);
     else if (remark == kernels::kWeakTone)
@@ -336,30 +342,62 @@ double noise_of(const ToneGainView& result, std::size_t index) {
   return result.gain[index] * result.mean[index] / std::sqrt(result.snr[index]);
 }
 
-// Flags columns in which more samples are at a pile than would shift the mean by its standard error: at k samples it is
-// shifted by at most 0.8 σ k/rows, less than σ/√rows for k below √rows. A few are chance, and noise below half a step
-// makes piles itself.
+// Samples of a column at a pile that stand for lost ones. Noise below half a step makes piles itself, as does a lamp
+// that is off (none are lost above 0). Black at 0 loses as many as noise takes to the value beside; of noise σ below a
+// step exp(−step²/8σ²) of what it loses without steps (within 25 %).
+double lost_samples(const Context& context, double off, const Pile& pile, double noise, const PileCounts& counts,
+                    std::size_t column) {
+  constexpr double kRunsOfNoise = 0.25;
+  const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
+  const double at = counts.at[column], steps = noise / pile.step;
+  const bool may_be_off = pile.level < pile.beside && (!is_linear || pile.level <= off + kHalfStep * pile.step);
+  if (may_be_off && pile.level > 0 && counts.runs[column] < kRunsOfNoise * at) return 0;
+  if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < kHalfStep))) return 0;
+  if (!may_be_off || !is_linear || !(steps < 1)) return at;
+  return std::min(at * std::exp(-1.0 / 8 / std::max(steps * steps - 1.0 / 12, 0.0)), counts.beside[column] / steps);
+}
+
+// Samples at a pile of columns with weights.
+struct PiledColumns {
+  double weights = 0, squares = 0, lost = 0, at = 0, beside = 0, beyond = 0;
+
+  void add(double weight, const PileCounts& counts, std::size_t column, double lost_samples) {
+    weights += weight, squares += weight * weight, lost += weight * lost_samples;
+    at += weight * counts.at[column], beside += weight * counts.beside[column];
+    beyond += weight * counts.beyond[column];
+  }
+  // True if more are lost than would shift the mean by its standard error: k of a column shift it by at most
+  // 0.8 σ k/rows, less than σ/√rows for k below √rows. A few are chance.
+  [[nodiscard]] bool are_clipped(std::size_t rows) const {
+    constexpr double kChance = 5, kLast = 20, kOfBeside = 0.8;  // a tone of two steps has 0.82 at black
+    const double allowed = kChance * squares / weights + 0.5 * std::sqrt(static_cast<double>(rows) * squares);
+    return lost > allowed && at > kOfBeside * beside && at > kLast * beyond;
+  }
+};
+
+// Flags columns that are clipped, or all that are pooled, by their light, if those that are left are as one.
 void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t frame, const Pile& pile,
                const ToneGainView& result) {
-  constexpr double kChance = 5, kLast = 20, kRunsOfNoise = 0.25;
   const auto counts = count_pile(frames, frame, pile);
-  const double allowed = kChance + 0.5 * std::sqrt(static_cast<double>(context.shape.rows));
-  const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
-  for (std::size_t i = 0; i < context.shape.columns; ++i) {
-    const double at = counts.at[i];
-    const std::size_t index = index_of(context, 0, frame) + i;
-    if (result.flags[index] & (kUnusable | flag::weak) ||
-        !(at > allowed && at > counts.beside[i] && at > kLast * counts.beyond[i]))
-      continue;
-    if (is_linear && noise_of(result, index) < kHalfStep * pile.step) continue;
-    // Where the lamp is off, samples are equal without noise there, too.
-    const double off = context.camera->tone_curve.dark_level + background_of(context, frame, i);
-    const bool may_be_off =
-        pile.level < pile.beside && pile.level > 0 && (!is_linear || pile.level <= off + kHalfStep * pile.step);
-    if (may_be_off && counts.runs[i] < kRunsOfNoise * at) continue;
+  const auto flag_column = [&](std::size_t i) {
     for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
       result.flags[index_of(context, tone, frame) + i] |= flag::saturated;
+  };
+  PiledColumns left;
+  for (std::size_t i = 0; i < context.shape.columns; ++i) {
+    const std::size_t index = index_of(context, 0, frame) + i;
+    if (result.flags[index] & kUnusable) continue;
+    const double off = context.camera->tone_curve.dark_level + background_of(context, frame, i);
+    const double noise = noise_of(result, index), lost = lost_samples(context, off, pile, noise, counts, i);
+    PiledColumns own;
+    own.add(1, counts, i, lost);
+    if (own.are_clipped(context.shape.rows))
+      flag_column(i);
+    else if (noise >= pile.step)  // below, rounding is no noise
+      left.add(std::max(result.mean[index], 0.0), counts, i, lost);
   }
+  for (std::size_t i = 0; context.pooled && left.are_clipped(context.shape.rows) && i < context.shape.columns; ++i)
+    flag_column(i);
 }
 
 // True if light of a column is not surely apart from black, or from its least and its largest sample, by its noise. A
@@ -543,6 +581,7 @@ ToneGain gains_of_frame(const AnyFramesView& one, const Context& context, std::s
   Context with_others = make_context(one, *context.camera, frequencies, options);
   with_others.others = others;
   with_others.stored = context.stored;
+  with_others.pooled = context.pooled;
   ToneGain found = empty_result(frequencies.size(), 1, columns);
   gains_of_model(one, with_others, view_of(found));
   return found;
@@ -666,8 +705,7 @@ void gains_of_model(const AnyFramesView& frames, const Context& context, const T
     auto fitted = fitted_columns(*model, column_signals(frames, frame, first, count, context.camera->tone_curve));
     check_size(std::span(fitted.parameters).first(count));
     take_off(context, frame, first, 0, std::span(fitted.parameters).first(count));
-    const auto samples =
-        context.stored ? project(frames, frame, first, count, none).maximum : std::vector<double>(count);
+    const auto samples = project(frames, frame, first, count, none).maximum;
     for (std::size_t k = 0; k < context.tones.size(); ++k)
       write_result(context, tone_of_model(context, *model, k), fitted_tone(fitted, model->covariance, k), samples,
                    level, index_of(context, k, frame) + first, result);
@@ -928,7 +966,8 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
 
 void gains(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
            const ToneGainOptions& options, bool pooled, const ToneGainView& result) {
-  const Context context = make_context(frames, camera, frequencies, options);
+  Context context = make_context(frames, camera, frequencies, options);
+  context.pooled = pooled;
   const std::size_t each = context.shape.frames * (pooled ? 1 : context.shape.columns);
   check_room(result, frequencies.size() * each);
   if (options.method == GainMethod::dft && frequencies.size() > 1) {

@@ -56,7 +56,8 @@ def exposure_front(
     if not noise_exposure > 0.0:
         raise ValueError(f"noise_exposure: got {noise_exposure}, allowed: a number above 0 (s), or infinity")
     exposure = np.linspace(low, high, points)
-    noise = np.sqrt(1.0 + exposure / noise_exposure)
+    with np.errstate(over="ignore"):  # noise without bound leaves no signal
+        noise = np.sqrt(1.0 + exposure / noise_exposure)
     comm, sense = (exposure * np.abs(np.sinc(f * exposure)) / noise for f in (f_comm, f_sense))
     return ExposureFront(exposure, comm, sense, efficient_points(comm, sense))
 

@@ -59,7 +59,8 @@ def pooled_gain(fitted: Fitted, ambient: Ambient) -> PooledGain:
     variance += _ambient_variance(by[0], ambient) + (_by_cycles(fitted, by) * fitted.cycles_std) ** 2
     chance = float((noise**2).sum()) * (c[1, 1] ** 2 + c[2, 2] ** 2 + 2 * c[1, 2] ** 2) / 2.0 / light**2
     both = variance + chance  # variance of gain^2 / 4
-    std = np.sqrt(both) / gain if gain**4 > 4.0 * both else (4.0 * both) ** 0.25
+    with np.errstate(invalid="ignore"):  # rounding leaves an ill-posed fit a variance below 0
+        std = np.sqrt(both) / gain if gain**4 > 4.0 * both else (4.0 * both) ** 0.25
     mean_noise = float(noise.mean())
     snr = max(power, 0.0) / m.size / mean_noise if mean_noise > 0.0 else np.inf
     return PooledGain(gain, float(std), float(m.mean()), float(snr))

@@ -19,7 +19,7 @@ from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
 from ocisac_fast.lights.sources import LightSource, detect_sources
 from ocisac_fast.sensing.motion import KnownMotion
-from ocisac_fast.sensing.region import BackgroundLight, Request, SensedRegion, background_light, measure
+from ocisac_fast.sensing.region import BackgroundLight, Request, SensedRegion, background_light, check_size, measure
 from ocisac_fast.sensing.search import PeriodicRegion, periodic_regions, without_repeats
 
 _MIN_BESIDE = 4  # columns
@@ -123,6 +123,7 @@ def find_periodic(frames: npt.ArrayLike, camera: Camera) -> FoundPeriodic:
     if np.ndim(frames) == 1:
         raise ValueError("frames: got 1 dimension, allowed: (rows, columns) or (frames, rows, columns)")
     pictures = as_grey_frames(frames, "frames", camera.scan_axis)[:SEARCHED]
+    check_size(pictures)
     in_order = camera.in_time_order
     lights = [
         PeriodicRegion(one.region, *_per_row(one, in_order))

@@ -39,6 +39,7 @@ from ocisac_fast.tones.frequency import find_frequency
 from ocisac_fast.tones.gain import tone_gain
 from ocisac_fast.tones.varying_tone import varying_tone_gain
 
+_MOST = 1e60  # light whose fourth powers are numbers
 _COMMON_PHASE = 0.1  # rad; max. RMS spread of a light's phase over the columns
 
 
@@ -225,9 +226,7 @@ def measure(
 ) -> SensedRegion:
     """:func:`sense_region` of a request."""
     region = as_grey_frames(frames, "frames", camera.scan_axis)
-    largest = float(np.abs(region).max())
-    if largest > 0.0 and not 1e-60 <= largest <= 1e60:  # fourth powers are numbers; NaN is refused later
-        raise ValueError(f"frames: got {largest:g} as the largest value, allowed: 1e-60 to 1e60")
+    check_size(region)
     width, height = stored_box(Region(0, 0, region.shape[2], region.shape[1]), region.shape[1:], camera.scan_axis)[2:]
     camera = camera.in_time_order
     tones = [f * camera.row_period for f in request.others]
@@ -296,6 +295,7 @@ def background_light(
         ValueError: wrong shapes or types, or frequencies that are not finite and above 0.
     """
     region = as_grey_frames(frames, "frames", camera.scan_axis)
+    check_size(region)
     camera = camera.in_time_order
     frequencies = _frequencies("tones", tones)
     model = make_model(region.shape[1], 0.0, (), [f * camera.row_period for f in frequencies])
@@ -306,6 +306,13 @@ def background_light(
         return BackgroundLight(columns, std)
     spread = columns.std(ddof=1) / np.sqrt(columns.size) if columns.size > 1 else std[0]
     return BackgroundLight(np.asarray(columns.mean()), np.asarray(spread))
+
+
+def check_size(frames: npt.NDArray[Any]) -> None:
+    """Refuse frames whose largest light has no fourth power; what is not finite is refused later."""
+    largest = float(np.abs(frames).max())
+    if largest > 0.0 and not 1.0 / _MOST <= largest <= _MOST:
+        raise ValueError(f"frames: got {largest:g} as the largest value, allowed: 1e-60 to 1e60")
 
 
 def _frequencies(name: str, given: npt.ArrayLike) -> tuple[float, ...]:
@@ -325,8 +332,8 @@ def _ambient(background: npt.ArrayLike | BackgroundLight | None, region: npt.NDA
         np.broadcast_to(mean, shape)
     except ValueError:
         raise ValueError(f"background: got shape {mean.shape}, allowed: one value, {shape[1:]} or {shape}") from None
-    if not np.isfinite(mean).all():
-        raise ValueError(f"background: got {mean}, allowed: finite values")
+    if not (np.abs(mean) <= _MOST).all():
+        raise ValueError(f"background: got {mean}, allowed: finite values of at most 1e60")
     return Ambient(mean, std, mean.ndim == 0)
 
 

@@ -123,7 +123,7 @@ def equalize(
     if np.may_share_memory(array, result):
         array = array.copy()
     per_column = (*array.shape[:-2], *array.shape[-1:]) if array.ndim > 1 else ()
-    values = _noise(noise, per_column) if method == "wiener" else np.empty(0)
+    values = _noise(noise, per_column)
     lost, gain, used = _core.equalize(array, camera._handle, method, values, max_boost, threads, result)
     if not report:
         return stored

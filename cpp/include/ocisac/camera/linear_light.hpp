@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "ocisac/camera/tone_curve.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/views.hpp"
 
 namespace ocisac {
@@ -33,9 +34,11 @@ double saturation_level(const AnyFramesView& frames, const ToneCurve& curve);
 
 bool holds_integers(const AnyFramesView& frames);
 
-// Refuse views without rows or columns; floating-point samples that are not finite; both.
+inline constexpr double kMostLight = 1e60;  // whose fourth powers are numbers
+
+// Refuse views without rows or columns; floating-point samples that are not finite, or above `most`; both.
 void check_shape(const AnyFramesView& frames);
-void check_samples(const AnyFramesView& frames);
-void check(const AnyFramesView& frames);
+void check_samples(const AnyFramesView& frames, double most = kInfinity);
+void check(const AnyFramesView& frames, double most = kInfinity);
 
 }  // namespace ocisac
