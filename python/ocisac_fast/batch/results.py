@@ -87,6 +87,8 @@ class Results:
         facts = {**task.facts(), "version": build()["version"]}
         with self._alone():
             with self._errors():
+                for folder in _FOLDERS:
+                    self._require_file(folder)
                 there = None if again else self._task()
                 if there is not None and there != facts:
                     raise ResultsError(
@@ -129,6 +131,11 @@ class Results:
         finally:
             self._locked = None
             os.close(folder)
+
+    @property
+    def locks(self) -> tuple[int, ...]:
+        """Descriptors of the folder's lock, while a run writes here."""
+        return () if self._locked is None else (self._locked,)
 
     def _require_folder(self) -> None:
         """Refuse to make the folder again, and to write in another one that has its name now."""
@@ -416,9 +423,11 @@ class Results:
         return found if isinstance(found, dict) else {}
 
     def _require_file(self, name: str) -> None:
+        """Refuse what is no file, and links also among the folders of the results above it."""
         path = self._path(name)
+        above = [self._path(str(each)) for each in (name, *PurePosixPath(name).parents[:-1])]
         with contextlib.suppress(FileNotFoundError):
-            if (self.is_local and os.path.islink(path)) or self._system.info(path).get("type") == _NO_FILE:
+            if (self.is_local and any(map(os.path.islink, above))) or self._system.info(path).get("type") == _NO_FILE:
                 raise ResultsError(f"{self.folder}: {name} is a link, a pipe or a device; allowed: another folder")
 
     def _path(self, name: str) -> str:
