@@ -57,6 +57,18 @@ std::optional<std::string> length_doubt(std::size_t bytes, const FrameLayout& la
   return text;
 }
 
+std::optional<std::string> time_doubt(const Camera& camera, std::size_t rows, std::optional<double> chip_rate) {
+  if (!camera.frame_time) return std::nullopt;
+  const double most = *camera.frame_time * (1 + 1e-9);
+  const auto longer = [](const std::string& time, const std::string& option) {
+    return time + " longer than the frame time: " + option + " or the frame rate may be wrong";
+  };
+  if (camera.exposure.value_or(0) > most) return longer("an exposure", "--exposure (s without a unit)");
+  if (chip_rate && 1 / *chip_rate > most) return longer("a chip", "--chip-rate (Hz without a unit)");
+  if (static_cast<double>(rows) * camera.row_time > most) return longer("rows", "--row-time");
+  return std::nullopt;
+}
+
 std::optional<std::string> FormatCheck::push(std::span<const std::uint8_t> frame) {
   if (frames_ == kFrames || layout_.bytes % layout_.width != 0) return std::nullopt;
   const auto more = frame.first(std::min(frame.size(), kFirstBytes - first_bytes_.size()));

@@ -10,6 +10,7 @@ import socket
 import sys
 import threading
 
+import fsspec
 import numpy as np
 import pytest
 from lamp_recordings import ROW_TIME, SHORT, lamp
@@ -152,6 +153,17 @@ def test_recordings_in_archives(kind, tmp_path, monkeypatch):
     archive = shutil.make_archive(str(tmp_path / "all"), kind, tmp_path, "in")
     for name in ("a.npy", "*.npy"):
         assert measured(f"{kind}://in/{name}::{archive}") == {f"{kind}://in/a.npy::{archive}"}
+    (before,) = find_recordings(f"{kind}://in/a.npy::{archive}")
+    for seed in (1, 2):  # another array of the same size, then another archive of this array
+        save(tmp_path / "in" / "a.npy")
+        if seed == 1:
+            save(tmp_path / "in" / "a.npy", seed)
+        os.utime(tmp_path / "in" / "a.npy", (1e9, 1e9))
+        shutil.make_archive(str(tmp_path / "all"), kind, tmp_path, "in")
+        fsspec.get_filesystem_class(kind).clear_instance_cache()
+        (after,) = find_recordings(f"{kind}://in/a.npy::{archive}")
+        assert (after.path, after.size, after.state == before.state) == (*before[:2], False)
+        before = after
 
 
 class Server(http.server.BaseHTTPRequestHandler):

@@ -87,7 +87,8 @@ class Results:
         facts = {**task.facts(), "version": build()["version"]}
         with self._alone():
             with self._errors():
-                for folder in _FOLDERS:
+                rows = Path(self._path("rows")).glob("??") if self.is_local else ()
+                for folder in (*_FOLDERS, *(f"rows/{each.name}" for each in rows)):
                     self._require_file(folder)
                 there = None if again else self._task()
                 if there is not None and there != facts:

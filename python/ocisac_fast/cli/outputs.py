@@ -75,6 +75,8 @@ def _paths(context: click.Context, kind: type[click.Path]) -> Iterator[tuple[cli
 def _check(
     param: click.Parameter, path: str, before: list[tuple[click.Parameter, str]], context: click.Context, force: bool
 ) -> None:
+    if not path:
+        raise click.UsageError(f"{_label(param)}: got no name, allowed: a file")
     refused = f"{_label(param)}: got {path}, which"
     for other, written in before:
         if _is_same(path, written):
