@@ -138,4 +138,5 @@ def _listed(system: Any, path: str) -> dict[str, Any]:
 
 
 def _entry(path: str, status: dict[str, Any]) -> Entry:
-    return Entry(path, status.get("size"), digest(f"{status.get('size')} {modified(status)}{status.get('archive', '')}"))
+    size = status.get("size")
+    return Entry(path, size, digest(f"{size} {modified(status)}{status.get('archive', '')}"))

@@ -91,7 +91,8 @@ class _Waiting(io.FileIO):
             select.select([self], [], [])
         return count
 
-    read, readall = io.RawIOBase.read, io.RawIOBase.readall  # by `readinto`
+    read: Any = io.RawIOBase.read  # by `readinto`, as the next
+    readall = io.RawIOBase.readall
 
 
 def standard_input() -> BinaryIO:
@@ -102,8 +103,9 @@ def standard_input() -> BinaryIO:
     """
     if sys.stdin.buffer.closed:
         raise FileError("was read before, allowed: once")
-    if sys.stdin is sys.__stdin__ and not os.get_blocking(sys.stdin.fileno()):
-        sys.stdin = io.TextIOWrapper(io.BufferedReader(_Waiting(sys.stdin.fileno(), closefd=False)))
+    first = sys.__stdin__
+    if first is not None and sys.stdin is first and not os.get_blocking(first.fileno()):
+        sys.stdin = io.TextIOWrapper(io.BufferedReader(_Waiting(first.fileno(), closefd=False)))
     return sys.stdin.buffer
 
 

@@ -205,7 +205,7 @@ def _of_one_recording(path: str | os.PathLike[str], before: Any, frames: Iterato
                 differs = int(frame.shape == first[0])
                 raise FileError(f"frame {count} is {kind[differs]} after frames of {first[differs]}")
             yield frame
-            count += 1
+            count += 1  # noqa: SIM113, `enumerate` would hold the frame
             del frame  # before the next one is made
         after = before and _state(path, before[1])
         if not after or after[:3] == before[:3] or after[0] != before[0]:
