@@ -58,14 +58,11 @@ std::optional<std::string> length_doubt(std::size_t bytes, const FrameLayout& la
 }
 
 std::optional<std::string> time_doubt(const Camera& camera, std::size_t rows, std::optional<double> chip_rate) {
-  if (!camera.frame_time) return std::nullopt;
-  const double most = *camera.frame_time * (1 + 1e-9);
-  const auto longer = [](const std::string& time, const std::string& option) {
-    return time + " longer than the frame time: " + option + " or the frame rate may be wrong";
-  };
-  if (camera.exposure.value_or(0) > most) return longer("an exposure", "--exposure (s without a unit)");
-  if (chip_rate && 1 / *chip_rate > most) return longer("a chip", "--chip-rate (Hz without a unit)");
-  if (static_cast<double>(rows) * camera.row_time > most) return longer("rows", "--row-time");
+  const double most = camera.frame_time.value_or(INFINITY) * (1 + 1e-9);
+  const std::string longer = " longer than the frame time, a wrong frame rate or ";
+  if (camera.exposure.value_or(0) > most) return "an exposure" + longer + "--exposure (s without a unit)";
+  if (chip_rate && 1 / *chip_rate > most) return "a chip" + longer + "--chip-rate (Hz without a unit)";
+  if (static_cast<double>(rows) * camera.row_time > most) return "rows" + longer + "--row-time";
   return std::nullopt;
 }
 

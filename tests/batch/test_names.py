@@ -154,11 +154,8 @@ def test_recordings_in_archives(kind, tmp_path, monkeypatch):
     for name in ("a.npy", "*.npy"):
         assert measured(f"{kind}://in/{name}::{archive}") == {f"{kind}://in/a.npy::{archive}"}
     (before,) = find_recordings(f"{kind}://in/a.npy::{archive}")
-    for seed in (1, 2):  # another array of the same size, then another archive of this array
-        save(tmp_path / "in" / "a.npy")
-        if seed == 1:
-            save(tmp_path / "in" / "a.npy", seed)
-        os.utime(tmp_path / "in" / "a.npy", (1e9, 1e9))
+    for seed in (1, 1):  # another array of the same size, then another archive of it
+        os.utime(save(tmp_path / "in" / "a.npy", seed), (1e9, 1e9))
         shutil.make_archive(str(tmp_path / "all"), kind, tmp_path, "in")
         fsspec.get_filesystem_class(kind).clear_instance_cache()
         (after,) = find_recordings(f"{kind}://in/a.npy::{archive}")

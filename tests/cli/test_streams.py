@@ -124,14 +124,8 @@ def test_a_pipe_that_takes_a_part_at_a_time_gets_all(unbuffered, chips, folder):
 def test_an_output_that_takes_a_part_and_no_more_is_one_line(words, unbuffered, chips, folder):
     limit = (1 << 12,) * 2
     with open(folder / "out", "wb") as out:
-        done = subprocess.run(
-            [*OCISAC, *words],
-            cwd=folder,
-            stdout=out,
-            stderr=subprocess.PIPE,
-            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit),
-            timeout=120,
-        )
+        options = {"env": {**os.environ, "PYTHONUNBUFFERED": unbuffered}, "cwd": folder, "timeout": 120}
+        options["preexec_fn"] = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+        done = subprocess.run([*OCISAC, *words], stdout=out, stderr=subprocess.PIPE, **options)
     assert (done.returncode, done.stderr) == (2, b"ocisac: File too large\n")
     assert (folder / "out").stat().st_size == limit[0]

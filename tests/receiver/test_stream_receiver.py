@@ -572,6 +572,5 @@ def test_the_rows_of_a_noisy_lamp_are_not_one_run_of_large_swings():
     "stream", [Receiver(LAMP), MultiReceiver(LAMP), FskReceiver(LAMP, (1e3, 2e3, 3e3, 4e3)), PacketAssembler()]
 )
 def test_no_copy_shares_the_state_of_a_stream(stream):
-    for copied in (copy.copy, copy.deepcopy):
-        with pytest.raises(TypeError, match="cannot pickle"):
-            copied(stream)
+    with pytest.raises(TypeError, match="cannot pickle"):
+        copy.copy(stream)

@@ -122,8 +122,8 @@ def _archive(path: str) -> str:
     archive = path.partition("::")[2]
     with contextlib.suppress(Exception):
         system, inner = file_system(archive)
-        entry = system.info(inner) if archive else {"type": "directory"}
-        return "" if entry["type"] == "directory" else f" in {entry['size']} {modified(entry)}{_archive(archive)}"
+        if archive and (entry := system.info(inner))["type"] != "directory":
+            return f" in {entry['size']} {modified(entry)}{_archive(archive)}"
     return ""
 
 

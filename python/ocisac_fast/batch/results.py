@@ -65,15 +65,16 @@ class Results:
     Attributes:
         folder: as given.
         is_local: True if it is a folder of this machine.
+        locks: descriptor of the folder, while a run writes here.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         self.folder = os.fspath(folder)
         self._system, self._root = file_system(self.folder)
+        self.locks: tuple[int, ...] = ()
         self.is_local = "file" in _protocols(self._system)
         self._lengths: dict[str, int] = {}  # of the manifest
         self._next_save = 0.0
-        self._locked: int | None = None  # descriptor of the folder, while a run writes here
         self._held: dict[str, int] = {}  # of the manifest, that which this run wrote or found whole
 
     @contextlib.contextmanager
@@ -126,17 +127,12 @@ class Results:
             raise ResultsError(f"{self.folder}: another run writes here; allowed: another folder, or its end") from None
         except OSError:
             pass  # a file system without locks
-        self._locked = folder
+        self.locks = (folder,)
         try:
             yield
         finally:
-            self._locked = None
+            self.locks = ()
             os.close(folder)
-
-    @property
-    def locks(self) -> tuple[int, ...]:
-        """Descriptors of the folder's lock, while a run writes here."""
-        return () if self._locked is None else (self._locked,)
 
     def _require_folder(self) -> None:
         """Refuse to make the folder again, and to write in another one that has its name now."""
@@ -144,7 +140,7 @@ class Results:
             return
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             there = os.stat(self._root)
-            if self._locked is None or os.path.samestat(there, os.fstat(self._locked)):
+            if all(os.path.samestat(there, os.fstat(lock)) for lock in self.locks):
                 return
         raise ResultsError(f"{self.folder}: moved or removed during the run; allowed: the same folder to its end")
 

@@ -121,11 +121,11 @@ class _Worker:
     def end(self) -> None:
         """Close its pipe, at which it ends; a process that does not is killed."""
         self.connection.close()
-        self.process.stdin.close()  # type: ignore[union-attr]
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(_SECONDS_TO_END)
         self.process.kill()
         self.process.wait()
+        self.process.stdin.close()  # type: ignore[union-attr]
 
 
 def serve(descriptor: int) -> None:

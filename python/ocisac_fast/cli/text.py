@@ -27,18 +27,14 @@ class _Messages(io.FileIO):
 
 
 class _Results(io.FileIO):
-    """Standard output, below a buffer, which goes on where a write took a part; one that would block waits.
-
-    After an error, which is raised once, the rest is lost: it would fail again at the end of the process.
-    """
+    """Standard output, below a buffer. One that would block waits; after an error, raised once, the rest is lost."""
 
     _failed = False
 
     def write(self, data: Any) -> int:
         try:
             while not self._failed:
-                taken: int | None = super().write(data)
-                if taken is not None:
+                if (taken := super().write(data)) is not None:
                     return taken
                 select.select([], [self], [])
         except OSError:

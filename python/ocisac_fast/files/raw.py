@@ -96,11 +96,7 @@ class _Waiting(io.FileIO):
 
 
 def standard_input() -> BinaryIO:
-    """Standard input, of which a read waits for data.
-
-    Raises:
-        FileError: it was read before.
-    """
+    """Standard input, of which a read waits for data. FileError: it was read before."""
     if sys.stdin.buffer.closed:
         raise FileError("was read before, allowed: once")
     first = sys.__stdin__
