@@ -92,6 +92,10 @@ class Session {
         picture_(header.layout),
         receiver_(camera_, receiver_options(settings, header.layout, unpacked_)),
         times_(times) {
+    const Region whole{0, 0, layout_.width, layout_.height};
+    const auto rows = to_time_order(whole, settings.scan_axis, layout_.width, layout_.height).height;
+    const auto& data = settings.light.data;
+    if (const auto doubt = time_doubt(camera_, rows, data ? data->chip_rate : std::nullopt)) write_warning(*doubt);
     if (header.bytes == 0) format_check_.emplace(header.layout);  // raw
   }
 

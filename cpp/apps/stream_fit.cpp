@@ -57,6 +57,15 @@ std::optional<std::string> length_doubt(std::size_t bytes, const FrameLayout& la
   return text;
 }
 
+std::optional<std::string> time_doubt(const Camera& camera, std::size_t rows, std::optional<double> chip_rate) {
+  const double most = camera.frame_time.value_or(INFINITY) * (1 + 1e-9);
+  const std::string longer = " longer than the frame time, a wrong frame rate or ";
+  if (camera.exposure.value_or(0) > most) return "an exposure" + longer + "--exposure (s without a unit)";
+  if (chip_rate && 1 / *chip_rate > most) return "a chip" + longer + "--chip-rate (Hz without a unit)";
+  if (static_cast<double>(rows) * camera.row_time > most) return "rows" + longer + "--row-time";
+  return std::nullopt;
+}
+
 std::optional<std::string> FormatCheck::push(std::span<const std::uint8_t> frame) {
   if (frames_ == kFrames || layout_.bytes % layout_.width != 0) return std::nullopt;
   const auto more = frame.first(std::min(frame.size(), kFirstBytes - first_bytes_.size()));

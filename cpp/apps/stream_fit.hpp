@@ -1,4 +1,4 @@
-// Doubts about the stated size and format of raw frames, which have no headers.
+// Doubts about what is stated of a stream: its times, and size and format of raw frames, which have no headers.
 #pragma once
 
 #include <cstddef>
@@ -8,12 +8,16 @@
 #include <string>
 #include <vector>
 
+#include "ocisac/camera/camera.hpp"
 #include "pixel_format.hpp"
 
 namespace ocisac::apps {
 
 // A message where a file of `bytes` bytes is no whole number of frames; absent where it is.
 std::optional<std::string> length_doubt(std::size_t bytes, const FrameLayout& layout);
+
+// A message where the frame time, which the options or the stream state, is below a time that a frame holds.
+std::optional<std::string> time_doubt(const Camera& camera, std::size_t rows, std::optional<double> chip_rate);
 
 // Compares the first frames of a stream: successive pictures of one scene are alike at the distance of one frame. Signs
 // of another format: rows are more alike at the size of its frames, its chroma is grey, or its high bytes are small.

@@ -10,6 +10,7 @@ import socket
 import sys
 import threading
 
+import fsspec
 import numpy as np
 import pytest
 from lamp_recordings import ROW_TIME, SHORT, lamp
@@ -152,6 +153,14 @@ def test_recordings_in_archives(kind, tmp_path, monkeypatch):
     archive = shutil.make_archive(str(tmp_path / "all"), kind, tmp_path, "in")
     for name in ("a.npy", "*.npy"):
         assert measured(f"{kind}://in/{name}::{archive}") == {f"{kind}://in/a.npy::{archive}"}
+    (before,) = find_recordings(f"{kind}://in/a.npy::{archive}")
+    for seed in (1, 1):  # another array of the same size, then another archive of it
+        os.utime(save(tmp_path / "in" / "a.npy", seed), (1e9, 1e9))
+        shutil.make_archive(str(tmp_path / "all"), kind, tmp_path, "in")
+        fsspec.get_filesystem_class(kind).clear_instance_cache()
+        (after,) = find_recordings(f"{kind}://in/a.npy::{archive}")
+        assert (after.path, after.size, after.state == before.state) == (*before[:2], False)
+        before = after
 
 
 class Server(http.server.BaseHTTPRequestHandler):

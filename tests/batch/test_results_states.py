@@ -135,13 +135,16 @@ def test_results_that_go_during_the_run_are_no_success(sources, tmp_path, change
         if done.finished == COUNT - 1:
             change(results)
 
-    with cluster(workers=workers) as client, pytest.raises(ResultsError, match=r"c: .*during the run"):
+    with cluster(workers=workers) as client, pytest.raises(ResultsError, match=r"c: .*(during the run|is a link)"):
         measure_recordings(sources, CLEANING, client=client, output=results, report=report)
     if change is exchange:
         assert not (results / "manifest.json").exists()
     elif change in (shutil.rmtree, shift):
         assert not results.exists()
     else:
+        if change is link_rows:  # which the next run refuses
+            assert list((tmp_path / "elsewhere").iterdir()) == []
+            (results / "rows").unlink()
         done = measure_recordings(sources, CLEANING, output=results).progress
         assert done.finished == COUNT
         assert len(read_results(results)) == COUNT * SHORT
@@ -371,3 +374,18 @@ def test_a_cleaned_file_is_that_of_its_recording_as_it_is(tmp_path, monkeypatch,
         assert batch(*clean)[0] == 3
     assert not list((output / "cleaned").iterdir())
     assert batch("--again", *clean)[0] == 0
+
+
+@pytest.mark.parametrize("kind", ["rows", "failures", "cleaned", "rows/*"])
+def test_no_link_is_followed_at_the_name_of_a_folder_of_results(kind, sources, tmp_path):
+    results, other = tmp_path / "c", tmp_path / "other"
+    measure_recordings(sources, CLEANING, output=results)
+    (results / "failures").mkdir()
+    place = next(results.glob(kind))
+    place.rename(other)
+    place.symlink_to(other)
+    before = contents(other)
+    for again in (False, True):
+        with pytest.raises(ResultsError, match="is a link"):
+            measure_recordings(sources, CLEANING, output=results, again=again)
+    assert contents(other) == before

@@ -151,3 +151,31 @@ def test_the_number_of_workers():
         assert client is None
     with cluster() as client:
         assert client is None if len(os.sched_getaffinity(0)) == 1 else client.count == len(os.sched_getaffinity(0))
+
+
+@pytest.mark.parametrize("is_busy", [False, True])
+def test_a_worker_whose_run_was_killed_publishes_nothing_beside_the_next(is_busy, campaign, tmp_path):
+    """It went on, and the next run failed for ever at the file that it published. ``is_busy``: it ends later."""
+    mark, results = tmp_path / "mark", tmp_path / "results"
+    waits = "os.path.exists('{0}') or (signal.signal(15, {1}), open('{0}', 'w').write(str(os.getpid())), time.sleep(3))"
+    body = "import signal, time; " + waits.format(mark, "signal.SIG_IGN" if is_busy else "signal.getsignal(15)")
+    recording = next((campaign.folder / "night").glob("*.mkv"))
+    words = ["batch", str(recording), "-o", str(results), "--workers", "1", "clean", "--row-time", "22.2us"]
+    command = {"args": [sys.executable, "-m", "ocisac_fast.cli", *words]}
+    environment = {**os.environ, "PYTHONPATH": patched(tmp_path, body)}
+    run = subprocess.Popen(**command, env=environment, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while not (mark.exists() and mark.read_text()):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    worker = psutil.Process(int(mark.read_text()))
+    run.kill()
+    run.wait()
+    if is_busy:
+        second = subprocess.run(**command, env=environment, stderr=subprocess.PIPE)
+        assert (second.returncode, b"another run writes here" in second.stderr) == (2, True)
+        worker.wait(20)
+    assert not psutil.wait_procs([worker], 2)[1]
+    assert bool(list(results.glob("cleaned/*"))) == is_busy
+    assert subprocess.run(**command, env=environment).returncode == 0
+    assert len(list(results.glob("cleaned/*"))) == len(list(results.glob("rows/*/*"))) == 1

@@ -14,12 +14,13 @@ import sys
 import time
 
 import numpy as np
+import PIL.Image as image
 import pytest
 from hypothesis import given, strategies as st
 
 from ocisac_fast.chips import DETECTORS
 from ocisac_fast.cli.application import ocisac
-from ocisac_fast.cli.output import plain, quantity, with_spread
+from ocisac_fast.cli.output import emit_table, plain, quantity, with_spread
 from ocisac_fast.cli.outputs import InputFile, OutputFile
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures, select
 from ocisac_fast.cli.units import Quantity
@@ -883,3 +884,37 @@ def test_the_reason_is_given_where_there_is_no_payload(run, chips):
         "--preamble, --chip-rate or --row-time may differ from the sender's; a block of 16 bytes is 302 chips, a frame "
         "shows 127: smaller blocks show more headers"
     ]
+
+
+@pytest.mark.parametrize("title", ["source 0 against bits[/b].txt", "[bold]sent.txt", ":smile:.png", "a[red"])
+def test_a_title_of_a_table_is_printed_as_it_is(title, capsys):
+    emit_table(title, ["a", "b" * 40], [["1", "2"]])
+    assert title in capsys.readouterr().out
+
+
+def test_an_output_without_a_name_is_refused(run, square):
+    code, _, (line,) = run("clean", square("a.png"), "")
+    assert (code, line) == (2, "ocisac: OUT: got no name, allowed: a file")
+
+
+@pytest.mark.parametrize("second", [np.s_[::2, ::2], np.s_[:100], np.s_[:, :9]])
+@pytest.mark.parametrize("command", ["detect", "receive", "gain", "sense", "calibrate", "clean", "clean --still"])
+def test_pages_of_two_sizes_are_no_recording(command, second, run, square, tmp_path):
+    """The second was measured with the row time of the first."""
+    page = read_frames(square("a.png")).frames[0]
+    path = tmp_path / "pages.tif"
+    first, other = (image.fromarray(np.ascontiguousarray(each)) for each in (page, page[second]))
+    first.save(path, save_all=True, append_images=[other])
+    words = {"gain": ["--frequency", "500Hz"], "calibrate": ["--frequency", "500Hz"]}
+    name, *more = command.split()
+    timing = [] if name == "calibrate" else ["--row-time", "22.2us"]
+    outputs = [tmp_path / "out.tif"] if name == "clean" else []
+    code, _, err = run(name, path, *outputs, *more, *words.get(name, []), *timing)
+    assert code == 2
+    assert f"{path}: frame 1 is {page[second].shape} after frames of {page.shape}" in err[-1]
+
+
+def test_frames_longer_than_their_time_are_refused_before_the_first_is_printed(run, square):
+    code, out, (line,) = run("receive", square("a.png"), "--packets", "--frame-rate", "30kHz", "--row-time", "22.2us")
+    assert (code, out) == (2, [])
+    assert "allowed: 1 to as many as the frame time holds" in line

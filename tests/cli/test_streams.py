@@ -1,13 +1,15 @@
 """Standard input, output and error that are closed or full, as under cron, daemons and on full disks."""
 
 import os
+import resource
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
 
-from ocisac_fast.files import write_frames
+from ocisac_fast.files import read_frames, write_frames
 
 OCISAC = [sys.executable, "-m", "ocisac_fast.cli"]
 GAIN = ["--frequency", "500Hz", "--row-time", "22.2us", "--exposure", "1ms"]
@@ -94,3 +96,36 @@ def test_a_closed_pipe_has_its_exit_code_and_the_work_is_done(words, form, folde
     with open(writer, "w") as closed:
         assert subprocess.run([*OCISAC, *words, *form], cwd=folder, stdout=closed, timeout=60).returncode == 141
     assert (folder / "c.png").exists() == (words[0] == "clean")
+
+
+@pytest.fixture(scope="module")
+def chips(folder):
+    """A payload, and what `ocisac transmit` prints of it: more than a pipe holds."""
+    (folder / "payload").write_bytes(bytes(range(250)) * 8)
+    write_frames(folder / "b.npy", read_frames(folder / "b.png").frames.repeat(60, 0))
+    return subprocess.run([*OCISAC, "transmit", "payload"], cwd=folder, capture_output=True, check=True).stdout
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_pipe_that_takes_a_part_at_a_time_gets_all(unbuffered, chips, folder):
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    with open(writer) as pipe, open(reader, "rb") as read:
+        child = subprocess.Popen([*OCISAC, "transmit", "payload"], cwd=folder, stdout=pipe, env=environment)
+        pipe.close()
+        found = read.read(1)
+        time.sleep(0.2)  # until the pipe is full
+        assert (found + read.read() == chips, child.wait(60)) == (True, 0)
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("words", [["transmit", "payload"], ["receive", "b.npy", "--json"]])
+def test_an_output_that_takes_a_part_and_no_more_is_one_line(words, unbuffered, chips, folder):
+    limit = (1 << 12,) * 2
+    with open(folder / "out", "wb") as out:
+        options = {"env": {**os.environ, "PYTHONUNBUFFERED": unbuffered}, "cwd": folder, "timeout": 120}
+        options["preexec_fn"] = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+        done = subprocess.run([*OCISAC, *words], stdout=out, stderr=subprocess.PIPE, **options)
+    assert (done.returncode, done.stderr) == (2, b"ocisac: File too large\n")
+    assert (folder / "out").stat().st_size == limit[0]

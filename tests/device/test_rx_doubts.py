@@ -284,3 +284,18 @@ def test_names_are_of_any_case(receiver, packets):
     done = run(receiver, packets, *upper, "--Tone-Curve", "LINEAR", "--delimiter", "NEWLINE")
     assert (done.returncode, done.stderr) == (0, b"")
     assert set(done.stdout.split(PAYLOAD + b"\n")) == {b""}
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        (("--frame-rate", "30", "--exposure", "50"), "an exposure longer than the frame time, "),
+        (("--frame-rate", "30", "--chip-rate", "12"), "a chip longer than the frame time, "),
+        (("--frame-rate", "1e9", "--exposure", "0"), "rows longer than the frame time, "),
+        (("--chip-rate", "12"), ""),
+        (("--frame-rate", "30", "--chip-rate", "11.7kHz"), ""),
+    ],
+)
+def test_times_longer_than_the_frame_time_are_warned_of(receiver, packets, options, what):
+    found = run(receiver, packets[: 2 * ROWS * COLUMNS], *options).stderr.decode()
+    assert found.startswith(f"ocisac-rx: warning: {what}") if what else found == ""

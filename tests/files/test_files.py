@@ -11,6 +11,7 @@ import stat
 import struct
 import subprocess
 import sys
+import time
 import types
 import warnings
 import zlib
@@ -23,6 +24,7 @@ import PIL.Image as image_module
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from ocisac_fast.cli.outputs import read_input
 from ocisac_fast.files import FileError, FileWarning, atomic_path, open_recording, read_frames, write_frames
 
 
@@ -699,7 +701,7 @@ def test_standard_input_takes_every_kind(tmp_path, suffix):
     [
         ("a.gif", np.zeros((4, 4), np.uint8), "suffix: got '.gif', allowed: .png"),
         ("a", np.zeros((4, 4), np.uint8), "suffix: got ''"),
-        ("a.png", np.zeros((2, 4, 4), np.uint8), "2 frames, a PNG picture holds one"),
+        ("a.png", np.zeros((2, 4, 4), np.uint8), "several frames, a PNG or JPEG picture holds one"),
         ("a.png", np.zeros((4, 4), np.float32), "frames of float32, this kind of file holds uint8, uint16"),
         ("a.png", [], "no frame to write"),
         ("a.npy", [], "no frame to write"),
@@ -896,6 +898,57 @@ def test_a_file_that_changes_while_it_is_read_is_refused(tmp_path):
                 list(stream)
 
 
+@pytest.mark.parametrize("suffix", ["npy", "raw"])
+@pytest.mark.parametrize(("is_standard", "count"), [(False, 12), (True, 9), (True, 12)])
+def test_a_file_that_is_overwritten_is_refused_as_it_grows_and_as_standard_input(
+    suffix, is_standard, count, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    frames = [random_frames((number, 48, 64), np.uint8, number) for number in (9, count)]
+    before, after = (npy_bytes(each) if suffix == "npy" else each.tobytes() for each in frames)
+    path = tmp_path / "a"
+    path.write_bytes(before)
+    (tmp_path / "-").write_bytes(after)  # no standard input
+    with path.open() as opened, monkeypatch.context() as patch:
+        patch.setattr(sys, "stdin", opened)
+        with open_recording("-" if is_standard else path, raw="64x48" if suffix == "raw" else None) as stream:
+            next(iter(stream))
+            with path.open("r+b") as file:
+                file.write(after)
+            with pytest.raises(FileError, match=r"changed while it was read|no .npy file"):
+                list(stream)
+
+
+@pytest.mark.parametrize("suffix", ["npy", "raw", "text"])
+@pytest.mark.parametrize("head", [0, 3, 5000])
+def test_a_pause_of_non_blocking_standard_input_is_no_end(suffix, head, monkeypatch):
+    frames = random_frames((9, 48, 64), np.uint8)
+    data = npy_bytes(frames) if suffix == "npy" else frames.tobytes()
+    reader, writer = os.pipe()
+    os.set_blocking(reader, False)
+
+    def write():
+        with open(writer, "wb", 0) as file:
+            file.write(data[:head])
+            time.sleep(0.1)
+            file.write(data[head:])
+
+    with open(reader) as pipe, ThreadPoolExecutor() as pool, monkeypatch.context() as patch:
+        for name in ("stdin", "__stdin__"):
+            patch.setattr(sys, name, pipe)
+        pool.submit(write)
+        raw = "64x48" if suffix == "raw" else None
+        found = read_input("-") if suffix == "text" else read_frames("-", raw=raw).frames.tobytes()
+        assert found == frames.tobytes()
+
+
+def test_a_picture_of_one_frame_refuses_the_second_before_others_are_made(tmp_path):
+    frames = iter(np.zeros((9, 4, 4), np.uint8))
+    with pytest.raises(FileError, match="several frames"):
+        write_frames(tmp_path / "a.png", frames)
+    assert len(list(frames)) == 7
+
+
 def test_a_file_that_grows_moves_or_is_replaced_is_read_as_it_was(tmp_path):
     path = tmp_path / "a.npy"
     frames = random_frames((9, 48, 64), np.uint8)
@@ -959,7 +1012,7 @@ def test_jpeg_is_written_nearly_as_it_is(tmp_path, suffix, colours):
     assert np.abs(read.astype(int) - picture).max() <= 6
     with pytest.raises(FileError, match="uint16"):
         write_frames(tmp_path / f"b{suffix}", [picture.astype(np.uint16)])
-    with pytest.raises(FileError, match="2 frames"):
+    with pytest.raises(FileError, match="several frames"):
         write_frames(tmp_path / f"c{suffix}", [picture, picture])
 
 

@@ -1,6 +1,7 @@
 """Payloads out of frames: through the gap between them, past frames that are missing, repeated or damaged."""
 
 import base64
+import copy
 import io
 import itertools
 import json
@@ -13,12 +14,13 @@ import pytest
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera
-from ocisac_fast.packets import PacketFormat
+from ocisac_fast.packets import PacketAssembler, PacketFormat
 from ocisac_fast.packets.goodput import possible_goodput
-from ocisac_fast.receiver import GainOptions, MultiReceiver, Receiver
+from ocisac_fast.receiver import FskReceiver, GainOptions, MultiReceiver, Receiver
 from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture as scene_texture
 
 ROW_TIME, FRAME_TIME, CHIP_RATE = 22.2e-6, 1 / 30, 8e3
+LAMP = Camera(ROW_TIME, 100e-6, frame_time=FRAME_TIME)
 PAYLOAD = np.random.default_rng(11).bytes(1000)
 KINDS = {3: "dark", 7: "noise", 9: "nan", 12: "shape", 15: "missing", 16: "missing", 17: "missing"}
 NUMBERS = ("phase", "rows_per_chip", "rows_per_chip_std", "chip_rate", "exposure", "exposure_std", "snr", "error_rate")
@@ -564,3 +566,11 @@ def test_the_rows_of_a_noisy_lamp_are_not_one_run_of_large_swings():
     receiver = MultiReceiver(camera, chip_rate=rate, format=PacketFormat(line_code="none"))
     (found,) = receiver.push(np.clip(picture, 0, 255).astype(np.uint8))
     assert found.region.height > 900
+
+
+@pytest.mark.parametrize(
+    "stream", [Receiver(LAMP), MultiReceiver(LAMP), FskReceiver(LAMP, (1e3, 2e3, 3e3, 4e3)), PacketAssembler()]
+)
+def test_no_copy_shares_the_state_of_a_stream(stream):
+    with pytest.raises(TypeError, match="cannot pickle"):
+        copy.copy(stream)

@@ -144,7 +144,8 @@ class _Campaign:
     def run(self, client: Any) -> Outcome:
         """Measure what is not finished."""
         folder = None if self._results is None else self._results.folder
-        work = Work(self._task, folder, self._max_frames, build(), client is not None)
+        locks = () if self._results is None else self._results.locks
+        work = Work(self._task, folder, self._max_frames, build(), client is not None, locks)
         self._tell()
         if self._waiting:
             with contextlib.closing(self._batches(work, client)) as batches:

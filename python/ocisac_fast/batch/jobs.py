@@ -84,6 +84,7 @@ class Work:
         max_frames: longer recordings are cut into stretches of about this length.
         client_build: version and commit that workers must have.
         is_one_of_several: False: the process has the machine for itself.
+        locks: descriptors of the folder's lock, which processes of this machine hold too, to their end.
     """
 
     task: Task
@@ -91,6 +92,7 @@ class Work:
     max_frames: int
     client_build: dict[str, str]
     is_one_of_several: bool
+    locks: tuple[int, ...] = ()
 
     def __call__(self, jobs: Jobs) -> list[Report]:
         """Do the jobs one after the other.

@@ -108,12 +108,23 @@ def _remote(path: str) -> Iterator[Entry]:
     entries: dict[str, Any] = {inner: {"size": None}}
     with contextlib.suppress(Exception):  # whatever a server answers: measuring the path names the failure
         entries = _listed(system, inner)
+    archive = _archive(path)
     # Listed names lack the host and the user of the path on some file systems, and the archive that they are in.
     place = next((each for each in (path.partition("::")[0], path) if each.endswith(inner)), None)
     for name, entry in entries.items():
         if entry.get("type") != "directory":
             whole = place and place.removesuffix(inner) + name + path[len(place) :]
-            yield _entry(whole or str(system.unstrip_protocol(name)), entry)
+            yield _entry(whole or str(system.unstrip_protocol(name)), {**entry, "archive": archive})
+
+
+def _archive(path: str) -> str:
+    """State of the file that a path is in, an archive whose listing may have no times; empty where it is in none."""
+    archive = path.partition("::")[2]
+    with contextlib.suppress(Exception):
+        system, inner = file_system(archive)
+        if archive and (entry := system.info(inner))["type"] != "directory":
+            return f" in {entry['size']} {modified(entry)}{_archive(archive)}"
+    return ""
 
 
 def _listed(system: Any, path: str) -> dict[str, Any]:
@@ -127,4 +138,5 @@ def _listed(system: Any, path: str) -> dict[str, Any]:
 
 
 def _entry(path: str, status: dict[str, Any]) -> Entry:
-    return Entry(path, status.get("size"), digest(f"{status.get('size')} {modified(status)}"))
+    size = status.get("size")
+    return Entry(path, size, digest(f"{size} {modified(status)}{status.get('archive', '')}"))

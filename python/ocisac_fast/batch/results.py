@@ -65,15 +65,16 @@ class Results:
     Attributes:
         folder: as given.
         is_local: True if it is a folder of this machine.
+        locks: descriptor of the folder, while a run writes here.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
         self.folder = os.fspath(folder)
         self._system, self._root = file_system(self.folder)
+        self.locks: tuple[int, ...] = ()
         self.is_local = "file" in _protocols(self._system)
         self._lengths: dict[str, int] = {}  # of the manifest
         self._next_save = 0.0
-        self._locked: int | None = None  # descriptor of the folder, while a run writes here
         self._held: dict[str, int] = {}  # of the manifest, that which this run wrote or found whole
 
     @contextlib.contextmanager
@@ -87,6 +88,9 @@ class Results:
         facts = {**task.facts(), "version": build()["version"]}
         with self._alone():
             with self._errors():
+                rows = Path(self._path("rows")).glob("??") if self.is_local else ()
+                for folder in (*_FOLDERS, *(f"rows/{each.name}" for each in rows)):
+                    self._require_file(folder)
                 there = None if again else self._task()
                 if there is not None and there != facts:
                     raise ResultsError(
@@ -123,11 +127,11 @@ class Results:
             raise ResultsError(f"{self.folder}: another run writes here; allowed: another folder, or its end") from None
         except OSError:
             pass  # a file system without locks
-        self._locked = folder
+        self.locks = (folder,)
         try:
             yield
         finally:
-            self._locked = None
+            self.locks = ()
             os.close(folder)
 
     def _require_folder(self) -> None:
@@ -136,7 +140,7 @@ class Results:
             return
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             there = os.stat(self._root)
-            if self._locked is None or os.path.samestat(there, os.fstat(self._locked)):
+            if all(os.path.samestat(there, os.fstat(lock)) for lock in self.locks):
                 return
         raise ResultsError(f"{self.folder}: moved or removed during the run; allowed: the same folder to its end")
 
@@ -416,9 +420,11 @@ class Results:
         return found if isinstance(found, dict) else {}
 
     def _require_file(self, name: str) -> None:
+        """Refuse what is no file, and links also among the folders of the results above it."""
         path = self._path(name)
+        above = [self._path(str(each)) for each in (name, *PurePosixPath(name).parents[:-1])]
         with contextlib.suppress(FileNotFoundError):
-            if (self.is_local and os.path.islink(path)) or self._system.info(path).get("type") == _NO_FILE:
+            if (self.is_local and any(map(os.path.islink, above))) or self._system.info(path).get("type") == _NO_FILE:
                 raise ResultsError(f"{self.folder}: {name} is a link, a pipe or a device; allowed: another folder")
 
     def _path(self, name: str) -> str:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
+import threading
 from collections import Counter, deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
@@ -91,7 +93,7 @@ class _Worker:
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C, which reaches it too, is ours
         try:
             self.process = subprocess.Popen(
-                [sys.executable, "-c", program], stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()]
+                [sys.executable, "-c", program], stdin=subprocess.PIPE, pass_fds=[theirs.fileno(), *work.locks]
             )
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
@@ -123,6 +125,7 @@ class _Worker:
             self.process.wait(_SECONDS_TO_END)
         self.process.kill()
         self.process.wait()
+        self.process.stdin.close()  # type: ignore[union-attr]
 
 
 def serve(descriptor: int) -> None:
@@ -130,11 +133,18 @@ def serve(descriptor: int) -> None:
     open_standard_streams()
     connection = Connection(descriptor)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # unwinding removes incomplete files
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     with contextlib.suppress(EOFError, OSError):  # the process that started it has ended
         work: Work = connection.recv()
         connection.send(None)
         while True:
             connection.send(_answer(work, connection.recv()))
+
+
+def _end_with_parent() -> None:
+    """End with the process that started this one, however it ended: nothing is published after the next run began."""
+    os.read(0, 1)  # nothing is ever written to this pipe
+    os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _answer(work: Work, jobs: Jobs) -> list[Report] | Exception:

@@ -133,9 +133,11 @@ def _stop(number: int, _: Any) -> None:
 
 def _run(arguments: list[str], command: click.Command) -> int:
     try:
-        with command.make_context(command.name, list(arguments)) as context:
-            command.invoke(context)
-        sys.stdout.flush()
+        try:
+            with command.make_context(command.name, list(arguments)) as context:
+                command.invoke(context)
+        finally:
+            sys.stdout.flush()
         return 0
     except click.exceptions.Exit as done:
         return done.exit_code
@@ -144,7 +146,6 @@ def _run(arguments: list[str], command: click.Command) -> int:
     except _Terminated as stopped:
         return 128 + int(stopped.args[0])
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # a target for the last flush
         return 141
     except MemoryError as error:
         return _fail(command, f"out of memory: {error}")

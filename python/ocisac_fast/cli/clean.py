@@ -207,8 +207,6 @@ class _Cleaner:
         if camera is not None:
             yield from self._decided(camera)
         if waiting and camera is not None:
-            if any(view.shape != waiting[0].shape for view in waiting):
-                raise ValueError("--still: frames of different sizes")
             yield from self._together(waiting, camera)
         if self._is_source:
             raise _Unchanged

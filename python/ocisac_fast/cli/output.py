@@ -197,7 +197,8 @@ def _print_table(
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=printable(title) or None, box=box.SIMPLE_HEAD if header else None, show_header=header)
+    heading = Text(printable(title), "table.title") if title else None  # a plain one would be read as markup
+    table = Table(title=heading, box=box.SIMPLE_HEAD if header else None, show_header=header)
     kept = [k for k, name in enumerate(names) if not header or name not in dropped]
     for k in kept:
         is_number = header and k > 0 and names[k] not in left

@@ -5,13 +5,12 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import click
 
-from ocisac_fast.files.raw import read_whole
+from ocisac_fast.files.raw import read_whole, standard_input
 from ocisac_fast.files.reading import name_of, named
 from ocisac_fast.files.remote import local_part
 from ocisac_fast.files.writing import fixed_outputs
@@ -42,7 +41,7 @@ def read_input(path: str | os.PathLike[str]) -> bytes:
     """
     with named(name_of(path)), contextlib.ExitStack() as opened:
         is_standard = os.fspath(path) == _STANDARD
-        return read_whole(sys.stdin.buffer if is_standard else opened.enter_context(open(path, "rb")))
+        return read_whole(standard_input() if is_standard else opened.enter_context(open(path, "rb")))
 
 
 def writes(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -76,6 +75,8 @@ def _paths(context: click.Context, kind: type[click.Path]) -> Iterator[tuple[cli
 def _check(
     param: click.Parameter, path: str, before: list[tuple[click.Parameter, str]], context: click.Context, force: bool
 ) -> None:
+    if not path:
+        raise click.UsageError(f"{_label(param)}: got no name, allowed: a file")
     refused = f"{_label(param)}: got {path}, which"
     for other, written in before:
         if _is_same(path, written):

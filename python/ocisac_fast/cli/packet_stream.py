@@ -17,6 +17,7 @@ from ocisac_fast.cli.pictures import REGION, PictureOptions, rows_and_columns
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame
+from ocisac_fast.packets.goodput import possible_goodput, require_in_frame_time
 from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat, transmit
 
 
@@ -90,6 +91,7 @@ class PacketStream:
         if self._camera is None:
             self._camera = camera
             self._receiver = self._make(self._camera)
+            require_in_frame_time(rows_and_columns(frame.shape, camera)[0], camera)
         self._frames += 1
         self._rows = rows_and_columns(frame.shape, self._camera)[0]
         if self._tones:
@@ -123,8 +125,6 @@ class PacketStream:
         count += f", {quantity(8.0 * self._payload_bytes / seconds, 'bit/s', 4)}"
         if self._tones or not math.isfinite(self._chip_rate):
             return count
-        from ocisac_fast.packets.goodput import possible_goodput
-
         possible = possible_goodput(
             max(self._payload_bytes // self._payloads, 1),
             camera,

@@ -238,13 +238,11 @@ class OpenPictures:
         Several frames are copied as they are decoded, so that the decoder's memory is used again; one is not copied.
         """
         most = _BATCH_BYTES
-        for _, group in itertools.groupby(self.frames, lambda frame: (frame.shape, frame.dtype)):
-            alike = iter(group)
-            for frame in alike:
-                room = max(most // frame.nbytes, 1)
-                batch = itertools.chain([frame], itertools.islice(alike, room - 1))
-                yield with_colours(gathered(batch, min(room, self.frame_count or room)))
-                most = later_bytes
+        for frame in self.frames:
+            room = max(most // frame.nbytes, 1)
+            batch = itertools.chain([frame], itertools.islice(self.frames, room - 1))
+            yield with_colours(gathered(batch, min(room, self.frame_count or room)))
+            most = later_bytes
 
     def row_batches(self, later_bytes: int = _BATCH_BYTES) -> Iterator[Frame]:
         """`batches` as (frames, rows, columns, colours) with rows in time order, for ``camera.in_time_order``."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 import functools
 import inspect
 import json
@@ -133,7 +135,9 @@ def check_arguments(function: Callable[..., Any], arguments: Mapping[str, Any]) 
 
 
 def checked_class(kind: type[_Class]) -> type[_Class]:
-    """:func:`checked` for the arguments of the constructor."""
+    """:func:`checked` for the arguments of the constructor; copies of what is no value share no state."""
+    if not dataclasses.is_dataclass(kind):
+        kind.__copy__ = copy.deepcopy  # type: ignore[attr-defined]
     kind.__init__ = checked(kind.__init__)  # type: ignore[method-assign]
     kind.__doc__ = _with_errors(kind.__doc__)
     return kind

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 import os
 import re
+import select
+import sys
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -78,6 +81,28 @@ def _frames(file: BinaryIO, form: RawFormat) -> Iterator[Frame]:
         count += 1
     if count == 0:
         raise FileError("empty")
+
+
+class _Waiting(io.FileIO):
+    """Standard input that another process made non-blocking: a pause of the writer is no end."""
+
+    def readinto(self, buffer: Any) -> int:
+        while (count := super().readinto(buffer)) is None:
+            select.select([self], [], [])
+        return count
+
+    read: Any = io.RawIOBase.read  # by `readinto`, as the next
+    readall = io.RawIOBase.readall
+
+
+def standard_input() -> BinaryIO:
+    """Standard input, of which a read waits for data. FileError: it was read before."""
+    if sys.stdin.buffer.closed:
+        raise FileError("was read before, allowed: once")
+    first = sys.__stdin__
+    if first is not None and sys.stdin is first and not os.get_blocking(first.fileno()):
+        sys.stdin = io.TextIOWrapper(io.BufferedReader(_Waiting(first.fileno(), closefd=False)))
+    return sys.stdin.buffer
 
 
 def require_at_most(most: int, count: int) -> None:

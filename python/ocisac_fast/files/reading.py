@@ -14,7 +14,7 @@ from ocisac_fast.core.checks import checked
 from ocisac_fast.files.arrays import MAGIC, open_array, stream_arrays
 from ocisac_fast.files.parts import JPEGS, parts_between
 from ocisac_fast.files.pictures import JPEG, are_jpegs, is_picture, most_bytes, next_jpeg, open_picture
-from ocisac_fast.files.raw import RawFormat, open_raw, read_whole, require_at_most
+from ocisac_fast.files.raw import RawFormat, open_raw, read_whole, require_at_most, standard_input
 from ocisac_fast.files.recording import FileError, Frame, Part, Recording, RecordingStream
 from ocisac_fast.files.remote import RemotePath, is_remote
 from ocisac_fast.files.videos import Prefixed, open_video
@@ -24,6 +24,7 @@ _HEAD, _PIECE = 16, 1 << 16
 _MARKS = 64  # bytes that an end, padding and a beginning take together
 _FIRST_JPEGS = 64 << 20  # bytes in which a second one begins
 _MAX_BYTES = 4 << 30
+_SAMPLES, _SAMPLE_BYTES = 8, 4096  # of a file, to tell growth from another content
 
 
 @checked
@@ -69,13 +70,13 @@ def open_recording(
     form = None if raw is None else RawFormat.parse(raw)
     with named(name):
         if form is not None:
-            file = _standard_input() if os.fspath(path) == STANDARD_INPUT else _place(path).open("rb")
+            file = standard_input() if os.fspath(path) == STANDARD_INPUT else _place(path).open("rb")
             stream = open_raw(file, form, part)
         elif os.fspath(path) == STANDARD_INPUT:
-            stream = _of_stream(_standard_input(), name, colour)
+            stream = _of_stream(standard_input(), name, colour)
         else:
             stream = _of_file(_place(path), name, colour, part)
-    return stream.map_frames(lambda frames: _unchanged_frames(path, before, frames))
+    return stream.map_frames(lambda frames: _of_one_recording(path, before, frames))
 
 
 @checked
@@ -94,12 +95,6 @@ def cut_recording(path: str | os.PathLike[str], max_frames: int, *, raw: str | N
     with open_recording(path, raw=raw) as stream:
         key_frames = stream.key_frames(max_frames)
     return None if key_frames is None else parts_between(key_frames, max_frames)
-
-
-def _standard_input() -> BinaryIO:
-    if sys.stdin.buffer.closed:
-        raise FileError("was read before, allowed: once")
-    return sys.stdin.buffer
 
 
 def _place(path: str | os.PathLike[str]) -> Path | RemotePath:
@@ -178,21 +173,42 @@ def named(name: str) -> Iterator[None]:
         raise FileError(message if message.startswith(f"{name}: ") else f"{name}: {message}") from error.__cause__
 
 
-def _state(path: str | os.PathLike[str]) -> Any:
-    """Number, length and time of change of a file; None of all else, such as a pipe."""
+def _state(path: str | os.PathLike[str], length: int | None = None) -> Any:
+    """Number, length and time of change of a file, and samples of its first ``length`` bytes; None of all else.
+
+    Samples leave out the beginning, where films have lengths that are written as they end.
+    """
     with contextlib.suppress(OSError, ValueError):
-        there = os.stat(path)
-        return (there.st_ino, there.st_size, there.st_mtime_ns) if stat.S_ISREG(there.st_mode) else None
+        place = sys.stdin.buffer.fileno() if os.fspath(path) == STANDARD_INPUT else path
+        if stat.S_ISREG(os.stat(place).st_mode):  # opening a pipe could wait
+            with open(place, "rb", 0, closefd=isinstance(place, (str, os.PathLike))) as file:
+                there = os.fstat(file.fileno())
+                size = there.st_size if length is None else length
+                starts = [size * (2 * k + 1) // (2 * _SAMPLES) for k in range(_SAMPLES)]
+                samples = [os.pread(file.fileno(), min(_SAMPLE_BYTES, size - start), start) for start in starts]
+            return there.st_ino, there.st_size, there.st_mtime_ns, samples
     return None
 
 
-def _unchanged_frames(path: str | os.PathLike[str], before: Any, frames: Iterator[Frame]) -> Iterator[Frame]:
-    """Refuse a file that was overwritten or cut since ``before``.
+def _of_one_recording(path: str | os.PathLike[str], before: Any, frames: Iterator[Frame]) -> Iterator[Frame]:
+    """Refuse frames of several shapes or types, and a file that was overwritten or cut since ``before``.
 
     One that grows is still being recorded; one that is removed, or replaced by another, was read as it was.
     """
     with named(name_of(path)):
-        yield from frames
-        after = _state(path)
-        if before and after and after != before and after[0] == before[0] and after[1] <= before[1]:
+        first: Any = None
+        count = 0
+        for frame in frames:
+            kind = (frame.shape, frame.dtype)
+            first = first or kind
+            if kind != first:
+                differs = int(frame.shape == first[0])
+                raise FileError(f"frame {count} is {kind[differs]} after frames of {first[differs]}")
+            yield frame
+            count += 1  # noqa: SIM113, `enumerate` would hold the frame
+            del frame  # before the next one is made
+        after = before and _state(path, before[1])
+        if not after or after[:3] == before[:3] or after[0] != before[0]:
+            return
+        if after[1] <= before[1] or after[3] != before[3]:
             raise FileError("changed while it was read: its frames may be of two recordings")

@@ -283,7 +283,7 @@ def gathered(frames: Iterable[Frame], announced: int | None, max_bytes: float = 
     """(frames, ...) in one array, made for the ``announced`` number of frames: each is copied before the next is read.
 
     Raises:
-        FileError: no frame, frames of different shapes or types, or more than ``max_bytes`` of them.
+        FileError: no frame, or more than ``max_bytes`` of them.
     """
     whole: Frame = np.empty(0)
     count = 0
@@ -292,10 +292,6 @@ def gathered(frames: Iterable[Frame], announced: int | None, max_bytes: float = 
             raise FileError(f"more than {int(max_bytes) >> 20} MiB of frames (max_bytes), read it frame by frame")
         if count == 0:
             whole = frame[np.newaxis]
-        elif frame.shape != whole.shape[1:]:
-            raise FileError(f"frame {count} is {frame.shape} after frames of {whole.shape[1:]}")
-        elif frame.dtype != whole.dtype:
-            raise FileError(f"frame {count} is {frame.dtype} after frames of {whole.dtype}")
         elif count == 1:  # memory pages are committed when written: fewer frames may arrive
             room = int(min(announced or 2, max_bytes // frame.nbytes))
             first, whole = whole, np.empty((max(room, 2), *frame.shape), frame.dtype)

@@ -85,7 +85,7 @@ def _one_line_errors(url: str) -> Iterator[None]:
 
 def modified(entry: dict[str, Any]) -> Any:
     """The time or mark of the last change in an entry of a file system's listing; None if it has none."""
-    names = ("mtime", "LastModified", "last_modified", "modified", "modify", "ETag", "etag", "created")
+    names = ("mtime", "LastModified", "last_modified", "modified", "modify", "ETag", "etag", "created", "CRC")
     return next((entry[name] for name in names if entry.get(name) is not None), None)
 
 

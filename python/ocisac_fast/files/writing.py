@@ -241,7 +241,7 @@ def write_frames(
         if suffix in CODECS:
             write_video(temporary, frames, frame_rate, like, crf)
         elif suffix in (*_PICTURES, ".npy"):
-            every = _alike(frames)
+            every = _alike(frames, {"PNG": 1, "JPEG": 1}.get(_PICTURES.get(suffix, "")))
             with _naming(path, None):
                 if suffix == ".npy":
                     with temporary.open("wb") as file:
@@ -269,8 +269,12 @@ def _naming(path: str | os.PathLike[str], *found: str | None) -> Iterator[None]:
         raise OSError(error.errno or errno.EIO, error.strerror or str(error), os.fspath(path)) from error
 
 
-def _alike(frames: Iterable[Frame]) -> list[Frame]:
-    every = [np.asarray(frame) for frame in frames]
+def _alike(frames: Iterable[Frame], most: int | None) -> list[Frame]:
+    every: list[Frame] = []
+    for frame in frames:
+        if len(every) == most:  # before the others are made
+            raise FileError("several frames, a PNG or JPEG picture holds one (use .tif, .mkv or .npy)")
+        every.append(np.asarray(frame))
     if not every:
         raise FileError("frames: no frame to write")
     if any(frame.shape != every[0].shape or frame.dtype != every[0].dtype for frame in every):
@@ -284,8 +288,6 @@ def _write_picture(path: Path, frames: list[Frame], kind: str, like: PictureForm
         {"TIFF": (np.uint8, np.uint16, np.float32), "JPEG": (np.uint8,)} if first.ndim == 2 or kind == "JPEG" else {}
     )
     check_frame(first, types.get(kind, (np.uint8, np.uint16)))
-    if len(frames) > 1 and kind != "TIFF":
-        raise FileError(f"{len(frames)} frames, a {kind} picture holds one (use .tif, .mkv or .npy)")
     if like is not None:
         alphas = like.alphas[: len(frames)]
         frames = [_with_alpha(frame, alpha, kind) for frame, alpha in itertools.zip_longest(frames, alphas)]

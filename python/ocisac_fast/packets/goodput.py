@@ -58,8 +58,7 @@ def possible_goodput(
     longest = longest_payload(format=format)
     if not 1 <= payload_bytes <= longest:
         raise ValueError(f"payload_bytes: got {payload_bytes}, allowed: 1 to {longest}")
-    if rows > camera.frame_time / camera.row_period * (1.0 + 1e-9):
-        raise ValueError(f"rows: got {rows}, allowed: 1 to as many as the frame time holds")
+    require_in_frame_time(rows, camera)
     packet = transmit(bytes(payload_bytes), format=format)
     chips_per_byte = encode_line_code(np.zeros(8, np.uint8), packet.format.line_code).size
     sent = 8.0 * chip_rate / chips_per_byte
@@ -68,3 +67,9 @@ def possible_goodput(
     code = gap * in_blocks * payload_bytes / (packet.codewords * packet.codeword_data)
     frame_bits = 8.0 * payload_bytes / camera.frame_time
     return Goodput(sent, gap, code, frame_bits / gap, frame_bits / code)
+
+
+def require_in_frame_time(rows: int, camera: Camera) -> None:
+    """Raise ValueError for more rows than the camera's frame time holds, if that is known."""
+    if camera.frame_time is not None and rows > camera.frame_time / camera.row_period * (1.0 + 1e-9):
+        raise ValueError(f"rows: got {rows}, allowed: 1 to as many as the frame time holds")
