@@ -45,6 +45,22 @@ inline void clean_row(const BandedPicture& picture, std::size_t frame, std::size
   }
 }
 
+// Divided by its light; share_of(row, column): of a pixel.
+template <class Share>
+Blocks without_light(const BandedPicture& picture, std::span<const double> row_light, Share share_of) {
+  Blocks result{picture.frames * picture.rows,
+                picture.columns,
+                {picture.light.begin(), picture.light.end()},
+                {picture.variance.begin(), picture.variance.end()}};
+  for (std::size_t n = 0, i = 0; n < result.rows; ++n)
+    for (std::size_t k = 0; k < result.columns; ++k, ++i) {
+      const double left = light_left(share_of(n % picture.rows, k), row_light[n] - 1);
+      result.light[i] /= left;
+      result.variance[i] /= left * left;
+    }
+  return result;
+}
+
 inline void check(const BandedPicture& picture, std::span<const double> row_light) {
   const std::size_t pixels = picture.frames * picture.rows * picture.columns;
   require(pixels > 0, "picture", pixels, "at least one pixel");

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <cstddef>
 #include <type_traits>
+#include <utility>
 
 namespace ocisac {
 
@@ -11,114 +11,44 @@ namespace {
 
 constexpr std::size_t kTogether = 8;  // rows: independent chains hide the latency of the products
 
-// Both directions along `count` rows; `back`: (columns × count), sums from the right.
-template <std::size_t count>
-void along_rows(const double* across, std::size_t columns, double* values, double* back) {
-  std::array<double, count> sum{};
-  for (std::size_t column = columns; column-- > 0; back += count)
-    for (std::size_t row = 0; row < count; ++row) {
-      back[row] = sum[row];
-      const std::size_t i = row * columns + column;
-      if (column > 0) sum[row] = across[i - 1] * (values[i] + sum[row]);
+// Both directions along neighbouring lines of `length` pixels, `apart` each from the next; the lines are `beside`.
+// `sum`: zeros, one a line.
+template <class Apart, class Beside, class Sum>
+void sum_both_ways(const double* passage, double* values, std::size_t length, Apart apart, Beside beside, Sum sum) {
+  const std::size_t lines = sum.size();
+  std::vector<double> back(length * lines);  // from beyond, without the pixel itself
+  for (std::size_t k = length; k-- > 0;)
+    for (std::size_t line = 0; line < lines; ++line) {
+      const std::size_t i = k * apart + line * beside;
+      back[k * lines + line] = sum[line];
+      if (k > 0) sum[line] = passage[i - apart] * (values[i] + sum[line]);
     }
-  sum.fill(0);
-  for (std::size_t column = 0; column < columns; ++column) {
-    back -= count;
-    for (std::size_t row = 0; row < count; ++row) {
-      const std::size_t i = row * columns + column;
-      const double here = values[i] + sum[row];
-      values[i] = here + back[row];
-      sum[row] = across[i] * here;
+  std::ranges::fill(sum, 0.0);
+  for (std::size_t k = 0; k < length; ++k)
+    for (std::size_t line = 0; line < lines; ++line) {
+      const std::size_t i = k * apart + line * beside;
+      const double here = values[i] + sum[line];
+      values[i] = here + back[k * lines + line];
+      sum[line] = passage[i] * here;
     }
-  }
 }
+
+using One = std::integral_constant<std::size_t, 1>;
 
 }  // namespace
 
-EdgeAwareFilter::EdgeAwareFilter(std::size_t rows, std::size_t columns)
-    : rows_(rows), columns_(columns), back_(rows * columns), lines_(kTogether * columns) {}
-
-void EdgeAwareFilter::along_columns(const std::vector<double>& down, std::vector<double>& values) {
-  sum_from_below(down, values);
-  for (std::size_t row = 0; row < rows_; ++row) add_columns(down, row, values);
+void sum_along_columns(const std::vector<double>& down, std::size_t columns, std::vector<double>& values) {
+  sum_both_ways(down.data(), values.data(), values.size() / columns, columns, One{}, std::vector<double>(columns));
 }
 
-void EdgeAwareFilter::all_around(const std::vector<double>& down, const std::vector<double>& across,
-                                 std::vector<double>& values) {
-  sum_from_below(down, values);
-  for (std::size_t first = 0; first < rows_; first += kTogether) {
-    const std::size_t end = std::min(first + kTogether, rows_);
-    for (std::size_t row = first; row < end; ++row) add_columns(down, row, values);
-    along_rows_twice(across, first, end, values);
-    for (std::size_t row = first; row < end; ++row) sum_from_above(down, row, values);
-  }
-  add_from_below(down, values);
-}
-
-// Writes the sums from below into `back_`, without the pixel itself.
-void EdgeAwareFilter::sum_from_below(const std::vector<double>& down, const std::vector<double>& values) {
-  std::fill(back_.end() - static_cast<std::ptrdiff_t>(columns_), back_.end(), 0);
-  for (std::size_t row = rows_ - 1; row-- > 0;) {
-    const double* next = &values[(row + 1) * columns_];
-    const double* beyond = &back_[(row + 1) * columns_];
-    const double* passage = &down[row * columns_];
-    double* sum = &back_[row * columns_];
-    for (std::size_t i = 0; i < columns_; ++i) sum[i] = passage[i] * (next[i] + beyond[i]);
-  }
-}
-
-// Adds the sum from above to the next row, and the stored sum from below.
-void EdgeAwareFilter::add_columns(const std::vector<double>& down, std::size_t row, std::vector<double>& values) const {
-  if (row + 1 == rows_) return;
-  const double* passage = &down[row * columns_];
-  const double* back = &back_[row * columns_];
-  double* here = &values[row * columns_];
-  double* next = here + columns_;
-  for (std::size_t i = 0; i < columns_; ++i) {
-    next[i] += passage[i] * here[i];
-    here[i] += back[i];
-  }
-}
-
-// Writes the sum from above into `back_`, without the pixel itself; needs that of the row above.
-void EdgeAwareFilter::sum_from_above(const std::vector<double>& down, std::size_t row,
-                                     const std::vector<double>& values) {
-  double* sum = &back_[row * columns_];
-  if (row == 0) {
-    std::fill(sum, sum + columns_, 0);
-    return;
-  }
-  const double* passage = &down[(row - 1) * columns_];
-  const double* last = &values[(row - 1) * columns_];
-  const double* before = sum - columns_;
-  for (std::size_t i = 0; i < columns_; ++i) sum[i] = passage[i] * (last[i] + before[i]);
-}
-
-void EdgeAwareFilter::add_from_below(const std::vector<double>& down, std::vector<double>& values) {
-  std::fill(lines_.begin(), lines_.begin() + static_cast<std::ptrdiff_t>(columns_), 0);
-  for (std::size_t row = rows_; row-- > 0;) {
-    const double* passage = &down[row * columns_];
-    const double* back = &back_[row * columns_];
-    double* below = lines_.data();
-    double* here = &values[row * columns_];
-    for (std::size_t i = 0; i < columns_; ++i) {
-      below[i] = here[i] + passage[i] * below[i];
-      here[i] = below[i] + back[i];
-    }
-  }
-}
-
-void EdgeAwareFilter::along_rows_twice(const std::vector<double>& across, std::size_t first, std::size_t end,
-                                       std::vector<double>& values) {
-  const auto filter = [&](auto rows, std::size_t row) {
-    for (int time = 0; time < 2; ++time)
-      along_rows<decltype(rows)::value>(&across[row * columns_], columns_, &values[row * columns_], lines_.data());
+void sum_along_rows(const std::vector<double>& across, std::size_t columns, std::vector<double>& values) {
+  const std::size_t rows = values.size() / columns;
+  const auto sum_rows = [&](std::size_t row, auto sum) {
+    sum_both_ways(&across[row * columns], &values[row * columns], columns, One{}, columns, std::move(sum));
   };
-  if (end - first == kTogether) {
-    filter(std::integral_constant<std::size_t, kTogether>{}, first);
-    return;
-  }
-  for (std::size_t row = first; row < end; ++row) filter(std::integral_constant<std::size_t, 1>{}, row);
+  std::size_t row = 0;
+  for (; row + kTogether <= rows; row += kTogether) sum_rows(row, std::array<double, kTogether>{});
+  if (row < rows) sum_rows(row, std::vector<double>(rows - row));
 }
 
 }  // namespace ocisac

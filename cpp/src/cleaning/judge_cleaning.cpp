@@ -28,18 +28,15 @@ using Values = std::vector<double>;
 std::array<Blocks, 2> compared(const BandedPicture& picture, std::span<const double> row_light,
                                const BlockShares& shares) {
   const std::size_t every = std::max<std::size_t>(1, picture.columns / kEnoughColumns);
-  const std::size_t blocks = blocks_of(picture.columns, shares.block_columns);
-  Blocks before{picture.rows, blocks_of(picture.columns, every), {}, {}}, after = before;
+  Blocks before{picture.rows, blocks_of(picture.columns, every), {}, {}};
   for (std::size_t n = 0; n < picture.rows; ++n)
     for (std::size_t k = 0; k < picture.columns; k += every) {
-      const double light = picture.light[n * picture.columns + k], variance = picture.variance[n * picture.columns + k];
-      const double share = shares.share[n / shares.block_rows * blocks + k / shares.block_columns];
-      const double left = light_left(share, row_light[n] - 1);
-      before.light.push_back(light);
-      before.variance.push_back(variance);
-      after.light.push_back(light / left);
-      after.variance.push_back(variance / (left * left));
+      before.light.push_back(picture.light[n * picture.columns + k]);
+      before.variance.push_back(picture.variance[n * picture.columns + k]);
     }
+  Blocks after = without_light(before.picture(), row_light, [&](std::size_t row, std::size_t column) {
+    return shares.at(row, column * every, picture.columns);
+  });
   return {std::move(before), std::move(after)};
 }
 

@@ -117,8 +117,7 @@ class ShareEstimator {
         before_(picture.frames > 1 ? pixels_ : 0),
         guide_(pixels_),
         down_(pixels_),
-        across_(pixels_),
-        filter_(picture.rows, picture.columns) {
+        across_(pixels_) {
     for (double& value : change_) value -= 1;
     const double darkest = -*std::min_element(change_.begin(), change_.end());
     max_share_ = 1 / std::max(darkest, 1e-9);
@@ -189,7 +188,11 @@ class ShareEstimator {
       share_[i] = std::clamp((evidence_.pull[i] + kHold * share_[i]) / (evidence_.weight[i] + kHold), 0.0, max_share_);
   }
 
-  void smooth(std::vector<double>& values) { filter_.all_around(down_, across_, values); }
+  void smooth(std::vector<double>& values) const {
+    sum_along_columns(down_, picture_.columns, values);
+    for (int time = 0; time < 2; ++time) sum_along_rows(across_, picture_.columns, values);
+    sum_along_columns(down_, picture_.columns, values);
+  }
 
   void start() {
     share_.assign(pixels_, std::min(0.5 * max_share_, 1.0));
@@ -220,8 +223,8 @@ class ShareEstimator {
     const double of_rows = std::max(reach, kLagsOfReach * static_cast<double>(lag_));
     if (picture_.frames == 1) reach = of_rows;  // between frames the lag does not matter
     passages(now_, picture_.columns, kLagsOfReach * static_cast<double>(lag_), edge_, down_);
-    filter_.along_columns(down_, guide_.light);  // edges along rows are those of sums down the columns: less noise
-    filter_.along_columns(down_, guide_.variance);
+    // Edges along rows are those of sums down the columns: less noise.
+    for (auto* sums : {&guide_.light, &guide_.variance}) sum_along_columns(down_, picture_.columns, *sums);
     finish_guide(guide_);
     passages(guide_, 1, reach / merged_, edge_, across_);
     passages(now_, picture_.columns, of_rows, edge_, down_);
@@ -238,7 +241,6 @@ class ShareEstimator {
   ShareEvidence evidence_;
   Cleaned now_, before_, guide_;
   std::vector<double> down_, across_;
-  EdgeAwareFilter filter_;
 };
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <complex>
 #include <limits>
+#include <utility>
 
 #include "cleaning/merged_blocks.hpp"
 #include "core/levels.hpp"
@@ -19,6 +20,7 @@ namespace ocisac {
 namespace {
 
 using Values = std::vector<double>;
+using Spectrum = std::vector<std::complex<double>>;
 
 constexpr std::size_t kWindow = 8;  // side of a part that is compared, pixels
 constexpr std::size_t kMinSide = 4;
@@ -33,37 +35,40 @@ Values bell(std::size_t length) {
   return result;
 }
 
-// Spectrum of a windowed picture: (columns/2 + 1) × rows.
-std::vector<std::complex<double>> spectrum_of(const Blocks& picture) {
-  const std::size_t rows = picture.rows, columns = picture.columns, bins = columns / 2 + 1;
-  const double mean = mean_of(picture.light);
-  const Values down = bell(rows), across = bell(columns);
-  Values windowed(picture.light.size());
-  for (std::size_t n = 0; n < rows; ++n)
-    for (std::size_t k = 0; k < columns; ++k)
-      windowed[n * columns + k] = (picture.light[n * columns + k] - mean) * down[n] * across[k];
-  const std::vector<std::complex<double>> of_rows = half_spectra(windowed, columns);
-  std::vector<std::complex<double>> turned(of_rows.size()), result(of_rows.size());
-  for (std::size_t n = 0; n < rows; ++n)
-    for (std::size_t k = 0; k < bins; ++k) turned[k * rows + n] = of_rows[n * bins + k];
-  transform_rows(Transform::forward, turned.data(), result.data(), bins, rows, rows);
-  return result;
+// (rows × columns) transformed along the columns, then along the rows.
+Spectrum transformed(Transform direction, Spectrum values, std::size_t rows, std::size_t columns) {
+  for (const std::size_t length : {columns, rows}) {
+    const std::size_t count = values.size() / length;
+    Spectrum lines(values.size());
+    transform_rows(direction, values.data(), lines.data(), count, length, length);
+    for (std::size_t i = 0; i < lines.size(); ++i) values[i % length * count + i / length] = lines[i];
+  }
+  return values;
 }
 
-// Correlation of the phases at every displacement, C order; a negative displacement is at rows or columns less it.
+// Of a windowed picture.
+Spectrum spectrum_of(const Blocks& picture) {
+  const double mean = mean_of(picture.light);
+  const Values down = bell(picture.rows), across = bell(picture.columns);
+  Spectrum windowed(picture.light.size());
+  for (std::size_t i = 0; i < windowed.size(); ++i)
+    windowed[i] = (picture.light[i] - mean) * down[i / picture.columns] * across[i % picture.columns];
+  return transformed(Transform::forward, std::move(windowed), picture.rows, picture.columns);
+}
+
+// Correlation of the phases at every displacement, C order, of any scale; a negative displacement is at rows or columns
+// less it.
 Values phase_correlation(const Blocks& before, const Blocks& after) {
-  const std::size_t rows = after.rows, columns = after.columns, bins = columns / 2 + 1;
-  const std::vector<std::complex<double>> one = spectrum_of(before);
-  std::vector<std::complex<double>> cross = spectrum_of(after);
+  const Spectrum one = spectrum_of(before);
+  Spectrum cross = spectrum_of(after);
   for (std::size_t i = 0; i < cross.size(); ++i) {
     cross[i] *= std::conj(one[i]);
     cross[i] /= std::abs(cross[i]) + std::numeric_limits<double>::min();
   }
-  std::vector<std::complex<double>> turned(cross.size()), of_rows(cross.size());
-  transform_rows(Transform::inverse, cross.data(), turned.data(), bins, rows, rows);
-  for (std::size_t n = 0; n < rows; ++n)
-    for (std::size_t k = 0; k < bins; ++k) of_rows[n * bins + k] = turned[k * rows + n] / static_cast<double>(rows);
-  return signals_of_half_spectra(of_rows, columns);
+  Values result;
+  for (const auto& value : transformed(Transform::inverse, std::move(cross), after.rows, after.columns))
+    result.push_back(value.real());
+  return result;
 }
 
 // The peak at `place` of a circular line, refined by a parabola; from −length/2 to length/2.

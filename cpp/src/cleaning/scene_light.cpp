@@ -92,21 +92,16 @@ std::vector<std::vector<BandedPicture>> pictures_of(const StoredScene& scene) {
 // Slow light that is left after division by another light.
 std::vector<SlowLight> slow_light_left(const StoredScene& scene, const SceneLight& light) {
   std::vector<std::vector<BandedPicture>> frames = pictures_of(scene);
-  std::vector<Values> cleaned;
+  std::vector<Blocks> cleaned;
   cleaned.reserve(scene.frames() * scene.colours());
   for (std::size_t frame = 0; frame < frames.size(); ++frame)
     for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
+      const auto share_of = [&](std::size_t row, std::size_t column) {
+        return light.shares[colour].at(row, column * scene.merged(), scene.columns());
+      };
       BandedPicture& picture = frames[frame][colour];
-      const BlockShares& shares = light.shares[colour];
-      const Values& rows = light.lights[frame].of(colour).light;
-      const std::size_t across = blocks_of(scene.columns(), shares.block_columns);
-      Values& values = cleaned.emplace_back(picture.light.begin(), picture.light.end());
-      for (std::size_t i = 0; i < values.size(); ++i) {
-        const std::size_t row = i / picture.columns, column = i % picture.columns * scene.merged();
-        const double share = shares.share[row / shares.block_rows * across + column / shares.block_columns];
-        values[i] /= light_left(share, rows[row] - 1);
-      }
-      picture.light = values;
+      cleaned.push_back(without_light(picture, light.lights[frame].of(colour).light, share_of));
+      picture = cleaned.back().picture();
     }
   return find_slow_lights(frames);
 }

@@ -98,26 +98,6 @@ Spread spread_of(const VectorXd& variance, const MatrixXd& trend, double log_pri
   return {weight, solve_upper_transposed(factor, scaled.transpose()).transpose(), log_prior - 0.5 * log_determinant};
 }
 
-// Variance of the modes' changes from frame to frame that groups of columns have not in common.
-VectorXd variance_of_changes(std::span<const CommonCourse> courses) {
-  const std::size_t frames = courses.size(), modes = courses.front().modes.size();
-  std::size_t groups = courses.front().groups.size();
-  for (const CommonCourse& course : courses) groups = std::min(groups, course.groups.size());
-  VectorXd result(static_cast<Index>(modes));
-  for (std::size_t k = 0; k < modes; ++k) {
-    MatrixXd values(static_cast<Index>(frames), static_cast<Index>(groups));
-    for (Index frame = 0; frame < values.rows(); ++frame)
-      for (Index group = 0; group < values.cols(); ++group)
-        values(frame, group) = courses[static_cast<std::size_t>(frame)].groups[static_cast<std::size_t>(group)][k];
-    const MatrixXd change = values.rowwise() - values.colwise().mean();
-    const MatrixXd apart = change.colwise() - change.rowwise().mean();
-    const double spread = apart.squaredNorm() / static_cast<double>(groups);
-    result[static_cast<Index>(k)] =
-        spread / static_cast<double>(std::max<std::size_t>(frames - 1, 1) * groups) + kLeastModeVariance;
-  }
-  return result;
-}
-
 // Prior of the modes of some frames without a tone: a picture that stays, for every S and floor, and changes from
 // frame to frame, for every S of these.
 struct Frames {
@@ -151,9 +131,8 @@ Frames frames_of(std::span<const CommonCourse> courses) {
       const VectorXd all = spread * spread * fall + variance / static_cast<double>(number);
       frames.still.push_back(spread_of(all.array() + floor * floor, trend, -0.5 * away * away));
     }
-  const VectorXd of_rest = variance_of_changes(courses);
   for (const double change : ladder(kLeastChange, kMostChange, number > 1 ? kChanges : 0))
-    frames.changing.emplace_back((change * change * fall + of_rest).cwiseInverse());
+    frames.changing.emplace_back((change * change * fall + variance).cwiseInverse());
   return frames;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <functional>
 #include <numeric>
 #include <utility>
 
@@ -57,10 +58,11 @@ Blocks guide_of(const std::vector<Blocks>& colours, const ColourLights& lights, 
   for (std::size_t colour = 0; colour < colours.size(); ++colour) {
     const Values& light = lights.of(colour).light;
     const Values rows = means_of_rows(light, light.size(), shares[colour].block_rows);
-    for (std::size_t i = 0; i < picture.light.size(); ++i) {
-      const double change = rows[i / picture.columns] - 1;
-      picture.light[i] += colours[colour].light[i] / light_left(shares[colour].share[i], change);
-    }
+    const auto share_of = [&](std::size_t row, std::size_t column) {
+      return shares[colour].share[row * picture.columns + column];
+    };
+    const Values own = without_light(colours[colour].picture(), rows, share_of).light;
+    std::ranges::transform(picture.light, own, picture.light.begin(), std::plus{});
   }
   const std::size_t count = guide_size(picture.light.size());
   Blocks guide = block_means(picture.picture(), count, count);
@@ -327,13 +329,11 @@ ColourLights StreamCleaner::followed_lights(const StoredScene& stored) const {
       found.lights.push_back(find_row_light(ColumnBundles(colours), own.model));
       continue;
     }
-    const BlockShares& shares = before_->shares[first];
-    const std::size_t across = blocks_of(stored.columns(), shares.block_columns), down = shares.share.size() / across;
     Values of_columns(colours.front().columns);
-    for (std::size_t k = 0; k < of_columns.size(); ++k)
-      for (std::size_t n = 0; n < down; ++n)
+    for (std::size_t n = 0; n < stored.rows(); ++n)
+      for (std::size_t k = 0; k < of_columns.size(); ++k)
         of_columns[k] +=
-            shares.share[n * across + k * stored.merged() / shares.block_columns] / static_cast<double>(down);
+            before_->shares[first].at(n, k * stored.merged(), stored.columns()) / static_cast<double>(stored.rows());
     ToneLight tone = refined_tone_light(ColumnBundles(colours, of_columns), Values(stored.rows(), 1.0), *own.tone);
     const double weight = 1 / static_cast<double>(std::min(before_->frames, kMostFrequencies) + 2);
     tone.frequency = std::lerp(own.tone->frequency, tone.frequency, weight);
