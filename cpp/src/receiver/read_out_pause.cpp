@@ -11,7 +11,6 @@ namespace ocisac {
 namespace {
 
 constexpr double kLeastChips = 24;               // in a half
-constexpr double kSureCount = 8;                 // nats
 constexpr double kSureChip = 6, kFrameSays = 4;  // nats, at most: of a chip; of a frame, which may be read wrong
 
 FrameRows part_of(const FrameRows& frame, std::size_t begin, std::size_t end) {
@@ -76,9 +75,11 @@ std::size_t RowPause::chips() const {
   return static_cast<std::size_t>(std::ranges::max_element(evidence) - evidence.begin());
 }
 
-bool RowPause::is_sure() const {
-  const double most = evidence[chips()];
-  return std::ranges::count_if(evidence, [most](double other) { return other > most - kSureCount; }) == 1;
+double RowPause::sureness() const {
+  double others = 0;  // probability over that of the most likely count
+  for (const double other : evidence) others += std::exp(other - evidence[chips()]);
+  others -= 1;
+  return std::log((2 + others) / std::max(others, 1e-300));
 }
 
 std::optional<FrameReading> RowReader::read_about(const RowPause& pause, const SignalModel& model, FrameRows& frame,
@@ -138,13 +139,14 @@ std::optional<RowPause> RowReader::find_pause(const FrameRows& frame, const Ligh
     halves[half] = read_with(given_model(state.exposure), rows, fresh);
     if (fits(halves[half])) fresh = known(*halves[half], rows.signal, std::move(fresh));
   }
-  if (!std::ranges::all_of(halves, fits)) return std::nullopt;
+  const auto are_sure = [](const std::optional<FrameReading>& half) { return half && half->trust >= Trust::sure; };
+  if (!std::ranges::all_of(halves, are_sure)) return std::nullopt;
   const ChipClock &early = halves[0]->channel.clock, &late = halves[1]->channel.clock;
   const double chip = early.rows_per_chip;
   const double chips = (early.phase - late.phase - static_cast<double>(middle)) / chip;
   const double part = chips - std::floor(chips);
-  if (std::min(part, 1 - part) < kSamePhase) return std::nullopt;
-  return RowPause{.row = frame.first_row + middle, .rows = part * chip};
+  const bool is_whole = std::min(part, 1 - part) < kSamePhase;
+  return RowPause{.row = frame.first_row + middle, .rows = is_whole ? 0.0 : part * chip};
 }
 
 }  // namespace ocisac

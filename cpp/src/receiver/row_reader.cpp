@@ -452,6 +452,9 @@ void RowReader::try_model(SignalModel model, FrameRows tried, const LightState& 
                           RowsRead& best) const {
   auto reading = read_with(model, tried, state);
   if (!reading || reading->trust < least) return;
+  if (best.reading && reading->trust < Trust::fits &&
+      reading->relative_noise > kLessNoise * best.reading->relative_noise)
+    return;
   best.reading = std::move(reading);
   best.state.model = std::move(model);
   best.is_new_model = true;
@@ -463,7 +466,7 @@ void RowReader::try_pause(const FrameRows& frame, RowsRead& best) const {
   if (!model.pause) return;
   FrameRows tried = frame;
   tried.effort = frame.effort_of_others;
-  try_model(std::move(model), std::move(tried), restarted(best.state), Trust::fits, best);
+  try_model(std::move(model), std::move(tried), restarted(best.state), Trust::sure, best);
 }
 
 // Where the rows show two exposures no even model is right.

@@ -37,8 +37,8 @@ struct RowPause {
   double rows = 0;
   std::array<double, kMostChips> evidence{};  // nats, of all frames so far for each count
 
-  [[nodiscard]] std::size_t chips() const;  // the most likely count
-  [[nodiscard]] bool is_sure() const;
+  [[nodiscard]] std::size_t chips() const;   // the most likely count
+  [[nodiscard]] double sureness() const;  // nats, of a chip after it: half of the chips of a wrong count are wrong
 };
 
 // With the evidence for its trust (receiver/reading_trust.cpp).

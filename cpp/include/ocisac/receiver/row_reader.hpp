@@ -125,7 +125,7 @@ class RowReader {
   // Rows before and after a pause, each with a clock of their own.
   std::optional<FrameReading> read_about(const RowPause& pause, const SignalModel& model, FrameRows& frame,
                                          const LightState& state) const;
-  // In the middle of a lamp's rows that begin with the picture, where both halves fit and their clocks disagree.
+  // In the middle of a lamp's rows that begin with the picture, where the chips of both halves are sure.
   std::optional<RowPause> find_pause(const FrameRows& frame, const LightState& state) const;
   [[nodiscard]] SignalModel given_model(std::optional<double> exposure) const;
   [[nodiscard]] std::vector<RowNuisance> other_nuisances(const FrameRows& frame, const LightState& state) const;
