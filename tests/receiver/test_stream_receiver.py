@@ -312,7 +312,7 @@ def test_a_lamp_in_a_veil_of_its_light_is_read_in_its_own_rows(share, veil):
     assert payloads_of(results) == {b"a veil"}
 
 
-@pytest.mark.parametrize("pause", [5, 20])
+@pytest.mark.parametrize("pause", [5, 17, 20])
 def test_a_pause_of_the_read_out_in_the_middle_of_the_picture_is_found(pause):
     """Chips after it are in doubt until their number is known from several frames, and right then."""
     light = Light(b"a pause", seed=30, noise=0.01, rows=1080 + pause)

@@ -32,7 +32,7 @@ constexpr double kBrightLight = 10;     // power of the columns' common light ov
 constexpr double kUnknownJump = 2;      // chips; standard error of the count where the clock jumped
 constexpr double kAnyJump = 1e6;        // the same where frames may be missing
 constexpr int kAlternating = 2;         // frames in a row
-constexpr double kLostCount = 1;        // nats, of a chip whose number is not known
+constexpr double kSureCount = 8;        // nats, of a chip after a pause
 constexpr double kNoiseKept = 0.9;      // decay per frame: noise varies where the light fills only some of the rows
 constexpr double kOthersEffort = 0.5;   // of a frame's: the effort for each of the other models
 constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, after which another light may appear
@@ -42,7 +42,7 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   const ChannelEstimate& channel = reading.channel;
   std::vector<double> llr = reliable_llr(reading);
   const bool agrees = agree_with_code(llr, reader.options().format);
-  const bool in_doubt = reading.pause && !reading.pause->is_sure();
+  const double sureness = reading.pause ? reading.pause->sureness() : std::numeric_limits<double>::infinity();
   const ChipGrid whole = whole_chips(channel.clock, rows.signal.size());
   for (std::size_t k = 0; k < whole.count; ++k) {
     const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - reading.first;
@@ -50,8 +50,8 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
     if (result.bits.empty())
       result.phase = picture_row(whole.start(k), reading.warp) + static_cast<double>(rows.first_row);
     result.llr.push_back(llr[static_cast<std::size_t>(at)]);
-    if (in_doubt && at + reading.first >= reading.after_pause)
-      result.llr.back() = std::clamp(result.llr.back(), -kLostCount, kLostCount);
+    if (reading.pause && at + reading.first >= reading.after_pause)
+      result.llr.back() = std::clamp(result.llr.back(), -sureness, sureness);
     result.bits += result.llr.back() > 0 ? '1' : '0';
   }
   result.rows_per_chip = channel.clock.rows_per_chip;
@@ -61,7 +61,7 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   result.snr = std::min(std::pow(0.5 / std::max(reading.relative_noise, 1e-300), 2), kMaxSnr);
   result.error_rate = expected_errors(result.llr) / static_cast<double>(result.llr.size());
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
-  if (reading.trust != Trust::fits || !agrees || in_doubt) result.flags |= flag::model_misfit;
+  if (reading.trust != Trust::fits || !agrees || sureness < kSureCount) result.flags |= flag::model_misfit;
   if (chip_period(whole_bits(reading, rows.signal.size()))) result.flags |= flag::periodic;
 }
 

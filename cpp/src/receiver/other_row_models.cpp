@@ -16,6 +16,7 @@ constexpr double kMinSlow = 2e-3;                   // min fraction of a signal'
 constexpr double kHighestTone = 0.45;               // cycles per chip
 constexpr std::array kExposureFactors{0.8, 1.2, 0.9, 1.1, 0.7, 1.35};  // of an exposure that is not right any more
 constexpr double kPairErrors = 25;           // of the ratio of two pairs of rows, over 1 / the root of all rows
+constexpr double kLeastChips = 24;           // in a part, before or after a pause
 constexpr std::size_t kSearchedFactors = 2;  // in a frame, the next ones in another
 
 // All rows, each frame's less its slow light.
@@ -90,42 +91,55 @@ std::vector<RowNuisance> RowReader::other_nuisances(const FrameRows& frame, cons
   return sorted;
 }
 
-// Alternative models of the rows: slow light, a tone, another exposure.
-std::vector<SignalModel> RowReader::other_models(const FrameRows& frame, const LightState& state, bool searches) const {
+// A pause in the middle of a lamp's rows that begin with the picture; then slow light, tones, the light's shape,
+// displaced rows and other exposures: from the tracked clock, then, where chips are in doubt, by a search for another
+// clock.
+std::vector<Hypothesis> RowReader::hypotheses(const FrameRows& frame, const RowsRead& best) const {
+  const LightState& state = best.state;
   SignalModel given = given_model(state.exposure);
   given.long_row = longer_rows(frame);
   const SignalModel& last = state.model;
-  std::vector<SignalModel> models;
-  const auto another_exposure = [&](std::optional<double> rows) {
-    models.push_back({.nuisance = last.nuisance, .exposure_rows = rows, .long_row = given.long_row});
+  const bool is_tracked = state.channel && state.fits;
+  const bool is_sure = best.reading && best.reading->trust == Trust::sure, may_search = !is_sure && frame.may_search;
+  const double chip = state.rows_per_chip.value_or(0.0);
+  std::vector<Hypothesis> all;
+  const auto with = [](SignalModel model, auto member, auto value) {
+    model.*member = std::move(value);
+    return model;
   };
+  if (best.reading && !is_sure && last.nuisance.empty())
+    all.push_back({.model = with(last, &SignalModel::warped, true), .refines = true});
+  const std::size_t middle = frame.signal.size() / 2;
+  const bool is_long = static_cast<double>(middle) >= kLeastChips * chip + last.exposure_rows.value_or(0.0);
+  if (may_search && !last.pause && frame.first_row == 0 && chip > 0 && is_long)
+    all.push_back({with(given_model(state.exposure), &SignalModel::pause, RowPause{.row = middle}), true});
+  std::vector<SignalModel> models;
   if (!last.nuisance.empty() || last.exposure_known != given.exposure_known || last.slow_light || last.loose_edges ||
       last.warped || last.pause || last.long_row != given.long_row)
     models.push_back(given);
-  for (RowNuisance& nuisance : other_nuisances(frame, state)) {
-    models.push_back(given);
-    models.back().nuisance = std::move(nuisance);
-  }
-  if (!last.slow_light) {
-    models.push_back(last);
-    models.back().slow_light = true;
-  }
+  for (RowNuisance& nuisance : other_nuisances(frame, state))
+    models.push_back(with(given, &SignalModel::nuisance, std::move(nuisance)));
+  if (!last.slow_light) models.push_back(with(last, &SignalModel::slow_light, true));
   if (!last.loose_edges && !last.long_row) {
-    models.push_back(last);
-    models.back().slow_light = false;
+    models.push_back(with(last, &SignalModel::slow_light, false));
     models.back().loose_edges = true;
   }
-  if (!last.warped) {
-    models.push_back(given);
-    models.back().warped = true;
-  }
+  if (!last.warped) models.push_back(with(given, &SignalModel::warped, true));
   const double now = state.channel ? state.channel->clock.exposure_rows : given.exposure_rows.value_or(0.0);
-  if (state.channel) another_exposure(state.brightness_ratio(frame.signal) * now);  // the brightness changed alike
-  if (given.exposure_rows) another_exposure({});                                    // a preamble may show it
-  const std::size_t factors = kExposureFactors.size(), count = searches ? kSearchedFactors : factors;
-  for (std::size_t k = 0; now > 0 && k < count; ++k)
-    another_exposure(kExposureFactors[(state.other_models.failures * count + k) % factors] * now);
-  return models;
+  const std::size_t factors = kExposureFactors.size();
+  for (const bool searches : {false, true}) {
+    if (searches ? !may_search : !is_tracked) continue;
+    for (const SignalModel& model : models) all.push_back({model, searches, model.loose_edges});
+    const auto another_exposure = [&](std::optional<double> rows) {
+      all.push_back({{.nuisance = last.nuisance, .exposure_rows = rows, .long_row = given.long_row}, searches});
+    };
+    if (state.channel) another_exposure(state.brightness_ratio(frame.signal) * now);  // the brightness changed alike
+    if (given.exposure_rows) another_exposure({});                                    // a preamble may show it
+    const std::size_t count = searches ? kSearchedFactors : factors;
+    for (std::size_t k = 0; now > 0 && k < count; ++k)
+      another_exposure(kExposureFactors[(state.other_models.failures * count + k) % factors] * now);
+  }
+  return all;
 }
 
 }  // namespace ocisac

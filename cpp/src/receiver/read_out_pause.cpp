@@ -10,8 +10,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kLeastChips = 24;               // in a half
-constexpr double kSureCount = 8;                 // nats
 constexpr double kSureChip = 6, kFrameSays = 4;  // nats, at most: of a chip; of a frame, which may be read wrong
 
 FrameRows part_of(const FrameRows& frame, std::size_t begin, std::size_t end) {
@@ -76,35 +74,48 @@ std::size_t RowPause::chips() const {
   return static_cast<std::size_t>(std::ranges::max_element(evidence) - evidence.begin());
 }
 
-bool RowPause::is_sure() const {
-  const double most = evidence[chips()];
-  return std::ranges::count_if(evidence, [most](double other) { return other > most - kSureCount; }) == 1;
+double RowPause::sureness() const {
+  double others = 0;  // probability over that of the most likely count
+  for (const double other : evidence) others += std::exp(other - evidence[chips()]);
+  others -= 1;
+  return std::log((2 + others) / std::max(others, 1e-300));
 }
 
+// Each part is read from the channel of the other where that one fits; where the pause is new, both must be sure.
 std::optional<FrameReading> RowReader::read_about(const RowPause& pause, const SignalModel& model, FrameRows& frame,
                                                   const LightState& state) const {
   if (pause.row <= frame.first_row || pause.row >= frame.first_row + frame.signal.size()) return std::nullopt;
   const std::size_t cut = pause.row - frame.first_row;
+  const bool is_new = !pause.rows;
   SignalModel even = model;
   even.pause.reset();
   FrameRows before = part_of(frame, 0, cut), after = part_of(frame, cut, frame.signal.size());
   auto first = read_with(even, before, state);
-  frame.effort = before.effort;
-  if (!first) return std::nullopt;
-  LightState late = known(*first, after.signal, state);
-  late.channel = continued(first->channel, cut, static_cast<double>(cut) + pause.rows);
-  after.effort = frame.effort;
+  if (!first && !is_new) return std::nullopt;
+  LightState late = state;
+  if (first && (!is_new || first->trust == Trust::fits)) {
+    late = known(*first, after.signal, state);
+    late.channel = continued(first->channel, cut, static_cast<double>(cut) + pause.rows.value_or(0.0));
+  }
+  after.effort = before.effort;
   const auto second = read_with(even, after, late);
   frame.effort = after.effort;
+  if (is_new && second && second->trust == Trust::fits && !(first && first->trust == Trust::fits))
+    first = read_with(even, before, known(*second, before.signal, state));
+  if (is_new && !(first && first->trust >= Trust::sure)) return std::nullopt;
   if (!second || second->trust < Trust::sure) {
+    if (is_new) return std::nullopt;
     first->rest.insert(first->rest.end(), after.signal.begin(), after.signal.end());
     first->trust = std::min(first->trust, Trust::misfit);
     first->pause = pause;
     first->after_pause = first->first + std::ssize(first->llr);
     return first;
   }
-  const double rows = second->channel.clock.phase + static_cast<double>(cut) + pause.rows - first->channel.clock.phase;
-  const auto chips = static_cast<std::ptrdiff_t>(std::nearbyint(rows / first->channel.clock.rows_per_chip));
+  const double chip = first->channel.clock.rows_per_chip;
+  const double to_second = second->channel.clock.phase + static_cast<double>(cut) - first->channel.clock.phase;
+  RowPause now = pause;
+  if (is_new) now.rows = std::max(std::ceil(to_second / chip - kSamePhase) * chip - to_second, 0.0);
+  const auto chips = static_cast<std::ptrdiff_t>(std::nearbyint((to_second + *now.rows) / chip));
   std::array<FrameReading, RowPause::kMostChips> joined;
   std::array<double, RowPause::kMostChips> evidence{};
   for (std::size_t lost = 0; lost < joined.size(); ++lost) {
@@ -115,36 +126,11 @@ std::optional<FrameReading> RowReader::read_about(const RowPause& pause, const S
     evidence[lost] += options_.format.line_code.evidence_anywhere(bounded);
   }
   const double most = *std::ranges::max_element(evidence);
-  RowPause now = pause;
   for (std::size_t lost = 0; lost < joined.size(); ++lost)
     now.evidence[lost] += std::max(evidence[lost] - most, -kFrameSays);
   FrameReading reading = std::move(joined[now.chips()]);
   reading.pause = now;
   return reading;
-}
-
-std::optional<RowPause> RowReader::find_pause(const FrameRows& frame, const LightState& state) const {
-  const std::size_t middle = frame.signal.size() / 2;
-  const double least = kLeastChips * state.rows_per_chip.value_or(0.0) + state.model.exposure_rows.value_or(0.0);
-  if (frame.first_row > 0 || !state.rows_per_chip || static_cast<double>(middle) < least) return std::nullopt;
-  LightState fresh = restarted(state);
-  std::array<std::optional<FrameReading>, 2> halves;
-  const auto fits = [](const std::optional<FrameReading>& half) { return half && half->trust == Trust::fits; };
-  for (const std::size_t half :
-       std::array<std::size_t, 3>{0, 1, 0}) {  // where one fits, the other one is read from its channel
-    if (fits(halves[half])) continue;
-    FrameRows rows = half == 0 ? part_of(frame, 0, middle) : part_of(frame, middle, frame.signal.size());
-    rows.effort = frame.effort_of_others;
-    halves[half] = read_with(given_model(state.exposure), rows, fresh);
-    if (fits(halves[half])) fresh = known(*halves[half], rows.signal, std::move(fresh));
-  }
-  if (!std::ranges::all_of(halves, fits)) return std::nullopt;
-  const ChipClock &early = halves[0]->channel.clock, &late = halves[1]->channel.clock;
-  const double chip = early.rows_per_chip;
-  const double chips = (early.phase - late.phase - static_cast<double>(middle)) / chip;
-  const double part = chips - std::floor(chips);
-  if (std::min(part, 1 - part) < kSamePhase) return std::nullopt;
-  return RowPause{.row = frame.first_row + middle, .rows = part * chip};
 }
 
 }  // namespace ocisac

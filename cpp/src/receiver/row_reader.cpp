@@ -421,56 +421,31 @@ std::optional<FrameReading> RowReader::read_with(const SignalModel& model, Frame
   return reading;
 }
 
-// Models other than the last frame's, from the tracked clock or by a search, until one fits.
-void RowReader::try_models(FrameRows& frame, bool searches, RowsRead& best) const {
-  const LightState& state = best.state;
-  for (SignalModel& model : other_models(frame, state, searches)) {
-    FrameRows tried = frame;
-    tried.may_search = searches;
-    tried.may_follow = state.fits;
-    tried.effort = frame.effort_of_others;
-    tried.is_noise.reset();
-    if (!searches) tried.effort.rows *= kSmallShare;
-    if (model.warped) tried.effort.rows *= kWarpEffort;
-    auto other = !model.loose_edges ? read_with(model, tried, state)
-                 : best.reading     ? loosened(frame.signal, *best.reading, model.exposure_known, &tried.effort)
-                                    : std::nullopt;
-    if (!other || (best.reading && other->relative_noise > kLessNoise * best.reading->relative_noise)) continue;
-    const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
-    if (state.exposure && std::max(exposure / *state.exposure, *state.exposure / exposure) > kMaxWrongExposure)
-      continue;
-    if (!model.nuisance.empty() || model.loose_edges) model.nuisance = other->nuisance;
-    best.reading = std::move(other);
-    best.state.model = std::move(model);
-    best.is_new_model = true;
-    if (best.reading->trust == Trust::fits) return;
-  }
-}
-
-// A model, if its reading is trusted at least so far.
-void RowReader::try_model(SignalModel model, FrameRows tried, const LightState& state, Trust least,
-                          RowsRead& best) const {
-  auto reading = read_with(model, tried, state);
-  if (!reading || reading->trust < least) return;
-  best.reading = std::move(reading);
-  best.state.model = std::move(model);
-  best.is_new_model = true;
-}
-
-void RowReader::try_pause(const FrameRows& frame, RowsRead& best) const {
-  SignalModel model = given_model(best.state.exposure);
-  model.pause = find_pause(frame, best.state);
-  if (!model.pause) return;
+void RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& frame, RowsRead& best) const {
+  const auto& [model, searches, refines] = hypothesis;
   FrameRows tried = frame;
+  tried.may_search = searches;
+  tried.may_follow = best.state.fits;
   tried.effort = frame.effort_of_others;
-  try_model(std::move(model), std::move(tried), restarted(best.state), Trust::fits, best);
-}
-
-// Where the rows show two exposures no even model is right.
-void RowReader::try_turns(const FrameRows& frame, RowsRead& best) const {
-  SignalModel model = given_model(best.state.exposure);
-  model.long_row = longer_rows(frame);
-  if (model.long_row) try_model(std::move(model), frame, best.state, Trust::misfit, best);
+  tried.is_noise.reset();
+  if (!searches && !refines) tried.effort.rows *= kSmallShare;
+  if (model.warped) tried.effort.rows *= kWarpEffort;
+  std::optional<FrameReading> other;
+  if (!refines)
+    other = read_with(model, tried, model.pause ? restarted(best.state) : best.state);
+  else if (best.reading && model.warped)
+    other = refine_warp(frame.signal, *best.reading, model.exposure_known, &tried.effort);
+  else if (best.reading)
+    other = loosened(frame.signal, *best.reading, model.exposure_known, &tried.effort);
+  if (!other || (refines && other->trust != Trust::fits)) return;
+  if (best.reading && other->relative_noise > kLessNoise * best.reading->relative_noise) return;
+  const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
+  const auto& told = best.state.exposure;
+  if (told && std::max(exposure / *told, *told / exposure) > kMaxWrongExposure) return;
+  best.state.model = model;
+  if (!model.nuisance.empty() || model.loose_edges) best.state.model.nuisance = other->nuisance;
+  best.reading = std::move(other);
+  best.is_new_model = true;
 }
 
 RowsRead RowReader::read(FrameRows& frame, LightState before) const {
@@ -482,24 +457,13 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   if (exposure_rows > kLongExposure && has_spikes(frame.signal))
     frame.signal = without_spikes(frame.signal, exposure_rows);
   const auto fits = [&best] { return best.reading && best.reading->trust == Trust::fits; };
-  if (!model.long_row && frame.may_search) try_turns(frame, best);
-  if (!reading) reading = read_with(model, frame, state);
+  reading = read_with(model, frame, state);
   if (reading && !model.nuisance.empty()) model.nuisance = reading->nuisance;
-  is_new_model |= reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
+  is_new_model = reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
   state.other_models.pass_frame();
   if (fits() || (reading ? !state.other_models.is_due() : !frame.may_search)) return best;
-  const bool sure = reading && reading->trust == Trust::sure;
-  if (reading && !sure && model.nuisance.empty()) {
-    auto even = refine_warp(frame.signal, *reading, model.exposure_known, &frame.effort_of_others);
-    if (even.trust == Trust::fits) {
-      reading = std::move(even);
-      model.warped = is_new_model = true;
-    }
-  }
-  if (!fits() && !sure && frame.may_search && !model.pause) try_pause(frame, best);
-  // All from the tracked clock, then all by a search for another clock, where chips are in doubt.
-  if (!fits() && state.channel && state.fits) try_models(frame, false, best);
-  if (!fits() && !sure && frame.may_search) try_models(frame, true, best);
+  for (const Hypothesis& hypothesis : hypotheses(frame, best))
+    if (!fits()) try_hypothesis(hypothesis, frame, best);
   if (fits())
     state.other_models.restart();
   else

@@ -81,6 +81,7 @@ class Effects:
 
     def __init__(self, levels: Mapping[str, float], camera: Camera, rows: int, seed: int = 0) -> None:
         self._levels, self._camera, self._rows, self._seed = check_effects(levels), camera, rows, seed
+        self._exposure = camera.exposure or 0.0
         self._late = np.random.default_rng([seed, 8])
         self._random = np.random.default_rng([seed, 9])
         self._delay = 0.0  # s, of the frames so far
@@ -138,9 +139,9 @@ class Effects:
 
     def exposed(self, light: Waveform, start: float) -> Float64s:
         """(rows, 1) means of ``light`` over the exposures of the rows; ``start``: of the frame, s."""
-        seen = self._at_rows(light, start, self._camera.exposure)
+        seen = self._at_rows(light, start, self._exposure)
         if ratio := self._level("exposure-pairs"):
-            short = self._at_rows(light, start, self._camera.exposure / ratio)
+            short = self._at_rows(light, start, self._exposure / ratio)
             seen = np.where(np.arange(self._rows) // 2 % 2, short, seen)
         return seen[:, None]
 

@@ -34,11 +34,11 @@ enum class Trust {
 struct RowPause {
   static constexpr std::size_t kMostChips = 8;
   std::size_t row = 0;
-  double rows = 0;
+  std::optional<double> rows{};               // absent: to be found
   std::array<double, kMostChips> evidence{};  // nats, of all frames so far for each count
 
   [[nodiscard]] std::size_t chips() const;  // the most likely count
-  [[nodiscard]] bool is_sure() const;
+  [[nodiscard]] double sureness() const;    // nats, of a chip after it: half of the chips of a wrong count are wrong
 };
 
 // With the evidence for its trust (receiver/reading_trust.cpp).

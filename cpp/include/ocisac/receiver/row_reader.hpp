@@ -36,6 +36,13 @@ struct SignalModel {
   std::optional<std::ptrdiff_t> long_row{};  // of the picture; two exposures in turns (ChipClock)
 };
 
+// A model of a frame's rows, and where its reading begins: else from the tracked clock.
+struct Hypothesis {
+  SignalModel model;
+  bool searches = false;  // for another clock
+  bool refines = false;   // from the best reading so far
+};
+
 // State after the frames read so far, which predicts the next one.
 struct LightState {
   std::optional<double> exposure{};          // s, stated of the current frame
@@ -125,16 +132,12 @@ class RowReader {
   // Rows before and after a pause, each with a clock of their own.
   std::optional<FrameReading> read_about(const RowPause& pause, const SignalModel& model, FrameRows& frame,
                                          const LightState& state) const;
-  // In the middle of a lamp's rows that begin with the picture, where both halves fit and their clocks disagree.
-  std::optional<RowPause> find_pause(const FrameRows& frame, const LightState& state) const;
   [[nodiscard]] SignalModel given_model(std::optional<double> exposure) const;
   [[nodiscard]] std::vector<RowNuisance> other_nuisances(const FrameRows& frame, const LightState& state) const;
-  [[nodiscard]] std::vector<SignalModel> other_models(const FrameRows& frame, const LightState& state,
-                                                      bool searches) const;
-  void try_models(FrameRows& frame, bool searches, RowsRead& best) const;
-  void try_model(SignalModel model, FrameRows tried, const LightState& state, Trust least, RowsRead& best) const;
-  void try_pause(const FrameRows& frame, RowsRead& best) const;
-  void try_turns(const FrameRows& frame, RowsRead& best) const;
+  // Other models than that of the best reading, in the order in which they are tried.
+  [[nodiscard]] std::vector<Hypothesis> hypotheses(const FrameRows& frame, const RowsRead& best) const;
+  // The best reading is that by the hypothesis where it leaves less.
+  void try_hypothesis(const Hypothesis& hypothesis, const FrameRows& frame, RowsRead& best) const;
   std::optional<FrameReading> follow(std::span<const double> signal, const SignalModel& model, FrameRows& frame,
                                      const LightState& state, const RowsBeside* beside = nullptr) const;
   std::optional<FrameReading> follow_beside(const SignalModel& model, FrameRows& frame, const LightState& state) const;
