@@ -81,7 +81,6 @@ class Effects:
 
     def __init__(self, levels: Mapping[str, float], camera: Camera, rows: int, seed: int = 0) -> None:
         self._levels, self._camera, self._rows, self._seed = check_effects(levels), camera, rows, seed
-        self._exposure = camera.exposure or 0.0
         self._late = np.random.default_rng([seed, 8])
         self._random = np.random.default_rng([seed, 9])
         self._delay = 0.0  # s, of the frames so far
@@ -139,19 +138,19 @@ class Effects:
 
     def exposed(self, light: Waveform, start: float) -> Float64s:
         """(rows, 1) means of ``light`` over the exposures of the rows; ``start``: of the frame, s."""
-        seen = self._at_rows(light, start, self._exposure)
+        seen = self._at_rows(light, start, self._camera.exposure)
         if ratio := self._level("exposure-pairs"):
-            short = self._at_rows(light, start, self._exposure / ratio)
+            short = self._at_rows(light, start, (self._camera.exposure or 0.0) / ratio)
             seen = np.where(np.arange(self._rows) // 2 % 2, short, seen)
         return seen[:, None]
 
-    def _at_rows(self, light: Waveform, start: float, exposure: float) -> Float64s:
+    def _at_rows(self, light: Waveform, start: float, exposure: float | None) -> Float64s:
         read = self.read_rows()
         first = int(np.floor(read.min())) - 1
-        fine = dataclasses.replace(self._camera, row_time=self._camera.row_time / _TIMES_PER_ROW, exposure=exposure)
+        fine = dataclasses.replace(self._camera, row_time=self._camera.row_period / _TIMES_PER_ROW, exposure=exposure)
         count = _TIMES_PER_ROW * (int(np.ceil(read.max())) + 2 - first)
-        seen = integrate_exposure(light, fine, count, start=start + first * self._camera.row_time)
-        return np.interp((read - first) * _TIMES_PER_ROW, np.arange(count), seen)
+        seen = integrate_exposure(light, fine, count, start=start + first * self._camera.row_period)
+        return np.asarray(np.interp((read - first) * _TIMES_PER_ROW, np.arange(count), seen))
 
     def daylight(self, frame: int) -> float:
         """Light of a frame on the whole picture, in units of the light."""
