@@ -25,7 +25,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from ocisac_fast.cli.outputs import read_input
-from ocisac_fast.files import FileError, FileWarning, atomic_path, open_recording, read_frames, write_frames
+from ocisac_fast.files import FileError, FileWarning, atomic_path, open_recording, read_frames, write_frames, writing
 
 
 def random_frames(shape, dtype, seed=0):
@@ -1048,3 +1048,17 @@ def test_a_file_of_this_machine_has_one_name(tmp_path, scheme):
     write_frames(tmp_path / "a.npy", [np.zeros((9, 9), np.uint8)])
     with pytest.raises(FileError, match="allowed: the path alone of a file of this machine"):
         read_frames(f"{scheme}{tmp_path / 'a.npy'}")
+
+
+def test_temporary_files_of_many_writers_of_one_name_are_their_own(tmp_path):
+    """One that is not locked yet is taken for what a killed process left; another then has its name."""
+
+    def write(_):
+        for _ in range(400):
+            path, descriptor = writing._temporary(tmp_path, "x", ".npy", 0o600)
+            assert os.path.samestat(os.fstat(descriptor), path.stat())
+            path.unlink()
+            os.close(descriptor)
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(write, range(8)))

@@ -64,7 +64,7 @@ def warn_of_calibration(seconds: float) -> None:
 
 def is_unmeasured(flags: list[str]) -> bool:
     """True if a gain is none of a tone: less than a cycle is in the rows, and nothing of it."""
-    return "few_cycles" in flags and not {"weak", "no_light"}.isdisjoint(flags)
+    return "few_cycles" in flags and not {"weak", "no_light", "unresolvable"}.isdisjoint(flags)
 
 
 def warn_of_gain(facts: dict[str, Any], row_period: float, whole_picture: bool) -> bool:
