@@ -192,8 +192,8 @@ def _temporary(folder: Path, name: str, suffix: str, mode: int) -> tuple[Path, i
             descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
             with contextlib.suppress(OSError):  # a file system without locks
                 fcntl.flock(descriptor, fcntl.LOCK_EX)
-            there = _status(os.fspath(path))  # none, or another's: it was taken for what is left before it was locked
-            if there is not None and os.path.samestat(os.fstat(descriptor), there):
+            own = _status(os.fspath(path))  # none, or another's: it was taken for what is left before it was locked
+            if own is not None and os.path.samestat(os.fstat(descriptor), own):
                 return path, descriptor
             os.close(descriptor)
 
