@@ -200,10 +200,12 @@ void add_output_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_flag("--version", written.version, "Version, commit, SIMD targets, OpenCV");
 }
 
-// The parser would take a read that fails for the end of the file, hold a file of any length, and read the first value
-// of an option whose list is empty, as in "duty = [".
+// The parser would take a read that fails for the end of the file, hold a file of any length, pass over names that are
+// no options, and read the first value of an option whose list is empty, as in "duty = [".
 class OptionsFile : public CLI::ConfigTOML {
  public:
+  explicit OptionsFile(const CLI::App& app) : app_(app) {}
+
   [[nodiscard]] std::vector<CLI::ConfigItem> from_config(std::istream& input) const override {
     std::string text((1 << 20) + 1, '\0');
     errno = 0;
@@ -213,10 +215,17 @@ class OptionsFile : public CLI::ConfigTOML {
     require(input.eof(), "--config", "a longer file", "at most 1 MiB");
     std::istringstream whole(text);
     auto options = CLI::ConfigTOML::from_config(whole);
-    for (const auto& item : options)
-      require(!item.inputs.empty() || item.name == "++" || item.name == "--", item.name, "no value", "one in --config");
+    for (const auto& item : options) {
+      const bool is_option = item.parents.empty() && app_.get_option_no_throw("--" + item.name) != nullptr;
+      const std::string name = item.parents.empty() ? item.name : "[" + item.parents.front() + "]";
+      require(is_option, "--config", name, "names of options, such as row-time");
+      require(!item.inputs.empty(), item.name, "no value", "one in --config");
+    }
     return options;
   }
+
+ private:
+  const CLI::App& app_;
 };
 
 void print_version() {
@@ -271,7 +280,7 @@ std::optional<Settings> read_settings(int argc, const char* const* argv) {
   add_camera_options(app, settings, written);
   add_light_options(app, settings, written);
   add_output_options(app, settings, written);
-  app.config_formatter(std::make_shared<OptionsFile>());
+  app.config_formatter(std::make_shared<OptionsFile>(app));
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -144,6 +144,9 @@ def test_a_row_time_is_needed(receiver):
     ("options", "message"),
     [
         ('region = "-1,-1,2,2"', b"--region: got -1,-1,2,2, allowed: x,y,w,h"),  # would wrap
+        ('tone_curve = "srgb"', b"--config: got tone_curve, allowed: names of options, such as row-time"),
+        ('[camera]\nrow-time = "1us"', b"--config: got [camera], allowed: names of options, such as row-time"),
+        ("frames: 1", b"--config: got frames: 1, allowed: names of options, such as row-time"),
         ("duty=[-", b"duty: got no value, allowed: one in --config"),
         ("duty = []", b"duty: got no value, allowed: one in --config"),
     ],
