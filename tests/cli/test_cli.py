@@ -651,7 +651,9 @@ def test_an_archive_that_is_read_is_not_replaced(run, square, tmp_path):
     assert (code, err[-1].partition(", ")[2]) == (2, "which is read, allowed: another file")
 
 
-@pytest.mark.parametrize("words", [("--per-column", "o.csv"), ("--plot", "o.png"), ("--plot", "o.svg")])
+@pytest.mark.parametrize(
+    "words", [("--per-column", "o.csv"), *(("--plot", f"o.{kind}") for kind in ("png", "svg", "pdf"))]
+)
 def test_a_disk_that_is_full_is_named_with_the_file(square, program, tmp_path, words):
     square("s.png")
     limited = {"cwd": tmp_path, "preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (500, 500))}

@@ -6,6 +6,7 @@ Colours are those of Okabe and Ito, suitable for colour-blind readers.
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -118,7 +119,9 @@ def _figure(path: FilePath | None, size: tuple[float, float], figure: Figure | N
         yield figure
         if path is not None:
             with atomic_path(path) as temporary:
-                figure.savefig(temporary, dpi=120)
+                drawn = io.BytesIO()  # matplotlib's errors of a full disk are not the system's
+                figure.savefig(drawn, dpi=120, format=temporary.suffix[1:])
+                temporary.write_bytes(drawn.getvalue())
     matplotlib.interactive(is_interactive)
 
 
