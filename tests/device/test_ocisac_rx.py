@@ -106,7 +106,7 @@ def test_a_torn_frame_is_told_and_what_came_before_is_kept(receiver):
         (["--frequency", "nan"], "--frequency: nan"),
         (["--format", "rgb"], "--format"),
         (["--nonsense"], "--nonsense"),
-        (["/nonexistent"], "input: got /nonexistent"),
+        (["/nonexistent/frames"], "input: got /nonexistent/frames"),
         (["--region", "0,0,41,720"], "--region: got 0,0,41,720, allowed: inside the picture of 40x720"),
         (["--region", "0,0,0,720"], "--region: got 0,0,0,720, allowed: x,y,w,h"),
         (["--region=-1,0,2,720"], "--region: got -1,0,2,720, allowed: x,y,w,h"),
@@ -123,7 +123,7 @@ def test_a_torn_frame_is_told_and_what_came_before_is_kept(receiver):
         (["--tone-curve", "gamma:0"], "--tone-curve: got gamma:0"),
         (["--line-code", "morse"], "morse"),
         (["--no-bits", "--no-gain"], "--no-bits: got with --no-gain"),
-        (["--config", "/nonexistent.toml"], "/nonexistent.toml"),
+        (["--config", "/nonexistent/rx.toml"], "/nonexistent/rx.toml"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(receiver, options, message):
