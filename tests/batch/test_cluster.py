@@ -161,3 +161,19 @@ def test_version_error_and_cluster_error_survive_the_way_to_the_client():
     for kind in (VersionError, ClusterError):
         error = distributed.protocol.deserialize(*distributed.protocol.serialize(kind("one line")))
         assert (type(error), str(error)) == (kind, "one line")
+
+
+def test_a_result_whose_way_is_closed_is_a_lost_scheduler():
+    """Before the client notices that it has no scheduler."""
+    from types import SimpleNamespace
+
+    from distributed.comm import CommClosedError
+
+    from ocisac_fast.batch.engines import _reports
+
+    def result(timeout):
+        raise CommClosedError("reset by peer")
+
+    client = SimpleNamespace(status="running", scheduler=SimpleNamespace(address="tcp://lamp:1"))
+    with pytest.raises(ClusterError, match=r"^scheduler tcp://lamp:1: lost; what is finished is kept"):
+        _reports(SimpleNamespace(result=result, status="pending"), (), client)

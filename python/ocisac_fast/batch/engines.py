@@ -92,6 +92,7 @@ def _next_ended(ended: queue.SimpleQueue[Any], client: Any) -> list[Any]:
 def _reports(future: Any, jobs: Jobs, client: Any) -> list[Report] | None:
     """Reports of a group of jobs; None if it killed its workers and has to be split."""
     from distributed import KilledWorker, TimeoutError as StillRunning
+    from distributed.comm import CommClosedError
 
     try:
         while True:
@@ -106,6 +107,8 @@ def _reports(future: Any, jobs: Jobs, client: Any) -> list[Report] | None:
         if len(jobs) > 1:
             return None
         return [Report(jobs[0], failure=f"its worker died {error.allowed_failures + 1} times")]
+    except CommClosedError:  # of the result's way, before the client notices
+        raise _lost(client) from None
     except (Exception, asyncio.CancelledError) as error:
         if client.status != "running" or future.status in ("cancelled", "lost"):
             raise _lost(client) from None
