@@ -136,8 +136,8 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
     Flags& flags = result.flags[index];
     const auto remark = static_cast<kernels::Remark>(remarks[i]);
     if (remark == kernels::kNoLight) flags |= flag::no_light;
-    // A mean beyond all samples follows from the part of a cycle that is seen.
-    if (flags & flag::few_cycles && !(std::abs(result.mean[index]) <= tops[i])) {
+    // A mean far beyond all samples follows from the part of a cycle that is seen.
+    if (flags & flag::few_cycles && !(std::abs(result.mean[index]) <= 2 * tops[i])) {
       flags |= flag::unresolvable;
       result.mean[index] = kNaN;
     }
