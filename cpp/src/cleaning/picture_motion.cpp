@@ -46,7 +46,7 @@ Spectrum transformed(Transform direction, Spectrum values, std::size_t rows, std
   return values;
 }
 
-// Of a windowed picture.
+// Transforms a picture without its mean, windowed.
 Spectrum spectrum_of(const Blocks& picture) {
   const double mean = mean_of(picture.light);
   const Values down = bell(picture.rows), across = bell(picture.columns);

@@ -24,7 +24,7 @@ double group_gain(double cycles_per_row, int row_group) {
          (row_group * std::sin(std::numbers::pi * cycles_per_row));
 }
 
-// What an estimate for the rows is for sums of `row_group` of them.
+// Factors from estimates for the rows to those for sums of `row_group` of them.
 Eigen::VectorXd scale_of(std::span<const double> cycles_per_row, int row_group) {
   Eigen::VectorXd scale(1 + 2 * std::ssize(cycles_per_row));
   scale(0) = row_group;

@@ -1,4 +1,4 @@
-"""What phones, dash cameras, webcams and cheap senders do to the light of a lamp and to pictures of it."""
+"""Effects of phones, dash cameras, webcams and cheap senders on the light of a lamp and on pictures of it."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class Effects:
         return Samples(level, rate, start=lamp.start + 0.5 / rate, repeat=True)
 
     def _samples(self, sent: npt.NDArray[np.bool_], chip_rate: float) -> Float64s:
-        """Of one cycle of the lamp, whose edges move."""
+        """Sample one cycle of the lamp with its moved edges."""
         edges = np.flatnonzero(sent != np.roll(sent, 1))
         late = self._level("edge-jitter") * np.random.default_rng([self._seed, 7]).uniform(-1, 1, edges.size)
         late += self._level("long-runs") * ~sent[edges]
