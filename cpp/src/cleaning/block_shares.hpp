@@ -11,6 +11,12 @@ namespace ocisac {
 
 constexpr std::size_t blocks_of(std::size_t length, std::size_t block) { return (length + block - 1) / block; }
 
+// Share of a pixel in a picture with `columns` columns.
+inline double share_at(const BlockShares& shares, std::size_t row, std::size_t column, std::size_t columns) {
+  const std::size_t across = blocks_of(columns, shares.block_columns);
+  return shares.share[row / shares.block_rows * across + column / shares.block_columns];
+}
+
 // Linear interpolation between the centres of blocks along one axis; constant beyond the outer ones.
 struct BetweenBlocks {
   std::size_t before, after;

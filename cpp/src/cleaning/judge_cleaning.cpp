@@ -35,7 +35,7 @@ std::array<Blocks, 2> compared(const BandedPicture& picture, std::span<const dou
       before.variance.push_back(picture.variance[n * picture.columns + k]);
     }
   Blocks after = without_light(before.picture(), row_light, [&](std::size_t row, std::size_t column) {
-    return shares.at(row, column * every, picture.columns);
+    return share_at(shares, row, column * every, picture.columns);
   });
   return {std::move(before), std::move(after)};
 }

@@ -97,7 +97,7 @@ std::vector<SlowLight> slow_light_left(const StoredScene& scene, const SceneLigh
   for (std::size_t frame = 0; frame < frames.size(); ++frame)
     for (std::size_t colour = 0; colour < scene.colours(); ++colour) {
       const auto share_of = [&](std::size_t row, std::size_t column) {
-        return light.shares[colour].at(row, column * scene.merged(), scene.columns());
+        return share_at(light.shares[colour], row, column * scene.merged(), scene.columns());
       };
       BandedPicture& picture = frames[frame][colour];
       cleaned.push_back(without_light(picture, light.lights[frame].of(colour).light, share_of));

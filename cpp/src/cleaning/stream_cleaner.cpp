@@ -332,8 +332,8 @@ ColourLights StreamCleaner::followed_lights(const StoredScene& stored) const {
     Values of_columns(colours.front().columns);
     for (std::size_t n = 0; n < stored.rows(); ++n)
       for (std::size_t k = 0; k < of_columns.size(); ++k)
-        of_columns[k] +=
-            before_->shares[first].at(n, k * stored.merged(), stored.columns()) / static_cast<double>(stored.rows());
+        of_columns[k] += share_at(before_->shares[first], n, k * stored.merged(), stored.columns()) /
+                         static_cast<double>(stored.rows());
     ToneLight tone = refined_tone_light(ColumnBundles(colours, of_columns), Values(stored.rows(), 1.0), *own.tone);
     const double weight = 1 / static_cast<double>(std::min(before_->frames, kMostFrequencies) + 2);
     tone.frequency = std::lerp(own.tone->frequency, tone.frequency, weight);

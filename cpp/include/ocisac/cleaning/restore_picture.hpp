@@ -23,10 +23,6 @@ struct BlockShares {
   std::size_t block_rows = 1, block_columns = 1;
 
   [[nodiscard]] bool is_one() const;  // all pixels have the same share
-  // Share of a pixel in a picture with `columns` columns.
-  [[nodiscard]] double at(std::size_t row, std::size_t column, std::size_t columns) const {
-    return share[row / block_rows * ((columns + block_columns - 1) / block_columns) + column / block_columns];
-  }
 };
 
 // Light of the rows of one frame, mean 1; level of the steady light; largest gain.
