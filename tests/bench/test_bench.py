@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import peers
 import pytest
+import timing
 from PIL import Image
 
 BENCH = Path(__file__).parents[2] / "bench"
@@ -57,6 +58,10 @@ def test_timing_with_everything_estimated_is_that_with_everything_known():
     assert all(s["chip_error_rate"] == s["chip_error_rate_genie"] == 0 for s in settings[:9])
     assert sum(s["frames_lost"] + s["frames_clock_off"] for s in settings) == 0
     assert json.loads(printed("timing.py", "--anywhere", "3", "--check"))["chips"] > 300
+
+
+def test_exposures_of_fourteen_chips_do_not_let_the_clock_slip():
+    assert timing.is_good(timing.measure(2.0, 14.0, 0.02, frames=24))
 
 
 def test_detection_reports_every_figure_with_its_limit_reached(tmp_path):
