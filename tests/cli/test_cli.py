@@ -304,13 +304,23 @@ def test_the_best_channel_is_taken_unless_one_is_named(facts, square, tmp_path):
 
 
 @pytest.mark.parametrize(("level", "frequency", "flag"), [(0, "500", "no_light"), (7, "auto", "no_tone")])
-def test_what_cannot_be_answered_is_null_and_flagged(facts, tmp_path, level, frequency, flag):
+def test_what_cannot_be_answered_is_null_and_flagged(run, tmp_path, level, frequency, flag):
     write_frames(tmp_path / "even.png", np.full((100, 8), level, np.uint8))
-    plot = ("--plot", tmp_path / "even.svg")
-    (got,) = facts("gain", tmp_path / "even.png", *TESTBED, "--frequency", frequency, *plot)
+    options = (*TESTBED, "--frequency", frequency, "--json", "--plot", tmp_path / "even.svg")
+    code, out, err = run("gain", tmp_path / "even.png", *options)
+    assert (code, err) == (3, ["ocisac: warning: no gain was measured"])
+    got = json.loads(out[0])
     assert got["gain"] is None
     assert flag in got["flags"]
     assert (tmp_path / "even.svg").exists()
+
+
+def test_a_region_without_a_tone_is_no_success(run, tmp_path):
+    write_frames(tmp_path / "even.png", np.full((100, 8), 7, np.uint8))
+    assert run("sense", tmp_path / "even.png", *TESTBED)[0] == 0  # nothing is there
+    code, out, _ = run("sense", tmp_path / "even.png", *TESTBED, "--region", "0,0,8,90")
+    assert code == 3
+    assert "no_tone" in "".join(out)
 
 
 def test_a_frequency_in_khz_is_no_success(run, square):

@@ -62,9 +62,10 @@ def warn_of_calibration(seconds: float) -> None:
     _warn(f"the tone may be no light's{too_long}: give --region x,y,w,h within the lamp")
 
 
-def is_unmeasured(flags: list[str]) -> bool:
-    """True if a gain is none of a tone: less than a cycle is in the rows, and nothing of it."""
-    return "few_cycles" in flags and not {"weak", "no_light", "unresolvable"}.isdisjoint(flags)
+def is_unmeasured(facts: dict[str, Any]) -> bool:
+    """True if there is no gain, or one of less than a cycle in the rows and nothing of it; ``facts``: its JSON object.
+    """
+    return math.isnan(facts["gain"]) or {"few_cycles", "weak"} <= set(facts["flags"])
 
 
 def warn_of_gain(facts: dict[str, Any], row_period: float, whole_picture: bool) -> bool:
@@ -75,9 +76,10 @@ def warn_of_gain(facts: dict[str, Any], row_period: float, whole_picture: bool) 
             "--dark-level, which biases the gain: choose frames of one scene, or give --region x,y,w,h within the lamp"
         )
         return True
-    cycles = facts["frequency_hz"] * facts["rows"] * row_period
-    if is_unmeasured(facts["flags"]):
-        _warn(f"no gain was measured: the rows show {cycles:.3g} cycles of the tone: is the frequency in kHz?")
+    if is_unmeasured(facts):
+        cycles = facts["frequency_hz"] * facts["rows"] * row_period
+        few = f": the rows show {cycles:.3g} cycles of the tone: is the frequency in kHz?"
+        _warn("no gain was measured" + (few if "few_cycles" in facts["flags"] else ""))
         return True
     if facts["snr_db"] < 0.0 and not {"weak", "near_null"} & set(facts["flags"]):
         _warn(f"the tone is {-facts['snr_db']:.0f} dB below what else varies along the rows, which may resemble it")

@@ -79,6 +79,7 @@ def gain(
     The columns that show the light are selected in the first frames, unless --region is given, and pooled, weighted by
     brightness. Each frame gives a gain; the result is the mean weighted by inverse variance, its error by their scatter
     where that is larger. Frames that differ by a tenth, as of a cut, have the flag model_misfit.
+    Without a gain the exit code is 3.
     """
     options = {"method": method, "background": background or 0.0, "threads": threads}
     measured = frame_gains(file, picture, frequency, options, per_column=per_column is not None)
@@ -103,12 +104,12 @@ def gain(
         is_texture = warn_of_texture(measured.columns[np.newaxis], measured.camera, light.frequency)
         if not is_texture and picture.waveform == "tone" and method == "fit":
             warn_of_waveform(measured.columns, measured.camera, light.frequency, options)
-    facts = picture.in_units(facts)
+    unmeasured, facts = is_unmeasured(facts), picture.in_units(facts)
     if as_json:
         emit_json(facts)
     else:
         _show(facts, measured, picture)
-    if is_unmeasured(facts["flags"]):
+    if unmeasured:
         raise click.exceptions.Exit(SOME_FAILED)
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import (
     emit_json,
     emit_table,
@@ -79,8 +80,9 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
     """Measure moving textures and modulated lights in FILE (a picture, a video, a .npy array, or -).
 
     For each region: frequency in its columns, motion-induced frequency f_x v, contrast gain (eq. 16), speed. --region
-    is measured as one region; without it, lights and moving textures are detected. Several successive frames separate
-    textures from lights, and motion along the rows from motion across them.
+    is measured as one region, and without a tone in it the exit code is 3; without the option, lights and moving
+    textures are detected. Several successive frames separate textures from lights, and motion along the rows from
+    motion across them.
     """
     if picture.row_time is None and options["speed"] is not None:
         raise click.UsageError("--speed: needs --row-time")
@@ -105,15 +107,16 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
     if as_json:
         rows, columns = rows_and_columns(first.shape[1:], camera)
         emit_json({"frames": len(kept), "rows": rows, "columns": columns, "regions": facts, "scan_axis": axis})
-        return
-    table = [_row(k, one, picture) for k, one in enumerate(facts)]
-    emit_table(
-        f"scan axis {axis}" if picture.names(axis) else "",
-        picture.headings(_HEADER),
-        table,
-        left=("kind", "flags"),
-        spare=_SPARE,
-    )
+    else:
+        emit_table(
+            f"scan axis {axis}" if picture.names(axis) else "",
+            picture.headings(_HEADER),
+            [_row(k, one, picture) for k, one in enumerate(facts)],
+            left=("kind", "flags"),
+            spare=_SPARE,
+        )
+    if picture.region is not None and math.isnan(regions[0].gain):
+        raise click.exceptions.Exit(SOME_FAILED)
 
 
 def _read_unlit(file: str, picture: PictureOptions, max_frames: int) -> Frame:
