@@ -423,3 +423,15 @@ def test_a_light_that_lights_all_alike_has_one_share(seed: int) -> None:
     assert even.share[0, 0] == pytest.approx(0.5, abs=0.02)
     shaded = remove_bands(scene(light, seed)[0], CAMERA, light=light)
     assert np.ptp(shaded.share) > 0.3
+
+
+@pytest.mark.parametrize(("frames", "still"), [(2, False), (2, True), (5, False), (5, True)])
+def test_bars_at_the_same_rows_of_all_frames_are_the_pictures(frames: int, still: bool) -> None:
+    """As of blinds in steady light; one frame could not tell."""
+    y, x = np.mgrid[:480, :240]
+    bars = 150 * (0.4 + 0.4 * (y // 20 % 2)) * (0.8 + 0.2 * np.sin(x / 31))
+    noise = np.random.default_rng(frames).normal(0, 1.5, (frames, *bars.shape))
+    stored = np.clip(np.rint(bars + noise), 0, 255).astype(np.uint8)
+    done = remove_bands(stored, Camera(22.2e-6, frame_time=1 / 29.7), still=still)
+    assert all(done.unchanged)
+    np.testing.assert_array_equal(done.frames, stored)

@@ -126,6 +126,14 @@ SceneLight with_shares(const StoredScene& scene, std::vector<ColourLights> light
   return result;
 }
 
+// The light of each frame's rows, of the first colour, where all are chips; else none.
+std::vector<Values> chips_of(std::span<const ColourLights> lights) {
+  std::vector<Values> frames;
+  for (const ColourLights& frame : lights)
+    if (frame.of(0).model == RowModel::chips) frames.push_back(frame.of(0).light);
+  return frames.size() == lights.size() ? frames : std::vector<Values>();
+}
+
 // The shares of the colours are alike but for a factor.
 bool are_alike(std::span<const BlockShares> shares) {
   return std::ranges::all_of(shares, [&](const BlockShares& own) {
@@ -280,6 +288,8 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
   const bool are_lines = mean.light_left > kLeftByChips && mean.level < kMostly;
   if (found.unchanged.empty() && model == RowModel::automatic && main == RowModel::chips && are_lines)
     found.unchanged = "chips that explain the rows in part";
+  if (found.unchanged.empty() && model == RowModel::automatic && given.empty())
+    found.unchanged = objection_to_chips(chips_of(found.lights));
   if (found.unchanged.empty() && model == RowModel::automatic && given.empty() &&
       is_texture(scene, found.lights.front()))
     found.unchanged = "contrast differs between bright and dark rows: they may be the picture's own";

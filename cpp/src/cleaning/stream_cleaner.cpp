@@ -1,6 +1,7 @@
 #include "ocisac/cleaning/stream_cleaner.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <functional>
@@ -27,8 +28,6 @@ constexpr std::size_t kFramesOfShares = 8;    // between estimates of the shares
 constexpr double kNewPart = 1.0 / 16;         // of the picture, from which on shares are estimated at once
 constexpr double kGuideBlocks = 1U << 15U;    // of the picture whose displacement is measured
 constexpr std::size_t kMostFrequencies = 64;  // frames whose mean frequency is followed
-constexpr std::size_t kMostMoved = 32;        // part of the rows that a picture moves by in a frame
-constexpr double kStill = 0.6;                // correlation of the lights of two frames
 constexpr std::size_t kFramesOfSearch = 32, kSearchedFrames = 3;  // where none has a light
 constexpr double kMostJitter = 0.25;  // of a time stamp, in frames: phases of slow tones are those of whole ones
 
@@ -94,17 +93,6 @@ void estimate(const std::vector<Blocks>& blocks, const ColourLights& lights, std
       share[i] += (own[i] - share[i]) / std::min(estimates[i] + 1, static_cast<double>(kFramesOfShares));
   }
   for (double& count : estimates) count += 1;
-}
-
-// The light of chips differs from frame to frame by more than a picture moves.
-bool stand_still(const Values& before, const Values& now) {
-  const std::size_t rows = now.size(), most = rows / kMostMoved;
-  const auto likeness = [&](std::size_t first, std::size_t second) {
-    return correlation(std::span(before).subspan(first, rows - most), std::span(now).subspan(second, rows - most));
-  };
-  for (std::size_t move = 0; move <= most; ++move)
-    if (std::max(likeness(move, 0), likeness(0, move)) > kStill) return true;
-  return false;
 }
 
 // True if the shares are estimated in a frame that others have been before.
@@ -241,8 +229,8 @@ void StreamCleaner::keep_chips(SceneLight& light, const StoredScene& stored) {
   if (!light.unchanged.empty()) return;
   if (last.size() != chips_.size())
     light = left_alone(stored, "chips that may be lines of the picture: a second frame shows");
-  if (last.size() == chips_.size() && stand_still(last, chips_))
-    light = left_alone(stored, "chips that stand still: lines of the picture");
+  else if (std::string lines = objection_to_chips(std::array{last, chips_}); !lines.empty())
+    light = left_alone(stored, std::move(lines));
 }
 
 // One frame shows two slow tones, or shades and a tone, as one tone; the frames after the first ones tell them apart.
@@ -290,7 +278,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   now.lights = followed_lights(stored);
   const ModelledLight& main = now.lights.lights.front();
   if (main.model == RowModel::chips && options_.model == RowModel::automatic) {
-    if (stand_still(chips_, main.light)) return {};
+    if (!objection_to_chips(std::array{chips_, main.light}).empty()) return {};
     chips_ = main.light;
   }
   const std::vector<Blocks> blocks = all_in_blocks(stored, now.shares.front());
