@@ -39,6 +39,7 @@ def make_video(path: Path, pixels: str, matrix: int, limits: int, sound: str, so
         context.color_range, context.colorspace, context.color_trc, context.color_primaries = limits, matrix, 1, 1
         context.time_base = Fraction(1, 90_000)
         audio = container.add_stream(sound, rate=48_000, layout="mono")
+        audio.metadata["language"] = "deu"
         for k, time in enumerate(TIMES):
             kept = {"format": pixels, "dst_colorspace": scaler, "dst_color_range": limits}
             frame = av.VideoFrame.from_ndarray(picture(k), format="rgb24").reformat(**kept)
@@ -51,6 +52,11 @@ def make_video(path: Path, pixels: str, matrix: int, limits: int, sound: str, so
             container.mux(audio.encode(block))
         container.mux(stream.encode(None))
         container.mux(audio.encode(None))
+
+
+def languages_of(path: Path) -> list[str | None]:
+    with av.open(str(path)) as container:
+        return [stream.metadata.get("language") for stream in container.streams.audio]
 
 
 def sound_of(path: Path) -> list[bytes]:
@@ -88,6 +94,7 @@ def test_colours_times_and_sound_are_kept(tmp_path: Path, pixels: str, matrix: i
     assert kept[:4] == (pixels, limits, matrix, 1)
     np.testing.assert_allclose(kept[4], np.array(TIMES) / 90_000, atol=1e-4)
     assert sound_of(target) == sound_of(source)
+    assert languages_of(target) == ["deu"]
     before, after = frames_of(source, colour=True), frames_of(target, colour=True)
     scale = 257 if pixels.endswith("10le") else 1
     assert np.abs(after - before).mean() < 1.5 * scale

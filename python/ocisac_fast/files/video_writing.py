@@ -22,7 +22,7 @@ _LIMITED_RANGE, _FULL_RANGE, _LINEAR_TRANSFER, _RGB_MATRIX = 1, 2, 8, 0
 _SUBSAMPLED = ("yuv420p", "yuv422p", "yuv444p", "yuvj420p", "yuvj422p", "yuvj444p")
 _DEEP = ("yuv420p10le", "yuv422p10le", "yuv444p10le")
 _DEEPER = ("yuv420p12le", "yuv422p12le", "yuv444p12le")  # HEVC
-_FILE_TAGS = ("major_brand", "minor_version", "compatible_brands", "encoder")  # of a file itself
+_FILE_TAGS = ("major_brand", "minor_version", "compatible_brands", "encoder", "duration", "vendor_id")
 
 
 def write_video(
@@ -175,7 +175,8 @@ def _sound(av: Any, container: Any, like: RecordingStream | None, opened: contex
         return iter(())
     path = like.video.path
     original = opened.enter_context(opened_video(opened.enter_context(_again(like.video))))
-    container.metadata.update({k: v for k, v in original.metadata.items() if k.lower() not in _FILE_TAGS})
+    for ours, theirs in ((container, original), (container.streams.video[0], original.streams.video[0])):
+        ours.metadata.update(_tags(theirs))
     copies = {}
     for audio in original.streams.audio:
         codec = audio.codec_context.codec
@@ -189,7 +190,13 @@ def _sound(av: Any, container: Any, like: RecordingStream | None, opened: contex
             copies[audio.index] = container.add_stream_from_template(audio)
         else:  # PyAV before 14
             copies[audio.index] = container.add_stream(template=audio)
+        copies[audio.index].metadata.update(_tags(audio))
     return _copied(original, copies)
+
+
+def _tags(of: Any) -> dict[str, str]:
+    """Tags of a container or a stream (title, language) but for those of the file itself."""
+    return {name: text for name, text in of.metadata.items() if name.lower() not in _FILE_TAGS}
 
 
 def _again(video: VideoFormat) -> Any:
