@@ -109,7 +109,7 @@ reproduce: build
 	@$(study).reproduction -o docs/measured/paper --text docs/measured/paper.md
 	@$(study).distance -o docs/measured/distance.png --text docs/measured/distance.md
 
-nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64
+nightly: cpp-test $(VENV)/.requirements-test wheel deb arm64 web
 	@echo '==> C++ tests under AddressSanitizer and UndefinedBehaviorSanitizer'
 	@scripts/system-packages fuzz
 	@cmake --preset sanitize >/dev/null && cmake --build --preset sanitize && ctest --preset sanitize
