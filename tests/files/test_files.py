@@ -248,8 +248,8 @@ def test_pnm_values_are_those_stored(tmp_path):
     recording = read_frames(tmp_path / "p.pgm")
     assert np.array_equal(recording.frames[0], pixels)
     assert recording.response.white_level == 1023
-    (tmp_path / "p.ppm").write_bytes(b"P6 1 2 255\n" + bytes(range(6)))
-    assert np.array_equal(read_frames(tmp_path / "p.ppm").frames, np.arange(6).reshape(1, 2, 1, 3))
+    (tmp_path / "p.ppm").write_bytes(2 * (b"P6 1 2 255\n" + bytes(range(6))))
+    assert np.array_equal(read_frames(tmp_path / "p.ppm").frames, np.stack(2 * [np.arange(6).reshape(2, 1, 3)]))
 
 
 @pytest.mark.parametrize(("pixels", "channels"), [("rgba64be", 4), ("ya16be", 2)])
@@ -444,6 +444,12 @@ def npy_bytes(array):
     return buffer.getvalue()
 
 
+def picture_bytes(picture, kind):
+    buffer = io.BytesIO()
+    image_module.fromarray(picture).save(buffer, kind)
+    return buffer.getvalue()
+
+
 def damaged_files():
     picture = random_frames((64, 48), np.uint8)
     absurd_array, absurd = io.BytesIO(), {"descr": "<f8", "fortran_order": False, "shape": (10**6, 10**6)}
@@ -452,19 +458,22 @@ def damaged_files():
     absurd_png = bytearray(grey)
     absurd_png[16:24] = struct.pack(">II", 10**6, 10**6)
     absurd_png[29:33] = struct.pack(">I", zlib.crc32(bytes(absurd_png[12:29])))
-    jpeg = io.BytesIO()
-    image_module.fromarray(picture).save(jpeg, "JPEG")
+    jpeg = picture_bytes(picture, "JPEG")
     return {
         "empty": (b"", "empty"),
         "text": (b"certainly not a picture\n" * 20, "not a picture, a video or a .npy array"),
         "half a png": (grey[: len(grey) // 2], "truncated"),
         "png without its last bytes": (grey[:-6], "truncated"),
-        "half a jpeg": (jpeg.getvalue()[: len(jpeg.getvalue()) // 2], "truncated"),
+        "half a jpeg": (jpeg[: len(jpeg) // 2], "truncated"),
         "png header": (grey[:20], "truncated"),
         "absurd png": (bytes(absurd_png), "absurd size"),
         "half a pgm": (b"P5 100 100 255\n" + bytes(500), "truncated"),
         "pgm without a size": (b"P5 abc\n", "damaged PNM header"),
         "pgm of nothing": (b"P5 0 100 255\n", "PNM picture of 0 x 100"),
+        "two sizes of pgm": (b"P5 1 2 255\n00P5 2 2 255\n0000", "PNM pictures of several sizes"),
+        "a pgm and a half": (b"P5 1 2 255\n00P5 1 2 255\n0", "truncated: PNM picture of 1 x 2"),
+        "two png": (2 * grey, "a further picture after the first, allowed: one"),
+        **{f"two {kind}": (2 * picture_bytes(picture, kind), "a further picture") for kind in ("BMP", "WEBP")},
         "half an array": (npy_bytes(picture)[:-9], "truncated"),
         "absurd array": (absurd_array.getvalue(), "truncated|more than 4096 MiB"),
         "array header": (npy_bytes(picture)[:30], r"damaged \.npy file"),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import re
 import warnings
 from collections.abc import Iterator
@@ -28,6 +29,7 @@ FORMATS = ("PNG", "JPEG", "TIFF", "PPM", "BMP", "WEBP")
 _OF_FRAMES = ("PNG", "TIFF", "WEBP")  # that may hold several; further ones of a JPEG are previews
 _PNM_HEADER = re.compile(rb"P([56])" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
 JPEG = b"\xff\xd8\xff"
+_PNG_END = b"IEND\xaeB`\x82"
 _NEXT_JPEG = re.compile(rb"\xff\xd9\0*\xff\xd8\xff")  # an end, which compressed data cannot contain, and a beginning
 _TIFF_BITS_PER_SAMPLE = 258
 _BAND_PIXELS = 1 << 20
@@ -91,6 +93,8 @@ def open_picture(source: Path | RemotePath | bytes) -> RecordingStream:
         return RecordingStream.of_array(frames, "picture", response)
     if data[:4] == b"\x89PNG" and b"IEND" not in data:
         raise FileError("truncated: PNG without its end")
+    if _has_another(data):
+        raise FileError("a further picture after the first, allowed: one (several of JPEG or PNM, or a TIFF of pages)")
     with _refusals():
         image = pillow().open(io.BytesIO(data), formats=FORMATS)
         form = _format(image, data)
@@ -121,23 +125,45 @@ def _kept_chunks(png: bytes) -> bytes:
     return kept
 
 
+def _has_another(data: bytes) -> bool:
+    """Return True if the end of a PNG, BMP or WebP is followed by a further one."""
+    end = len(data)
+    if data.startswith(b"\x89PNG"):
+        end = data.index(_PNG_END) + len(_PNG_END) if _PNG_END in data else end
+    elif data.startswith(b"BM"):
+        end = int.from_bytes(data[2:6], "little") or end
+    elif data.startswith(b"RIFF"):
+        end = 8 + int.from_bytes(data[4:8], "little")
+    return data[end : end + 2] == data[:2] and is_picture(data[end : end + 12])
+
+
 def _binary_pnm(data: bytes) -> tuple[Frame, LightResponse]:
-    """Read PGM and PPM with their stored values; the file's maximum is the white level."""
-    header = _PNM_HEADER.match(data)
+    """Read PGM and PPM, one or several after the other, with their stored values; their maximum is the white level."""
+    frames, largest, end = list[Frame](), 0, 0
+    while not frames or data[end : end + 2] in (b"P5", b"P6"):
+        frame, white, end = _one_pnm(data, end)
+        if frames and (frame.shape != frames[0].shape or white != largest):
+            raise FileError("PNM pictures of several sizes or largest values, allowed: one")
+        frames.append(frame)
+        largest = white
+    return np.stack(frames), LightResponse(white_level=float(largest), stated_by="PNM header", assumed_for="PNM")
+
+
+def _one_pnm(data: bytes, start: int) -> tuple[Frame, int, int]:
+    """The picture that begins there, its largest value and its end."""
+    header = _PNM_HEADER.match(data, start)
     if header is None:
         raise FileError("damaged PNM header")
     width, height, largest = (int(header[k]) for k in (2, 3, 4))
-    colours = 1 if header[1] == b"5" else 3
-    dtype = np.dtype(np.uint8 if largest < 256 else ">u2")
-    count = width * height * colours
+    shape = (height, width) if header[1] == b"5" else (height, width, 3)
+    dtype, count = np.dtype(np.uint8 if largest < 256 else ">u2"), math.prod(shape)
     if count == 0 or not 1 <= largest <= 65535:
         raise FileError(f"PNM picture of {width} x {height}, largest value {largest}")
-    if len(data) - header.end() < count * dtype.itemsize:
+    end = header.end() + count * dtype.itemsize
+    if end > len(data):
         raise FileError(f"truncated: PNM picture of {width} x {height} with {len(data) - header.end()} bytes of pixels")
     pixels = np.frombuffer(data, dtype, count, header.end())
-    shape = (1, height, width) if colours == 1 else (1, height, width, 3)
-    native = pixels.astype(dtype.newbyteorder("="), copy=False).reshape(shape)
-    return native, LightResponse(white_level=float(largest), stated_by="PNM header", assumed_for="PNM")
+    return pixels.astype(dtype.newbyteorder("="), copy=False).reshape(shape), largest, end
 
 
 @contextlib.contextmanager
