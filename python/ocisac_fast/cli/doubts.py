@@ -63,7 +63,7 @@ def warn_of_calibration(seconds: float) -> None:
 
 
 def is_unmeasured(facts: dict[str, Any]) -> bool:
-    """True if there is no gain, or one of less than a cycle in the rows and nothing of it; ``facts``: its JSON object."""
+    """True if there is no gain, or one of less than a cycle in the rows and nothing of it; ``facts``: as printed."""
     return math.isnan(facts["gain"]) or {"few_cycles", "weak"} <= set(facts["flags"])
 
 
