@@ -271,44 +271,23 @@ def _silent_libraries() -> Iterator[None]:
         os.close(nowhere)
 
 
-@dataclasses.dataclass
-class _Reader:
-    """A context manager around a stream and the options that arrange its frames."""
-
-    path: str
-    options: PictureOptions
-    part: Part | None
-    axis_of_light: bool
-
-    def __enter__(self) -> OpenPictures:
-        options = self.options
-        with _silent_libraries():
-            self._stream: RecordingStream = open_recording(
-                self.path, colour=options.channel in _RED_GREEN_BLUE, raw=options.raw, part=self.part
-            )
-        try:
-            frames = iter(self._stream)
-            with _silent_libraries():
-                first = next(frames)
-            camera = options.camera_for(self._stream, first, axis_of_light=self.axis_of_light)
-        except BaseException:
-            self._stream.close()
-            raise
-        arranged = (select(frame, options) for frame in itertools.chain([first], frames))
-        return OpenPictures(camera, arranged, self._stream.frame_count)
-
-    def __exit__(self, *_: object) -> None:
-        self._stream.close()
-
-
+@contextlib.contextmanager
 def open_pictures(
     path: str, options: PictureOptions, part: Part | None = None, *, axis_of_light: bool = True
-) -> _Reader:
-    """Open a recording, or a part of its frames, for a ``with`` statement; yields ``OpenPictures``.
+) -> Iterator[OpenPictures]:
+    """Open a recording, or a part of its frames, arranged by the options.
 
     ``axis_of_light``: the first frame's lights tell the read-out axis, or confirm a stated one.
     """
-    return _Reader(path, options, part, axis_of_light)
+    with _silent_libraries():
+        stream = open_recording(path, colour=options.channel in _RED_GREEN_BLUE, raw=options.raw, part=part)
+    with stream:
+        frames = iter(stream)
+        with _silent_libraries():
+            first = next(frames)
+        camera = options.camera_for(stream, first, axis_of_light=axis_of_light)
+        arranged = (select(frame, options) for frame in itertools.chain([first], frames))
+        yield OpenPictures(camera, arranged, stream.frame_count)
 
 
 def select(frame: Frame, options: PictureOptions) -> Frame:
