@@ -40,7 +40,7 @@ class PacketOptions:
         None
     )
     gain: Annotated[bool, "Measure the gain of each light's tone too."] = False
-    frequency: Annotated[Quantity | None, FREQUENCY, "Frequency of that tone; default: estimated at detection."] = None
+    frequency: Annotated[Quantity | None, FREQUENCY, "Frequency of the tone; default: estimated at detection."] = None
 
     @property
     def asked(self) -> bool:

@@ -76,7 +76,7 @@ class PictureOptions:
     tone_curve: Annotated[
         tuple[str, float] | None,
         Parsed("linear|gamma[:2.2]|srgb|hlg|pq", _tone_curve, "linear, srgb, hlg, pq, gamma or gamma:POWER"),
-        "Default: from the file, else as usual for its kind.",
+        "Tone curve; default: from the file, else as usual for its kind.",
     ] = None
     dark_level: Annotated[float | None, "Stored value of no light; default: from the file, else 0."] = None
     raw: Annotated[
@@ -85,7 +85,7 @@ class PictureOptions:
         "Frames without headers, for example from a pipe.",
     ] = None
     white_level: Annotated[float | None, "Stored value of full light; default: from file or type."] = None
-    frame_rate: Annotated[Quantity | None, RATE, "Frame rate of the recording; default: from the file."] = None
+    frame_rate: Annotated[Quantity | None, RATE, "Frame rate; default: from the file."] = None
 
     def camera(self, stream: RecordingStream, usual: Mapping[str, str] | None = None) -> Camera:
         """The camera from the options, else from the file; without a row time if none is given.
