@@ -97,7 +97,7 @@ def _parameter(parameter: inspect.Parameter, kind: Any, *about: Any) -> click.Pa
     is_required, default = parameter.default is parameter.empty, parameter.default
     if parameter.kind is not parameter.KEYWORD_ONLY:
         return click.Argument([parameter.name], required=is_required, **given)
-    if not is_required and default is not None:
+    if not is_required and default not in (None, ()):
         given["default"] = default
     given = {"required": is_required and "default" not in given, "show_default": "default" in given, **given}
     return click.Option([*given.pop("names", [f"--{parameter.name.replace('_', '-')}"]), parameter.name], **given)
