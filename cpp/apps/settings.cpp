@@ -127,7 +127,8 @@ void add_input_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_option("--frames", settings.frames, "Stop after so many")->type_name("N")->check(whole());
   app.add_option("--region", written.region, "Box of the light in stored pixels; detected when not given")
       ->type_name("x,y,w,h");
-  app.add_option("--scan-axis", settings.scan_axis, "How rows go in time: y (down), -y (up), x (right) or -x (left)")
+  app.add_option("--scan-axis", settings.scan_axis,
+                 "Direction in which rows are read out: y (down), -y (up), x (right) or -x (left)")
       ->type_name("y|-y|x|-x")
       ->transform(one_of<ScanAxis>(
           {{"y", ScanAxis::down}, {"-y", ScanAxis::up}, {"x", ScanAxis::right}, {"-x", ScanAxis::left}}));
@@ -135,31 +136,32 @@ void add_input_options(CLI::App& app, Settings& settings, Written& written) {
 
 void add_camera_options(CLI::App& app, Settings& settings, Written& written) {
   const auto time = with_unit(kTimeUnits);
-  app.add_option("--row-time", written.row_time, "Required: time from row to row, such as 22.2us")
+  app.add_option("--row-time", written.row_time, "Time from one row to the next, such as 22.2us. Required")
       ->type_name("TIME")
       ->transform(time);
-  app.add_option("--exposure", settings.camera.exposure, "Exposure time, such as 622us")
+  app.add_option("--exposure", settings.camera.exposure, "Exposure time of a row, such as 622us")
       ->type_name("TIME")
       ->transform(time);
-  app.add_option("--frame-rate", written.frame_rate, "Joins packets over frames; YUV4MPEG2 states it itself")
+  app.add_option("--frame-rate", written.frame_rate,
+                 "Frame rate; joins packets over frames; YUV4MPEG2 states it itself")
       ->type_name("HZ")
       ->transform(with_unit(kFrequencyUnits));
-  app.add_option("--tone-curve", written.tone_curve, "linear, srgb, gamma or gamma:POWER")
+  app.add_option("--tone-curve", written.tone_curve, "Tone curve: linear, srgb, gamma or gamma:POWER")
       ->type_name("CURVE")
       ->transform(any_case({"linear", "srgb", "gamma"}))
       ->capture_default_str();
-  app.add_option("--dark-level", settings.dark_level, "DN of no light")->type_name("DN");
-  app.add_option("--white-level", settings.white_level, "DN of full light")->type_name("DN");
+  app.add_option("--dark-level", settings.dark_level, "Stored value of no light")->type_name("DN");
+  app.add_option("--white-level", settings.white_level, "Stored value of full light")->type_name("DN");
 }
 
 void add_light_options(CLI::App& app, Settings& settings, Written& written) {
   const auto frequency = with_unit(kFrequencyUnits);
   ChipOptions& data = written.data;
   GainOptions& gain = written.gain;
-  app.add_option("--frequency", gain.frequency, "Of the tone, such as 500Hz; estimated when not given")
+  app.add_option("--frequency", gain.frequency, "Frequency of the tone, such as 500Hz; estimated when not given")
       ->type_name("HZ")
       ->transform(frequency);
-  app.add_option("--waveform", gain.waveform, "Of the tone")
+  app.add_option("--waveform", gain.waveform, "Waveform of the light")
       ->type_name("tone|square")
       ->transform(one_of<WaveformShape>({{"tone", WaveformShape::tone}, {"square", WaveformShape::square}}));
   app.add_option("--duty", gain.duty, "Bright share of a square wave")->type_name("SHARE")->capture_default_str();
@@ -167,14 +169,14 @@ void add_light_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_option("--sense", settings.light.sense_frequency, "Of the moving scene, for the suggested exposure")
       ->type_name("HZ")
       ->transform(frequency);
-  app.add_option("--sources", settings.max_sources, "Lights, at most")
+  app.add_option("--sources", settings.max_sources, "Max. number of lights")
       ->type_name("N")
       ->check(whole())
       ->capture_default_str();
-  app.add_option("--chip-rate", data.chip_rate, "Chips a second; estimated when not given")
+  app.add_option("--chip-rate", data.chip_rate, "Chips per second; estimated when not given")
       ->type_name("HZ")
       ->transform(frequency);
-  app.add_option("--line-code", written.line_code, "Of packets: none, manchester, 4b6b, 8b10b")
+  app.add_option("--line-code", written.line_code, "Line code of packets: none, manchester, 4b6b, 8b10b")
       ->type_name("CODE")
       ->transform(any_case({"none", "manchester", "4b6b", "8b10b"}))
       ->capture_default_str();

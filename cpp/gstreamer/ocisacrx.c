@@ -226,13 +226,13 @@ static void install_numbers(GObjectClass* class) {
     const gchar *name, *text;
     double most, otherwise;
   } numbers[] = {
-      {FIELD(options.exposure), "exposure", "Exposure time, s; 0: unknown", 10, 0},
-      {FIELD(options.frequency), "frequency", "Of the tone, Hz; 0: estimated", G_MAXDOUBLE, 0},
+      {FIELD(options.exposure), "exposure", "Exposure time of a row, s; 0: unknown", 10, 0},
+      {FIELD(options.frequency), "frequency", "Frequency of the tone, Hz; 0: estimated", G_MAXDOUBLE, 0},
       {FIELD(options.duty), "duty", "Bright share of a square wave", 1, 0.5},
       {FIELD(options.background), "background", "Light that is not the source's, DN above dark", G_MAXDOUBLE, 0},
       {FIELD(options.sense_frequency), "sense",
        "Frequency of the moving scene, Hz, for the suggested exposure; 0: none", G_MAXDOUBLE, 0},
-      {FIELD(options.chip_rate), "chip-rate", "Chips a second; 0: estimated", G_MAXDOUBLE, 0},
+      {FIELD(options.chip_rate), "chip-rate", "Chips per second; 0: estimated", G_MAXDOUBLE, 0},
   };
   for (guint k = 0; k < G_N_ELEMENTS(numbers); ++k)
     ocisac_install_number(class, numbers[k].field, numbers[k].name, numbers[k].text, 0, numbers[k].most,
@@ -249,15 +249,16 @@ static void install_properties(GObjectClass* class) {
                                      {0, NULL, NULL}};
   const GParamFlags flags = ocisac_property_flags;
   install_numbers(class);
-  ocisac_install_choice(class, FIELD(options.waveform), "waveform", "Of the tone", "OcisacWaveform", waveforms,
-                        OCISAC_TONE);
-  ocisac_install_choice(class, FIELD(options.line_code), "line-code", "Of packets", "OcisacLineCode", codes,
+  ocisac_install_choice(class, FIELD(options.waveform), "waveform", "Waveform of the light", "OcisacWaveform",
+                        waveforms, OCISAC_TONE);
+  ocisac_install_choice(class, FIELD(options.line_code), "line-code", "Line code of packets", "OcisacLineCode", codes,
                         OCISAC_MANCHESTER);
-  ocisac_install(class, FIELD(options.region),
-                 g_param_spec_string("region", NULL, "x,y,w,h of the light in stored pixels; detected when not given",
-                                     NULL, flags));
+  ocisac_install(
+      class, FIELD(options.region),
+      g_param_spec_string("region", NULL, "Box of the light in stored pixels, x,y,w,h; detected when not given", NULL,
+                          flags));
   ocisac_install(class, FIELD(options.max_lights),
-                 g_param_spec_uint("sources", NULL, "Lights, at most", 1, 64, 8, flags));
+                 g_param_spec_uint("sources", NULL, "Max. number of lights", 1, 64, 8, flags));
   ocisac_install(class, FIELD(options.block_bytes),
                  g_param_spec_uint("block-bytes", NULL, "Coded bytes of a packet's block", 1, 255, 16, flags));
   ocisac_install_switch(class, FIELD(options.lengthened), "lengthened", "Packets with the lengthened preamble", FALSE);

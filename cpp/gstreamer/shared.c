@@ -46,17 +46,16 @@ void ocisac_install_camera(GObjectClass* class, gsize field) {
                                     {OCISAC_LEFT, "To the left", "-x"},
                                     {0, NULL, NULL}};
 #define FIELD(name) (field + G_STRUCT_OFFSET(OcisacCamera, name))
-  ocisac_install_number(class, FIELD(row_time), "row-time", "Time from row to row, s; must be set", 0, 1, 0);
-  ocisac_install_number(class, FIELD(frame_rate), "frame-rate", "Frames a second; 0: by the caps", 0, G_MAXDOUBLE, 0);
+  ocisac_install_number(class, FIELD(row_time), "row-time", "Time from one row to the next, s; must be set", 0, 1, 0);
+  ocisac_install_number(class, FIELD(frame_rate), "frame-rate", "Frame rate, Hz; 0: by the caps", 0, G_MAXDOUBLE, 0);
   ocisac_install_number(class, FIELD(gamma), "gamma", "Exponent of tone-curve=gamma", 1e-3, 1e3, 2.2);
-  ocisac_install_number(class, FIELD(dark_level), "dark-level", "DN of no light; -1: by the caps' range", -1, 65535,
-                        -1);
-  ocisac_install_number(class, FIELD(white_level), "white-level", "DN of full light; -1: by the caps' range", -1, 65535,
-                        -1);
-  ocisac_install_choice(class, FIELD(tone_curve), "tone-curve", "From light to values", "OcisacToneCurve", curves,
-                        OCISAC_LINEAR);
-  ocisac_install_choice(class, FIELD(scan_axis), "scan-axis", "How rows go in time", "OcisacScanAxis", axes,
-                        OCISAC_DOWN);
+  ocisac_install_number(class, FIELD(dark_level), "dark-level", "Stored value of no light; -1: by the caps' range", -1,
+                        65535, -1);
+  ocisac_install_number(class, FIELD(white_level), "white-level", "Stored value of full light; -1: by the caps' range",
+                        -1, 65535, -1);
+  ocisac_install_choice(class, FIELD(tone_curve), "tone-curve", "Tone curve", "OcisacToneCurve", curves, OCISAC_LINEAR);
+  ocisac_install_choice(class, FIELD(scan_axis), "scan-axis", "Direction in which rows are read out", "OcisacScanAxis",
+                        axes, OCISAC_DOWN);
 #undef FIELD
 }
 

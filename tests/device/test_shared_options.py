@@ -1,5 +1,5 @@
-"""Options that `ocisac receive`, ocisac-rx, its man page and the GStreamer element share: no name, range or default
-differs."""
+"""Options that `ocisac receive`, ocisac-rx, its man page and the GStreamer element share: no name, sentence, range or
+default differs."""
 
 from __future__ import annotations
 
@@ -30,6 +30,18 @@ def test_names_are_the_same_everywhere() -> None:
     assert PROGRAM - {"version"} <= set(re.findall(r"--([a-z-]+)", MANUAL))
     assert SHARED <= PROPERTIES
     assert {"gamma", "post-messages"} >= PROPERTIES - PROGRAM
+
+
+@pytest.mark.parametrize("name", sorted(SHARED))
+def test_sentences_begin_the_same_everywhere(name: str) -> None:
+    """What follows depends on the program: where an unknown value comes from, and how it is written."""
+    found = re.search(rf'"{name}",\s*(?:NULL, )?"([^",;]*)', ELEMENT)
+    assert found
+    sentence = re.escape(found[1])
+    assert re.search(rf'"--{name}", [^"]*"{sentence}\b', SETTINGS)
+    assert re.search(rf"--{name}\b.*\n{sentence}\b", MANUAL)
+    if name != "region":  # the command reads no other pixels, in which it searches lights
+        assert re.match(rf"{sentence}\b", vars(COMMAND[name])["help"])
 
 
 def range_of(name: str) -> list[float]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ocisac_fast import Camera, Flag, SquareWave, integrate_exposure, reference, tone_gain
+from ocisac_fast import Camera, Flag, SquareWave, integrate_exposure, tone_gain
 
 ROW_TIME, ROWS = 22.2e-6, 1080
 
@@ -53,19 +53,6 @@ def test_harmonics_that_fall_together_are_told_by_their_ratios(near):
 def test_harmonics_that_fall_together_are_flagged_where_they_bias(known, near):
     for error, flagged in near_errors(near, known, waves=30):
         assert not (np.abs(error[~flagged]) > 4.5).any()
-
-
-@pytest.mark.parametrize("cycles_per_row", [0.1, 0.25003, 1 / 3, 0.7])
-def test_the_ratios_are_used_as_by_the_reference(cycles_per_row):
-    camera = Camera(1.0, exposure=0.4 / cycles_per_row)
-    light = integrate_exposure(SquareWave(cycles_per_row, phase=0.5, duty=0.3), camera, np.arange(480))
-    columns = 100 * light[:, None] + np.random.default_rng(0).standard_normal((480, 5))
-    found, expected = (
-        of(columns, camera, cycles_per_row, waveform="square", duty=0.3) for of in (tone_gain, reference.tone_gain)
-    )
-    for name in ("gain", "gain_std", "phase", "mean", "snr"):
-        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-9)
-    np.testing.assert_array_equal(found.flags, expected.flags)
 
 
 def test_an_exposure_that_square_waves_contradict_is_flagged():

@@ -72,7 +72,9 @@ def test_agrees_with_the_reference(
     pixels = (big / 255 if floating else big).astype(dtype)
     view = pixels[:, ::row_step, ::column_step] if frames else pixels[0, ::row_step, ::column_step]
     camera = Camera(ROW_TIME, exposure=exposure, tone_curve=curve, dark_level=1 / 255 if floating else 1)
-    arguments = (camera, cycles / ROW_TIME)
+    # Harmonics above half the row rate, which a lone square wave is fitted with, are tested by their truth.
+    both = waveform == "square" and method == "fit"
+    arguments = (camera, np.array([cycles, cycles / 2]) / ROW_TIME if both else cycles / ROW_TIME)
     options = {"method": method, "waveform": waveform, "duty": duty, "pooled": pooled}
     before = pixels.copy()
     got = ocisac.tone_gain(view, *arguments, **options)

@@ -65,9 +65,13 @@ def test_agrees_with_the_reference(rows, position, shape, degree, dtype, step, w
     view = pixels[:, ::step] if len(shape) == 2 else pixels[::step]
     camera = Camera(1.0, tone_curve=curve)
     frequency = min(cycles * rows / len(range(rows)), 0.47)
-    got, want, nearby = (
-        of.varying_tone_gain(view, camera, f, degree=degree, waveform=waveform, duty=duty)
-        for of, f in ((ocisac, frequency), (reference, frequency), (reference, frequency * (1 + ROUNDINGS)))
+    wave = {"waveform": waveform, "duty": duty}
+    got = ocisac.varying_tone_gain(view, camera, frequency, degree=degree, **wave)
+    want, nearby = (
+        reference.varying_tone_gain(
+            view, camera, f, degree=degree, steady=ocisac.tone_gain(view, camera, f, **wave), **wave
+        )
+        for f in (frequency, frequency * (1 + ROUNDINGS))
     )
     assert got.gain.shape == shape
     # As the steady fit of integers does, whose table of a tone curve is in float32.

@@ -18,29 +18,13 @@ from studies.limits.plain_methods import fitted_gain, gain_of_frame, rounded_bin
 _BASE = Scene("limits", "", 12.0, rows=720, columns=200)
 
 
-@limit(
-    "Clipping",
-    "peak of the light, DN",
-    "RMS error of the gain",
-    spot=320,
-    fails_by=0.03,
-    good=0.005,
-    flags=Flag.SATURATED,
-)
+@limit("Clipping", "peak of the light, DN", spot=320, fails_by=0.03, good=0.005, flags=Flag.SATURATED)
 def _clipping() -> Iterator[Point]:
     for peak in (180, 230, 260, 290, 320, 400, 600):
         yield gain_of_frame(peak, dataclasses.replace(_BASE, mean=peak / 1.504), rounded_bin_gain)
 
 
-@limit(
-    "A saturated core",
-    "share of columns that saturate",
-    "RMS error of the gain",
-    spot=0.4,
-    fails_by=0.02,
-    good=0.005,
-    flags=Flag.SATURATED,
-)
+@limit("A saturated core", "share of columns that saturate", spot=0.4, fails_by=0.02, good=0.005, flags=Flag.SATURATED)
 def _saturated_core() -> Iterator[Point]:
     for share in (0.0, 0.1, 0.2, 0.4, 0.7, 0.95, 1.0):
         random = np.random.default_rng(7)
@@ -52,7 +36,7 @@ def _saturated_core() -> Iterator[Point]:
         yield compared(share, _BASE.gain, plain, found)
 
 
-@limit("Ambient light", "ambient light / source", "RMS error of the gain", spot=1.0, fails_by=0.2, good=0.005)
+@limit("Ambient light", "ambient light / source", spot=1.0, fails_by=0.2, good=0.005)
 def _ambient() -> Iterator[Point]:
     for ratio in (0.0, 0.03, 0.1, 0.3, 1.0, 2.0):
         random = np.random.default_rng(14)
@@ -63,7 +47,7 @@ def _ambient() -> Iterator[Point]:
         yield compared(ratio, scene.gain, rounded_bin_gain(scene, frame), found)
 
 
-@limit("Gamma", "gamma of the picture", "RMS error of the gain", spot=2.2, fails_by=0.15, good=0.005)
+@limit("Gamma", "gamma of the picture", spot=2.2, fails_by=0.15, good=0.005)
 def _gamma() -> Iterator[Point]:
     for gamma in (1.0, 1.2, 1.5, 1.8, 2.2, 2.6):
         random = np.random.default_rng(8)
@@ -76,7 +60,7 @@ def _gamma() -> Iterator[Point]:
         yield compared(gamma, _BASE.gain, rounded_bin_gain(_BASE, flat), found)
 
 
-@limit("PWM duty other than half", "duty", "RMS error of the gain", spot=0.2, fails_by=0.3, good=0.01)
+@limit("PWM duty other than half", "duty", spot=0.2, fails_by=0.3, good=0.01)
 def _duty() -> Iterator[Point]:
     for duty in (0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95):
         scene = dataclasses.replace(_BASE, exposure_cycles=0.3, waveform="square")

@@ -40,7 +40,6 @@ def _null_gain() -> Iterator[Point]:
 @limit(
     "Less than one cycle in the frame",
     "cycles in the frame",
-    "RMS error of the gain",
     spot=0.4,
     fails_by=0.3,
     good=0.02,
@@ -74,7 +73,7 @@ def _few_cycles_frequency() -> Iterator[Point]:
         yield Point(cycles, rms(scene.rows * plain - cycles), error, stated, flags)
 
 
-@limit("Very short columns", "rows", "RMS error of the gain", spot=3, fails_by=0.05, good=0.02, flags=Flag.UNRESOLVABLE)
+@limit("Very short columns", "rows", spot=3, fails_by=0.05, good=0.02, flags=Flag.UNRESOLVABLE)
 def _short() -> Iterator[Point]:
     for rows in (3, 4, 5, 7, 11, 23, 101):
         scene = Scene("limits", "", 0.23 * rows, rows=rows, columns=400, noise=8.0)
@@ -84,7 +83,6 @@ def _short() -> Iterator[Point]:
 @limit(
     "Harmonics of a square wave",
     "cycles in the frame",
-    "RMS error of the gain",
     spot=1.7,
     fails_by=0.01,
     good=0.003,
@@ -99,7 +97,6 @@ def _harmonics() -> Iterator[Point]:
 @limit(
     "A tone at half the row rate",
     "bins below half the row rate",
-    "RMS error of the gain",
     spot=0.1,
     fails_by=0.1,
     good=0.02,
@@ -123,14 +120,7 @@ def _alias() -> Iterator[Point]:
         yield compared(per_row, scene.gain, plain, found, 1.0 / scene.gain)
 
 
-@limit(
-    "The rounded bin between bins",
-    "distance from the bin",
-    "RMS error of the gain",
-    spot=0.5,
-    fails_by=0.15,
-    good=0.005,
-)
+@limit("The rounded bin between bins", "distance from the bin", spot=0.5, fails_by=0.15, good=0.005)
 def _rounded_bin() -> Iterator[Point]:
     for distance in (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5):
         yield gain_of_frame(distance, dataclasses.replace(_BASE, cycles=8.0 + distance), rounded_bin_gain)
@@ -139,7 +129,6 @@ def _rounded_bin() -> Iterator[Point]:
 @limit(
     "Two sources close in frequency",
     "distance in bins",
-    "RMS error of the gain",
     spot=0.1,
     fails_by=0.1,
     good=0.01,
@@ -165,7 +154,6 @@ def _two(bins: float) -> tuple[Scene, Scene, npt.NDArray[np.uint8]]:
 @limit(
     "A neighbour that is not known of",
     "distance in bins",
-    "RMS error of the gain",
     spot=0.5,
     fails_by=0.05,
     good=0.01,
@@ -191,15 +179,7 @@ def _varying_point(x: float, scene: Scene, slope: float, drift: float) -> Point:
     return compared(x, scene.gain, fitted_gain(scene, frame), found)
 
 
-@limit(
-    "A strong gradient",
-    "fall along the rows / mean",
-    "RMS error of the gain",
-    spot=1.2,
-    fails_by=0.02,
-    good=0.005,
-    flags=Flag.MODEL_MISFIT,
-)
+@limit("A strong gradient", "fall along the rows / mean", spot=1.2, fails_by=0.02, good=0.005, flags=Flag.MODEL_MISFIT)
 def _gradient() -> Iterator[Point]:
     scene = dataclasses.replace(_BASE, cycles=3.3)
     for slope in (0.0, 0.03, 0.1, 0.3, 0.6, 1.2):
@@ -209,7 +189,6 @@ def _gradient() -> Iterator[Point]:
 @limit(
     "Frequency drift within a frame",
     "drift over the frame, cycles/frame",
-    "RMS error of the gain",
     spot=2.0,
     fails_by=0.04,
     good=0.005,

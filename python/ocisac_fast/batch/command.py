@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
 import os
 import shlex
 import time
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
@@ -20,10 +21,10 @@ from ocisac_fast.batch.recordings import find_recordings
 from ocisac_fast.batch.results import Results
 from ocisac_fast.batch.summary import Summary, summarize
 from ocisac_fast.batch.task import Task
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, facts_of, with_spread
-from ocisac_fast.cli.outputs import OUTPUT, InputFile, writes
-from ocisac_fast.cli.pictures import json_option
+from ocisac_fast.cli.outputs import OUTPUT, InputFile
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import ParameterType
 
@@ -87,39 +88,28 @@ def _split(words: Sequence[str], with_values: set[str]) -> tuple[list[str], list
     return list(words), []
 
 
-@click.command(cls=_BatchCommand, short_help="One command for many recordings, on all processors or a cluster.")
-@click.argument("recordings", nargs=-1, metavar="RECORDINGS...", type=_RECORDINGS)
-@click.option("-o", "--output", metavar="FOLDER", help="Results; what is finished there is skipped.")
-@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler (tcp://host:8786) or its file (.json).")
-@click.option("--workers", type=click.IntRange(0), help="Processes on this machine  [default: its processors]")
-@click.option(
-    "--max-frames",
-    type=click.IntRange(0),
-    default=MAX_FRAMES,
-    show_default=True,
-    help="Longer recordings are cut into stretches for gain and detect; 0: never.",
-)
-@click.option("--again", is_flag=True, help="Discard the results in FOLDER.")
-@click.option(
-    "--summary",
-    metavar="FOLDER",
-    type=_RESULTS,
-    help="Print and draw what came out, and measure nothing.",
-)
-@click.option("--plot", type=OUTPUT, help="Picture of the summary  [default: FOLDER/summary.png]")
-@click.option("--task", type=_TaskWords(), hidden=True)
-@writes
-@json_option
+@functools.partial(command, kind=_BatchCommand)
 def batch(
-    recordings: tuple[str, ...],
-    output: str | None,
-    scheduler: str | None,
-    workers: int | None,
-    max_frames: int,
-    again: bool,
-    summary: str | None,
-    plot: str | None,
-    task: Task | None,
+    recordings: Annotated[tuple[str, ...], _RECORDINGS, {"metavar": "RECORDINGS...", "nargs": -1}] = (),
+    *,
+    output: Annotated[
+        str | None,
+        {"names": ["-o", "--output"], "metavar": "FOLDER"},
+        "Results; what is finished there is skipped.",
+    ] = None,
+    scheduler: Annotated[
+        str | None, {"metavar": "ADDRESS"}, "Dask scheduler (tcp://host:8786) or its file (.json)."
+    ] = None,
+    workers: Annotated[int | None, click.IntRange(0), "Processes on this machine  [default: its processors]"] = None,
+    max_frames: Annotated[
+        int, click.IntRange(0), "Longer recordings are cut into stretches for gain and detect; 0: never."
+    ] = MAX_FRAMES,
+    again: Annotated[bool, "Discard the results in FOLDER."] = False,
+    summary: Annotated[
+        str | None, _RESULTS, {"metavar": "FOLDER"}, "Print and draw what came out, and measure nothing."
+    ] = None,
+    plot: Annotated[str | None, OUTPUT, "Picture of the summary  [default: FOLDER/summary.png]"] = None,
+    task: Annotated[Task | None, _TaskWords(), {"hidden": True}] = None,
     as_json: bool,
 ) -> None:
     """Run COMMAND on many RECORDINGS: files, folders, patterns in quotes ('campaign/**/*.mkv'), URLs of fsspec.

@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from ocisac_fast.batch.fields import FIELDS
-from ocisac_fast.cli.options import taken
+from ocisac_fast.cli.command import taken
 from ocisac_fast.cli.output import plain
 from ocisac_fast.cli.pictures import PictureOptions
 from ocisac_fast.core.checks import shown

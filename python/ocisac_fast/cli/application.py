@@ -66,6 +66,7 @@ class _LazyGroup(click.Group):
         module = _ROOM_OF.get(cmd_name, f"ocisac_fast.cli.{cmd_name}")
         command = getattr(importlib.import_module(module), cmd_name)
         assert isinstance(command, click.Command)
+        command.short_help = _COMMANDS[cmd_name]
         return command
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Annotated, Any
 
 import click
 import numpy as np
@@ -11,33 +11,24 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cli.columns import frequency_waveform, one_colour, some_columns
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.doubts import warn_of_calibration, warn_of_texture
 from ocisac_fast.cli.output import emit_facts, emit_json, facts_of, flag_names, number, quantity, with_spread
-from ocisac_fast.cli.outputs import INPUT, writes
-from ocisac_fast.cli.pictures import (
-    PictureOptions,
-    frame_rate_option,
-    json_option,
-    open_pictures,
-    picture_options,
-)
+from ocisac_fast.cli.outputs import INPUT
+from ocisac_fast.cli.pictures import PictureOptions, open_pictures
 from ocisac_fast.cli.units import FREQUENCY, SHARES, Quantity
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.files.recording import FileError
 
 
-@click.command(short_help="Row time of a camera, from a light of known frequency.")
-@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=INPUT)
-@click.option("--frequency", type=FREQUENCY, required=True, help="Frequency of the light, below half the row rate.")
-@click.option("--pulses", type=SHARES, help="Duty of a lamp lit once per frame, one for each FILE: 5%,10%.")
-@picture_options
-@frame_rate_option
-@writes
-@json_option
+@command
 def calibrate(
-    files: tuple[str, ...],
-    frequency: Quantity,
-    pulses: tuple[float, ...] | None,
+    files: Annotated[tuple[str, ...], INPUT, {"metavar": "FILE...", "nargs": -1}],
+    *,
+    frequency: Annotated[Quantity, FREQUENCY, "Frequency of the light, below half the row rate."],
+    pulses: Annotated[
+        tuple[float, ...] | None, SHARES, "Duty of a lamp lit once per frame, one for each FILE: 5%,10%."
+    ] = None,
     picture: PictureOptions,
     as_json: bool,
 ) -> None:

@@ -8,23 +8,16 @@ import signal
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, number, progress, rate
-from ocisac_fast.cli.outputs import INPUT, OUTPUT, writes
-from ocisac_fast.cli.pictures import (
-    PictureOptions,
-    cropped,
-    frame_rate_option,
-    json_option,
-    picture_options,
-    select,
-    stack,
-)
+from ocisac_fast.cli.outputs import INPUT, OUTPUT
+from ocisac_fast.cli.pictures import PictureOptions, cropped, select, stack
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import KEPT_FRAMES, FileError, Frame, RecordingStream
 from ocisac_fast.files.video_writing import USUAL_CRF
@@ -40,53 +33,29 @@ _HEADER = (
 )  # fmt: skip
 
 
-@click.command(short_help="The picture without the light's bands, or the bands alone.")
-@click.argument("source", metavar="IN", type=INPUT)
-@click.argument("target", metavar="OUT", type=OUTPUT)
-@click.option("--keep", type=click.Choice(["picture", "bands"]), default="picture", show_default=True)
-@click.option(
-    "--model",
-    type=click.Choice(["auto", "tone", "chips", "rows"]),
-    default="auto",
-    show_default=True,
-    help="Model of the light; rows: arbitrary.",
-)
-@click.option(
-    "--level",
-    type=click.Choice(["auto", "full", "mean"]),
-    default="auto",
-    show_default=True,
-    help="Level of the steady light: that of the brightest rows, or the mean; auto: the mean of a tone, else full.",
-)
-@click.option("--fill", is_flag=True, help="Interpolate pixels that are too dark to restore.")
-@click.option("--still", is_flag=True, help="Static scene: clean all frames together.")
-@click.option("--each", is_flag=True, help="Clean every frame by itself: slower, nothing is carried on.")
-@click.option(
-    "--max-gain", type=float, default=8.0, show_default=True, help="Rows that need a larger gain are too dark."
-)
-@click.option(
-    "--toe", type=float, help="Toe of the tone curve, 0 to 1: dim light is stored darker. Default: estimated."
-)
-@click.option("--crf", type=click.FloatRange(0, 51), help=f"Quality of H.264 and HEVC; default: {USUAL_CRF:g}.")
-@click.option("--keep-partial", is_flag=True, help="After Ctrl-C keep OUT with the frames done, instead of nothing.")
-@click.option("--marks", type=OUTPUT, help="Picture of the marks: 0, saturated 128, too dark 255.")
-@picture_options
-@frame_rate_option
-@writes
-@json_option
+@command
 def clean(
-    source: str,
-    target: str,
+    source: Annotated[str, INPUT, {"metavar": "IN"}],
+    target: Annotated[str, OUTPUT, {"metavar": "OUT"}],
+    *,
+    keep: Annotated[Literal["picture", "bands"], "What OUT shows."] = "picture",
+    model: Annotated[Literal["auto", "tone", "chips", "rows"], "Model of the light; rows: arbitrary."] = "auto",
+    level: Annotated[
+        Literal["auto", "full", "mean"],
+        "Level of the steady light: that of the brightest rows, or the mean; auto: the mean of a tone, else full.",
+    ] = "auto",
+    fill: Annotated[bool, "Interpolate pixels that are too dark to restore."] = False,
+    still: Annotated[bool, "Static scene: clean all frames together."] = False,
+    each: Annotated[bool, "Clean every frame by itself: slower, nothing is carried on."] = False,
+    max_gain: Annotated[float, "Rows that need a larger gain are too dark."] = 8.0,
+    toe: Annotated[
+        float | None, "Toe of the tone curve, 0 to 1: dim light is stored darker. Default: estimated."
+    ] = None,
+    crf: Annotated[float | None, click.FloatRange(0, 51), f"Quality of H.264 and HEVC; default: {USUAL_CRF:g}."] = None,
+    keep_partial: Annotated[bool, "After Ctrl-C keep OUT with the frames done, instead of nothing."] = False,
+    marks: Annotated[str | None, OUTPUT, "Picture of the marks: 0, saturated 128, too dark 255."] = None,
     picture: PictureOptions,
-    marks: str | None,
     as_json: bool,
-    max_gain: float,
-    fill: bool,
-    toe: float | None,
-    each: bool,
-    crf: float | None,
-    keep_partial: bool,
-    **options: Any,
 ) -> None:
     """Write IN (a picture, a video, a .npy array, or -) to OUT, restored to steady light.
 
@@ -98,6 +67,7 @@ def clean(
     """
     from ocisac_fast.cleaning import CleaningOptions
 
+    options: dict[str, Any] = {"keep": keep, "model": model, "level": level, "still": still}
     options["options"] = CleaningOptions(max_gain=max_gain, fill=fill, toe=toe)
     with (
         open_recording(source, colour=picture.channel != "y", raw=picture.raw) as stream,

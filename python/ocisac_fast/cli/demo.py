@@ -6,26 +6,22 @@ import os
 import shutil
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_json, emit_table, facts_of, quantity
-from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import json_option
 
 
-@click.command(short_help="The paper's testbed from recording to result, with a picture.")
-@click.option(
-    "--directory",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("demo"),
-    show_default=True,
-    help="Folder of the recordings and the picture.",
-)
-@writes
-@json_option
-def demo(directory: Path, as_json: bool) -> None:
+@command
+def demo(
+    *,
+    directory: Annotated[
+        Path, click.Path(file_okay=False, path_type=Path), "Folder of the recordings and the picture."
+    ] = Path("demo"),
+    as_json: bool,
+) -> None:
     """Record the paper's testbed (simulated, as video), read it back, and compare gains with theory and bits."""
     from ocisac_fast import demo as testbed
 
@@ -70,8 +66,8 @@ def _show_what_next(directory: Path) -> None:
     if shutil.which("ocisac") is None and activate.is_file():
         click.echo(f"  . {os.path.relpath(activate)}")
     click.echo(f"  cd {directory}")
-    for what, command in _TO_TRY.items():
-        click.echo(f"\n  # {what}\n  ocisac {command}")
+    for what, words in _TO_TRY.items():
+        click.echo(f"\n  # {what}\n  ocisac {words}")
 
 
 def _facts(measured: Any) -> dict[str, Any]:

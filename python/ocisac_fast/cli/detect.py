@@ -5,22 +5,15 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 import numpy as np
 
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_json, emit_table, facts_of, number, progress, quantity, rate
-from ocisac_fast.cli.outputs import INPUT, writes
-from ocisac_fast.cli.pictures import (
-    PictureOptions,
-    frame_rate_option,
-    grey_of,
-    json_option,
-    open_pictures,
-    picture_options,
-    plot_option,
-)
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS
+from ocisac_fast.cli.pictures import PictureOptions, grey_of, open_pictures
 from ocisac_fast.files import Part
 
 if TYPE_CHECKING:
@@ -37,35 +30,19 @@ _KEYS = (
 )
 
 
-@click.command(short_help="Modulated lights in a recording.")
-@click.argument("file", type=INPUT)
-@click.option(
-    "--false-alarms",
-    type=float,
-    default=0.01,
-    show_default=True,
-    help="Max. expected number in a picture without a light; up to 1.",
-)
-@click.option("--min-cycles", type=float, default=2.5, show_default=True, help="Min. cycles in a light's box.")
-@click.option(
-    "--search-every",
-    type=click.IntRange(1),
-    default=8,
-    show_default=True,
-    help="Frames between searches for new lights; lights found are followed. 1: search every frame by itself.",
-)
-@picture_options
-@frame_rate_option
-@plot_option("the first frame with the boxes of its lights")
-@writes
-@json_option
+@command
 def detect(
-    file: str,
-    false_alarms: float,
-    min_cycles: float,
-    search_every: int,
+    file: Annotated[str, INPUT],
+    *,
+    false_alarms: Annotated[float, "Max. expected number in a picture without a light; up to 1."] = 0.01,
+    min_cycles: Annotated[float, "Min. cycles in a light's box."] = 2.5,
+    search_every: Annotated[
+        int,
+        click.IntRange(1),
+        "Frames between searches for new lights; lights found are followed. 1: search every frame by itself.",
+    ] = 8,
     picture: PictureOptions,
-    plot: str | None,
+    plot: Annotated[str | None, OUTPUT, f"Draw the first frame with the boxes of its lights ({PLOTS})."] = None,
     as_json: bool,
 ) -> None:
     """Detect every modulated light in FILE (a picture, a video, a .npy array, or -).

@@ -2,56 +2,43 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import click
 
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.lights import LIGHTS_TO_AVOID, light_name
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
-from ocisac_fast.cli.outputs import OUTPUT, writes
-from ocisac_fast.cli.pictures import json_option, plot_option
+from ocisac_fast.cli.outputs import OUTPUT, PLOTS
 from ocisac_fast.cli.units import RATE, SHARE, TIME, Quantity, Several
 
 if TYPE_CHECKING:
     from ocisac_fast.exposure import FlickerFreeExposure, FlickeringLight
 
 
-@click.command(short_help="Best exposure time for communication and sensing, or without bands of lights.")
-@click.option("--comm", type=RATE, help="Frequency of the communication tone, f_c.")
-@click.option("--sense", type=RATE, help="Frequency of the motion, f_s = f_x v.")
-@click.option(
-    "--method",
-    type=click.Choice(["exact", "closed-form", "search"]),
-    metavar="NAME",
-    default="exact",
-    help="exact, or from the paper: closed-form, search.",
-)
-@click.option(
-    "--weights", type=Several(click.FLOAT, "COMM,SENSE", 2), default="1,1", help="Weights of the sum; default 1,1."
-)
-@click.option("--bounds", type=Several(TIME, "MIN,MAX", 2), help="Default: 0 to 1/min(f_c, f_s); --avoid: to 0.1 s.")
-@click.option("--step", type=TIME, help="Only multiples of it, for example the row time.")
-@click.option("--avoid", type=LIGHTS_TO_AVOID, help="100Hz, 90Hz+-1%, 1kHz:square, 90Hz..200Hz:5%, mains.")
-@click.option("--below", type=SHARE, default="2%", help="Max. (max-min)/(max+min) of them; default 2%.")
-@click.option("--near", type=TIME, help="Find the nearest to it instead of the shortest.")
-@click.option("--keep", type=SHARE, help="Min. gain of the communication tone.")
-@plot_option("the exposures")
-@click.option("--front", type=OUTPUT, metavar="FILE", help="Draw communication over sensing.")
-@writes
-@json_option
+@command
 def exposure(
-    comm: Quantity | None,
-    sense: Quantity | None,
-    method: Any,
-    weights: tuple[float, float],
-    bounds: tuple[float, float] | None,
-    step: Quantity | None,
-    avoid: tuple[FlickeringLight, ...] | None,
-    below: float,
-    near: Quantity | None,
-    keep: float | None,
-    plot: str | None,
-    front: str | None,
+    *,
+    comm: Annotated[Quantity | None, RATE, "Frequency of the communication tone, f_c."] = None,
+    sense: Annotated[Quantity | None, RATE, "Frequency of the motion, f_s = f_x v."] = None,
+    method: Annotated[
+        Literal["exact", "closed-form", "search"],
+        {"metavar": "NAME", "show_default": False},
+        "exact, or from the paper: closed-form, search.",
+    ] = "exact",
+    weights: Annotated[tuple[float, float], Several(click.FLOAT, "COMM,SENSE", 2), "Weights of the sum."] = (1.0, 1.0),
+    bounds: Annotated[
+        tuple[float, float] | None,
+        Several(TIME, "MIN,MAX", 2),
+        "Default: 0 to 1/min(f_c, f_s); --avoid: to 0.1 s.",
+    ] = None,
+    step: Annotated[Quantity | None, TIME, "Only multiples of it, for example the row time."] = None,
+    avoid: Annotated[Any, LIGHTS_TO_AVOID, "100Hz, 90Hz+-1%, 1kHz:square, 90Hz..200Hz:5%, mains."] = None,
+    below: Annotated[float, SHARE, "Max. (max-min)/(max+min) of them."] = 0.02,
+    near: Annotated[Quantity | None, TIME, "Find the nearest to it instead of the shortest."] = None,
+    keep: Annotated[float | None, SHARE, "Min. gain of the communication tone."] = None,
+    plot: Annotated[str | None, OUTPUT, f"Draw the exposures ({PLOTS})."] = None,
+    front: Annotated[str | None, OUTPUT, {"metavar": "FILE"}, "Draw communication over sensing."] = None,
     as_json: bool,
 ) -> None:
     """Find the T of largest Y = |sin(π f_c T)|/(π f_c) + |sin(π f_s T)|/(π f_s).

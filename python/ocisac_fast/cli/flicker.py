@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
-import click
 import numpy as np
 
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.lights import LIGHTS, light_name
 from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, quantity
-from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import json_option, plot_option
+from ocisac_fast.cli.outputs import OUTPUT, PLOTS
 from ocisac_fast.cli.units import SHARE, TIMES
 
 if TYPE_CHECKING:
@@ -19,22 +18,15 @@ if TYPE_CHECKING:
 _NAMES = ("modulation_index", "detection_index", "mitigation_probability", "missed")
 
 
-@click.command(short_help="Flicker indices of IEEE P2020 for lamps and exposures.")
-@click.option("--lights", type=LIGHTS, required=True, help="90Hz:0.1 (duty), 1kHz:square, mains, 90Hz..200Hz:5%..50%.")
-@click.option("--exposures", type=TIMES, required=True, help="Exposure times: 1ms,11ms or 10us..11ms:50.")
-@click.option("--background", type=float, default=0.0, help="Steady light relative to the lamp's peak; default 0.")
-@click.option("--contrast", type=SHARE, default="10%", help="Contrast at which a lamp is detected; default 10%.")
-@click.option("--tolerance", type=SHARE, default="10%", help="Deviation from the mean that is mitigated; default 10%.")
-@plot_option("the indices over the exposure")
-@writes
-@json_option
+@command
 def flicker(
-    lights: tuple[FlickeringLight, ...],
-    exposures: tuple[float, ...],
-    background: float,
-    contrast: float,
-    tolerance: float,
-    plot: str | None,
+    *,
+    lights: Annotated[Any, LIGHTS, "90Hz:0.1 (duty), 1kHz:square, mains, 90Hz..200Hz:5%..50%."],
+    exposures: Annotated[tuple[float, ...], TIMES, "Exposure times: 1ms,11ms or 10us..11ms:50."],
+    background: Annotated[float, "Steady light relative to the lamp's peak."] = 0.0,
+    contrast: Annotated[float, SHARE, "Contrast at which a lamp is detected."] = 0.1,
+    tolerance: Annotated[float, SHARE, "Deviation from the mean that is mitigated."] = 0.1,
+    plot: Annotated[str | None, OUTPUT, f"Draw the indices over the exposure ({PLOTS})."] = None,
     as_json: bool,
 ) -> None:
     """Compute flicker modulation index, flicker detection index and modulation mitigation probability of every lamp at

@@ -6,7 +6,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import click
 import numpy as np
@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_colour, some_columns
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.csv_files import write_csv
 from ocisac_fast.cli.doubts import is_unmeasured, warn_of_gain, warn_of_other_light, warn_of_texture, warn_of_waveform
 from ocisac_fast.cli.errors import SOME_FAILED
@@ -29,15 +30,8 @@ from ocisac_fast.cli.output import (
     rate,
     with_spread,
 )
-from ocisac_fast.cli.outputs import INPUT, OUTPUT, writes
-from ocisac_fast.cli.pictures import (
-    PictureOptions,
-    frame_rate_option,
-    json_option,
-    open_pictures,
-    picture_options,
-    plot_option,
-)
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS
+from ocisac_fast.cli.pictures import PictureOptions, open_pictures
 from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.statistics import do_differ, inverse_variance_weights, mean_and_std, weighted_mean
@@ -46,32 +40,23 @@ from ocisac_fast.files.recording import Frame
 from ocisac_fast.light.response import exposure_response
 
 
-@click.command(short_help="Gain of a tone in a recording, and its theoretical value.")
-@click.argument("file", type=INPUT)
-@click.option("--frequency", type=FREQUENCY_OR_AUTO, required=True, help="Frequency of the light; auto: estimated.")
-@click.option("--method", type=click.Choice(["fit", "robust", "dft"]), default="fit", show_default=True)
-@click.option("--background", type=float, help="Light of other origin, in stored values above dark.")
-@click.option("--threads", type=int, default=1, show_default=True)
-@click.option(
-    "--per-column",
-    type=OUTPUT,
-    metavar="FILE",
-    help="Write the gain of every column and frame to a CSV file.",
-)
-@picture_options
-@frame_rate_option
-@plot_option("the spectrum with the fitted tone, and the column before and after equalisation")
-@writes
-@json_option
+@command
 def gain(
-    file: str,
-    frequency: Quantity | str,
-    method: str,
-    background: float | None,
-    threads: int,
-    per_column: str | None,
+    file: Annotated[str, INPUT],
+    *,
+    frequency: Annotated[Quantity | str, FREQUENCY_OR_AUTO, "Frequency of the light; auto: estimated."],
+    method: Annotated[Literal["fit", "robust", "dft"], "Estimator; robust: against other tones."] = "fit",
+    background: Annotated[float | None, "Light of other origin, in stored values above dark."] = None,
+    threads: Annotated[int, "Number of threads."] = 1,
+    per_column: Annotated[
+        str | None, OUTPUT, {"metavar": "FILE"}, "Write the gain of every column and frame to a CSV file."
+    ] = None,
     picture: PictureOptions,
-    plot: str | None,
+    plot: Annotated[
+        str | None,
+        OUTPUT,
+        f"Draw the spectrum with the fitted tone, and the column before and after equalisation ({PLOTS}).",
+    ] = None,
     as_json: bool,
 ) -> None:
     """Measure the normalised gain of a tone in FILE (a picture, a video, a .npy array, or -).
@@ -81,7 +66,7 @@ def gain(
     where that is larger. Frames that differ by a tenth, as of a cut, have the flag model_misfit.
     Without a gain the exit code is 3.
     """
-    options = {"method": method, "background": background or 0.0, "threads": threads}
+    options: dict[str, Any] = {"method": method, "background": background or 0.0, "threads": threads}
     measured = frame_gains(file, picture, frequency, options, per_column=per_column is not None)
     light, mean = measured.light, measured.mean()
     if per_column is not None:

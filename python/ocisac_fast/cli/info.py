@@ -5,22 +5,18 @@ from __future__ import annotations
 import platform
 from importlib import metadata
 
-import click
 import numpy as np
 
 from ocisac_fast import __version__, _core
 from ocisac_fast.chips import DETECTORS
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_facts, emit_json
-from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import json_option
 
 _LIBRARIES = ("numpy", "pillow", "av", "matplotlib", "click", "rich")
 
 
-@click.command(short_help="Versions, build and processor features.")
-@writes
-@json_option
-def info(as_json: bool) -> None:
+@command
+def info(*, as_json: bool) -> None:
     """Show the data for a problem report: versions, build of the core, SIMD target in use."""
     facts = _facts()
     if as_json:

@@ -2,40 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-import click
-
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, quantity
-from ocisac_fast.cli.outputs import writes
-from ocisac_fast.cli.pictures import json_option, plot_option
+from ocisac_fast.cli.outputs import OUTPUT, PLOTS
 from ocisac_fast.cli.units import FREQUENCY, SHARE, TIMES, Quantity, Several
 
 
-@click.command(short_help="Frequencies, duties and chip rates of a lamp for given exposures.")
-@click.option("--exposures", type=TIMES, required=True, help="Exposure times of cameras: 1/50s,1/100s, 10us..11ms:50.")
-@click.option("--below", type=SHARE, default="2%", help="Max. (max-min)/(max+min); default 2%.")
-@click.option("--duty", type=SHARE, help="Min. duty of PWM: 0.1, 5%, 1/32; default: a tone.")
-@click.option(
-    "--range",
-    "bounds",
-    type=Several(FREQUENCY, "LOW..HIGH", 2),
-    default="50Hz..10kHz",
-    help="Range of frequencies; default 50Hz..10kHz.",
-)
-@click.option("--spread", type=SHARE, default="0", help="Tolerance of each exposure, +-; default 0.")
-@click.option("--frequency", type=FREQUENCY, help="Frequency of PWM: print its min. duty instead.")
-@plot_option("the modulation over frequency and duty")
-@writes
-@json_option
+@command
 def lamp(
-    exposures: tuple[float, ...],
-    below: float,
-    duty: float | None,
-    bounds: tuple[Quantity, Quantity],
-    spread: float,
-    frequency: Quantity | None,
-    plot: str | None,
+    *,
+    exposures: Annotated[tuple[float, ...], TIMES, "Exposure times of cameras: 1/50s,1/100s, 10us..11ms:50."],
+    below: Annotated[float, SHARE, "Max. (max-min)/(max+min)."] = 0.02,
+    duty: Annotated[float | None, SHARE, "Min. duty of PWM: 0.1, 5%, 1/32; default: a tone."] = None,
+    bounds: Annotated[
+        tuple[Quantity, Quantity],
+        Several(FREQUENCY, "LOW..HIGH", 2),
+        {"names": ["--range"], "default": "50Hz..10kHz"},
+        "Range of frequencies.",
+    ],
+    spread: Annotated[float, SHARE, "Tolerance of each exposure, +-."] = 0.0,
+    frequency: Annotated[Quantity | None, FREQUENCY, "Frequency of PWM: print its min. duty instead."] = None,
+    plot: Annotated[str | None, OUTPUT, f"Draw the modulation over frequency and duty ({PLOTS})."] = None,
     as_json: bool,
 ) -> None:
     """Find frequencies at which a lamp shows no bands at any exposure and no exposure misses a pulse, and the chip

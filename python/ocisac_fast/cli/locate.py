@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_facts, emit_json
-from ocisac_fast.cli.outputs import InputFile, read_input, writes
-from ocisac_fast.cli.pictures import json_option
+from ocisac_fast.cli.outputs import InputFile, read_input
 from ocisac_fast.cli.units import Parsed
 from ocisac_fast.core.checks import parsed_json
 
@@ -19,26 +19,18 @@ _File = InputFile(exists=True, dir_okay=False, path_type=Path)
 _NUMBERS = Parsed("TEXT", lambda text: tuple(float(part) for part in text.split(",")), "numbers with commas between")
 
 
-@click.command(short_help="Position of the camera from lights at known places.")
-@click.argument("lights", type=_File)
-@click.argument("seen", type=_File)
-@click.option("--focal", type=_NUMBERS, required=True, help="Focal length in pixels; one number or X,Y.")
-@click.option("--centre", type=_NUMBERS, required=True, help="Principal point X,Y in pixels.")
-@click.option("--distortion", type=_NUMBERS, help="OpenCV's coefficients k1,k2,p1,p2[,k3].")
-@click.option(
-    "--noise", type=float, default=1.0, show_default=True, help="Standard error of a light's position, pixels."
-)
-@click.option("--inside", type=_NUMBERS, help="Bounds XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX of the position, metres.")
-@writes
-@json_option
+@command
 def locate(
-    lights: Path,
-    seen: Path,
-    focal: tuple[float, ...],
-    centre: tuple[float, float],
-    distortion: tuple[float, ...] | None,
-    noise: float,
-    inside: tuple[float, ...] | None,
+    lights: Annotated[Path, _File],
+    seen: Annotated[Path, _File],
+    *,
+    focal: Annotated[tuple[float, ...], _NUMBERS, "Focal length in pixels; one number or X,Y."],
+    centre: Annotated[tuple[float, float], _NUMBERS, "Principal point X,Y in pixels."],
+    distortion: Annotated[tuple[float, ...] | None, _NUMBERS, "OpenCV's coefficients k1,k2,p1,p2[,k3]."] = None,
+    noise: Annotated[float, "Standard error of a light's position, pixels."] = 1.0,
+    inside: Annotated[
+        tuple[float, ...] | None, _NUMBERS, "Bounds XMIN,YMIN,ZMIN,XMAX,YMAX,ZMAX of the position, metres."
+    ] = None,
     as_json: bool,
 ) -> None:
     """Locate the camera from three or more LIGHTS at known places and their positions in the picture, SEEN.

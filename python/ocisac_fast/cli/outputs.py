@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import click
@@ -27,9 +26,10 @@ class InputFile(click.Path):
 
 
 class OutputFile(click.Path):
-    """A file that a command with `writes` writes."""
+    """A file that a command writes."""
 
 
+PLOTS = "PNG, PDF or SVG"
 INPUT, OUTPUT = InputFile(readable=False), OutputFile(dir_okay=False, readable=False)
 
 
@@ -44,24 +44,20 @@ def read_input(path: str | os.PathLike[str]) -> bytes:
         return read_whole(standard_input() if is_standard else opened.enter_context(open(path, "rb")))
 
 
-def writes(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--force`` to a command.
+@contextlib.contextmanager
+def checked_outputs(force: bool) -> Iterator[None]:
+    """Inside, the present command may write its outputs; those that exist only with ``force``.
 
     Its parameters of the type `OutputFile` are checked against each other, against those of the type `InputFile` and
     against what is there, and again where they are written.
     """
-
-    @functools.wraps(function)
-    def wrapped(*, force: bool, **arguments: Any) -> Any:
-        context = click.get_current_context()
-        every = [(param, path) for param, path in _paths(context, OutputFile) if path != _STANDARD]
-        outputs = [(param, path) for param, path in every if os.path.isfile(path) or not os.path.exists(path)]
-        for k, (param, path) in enumerate(outputs):
-            _check(param, path, outputs[:k], context, force)
-        with fixed_outputs([path for _, path in every], replace=force):
-            return function(**arguments)
-
-    return click.option("--force", is_flag=True, help="Replace files that exist.")(wrapped)
+    context = click.get_current_context()
+    every = [(param, path) for param, path in _paths(context, OutputFile) if path != _STANDARD]
+    outputs = [(param, path) for param, path in every if os.path.isfile(path) or not os.path.exists(path)]
+    for k, (param, path) in enumerate(outputs):
+        _check(param, path, outputs[:k], context, force)
+    with fixed_outputs([path for _, path in every], replace=force):
+        yield
 
 
 def _paths(context: click.Context, kind: type[click.Path]) -> Iterator[tuple[click.Parameter, Any]]:

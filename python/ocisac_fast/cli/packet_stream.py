@@ -6,12 +6,11 @@ import base64
 import dataclasses
 import math
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import click
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.options import option
 from ocisac_fast.cli.output import decibels, facts_of, flag_names, quantity
 from ocisac_fast.cli.pictures import REGION, PictureOptions, rows_and_columns
 from ocisac_fast.cli.units import FREQUENCIES, FREQUENCY, Quantity
@@ -20,43 +19,28 @@ from ocisac_fast.files.recording import Frame
 from ocisac_fast.packets.goodput import possible_goodput, require_in_frame_time
 from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat, transmit
 
+BlockBytes = Annotated[int | None, "Coded bytes of a packet's block, 1 to 255  [default: 16, with --fsk 4]"]
+Preamble = Annotated[Literal["standard", "lengthened"], "Of packets; lengthened: for exposures above 8 chips."]
 
-@dataclasses.dataclass(frozen=True)
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class PacketOptions:
     """Options of `ocisac receive` for chips and packets."""
 
-    chip_rate: Quantity | None = option(  # noqa: RUF009, a field
-        "--chip-rate", type=FREQUENCY, help="Chips per second; default: estimated in every frame."
+    chip_rate: Annotated[Quantity | None, FREQUENCY, "Chips per second; default: estimated in every frame."] = None
+    line_code: Annotated[str | None, click.Choice(LINE_CODES), "Line code of packets  [default: manchester]"] = None
+    packets: Annotated[bool, "Receive packets of `ocisac transmit`; implied by a --line-code but none."] = False
+    block_bytes: BlockBytes = None
+    preamble: Preamble = "standard"
+    sources: Annotated[int, click.IntRange(1, 64), "Max. number of lights with packets."] = 8
+    source_region: Annotated[
+        tuple[Region, ...], REGION, {"multiple": True}, "Region of a light with packets; repeatable."
+    ] = ()
+    fsk: Annotated[tuple[Quantity, ...] | None, FREQUENCIES, "Tones of CM-FSK, one per frame, such as 1kHz,1.2kHz."] = (
+        None
     )
-    line_code: str | None = option(
-        "--line-code", type=click.Choice(LINE_CODES), help="Line code of packets  [default: manchester]"
-    )
-    packets: bool = option(
-        "--packets", is_flag=True, help="Receive packets of `ocisac transmit`; implied by a --line-code but none."
-    )
-    block_bytes: int | None = option(
-        "--block-bytes", type=int, help="Coded bytes of a packet's block  [default: 16, with --fsk 4]"
-    )
-    preamble: str = option(
-        "--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True
-    )
-    sources: int = option(
-        "--sources",
-        type=click.IntRange(1, 64),
-        default=8,
-        show_default=True,
-        help="Max. number of lights with packets.",
-    )
-    source_region: tuple[Region, ...] = option(
-        "--source-region", type=REGION, multiple=True, help="Region of a light with packets; repeatable."
-    )
-    fsk: tuple[Quantity, ...] | None = option(
-        "--fsk", type=FREQUENCIES, help="Tones of CM-FSK, one per frame, such as 1kHz,1.2kHz."
-    )
-    gain: bool = option("--gain", is_flag=True, help="Measure the gain of each light's tone too.")
-    frequency: Quantity | None = option(  # noqa: RUF009, a field
-        "--frequency", type=FREQUENCY, help="Frequency of that tone; default: estimated at detection."
-    )
+    gain: Annotated[bool, "Measure the gain of each light's tone too."] = False
+    frequency: Annotated[Quantity | None, FREQUENCY, "Frequency of the tone; default: estimated at detection."] = None
 
     @property
     def asked(self) -> bool:

@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import functools
 import itertools
 import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, Literal
 
 import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.options import option, options_of
-from ocisac_fast.cli.output import emit_note, is_collected, table_of_objects
-from ocisac_fast.cli.outputs import OUTPUT
+from ocisac_fast.cli.output import emit_note, is_collected
 from ocisac_fast.cli.units import RATE, ROW_TIME, TIME, Parsed, Quantity
 from ocisac_fast.core.arrays import as_frames
-from ocisac_fast.core.checks import one_of
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files import Part, RecordingStream, open_recording
-from ocisac_fast.files.extras import pyarrow, savemat
 from ocisac_fast.files.recording import Frame, gathered
 
 _RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
@@ -63,41 +58,34 @@ REGION = Parsed("x,y,w,h", _region, "four whole numbers x,y,w,h in pixels, such 
 class PictureOptions:
     """Options for reading a recording."""
 
-    row_time: Quantity | None = option(  # noqa: RUF009, a field
-        "--row-time", type=ROW_TIME, help="Time from one row to the next; without it, rates are per row."
+    row_time: Annotated[Quantity | None, ROW_TIME, "Time from one row to the next; without it, rates are per row."] = (
+        None
     )
-    exposure: Quantity | None = option("--exposure", type=TIME, help="Exposure time of a row.")  # noqa: RUF009, a field
-    scan_axis: str = option(
-        "--scan-axis",
-        type=click.Choice(["auto", "y", "x", "-y", "-x"]),
-        default="auto",
-        show_default=True,
-        help="Direction in which rows are read out: y: down, x: right; auto: y or x, whichever shows lights.",
+    exposure: Annotated[Quantity | None, TIME, "Exposure time of a row."] = None
+    scan_axis: Annotated[
+        str,
+        click.Choice(["auto", "y", "x", "-y", "-x"]),
+        "Direction in which rows are read out: y: down, x: right; auto: y or x, whichever shows lights.",
+    ] = "auto"
+    region: Annotated[Region | None, REGION, "Part of the picture, from its top left corner."] = None
+    channel: Annotated[str | int, Parsed("auto|r|g|b|y|INDEX", _channel, "auto, r, g, b, y or an index from 0")] = (
+        "auto"
     )
-    region: Region | None = option("--region", type=REGION, help="Part of the picture, from its top left corner.")  # noqa: RUF009, a field
-    channel: str | int = option(
-        "--channel",
-        type=Parsed("auto|r|g|b|y|INDEX", _channel, "auto, r, g, b, y or an index from 0"),
-        default="auto",
-        show_default=True,
-    )
-    waveform: str = option("--waveform", type=click.Choice(["tone", "square"]), default="tone", show_default=True)
-    duty: float = option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave.")
-    tone_curve: tuple[str, float] | None = option(
-        "--tone-curve",
-        type=Parsed("linear|gamma[:2.2]|srgb|hlg|pq", _tone_curve, "linear, srgb, hlg, pq, gamma or gamma:POWER"),
-        help="Default: from the file, else as usual for its kind.",
-    )
-    dark_level: float | None = option(
-        "--dark-level", type=float, help="Stored value of no light; default: from the file, else 0."
-    )
-    raw: str | None = option(
-        "--raw", metavar="WIDTHxHEIGHT[:gray8|gray16le]", help="Frames without headers, for example from a pipe."
-    )
-    white_level: float | None = option(
-        "--white-level", type=float, help="Stored value of full light; default: from file or type."
-    )
-    frame_rate: Quantity | None = None  # of commands with `frame_rate_option`
+    waveform: Annotated[Literal["tone", "square"], "Waveform of the light."] = "tone"
+    duty: Annotated[float, "Bright share of a square wave."] = 0.5
+    tone_curve: Annotated[
+        tuple[str, float] | None,
+        Parsed("linear|gamma[:2.2]|srgb|hlg|pq", _tone_curve, "linear, srgb, hlg, pq, gamma or gamma:POWER"),
+        "Tone curve; default: from the file, else as usual for its kind.",
+    ] = None
+    dark_level: Annotated[float | None, "Stored value of no light; default: from the file, else 0."] = None
+    raw: Annotated[
+        str | None,
+        {"metavar": "WIDTHxHEIGHT[:gray8|gray16le]"},
+        "Frames without headers, for example from a pipe.",
+    ] = None
+    white_level: Annotated[float | None, "Stored value of full light; default: from file or type."] = None
+    frame_rate: Annotated[Quantity | None, RATE, "Frame rate; default: from the file."] = None
 
     def camera(self, stream: RecordingStream, usual: Mapping[str, str] | None = None) -> Camera:
         """The camera from the options, else from the file; without a row time if none is given.
@@ -283,44 +271,23 @@ def _silent_libraries() -> Iterator[None]:
         os.close(nowhere)
 
 
-@dataclasses.dataclass
-class _Reader:
-    """A context manager around a stream and the options that arrange its frames."""
-
-    path: str
-    options: PictureOptions
-    part: Part | None
-    axis_of_light: bool
-
-    def __enter__(self) -> OpenPictures:
-        options = self.options
-        with _silent_libraries():
-            self._stream: RecordingStream = open_recording(
-                self.path, colour=options.channel in _RED_GREEN_BLUE, raw=options.raw, part=self.part
-            )
-        try:
-            frames = iter(self._stream)
-            with _silent_libraries():
-                first = next(frames)
-            camera = options.camera_for(self._stream, first, axis_of_light=self.axis_of_light)
-        except BaseException:
-            self._stream.close()
-            raise
-        arranged = (select(frame, options) for frame in itertools.chain([first], frames))
-        return OpenPictures(camera, arranged, self._stream.frame_count)
-
-    def __exit__(self, *_: object) -> None:
-        self._stream.close()
-
-
+@contextlib.contextmanager
 def open_pictures(
     path: str, options: PictureOptions, part: Part | None = None, *, axis_of_light: bool = True
-) -> _Reader:
-    """Open a recording, or a part of its frames, for a ``with`` statement; yields ``OpenPictures``.
+) -> Iterator[OpenPictures]:
+    """Open a recording, or a part of its frames, arranged by the options.
 
     ``axis_of_light``: the first frame's lights tell the read-out axis, or confirm a stated one.
     """
-    return _Reader(path, options, part, axis_of_light)
+    with _silent_libraries():
+        stream = open_recording(path, colour=options.channel in _RED_GREEN_BLUE, raw=options.raw, part=part)
+    with stream:
+        frames = iter(stream)
+        with _silent_libraries():
+            first = next(frames)
+        camera = options.camera_for(stream, first, axis_of_light=axis_of_light)
+        arranged = (select(frame, options) for frame in itertools.chain([first], frames))
+        yield OpenPictures(camera, arranged, stream.frame_count)
 
 
 def select(frame: Frame, options: PictureOptions) -> Frame:
@@ -366,44 +333,3 @@ def grey_of(frame: Frame) -> Frame:
     for colour, weight in enumerate(weights):
         total += frame[..., colour] * wide(weight)
     return np.asarray(total // sum(weights) if frame.dtype.kind == "u" else total / sum(weights)).astype(frame.dtype)
-
-
-picture_options = options_of(PictureOptions, "picture")
-# Below `picture_options`: sets the frame time of the picture's camera.
-frame_rate_option = click.option("--frame-rate", type=RATE, help="Frame rate of the recording; default: from the file.")
-
-
-def _table_path(ctx: click.Context, param: click.Parameter, path: str | None) -> str | None:
-    """The path of a table, of a kind that can be written: its library is there before any work is done."""
-    libraries = {".parquet": pyarrow, ".mat": savemat}
-    allowed = [".csv"] if param.name == "csv" else [".csv", *libraries]
-    suffix = os.path.splitext(str(path))[1].lower()
-    if path not in (None, "-") and suffix not in allowed:
-        option = "" if param.name != "csv" else " (--table writes .parquet and .mat)"
-        raise click.UsageError(f"--{param.name}: got {path}, allowed: a name that ends with {one_of(allowed)}{option}")
-    if suffix in libraries:
-        libraries[suffix]()
-    return path
-
-
-def json_option(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--json``, and ``--table FILE`` for the same objects as rows; all give the function ``as_json``."""
-
-    @functools.wraps(function)
-    def wrapped(*, as_json: bool, csv: str | None, table: str | None, **arguments: Any) -> Any:
-        paths = [path for path in (csv, table) if path is not None]
-        with table_of_objects(paths, as_json):
-            return function(as_json=as_json or bool(paths), **arguments)
-
-    a_file: Any = {"type": OUTPUT, "metavar": "FILE", "callback": _table_path}
-    what = "Write it as .csv, .parquet or .mat; -: print CSV."
-    wrapped = click.option("--table", **a_file, help=what)(wrapped)
-    wrapped = click.option("--csv", **a_file, hidden=True)(wrapped)  # --table, with .csv alone
-    return click.option("--json", "as_json", is_flag=True, help="Print one JSON object per line, nothing else.")(
-        wrapped
-    )
-
-
-def plot_option(what: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add ``--plot FILE``."""
-    return click.option("--plot", type=OUTPUT, help=f"Draw {what} (PNG, PDF or SVG).")

@@ -4,45 +4,32 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
-from ocisac_fast.cli.options import options_of
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, facts_of, number, progress, quantity
-from ocisac_fast.cli.outputs import INPUT, writes
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
-from ocisac_fast.cli.pictures import (
-    PictureOptions,
-    frame_rate_option,
-    json_option,
-    open_pictures,
-    picture_options,
-    plot_option,
-    rows_and_columns,
-)
+from ocisac_fast.cli.pictures import PictureOptions, open_pictures, rows_and_columns
 from ocisac_fast.cli.sent_files import ErrorCount
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files.recording import Frame
 
 
-@click.command(short_help="Bits of the lights in a recording.")
-@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=INPUT)
-@options_of(PacketOptions, "packet")
-@click.option("--sent", type=INPUT, help="Bits that are sent over and over (.txt, .npy): count the errors.")
-@picture_options
-@frame_rate_option
-@plot_option("the combined column of the first frame with its chips")
-@writes
-@json_option
+@command
 def receive(
-    files: tuple[str, ...],
+    files: Annotated[tuple[str, ...], INPUT, {"metavar": "FILE...", "nargs": -1}],
+    *,
     packet: PacketOptions,
-    sent: str | None,
+    sent: Annotated[str | None, INPUT, "Bits that are sent over and over (.txt, .npy): count the errors."] = None,
     picture: PictureOptions,
-    plot: str | None,
+    plot: Annotated[
+        str | None, OUTPUT, f"Draw the combined column of the first frame with its chips ({PLOTS})."
+    ] = None,
     as_json: bool,
 ) -> None:
     """Receive on-off keyed bits from FILE... (pictures, videos, .npy arrays, or -); 1 is bright.

@@ -7,11 +7,12 @@ import itertools
 import math
 import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import click
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import (
     emit_json,
@@ -23,19 +24,9 @@ from ocisac_fast.cli.output import (
     rate,
     with_spread,
 )
-from ocisac_fast.cli.outputs import INPUT, writes
-from ocisac_fast.cli.pictures import (
-    PictureOptions,
-    frame_rate_option,
-    grey_of,
-    json_option,
-    open_pictures,
-    picture_options,
-    plot_option,
-    rows_and_columns,
-    with_colours,
-)
-from ocisac_fast.cli.units import FREQUENCY, LENGTH
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS
+from ocisac_fast.cli.pictures import PictureOptions, grey_of, open_pictures, rows_and_columns, with_colours
+from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame, gathered
 
@@ -54,29 +45,32 @@ _CLEAR_EVIDENCE = 5.0  # a coincidence has a probability below e^-5
 _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 
 
-@click.command(short_help="Moving textures and lights in a recording: gain, motion, speed.")
-@click.argument("file", type=INPUT)
-@click.option(
-    "--frames", type=click.IntRange(1), default=8, show_default=True, help="Number of successive frames used."
-)
-@click.option("--frequency", type=FREQUENCY, help="Frequency in the columns of --region; default: estimated.")
-@click.option(
-    "--motion", type=click.Choice(["across", "along"]), help="Motion of the texture: across or along the rows."
-)
-@click.option("--direction", type=click.Choice(list(_DIRECTIONS)), help="Direction of motion along the rows.")
-@click.option("--pitch", type=LENGTH, help="Distance of neighbouring pixels in the scene.")
-@click.option("--spatial-frequency", type=float, help="Spatial frequency of the texture, cycles per metre.")
-@click.option("--speed", type=float, help="Speed of the texture, m/s.")
-@click.option("--depth", type=float, default=1.0, show_default=True, help="Contrast of the texture itself.")
-@click.option("--background", type=float, help="Background of the light in --region, stored values above dark.")
-@click.option("--unlit", type=INPUT, help="Recording of the same view without the lights.")
-@click.option("--beside", is_flag=True, help="Measure the lights' background beside them.")
-@picture_options
-@frame_rate_option
-@plot_option("the first frame with its regions")
-@writes
-@json_option
-def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, frames: int, **options: Any) -> None:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SenseOptions:
+    """What is known of textures and lights."""
+
+    frequency: Annotated[Quantity | None, FREQUENCY, "Frequency in the columns of --region; default: estimated."] = None
+    motion: Annotated[Literal["across", "along"] | None, "Motion of the texture: across or along the rows."] = None
+    direction: Annotated[Literal["with", "against"] | None, "Direction of motion along the rows."] = None
+    pitch: Annotated[Quantity | None, LENGTH, "Distance of neighbouring pixels in the scene."] = None
+    spatial_frequency: Annotated[float | None, "Spatial frequency of the texture, cycles per metre."] = None
+    speed: Annotated[float | None, "Speed of the texture, m/s."] = None
+    depth: Annotated[float, "Contrast of the texture itself."] = 1.0
+    background: Annotated[float | None, "Background of the light in --region, stored values above dark."] = None
+    unlit: Annotated[str | None, INPUT, "Recording of the same view without the lights."] = None
+    beside: Annotated[bool, "Measure the lights' background beside them."] = False
+
+
+@command
+def sense(
+    file: Annotated[str, INPUT],
+    *,
+    frames: Annotated[int, click.IntRange(1), "Number of successive frames used."] = 8,
+    options: SenseOptions,
+    picture: PictureOptions,
+    plot: Annotated[str | None, OUTPUT, f"Draw the first frame with its regions ({PLOTS})."] = None,
+    as_json: bool,
+) -> None:
     """Measure moving textures and modulated lights in FILE (a picture, a video, a .npy array, or -).
 
     For each region: frequency in its columns, motion-induced frequency f_x v, contrast gain (eq. 16), speed. --region
@@ -84,7 +78,7 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
     textures are detected. Several successive frames separate textures from lights, and motion along the rows from
     motion across them.
     """
-    if picture.row_time is None and options["speed"] is not None:
+    if picture.row_time is None and options.speed is not None:
         raise click.UsageError("--speed: needs --row-time")
     from ocisac_fast.sensing.picture import SEARCHED
 
@@ -92,9 +86,8 @@ def sense(file: str, picture: PictureOptions, plot: str | None, as_json: bool, f
         greys = (grey_of(frame) for frame in itertools.islice(pictures.frames, frames))
         count = min(frames, pictures.frame_count or frames)
         first = gathered(itertools.islice(greys, SEARCHED), min(count, SEARCHED))
-        if options["unlit"] is not None:
-            options["unlit"] = _read_unlit(options["unlit"], picture, count)
-        found = _along_best_axis(first, pictures.camera, picture, options)
+        dark = None if options.unlit is None else _read_unlit(options.unlit, picture, count)
+        found = _along_best_axis(first, pictures.camera, picture, options, dark)
         kept = gathered((found.part.cut(frame) for frame in itertools.chain(first, greys)), count)
     regions = found.measure(kept) if len(kept) > len(first) else found.regions
     camera = found.camera
@@ -142,19 +135,21 @@ class _Found:
     measure: Callable[[Frame], list[SensedRegion]]
 
 
-def _along_best_axis(first: Frame, camera: Camera, picture: PictureOptions, options: dict[str, Any]) -> _Found:
+def _along_best_axis(
+    first: Frame, camera: Camera, picture: PictureOptions, options: SenseOptions, dark: Frame | None
+) -> _Found:
     """Find regions along the stated axis, or along y or x, whichever has more evidence of being read along it.
 
     Moving stripes look like lights along the other axis, but their phases do not advance from frame to frame as they do
     from row to row. Without evidence, an axis along which there is nothing yields to one with a light. The other axis
     is tried only where not everything along the first one is clearly in step.
     """
-    found = _found(first, camera, picture, options)
+    found = _found(first, camera, picture, options, dark)
     evidence, stated = _axis_evidence(found), picture.scan_axis != "auto"
     if (stated and is_collected()) or (evidence > _CLEAR_EVIDENCE and all(map(_in_step, found.regions))):
         return found
     other = dataclasses.replace(camera, scan_axis="y" if camera.scan_axis.endswith("x") else "x")
-    crossed = _found(first, other, picture, options)
+    crossed = _found(first, other, picture, options, dark)
     seen = [one for one in found.regions if one.kind != "unknown"]
     alone = evidence == 0.0 and not seen and any(one.kind == "light" for one in crossed.regions)
     if not (alone or _axis_evidence(crossed) > evidence):
@@ -191,20 +186,24 @@ def _in_step(region: SensedRegion) -> bool:
     return region.kind == "light" or math.isclose(region.motion_frequency, region.frequency)
 
 
-def _found(first: Frame, camera: Camera, picture: PictureOptions, options: dict[str, Any]) -> _Found:
+def _found(first: Frame, camera: Camera, picture: PictureOptions, options: SenseOptions, dark: Frame | None) -> _Found:
     from ocisac_fast.sensing import KnownMotion, background_light, sense_region
     from ocisac_fast.sensing.picture import find_periodic
     from ocisac_fast.sensing.region import Request
 
-    options = dict(options)
-    frequency = picture.check_frequency("--frequency", options.pop("frequency"))
-    background, dark, beside = options.pop("background"), options.pop("unlit"), options.pop("beside")
-    direction, axis = _DIRECTIONS.get(options.pop("direction"), 0), options.pop("motion")
+    frequency, beside = picture.check_frequency("--frequency", options.frequency), options.beside
     unlit = None if dark is None else with_colours(dark)
-    light: dict[str, Any] = {"waveform": picture.waveform, "duty": picture.duty, "depth": options.pop("depth")}
-    light["motion"] = KnownMotion(axis=axis, direction=direction, **options)
+    motion = KnownMotion(
+        axis=options.motion,
+        direction=_DIRECTIONS.get(options.direction, 0),
+        pitch=options.pitch,
+        spatial_frequency=options.spatial_frequency,
+        speed=options.speed,
+    )
+    light: dict[str, Any] = {"waveform": picture.waveform, "duty": picture.duty, "depth": options.depth}
+    light["motion"] = motion
     if picture.region is None:
-        for name, value in (("frequency", frequency), ("background", background)):
+        for name, value in (("frequency", frequency), ("background", options.background)):
             if value is not None:
                 raise click.UsageError(f"--{name}: needs --region")
         request = Request(**light)
@@ -220,9 +219,9 @@ def _found(first: Frame, camera: Camera, picture: PictureOptions, options: dict[
         )
     if beside:
         raise click.UsageError("--beside: not with --region")
-    if dark is not None and background is not None:
+    if dark is not None and options.background is not None:
         raise click.UsageError("--background: not with --unlit")
-    measured = background if unlit is None else background_light(unlit, camera)
+    measured = options.background if unlit is None else background_light(unlit, camera)
 
     def measure(frames: Frame) -> list[SensedRegion]:
         return [sense_region(with_colours(frames), camera, frequency, background=measured, **light)]

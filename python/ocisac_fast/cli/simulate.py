@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import os
 import warnings
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Iterator
+from typing import Annotated, Any, Literal
 
 import click
 import numpy as np
+import numpy.typing as npt
 from click.core import ParameterSource
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
-from ocisac_fast.cli.outputs import OUTPUT, InputFile, writes
-from ocisac_fast.cli.pictures import json_option
-from ocisac_fast.cli.units import FREQUENCY, RATE, ROW_TIME, TIME, Parsed
+from ocisac_fast.cli.outputs import OUTPUT, InputFile
+from ocisac_fast.cli.units import FREQUENCY, RATE, ROW_TIME, TIME, Parsed, Quantity
 from ocisac_fast.files import RecordingStream, write_frames
 from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, TriangleWave, Waveform
 from ocisac_fast.scene.effects import EFFECTS
@@ -41,58 +43,56 @@ class _Scene(InputFile):
         return (path, *pictures_of(path))
 
 
-@click.command(short_help="Simulate a recording of a modulated light, or of a scene.")
-@click.argument("scene", required=False, type=_Scene(exists=True, dir_okay=False))
-@click.option(
-    "--waveform", type=click.Choice(["tone", "square", "triangle", "chips"]), default="tone", show_default=True
-)
-@click.option("--frequency", type=FREQUENCY, help="Frequency of a tone, a square or a triangle wave.")
-@click.option("--duty", type=float, default=0.5, show_default=True, help="Bright share of a square wave.")
-@click.option("--phase", type=float, default=0.0, show_default=True, help="Phase of these waves, rad at time 0.")
-@click.option("--bits", help="Chips of on-off keying, such as 0110.")
-@click.option("--chip-rate", type=FREQUENCY)
-@click.option("--repeat/--once", default=True, show_default=True, help="Repeat the bits.")
-@click.option("--rise", type=float, default=0.0, help="Time constant of a chip that turns bright, in chips.")
-@click.option("--fall", type=float, default=0.0, help="Time constant of a chip that turns dark, in chips.")
-@click.option("--rows", type=int, default=720, show_default=True)
-@click.option("--columns", type=int, default=1080, show_default=True)
-@click.option("--row-time", type=ROW_TIME)
-@click.option("--exposure", type=TIME)
-@click.option("--start", type=TIME, default="0", show_default=True, help="End of the exposure of the first row.")
-@click.option("--swing", type=float, default=200.0, show_default=True, help="Stored values from dark to full light.")
-@click.option("--dark-level", type=float, default=0.0, show_default=True, help="Stored value of no light.")
-@click.option("--noise", type=float, default=0.0, show_default=True, help="Standard deviation in stored values.")
-@click.option("--lamp-width", type=float, help="A bar along the rows, this standard deviation wide, px.")
-@click.option("--tilt", type=float, default=0.0, help="Of that bar from upright, degrees.")
-@click.option("--texture", type=float, default=0.0, help="Standard deviation of the log of the wall's reflectance.")
-@click.option("--hum", type=float, default=0.0, help="Mains light on the whole picture, peak to peak over --swing.")
-@click.option("--mains", type=FREQUENCY, default="50", show_default=True, help="Mains; its light has twice this.")
-@click.option("--jitter", type=TIME, default="0", help="Frames start up to this early or late.")
-@click.option(
-    "--effect",
-    "effects",
-    type=Parsed("NAME=LEVEL", _effect, "NAME=LEVEL, such as row-pause=5"),
-    multiple=True,
-    help=f"Of a device, several times; levels from 0: {_NAMES}.",
-)
-@click.option("--bit-depth", type=click.Choice(list(_DTYPES)), default="8", show_default=True)
-@click.option("--frames", type=int, default=1, show_default=True)
-@click.option("--frame-rate", type=RATE, default="30", show_default=True)
-@click.option("--seed", type=int, default=0, show_default=True, help="Equal seeds give equal files.")
-@click.option("--tolerance", type=float, default=0.5, show_default=True, help="Scene: largest error in DN.")
-@click.option("--noise-off", is_flag=True, help="Scene: without the sensor's noise.")
-@click.option(
-    "-o", "--output", required=True, type=OUTPUT, help=".png, .tif, .mkv (FFV1), .mp4 (lossless H.264) or .npy."
-)
-@writes
-@json_option
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RecordingOptions:
+    """What a SCENE file defines, and the first three, which it does not."""
+
+    frames: Annotated[int, "Number of frames."] = 1
+    start: Annotated[Quantity, TIME, {"default": "0"}, "End of the exposure of the first row."]
+    seed: Annotated[int, "Equal seeds give equal files."] = 0
+    waveform: Annotated[Literal["tone", "square", "triangle", "chips"], "Of the light."] = "tone"
+    frequency: Annotated[Quantity | None, FREQUENCY, "Frequency of a tone, a square or a triangle wave."] = None
+    duty: Annotated[float, "Bright share of a square wave."] = 0.5
+    phase: Annotated[float, "Phase of these waves, rad at time 0."] = 0.0
+    bits: Annotated[str | None, "Chips of on-off keying, such as 0110."] = None
+    chip_rate: Annotated[Quantity | None, FREQUENCY, "Chips per second."] = None
+    repeat: Annotated[bool, {"names": ["--repeat/--once"]}, "Repeat the bits."] = True
+    rise: Annotated[float, "Time constant of a chip that turns bright, in chips."] = 0.0
+    fall: Annotated[float, "Time constant of a chip that turns dark, in chips."] = 0.0
+    rows: Annotated[int, "Rows of a frame."] = 720
+    columns: Annotated[int, "Columns of a frame."] = 1080
+    row_time: Annotated[Quantity | None, ROW_TIME, "Time from one row to the next."] = None
+    exposure: Annotated[Quantity | None, TIME, "Exposure time of a row."] = None
+    swing: Annotated[float, "Stored values from dark to full light."] = 200.0
+    dark_level: Annotated[float, "Stored value of no light."] = 0.0
+    noise: Annotated[float, "Standard deviation in stored values."] = 0.0
+    lamp_width: Annotated[float | None, "A bar along the rows, this standard deviation wide, px."] = None
+    tilt: Annotated[float, "Of that bar from upright, degrees."] = 0.0
+    texture: Annotated[float, "Standard deviation of the log of the wall's reflectance."] = 0.0
+    hum: Annotated[float, "Mains light on the whole picture, peak to peak over --swing."] = 0.0
+    mains: Annotated[Quantity, FREQUENCY, {"default": "50"}, "Mains; its light has twice this."]
+    jitter: Annotated[Quantity, TIME, {"default": "0"}, "Frames start up to this early or late."]
+    effects: Annotated[
+        tuple[tuple[str, float], ...],
+        {"names": ["--effect"], "multiple": True},
+        Parsed("NAME=LEVEL", _effect, "NAME=LEVEL, such as row-pause=5"),
+        f"Of a device, several times; levels from 0: {_NAMES}.",
+    ] = ()
+    bit_depth: Annotated[Literal["8", "16", "float"], "Bits of a stored value."] = "8"
+    frame_rate: Annotated[Quantity, RATE, {"default": "30"}, "Frames per second."]
+
+
+@command
 def simulate(
-    scene: str | None,
+    scene: Annotated[str | None, _Scene(exists=True, dir_okay=False)] = None,
+    *,
+    options: RecordingOptions,
+    tolerance: Annotated[float, "Scene: largest error in DN."] = 0.5,
+    noise_off: Annotated[bool, "Scene: without the sensor's noise."] = False,
+    output: Annotated[
+        str, OUTPUT, {"names": ["-o", "--output"]}, ".png, .tif, .mkv (FFV1), .mp4 (lossless H.264) or .npy."
+    ],
     as_json: bool,
-    output: str,
-    tolerance: float,
-    noise_off: bool,
-    **options: Any,
 ) -> None:
     """Simulate a recording of a light that fills the picture, or of a SCENE (a TOML file): a picture, video or array.
 
@@ -102,55 +102,60 @@ def simulate(
     --noise-off.
     """
     context = click.get_current_context()
-    given = [name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
+    names = [field.name for field in dataclasses.fields(options)]
+    given = [name for name in names if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
     if scene is not None:
         others = sorted(set(given) - {"frames", "start", "seed"})
         if others:
             raise click.UsageError(f"--{others[0].replace('_', '-')}: the file of SCENE defines it")
         _simulate_scene(scene, as_json, output, tolerance, noise_off, options)
         return
-    for name in ("row_time", "exposure"):
-        if options[name] is None:
-            raise click.UsageError(f"Missing option '--{name.replace('_', '-')}'.")
-    row_time, exposure, frame_rate = (float(options[name]) for name in ("row_time", "exposure", "frame_rate"))
-    dtype = _DTYPES[options["bit_depth"]]
+    if options.row_time is None or options.exposure is None:
+        raise click.UsageError(f"Missing option '--{'row-time' if options.row_time is None else 'exposure'}'.")
+    row_time, exposure, frame_rate = float(options.row_time), float(options.exposure), float(options.frame_rate)
+    dtype = _DTYPES[options.bit_depth]
     frames = simulate_frames(
         _waveform(options),
         Camera(row_time, exposure, frame_time=1.0 / frame_rate),
-        start=float(options["start"]),
-        jitter=float(options["jitter"]),
-        effects=dict(options["effects"]),
+        start=float(options.start),
+        jitter=float(options.jitter),
+        effects=dict(options.effects),
         dtype=dtype,
         **_surroundings(options),
-        **{name: options[name] for name in ("rows", "columns", "frames", "swing", "dark_level", "noise", "seed")},
+        **{
+            name: getattr(options, name)
+            for name in ("rows", "columns", "frames", "swing", "dark_level", "noise", "seed")
+        },
     )
-    if dtype != "float32" and options["dark_level"] < 3.0 * options["noise"]:
+    if dtype != "float32" and options.dark_level < 3.0 * options.noise:
         warnings.warn(_CLIPPED, stacklevel=1)
-    shown = progress(frames, "simulating", options["frames"])
-    # A .npy file of one frame is (rows, columns).
-    one_array = output.lower().endswith(".npy") and options["frames"] == 1
-    like = RecordingStream.linear()
-    write_frames(output, np.asarray(next(shown)) if one_array else shown, frame_rate=frame_rate, like=like)
-    facts = {name: options[name] for name in ("frames", "rows", "columns")}
+    _write(output, progress(frames, "simulating", options.frames), options.frames, frame_rate, RecordingStream.linear())
+    facts = {name: getattr(options, name) for name in ("frames", "rows", "columns")}
     if as_json:
         emit_json({"file": output, **facts, "dtype": dtype, "row_time_s": row_time, "exposure_s": exposure})
         return
     _emit(output, facts, dtype, row_time, exposure)
 
 
+def _write(
+    output: str, frames: Iterator[npt.NDArray[Any]], count: int, frame_rate: float, like: RecordingStream | None = None
+) -> None:
+    """Write the frames; a .npy file of one is (rows, columns)."""
+    is_one = output.lower().endswith(".npy") and count == 1
+    write_frames(output, np.asarray(next(frames)) if is_one else frames, frame_rate=frame_rate, like=like)
+
+
 def _simulate_scene(
-    path: str, as_json: bool, output: str, tolerance: float, noise_off: bool, options: dict[str, Any]
+    path: str, as_json: bool, output: str, tolerance: float, noise_off: bool, options: RecordingOptions
 ) -> None:
     from ocisac_fast.scene import load_scene, render
 
     scene = load_scene(path)
-    plan = scene.plan(tolerance=tolerance, frames=options["frames"], start=float(options["start"]))
-    frames = render(plan, noise=scene.sensor.noisy and not noise_off, seed=options["seed"])
-    shown = progress(frames, "rendering", options["frames"])
-    one_array = output.lower().endswith(".npy") and options["frames"] == 1
+    plan = scene.plan(tolerance=tolerance, frames=options.frames, start=float(options.start))
+    frames = render(plan, noise=scene.sensor.noisy and not noise_off, seed=options.seed)
     rate = 1 / scene.camera.frame_time if scene.camera.frame_time else 30.0
-    write_frames(output, np.asarray(next(shown)) if one_array else shown, frame_rate=rate)
-    facts = {"frames": options["frames"], "rows": scene.lens.rows, "columns": scene.lens.columns}
+    _write(output, progress(frames, "rendering", options.frames), options.frames, rate)
+    facts = {"frames": options.frames, "rows": scene.lens.rows, "columns": scene.lens.columns}
     bits = scene.sensor.bit_depth
     dtype = "float32" if bits is None else "uint8" if bits <= 8 else "uint16"
     times = {"row_time_s": scene.camera.row_time, "exposure_s": scene.exposure}
@@ -167,29 +172,30 @@ def _emit(output: str, facts: dict[str, Any], dtype: str, row_time: float, expos
     emit_facts("", {"file": output, "frames × rows × columns": f"{size} {dtype}", **times})
 
 
-def _surroundings(options: dict[str, Any]) -> dict[str, Any]:
+def _surroundings(options: RecordingOptions) -> dict[str, Any]:
     """The lamp's shape and the light and texture around it, for `simulate_frames`."""
-    rows, columns, width = options["rows"], options["columns"], options["lamp_width"]
-    if width is None and options["tilt"]:
+    rows, columns, width = options.rows, options.columns, options.lamp_width
+    if width is None and options.tilt:
         raise click.UsageError("--tilt: needs --lamp-width")
     parts: dict[str, Any] = {}
     if width is not None:
-        parts["lamp"] = lamp_bar(rows, columns, width, tilt=math.radians(options["tilt"]))
-    if options["texture"]:
-        parts["reflectance"] = texture(rows, columns, options["texture"], seed=options["seed"])
-    if options["hum"]:
-        parts["ambient"] = Tone(2 * float(options["mains"]), amplitude=options["hum"])
+        parts["lamp"] = lamp_bar(rows, columns, width, tilt=math.radians(options.tilt))
+    if options.texture:
+        parts["reflectance"] = texture(rows, columns, options.texture, seed=options.seed)
+    if options.hum:
+        parts["ambient"] = Tone(2 * float(options.mains), amplitude=options.hum)
     return parts
 
 
-def _waveform(options: dict[str, Any]) -> Waveform:
-    kind = options["waveform"]
-    for name in ("bits", "chip_rate") if kind == "chips" else ("frequency",):
-        if options[name] is None:
+def _waveform(options: RecordingOptions) -> Waveform:
+    kind, chips = options.waveform, options.waveform == "chips"
+    for name in ("bits", "chip_rate") if chips else ("frequency",):
+        if getattr(options, name) is None:
             raise click.UsageError(f"--waveform {kind}: needs --{name.replace('_', '-')}")
-    if kind == "chips":
-        times = {name: options[name] for name in ("rise", "fall")}
-        return Chips(options["bits"], float(options["chip_rate"]), repeat=options["repeat"], **times)
+    if chips:
+        times = {"rise": options.rise, "fall": options.fall}
+        return Chips(options.bits or "", float(options.chip_rate or 0.0), repeat=options.repeat, **times)
+    frequency = float(options.frequency or 0.0)
     if kind == "square":
-        return SquareWave(float(options["frequency"]), duty=options["duty"], phase=options["phase"])
-    return (TriangleWave if kind == "triangle" else Tone)(float(options["frequency"]), phase=options["phase"])
+        return SquareWave(frequency, duty=options.duty, phase=options.phase)
+    return (TriangleWave if kind == "triangle" else Tone)(frequency, phase=options.phase)

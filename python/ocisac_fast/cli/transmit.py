@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import click
 
+from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_facts, emit_json, quantity
-from ocisac_fast.cli.outputs import INPUT, OUTPUT, read_input, writes
-from ocisac_fast.cli.pictures import json_option
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, read_input
+from ocisac_fast.cli.packet_stream import BlockBytes, Preamble
 from ocisac_fast.cli.sent_files import SUFFIXES, Sent, sent_chips, sent_tones
 from ocisac_fast.cli.units import FREQUENCIES, RATE, Quantity
 from ocisac_fast.files import atomic_path
@@ -17,34 +18,31 @@ from ocisac_fast.packets.fsk import fsk_transmit
 from ocisac_fast.packets.transmission import LINE_CODES, PacketFormat, transmit as transmit_payload
 
 
-@click.command(short_help="Chips that carry a payload.")
-@click.argument("file", required=False, metavar="[FILE]", type=INPUT)
-@click.option("--text", help="The payload, instead of a file's bytes.")
-@click.option("--line-code", type=click.Choice(LINE_CODES), default="manchester", show_default=True)
-@click.option("--code-table", metavar="WORDS", help="Custom line code: 2, 4, 16 or 256 words, such as 01,10.")
-@click.option("--block-bytes", type=int, help="Coded bytes of a block, 1 to 255  [default: 16, with --fsk 4]")
-@click.option("--preamble", type=click.Choice(["standard", "lengthened"]), default="standard", show_default=True)
-@click.option("--number", type=int, default=0, show_default=True, help="Number of the packet, 0 to 255.")
-@click.option("--chip-rate", type=RATE, help="For the times in a .csv and a note in a .h.")
-@click.option("--fsk", type=FREQUENCIES, help="Tones instead of chips, one per frame, such as 1kHz,1.2kHz (CM-FSK).")
-@click.option("--frame-rate", type=RATE, help="With --fsk: for the times in a .csv and a note in a .h.")
-@click.option(
-    "-o", "--output", type=OUTPUT, help=".txt, .npy, .csv (chip or time, level) or .h (C, eight chips per byte)."
-)
-@writes
-@json_option
+@command
 def transmit(
-    file: str | None,
-    text: str | None,
-    line_code: str,
-    code_table: str | None,
-    block_bytes: int | None,
-    preamble: str,
-    number: int,
-    chip_rate: Quantity | None,
-    fsk: tuple[Quantity, ...] | None,
-    frame_rate: Quantity | None,
-    output: str | None,
+    file: Annotated[str | None, INPUT, {"metavar": "[FILE]"}] = None,
+    *,
+    text: Annotated[str | None, "The payload, instead of a file's bytes."] = None,
+    line_code: Annotated[str, click.Choice(LINE_CODES), "Line code of packets."] = "manchester",
+    code_table: Annotated[
+        str | None, {"metavar": "WORDS"}, "Custom line code: 2, 4, 16 or 256 words, such as 01,10."
+    ] = None,
+    block_bytes: BlockBytes = None,
+    preamble: Preamble = "standard",
+    number: Annotated[int, "Number of the packet, 0 to 255."] = 0,
+    chip_rate: Annotated[Quantity | None, RATE, "For the times in a .csv and a note in a .h."] = None,
+    fsk: Annotated[
+        tuple[Quantity, ...] | None,
+        FREQUENCIES,
+        "Tones instead of chips, one per frame, such as 1kHz,1.2kHz (CM-FSK).",
+    ] = None,
+    frame_rate: Annotated[Quantity | None, RATE, "With --fsk: for the times in a .csv and a note in a .h."] = None,
+    output: Annotated[
+        str | None,
+        OUTPUT,
+        {"names": ["-o", "--output"]},
+        ".txt, .npy, .csv (chip or time, level) or .h (C, eight chips per byte).",
+    ] = None,
     as_json: bool,
 ) -> None:
     """Encode the bytes of FILE (- for standard input) as one cycle of chips, to be sent repeatedly; 1 is bright.

@@ -88,7 +88,6 @@ ShareAboveZero = Annotated[float, Within(0.0, 1.0, above=True)]
 ShareBelowOne = Annotated[float, Within(0.0, 1.0, below=True)]
 InnerShare = Annotated[float, Within(0.0, 1.0, above=True, below=True)]
 Count = Annotated[int, Within(1)]
-_ERRORS = "Raises:\n    ValueError: an argument outside its range or of a wrong type or shape; the message names it.\n"
 
 
 def _with_errors(text: str | None) -> str | None:

@@ -79,11 +79,9 @@ def chip_llr(
         return np.zeros(0)
     values = np.asarray(rows, dtype=float)
     sequences = (np.arange(1 << count)[:, None] >> np.arange(count)) & 1
-    length = max(clock.exposure_rows, 1e-3) / clock.rows_per_chip
-    ends = (np.arange(len(values)) + clock.exposure_rows / 2 - clock.phase) / clock.rows_per_chip - first
-    chip = np.arange(count)
-    overlap = np.minimum(ends[:, None], chip + 1) - np.maximum(ends[:, None] - length, chip)
-    expected = sequences @ np.maximum(overlap, 0).T / length
+    chips = first + np.arange(count)
+    shares = _shares(np.arange(len(values)), chips, clock.rows_per_chip, clock.phase, clock.exposure_rows)
+    expected = sequences @ shares.T
     cost = np.sum((values - expected) ** 2, axis=1) / (2 * noise**2)
     least = [np.where(sequences == bit, cost[:, None], np.inf).min(axis=0) for bit in (0, 1)]
     return np.asarray(least[0] - least[1])

@@ -23,29 +23,15 @@ def tone_gain(
     waveform: Literal["tone", "square"] = "tone",
     duty: float = 0.5,
     background: npt.ArrayLike = 0.0,
-    efficiency: float = 1.0,
-    threads: int = 1,
     *,
     pooled: bool = False,
 ) -> ToneGain:
     """As :func:`ocisac_fast.tone_gain`: ``numpy.linalg.lstsq`` on the design matrix, ``numpy.fft.rfft`` for the DFT.
 
-    ``efficiency`` and ``threads`` have no effect. Flags, such as those of multiples of half the row rate and of few
-    cycles, are equal, except QUANTISED, which is missing.
+    Flags, such as those of multiples of half the row rate and of few cycles, are equal, except QUANTISED, which is
+    missing. So are harmonics above half the row rate, which a square wave is fitted with where it is the only tone:
+    they are tested by their truth.
     """
-    return _tone_gain(columns, camera, frequency, method, waveform, duty, background, pooled)
-
-
-def _tone_gain(
-    columns: npt.ArrayLike,
-    camera: Camera,
-    frequency: npt.ArrayLike,
-    method: str,
-    waveform: str,
-    duty: float,
-    background: npt.ArrayLike,
-    pooled: bool,
-) -> ToneGain:
     stored = np.asarray(columns)
     light = linear_light(stored, camera)
     shape = light.shape
@@ -59,30 +45,12 @@ def _tone_gain(
     estimate = _dft if method == "dft" else _fit
     ratio = 1.0 if waveform == "tone" else 2 * np.sinc(duty)
     harmonics_of = _only_fundamental if waveform == "tone" else _square_harmonics(duty)
-    folds = waveform == "square" and method == "fit" and tones.size == 1
-    cycles, known = float(tones[0] * camera.row_period), camera.exposure is not None
-    exposure_cycles = float(tones[0] * camera.exposure) if camera.exposure is not None else cycles
-    if folds:
-        harmonics_of = _with_folded(harmonics_of, _folded(light.shape[1], cycles, duty, exposure_cycles)[0])
     results = []
     for frame, b, s in zip(light, ambient, saturated, strict=True):
         fits = zip(tones, estimate(frame, tones * camera.row_period, harmonics_of), strict=True)
         gains = [_gain(parts, flags, f, camera, ratio, b, s) for f, (parts, flags) in fits]
         results.append([np.stack(values) for values in zip(*gains, strict=True)])
     arrays = [np.stack(values, axis=1) for values in zip(*results, strict=True)]  # (tones, frames, columns)
-    if folds:
-        if not known:
-            exposure_cycles = _exposure_cycles_of_gain(float(np.nanmax(arrays[0], initial=0.0)))
-        _, tied, error = _folded(light.shape[1], cycles, duty, exposure_cycles)
-        with np.errstate(invalid="ignore"):
-            biased = (error * arrays[0] > 0.5 * arrays[1]) & (arrays[-1] & np.uint32(Flag.HARMONICS_DROPPED) == 0)
-        arrays[-1][biased] |= np.uint32(Flag.HARMONICS_DROPPED)
-        if known and biased.any():
-            _untie(
-                arrays,
-                biased,
-                _TiedHarmonics(light.shape[1], harmonics_of(cycles), tied, cycles, duty, exposure_cycles),
-            )
     if camera.exposure is not None:  # more than a light of full depth has
         full_depth = np.abs(np.sinc(tones * camera.exposure))[:, np.newaxis, np.newaxis]
         with np.errstate(invalid="ignore"):
@@ -116,118 +84,6 @@ def _square_harmonics(duty: float) -> Any:
         return [1, *(h for h in above if h * cycles_per_row < 0.5 and abs(np.sinc(h * duty)) > 1e-9)]
 
     return harmonics
-
-
-def _with_folded(harmonics_of: Any, folded: list[int]) -> Any:
-    return lambda cycles_per_row: [*harmonics_of(cycles_per_row), *folded]
-
-
-def _exposure_cycles_of_gain(gain: float) -> float:
-    low, high = 0.0, 1.0
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (middle, high) if np.sinc(middle) > gain else (low, middle)
-    return low
-
-
-def _ratio(order: int, duty: float, exposure_cycles: float) -> float:
-    """Level of a harmonic relative to the fundamental, both with their signs where the bright part has its middle."""
-    fundamental = float(np.sinc(exposure_cycles))
-    exposed = np.copysign(max(abs(fundamental), 1e-9), fundamental)
-    return float(np.sinc(order * duty) / np.sinc(duty) * np.sinc(order * exposure_cycles) / exposed)
-
-
-def _folded(rows: int, cycles: float, duty: float, exposure_cycles: float) -> tuple[list[int], list[int], float]:
-    """Orders above half the row rate that are fitted at their aliases, others, and the relative error by these."""
-
-    def folded(order: int) -> float:
-        return abs(order * cycles - round(order * cycles)) * rows
-
-    taken = np.array([0.0, rows / 2, *(folded(h) for h in _square_harmonics(duty)(cycles))])
-    over_mean = 2 * abs(np.sinc(duty) * np.sinc(exposure_cycles))
-    orders: list[int] = []
-    tied: list[int] = []
-    squares = 0.0
-    for order in range(2, 128):
-        size, at = abs(_ratio(order, duty, exposure_cycles)), folded(order)
-        if order * cycles < 0.5 or size < 1e-4:
-            continue
-        near = np.abs(taken - at) < 1.5
-        if size >= 0.005 and not near.any() and 8 * (taken.size + 1) <= rows and len(orders) < 8:
-            taken = np.append(taken, at)
-            orders.append(order)
-            continue
-        tied.append(order)
-        if not near[3:].any():
-            leaks = [1.0 / max(1.0, np.pi * abs(at - other)) for other in (folded(1), 0.0)]
-            squares += size**2 / 2 * (leaks[0] ** 2 + (over_mean * leaks[1]) ** 2)
-    return orders, tied, float(np.sqrt(squares))
-
-
-class _TiedHarmonics:
-    """The light whose harmonics of known ratios make the fundamental that a fit shows, by the phase of that one."""
-
-    def __init__(self, rows: int, fitted: list[int], tied: list[int], cycles: float, duty: float, exposure: float):
-        u = np.arange(rows) - (rows - 1) / 2
-        waves = [wave(_phase(h * cycles, u)) for h in fitted for wave in (np.cos, np.sin)]
-        weights = np.linalg.pinv(np.column_stack([np.ones(rows), *waves]))  # of mean, cosine, sine first
-        self.ratio, self.to_middle = 2 * np.sinc(duty), np.pi * ((rows - 1) * cycles - exposure)
-        self.step = 2 * np.pi / 4096
-        turns = np.exp(1j * self.step * np.arange(4096))
-        shown, mean = turns.copy(), np.zeros(4096)
-        for order in tied:
-            ratio, wave = _ratio(order, duty, exposure), np.exp(1j * _phase(order * cycles, u))
-            at = turns[order * np.arange(4096) % 4096]
-            shown += ratio * (weights[1] @ wave.real * at.real + 1j * (weights[2] @ wave.imag) * at.imag)
-            mean += np.sign(np.sinc(exposure)) * ratio * (weights[0] @ wave.real) * at.real
-        self.least, self.most = np.full(4096, np.inf), np.zeros(4096)
-        self.sums, self.count = np.zeros((3, 4096)), np.zeros(4096)  # level, mean, turn
-        first, steps = np.angle(shown) / self.step, np.angle(np.roll(shown, -1) * shown.conj()) / self.step
-        low, high = np.minimum(first, first + steps), np.maximum(first, first + steps)
-        for k in range(4096):
-            ends = k, (k + 1) % 4096
-            levels = 1 / np.abs(shown[list(ends)])
-            for at in np.arange(np.floor(low[k]), np.ceil(high[k]) + 1):
-                i = int(at) % 4096
-                self.least[i], self.most[i] = min(self.least[i], *levels), max(self.most[i], *levels)
-                if low[k] <= at < high[k]:
-                    part = (at - first[k]) / steps[k]
-                    turn = np.angle(np.exp(1j * self.step * (k + part - at)))
-                    self.sums[:, i] += *(v[0] + part * (v[1] - v[0]) for v in (levels, mean[list(ends)])), turn
-                    self.count[i] += 1
-
-    def light(self, phase: float, phase_std: float) -> tuple[float, float, float, float, float] | None:
-        """Level and its error, mean and turn that belong to a phase, and the slope of the level's logarithm."""
-        place = int(np.floor(phase / self.step))
-        reach, part = max(int(np.ceil(3 * phase_std / self.step)), 1), phase / self.step - place
-        window = np.arange(place - reach, place + 2 + reach) % 4096
-        if not self.count[window].all():
-            return None
-        told = np.where(self.count[window] == 1, 3 * self.step * self.least[window], 0.0)
-        spread = max(0.0, float(((self.most[window] - self.least[window]) / 2 - told).max()))
-        at = self.sums[:, window] / self.count[window]
-        level, mean, turn = at[:, reach] + part * (at[:, reach + 1] - at[:, reach])
-        ends = at[0, [0, -1]]
-        return level, spread, mean, turn, (ends[1] - ends[0]) / ((2 * reach + 1) * self.step * level)
-
-
-def _untie(arrays: list[Any], biased: npt.NDArray[np.bool_], lights: _TiedHarmonics) -> None:
-    """Correct gains of one tone by the ratios of its harmonics where these tell its level."""
-    gain, gain_std, phase, mean, snr, flags = (values.reshape(-1) for values in arrays)
-    for i in np.flatnonzero(biased):
-        error = gain_std[i] / gain[i]
-        light = lights.light(phase[i] + lights.to_middle, error)
-        if light is None or light[1] > 0.5 * error * light[0]:
-            continue
-        level = gain[i] * mean[i] * light[0]
-        source = mean[i] - level * lights.ratio * light[2]
-        if source > 0:
-            change = level / source / gain[i]
-            gain[i], mean[i] = gain[i] * change, source
-            gain_std[i] *= change * np.hypot(1, light[4])
-            phase[i] = np.angle(np.exp(1j * (phase[i] + light[3])))
-            snr[i] *= light[0] ** 2
-            flags[i] &= ~np.uint32(Flag.HARMONICS_DROPPED)
 
 
 def _phase(cycles_per_row: float, rows: npt.ArrayLike) -> Float64s:
@@ -358,11 +214,14 @@ def varying_tone_gain(
     waveform: Literal["tone", "square"] = "tone",
     duty: float = 0.5,
     background: npt.ArrayLike = 0.0,
-    threads: int = 1,
+    *,
+    steady: ToneGain,
 ) -> VaryingToneGain:
-    """As :func:`ocisac_fast.varying_tone_gain`: ``numpy.linalg.pinv`` of the design, column by column."""
+    """As :func:`ocisac_fast.varying_tone_gain`: ``numpy.linalg.pinv`` of the design, column by column.
+
+    ``steady``: the gain of the same columns by :func:`ocisac_fast.tone_gain`, whose bias is estimated.
+    """
     light = linear_light(np.asarray(columns), camera)
-    steady = _tone_gain(columns, camera, frequency, "fit", waveform, duty, background, False)
     cycles = frequency * camera.row_period
     rows = light.shape[0] if light.ndim == 1 else light.shape[-2]
     every = [1] if waveform == "tone" else _square_harmonics(duty)(cycles)
