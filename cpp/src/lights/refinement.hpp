@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "lights/light_patch.hpp"
 #include "lights/screening.hpp"
@@ -43,13 +44,30 @@ constexpr double kLongestInner = 12;  // cycles in an inner box
 // Reach of a search about a frequency, relative: of a suspect, and of a round.
 constexpr double kFirstReach = 0.22, kFrequencyReach = 0.12;
 
+// Log light along the rows of a light.
+struct Profile {
+  std::vector<double> matched;  // (patch rows): Σ over the light's columns of weight × log swing; 0 outside
+  std::vector<double> weight;   // Σ of squared weights
+  double energy = 0;            // Σ of squared log swing, in the box
+  double common = 0;            // energy of the weighted mean over the columns
+  double noise = 0;             // Σ of the noise variance, in the box
+  double uneven = 0;  // modulation depth, at the frequency, of the variance across the columns in the box, 0 to 1
+  std::vector<double> even;  // (patch rows): Σ over the columns of weight × log swing, equal in all rows of the box
+};
+
+double common_share(const Profile& profile);
+
+// The light of a profile that a tone or a waveform explains to this fraction of its energy.
+RefinedLight light_of(const Profile& profile, const Patch& patch, const Region& box, double frequency, double error,
+                      double explained);
+
 // Fraction of the energy Σ matched²/weight of a profile explained by a least-squares fit of weight·(`most` harmonics).
 double periodic_share(std::span<const double> matched, std::span<const double> weight, double frequency,
                       std::size_t most);
 
 // Tilt of the bars in a part of the patch, from the phase of the swing z of each group of columns u: the slope s that
 // maximises |Σ z·e^(−jsu)|. `seen`: frequency of the demodulation.
-void measure_tilt(const Patch& patch, const ComplexValues& swing, const PatchRange& core, double seen,
+void measure_tilt(const Patch& patch, const ComplexValues& swing, const Region& core, double seen,
                   RefinedLight& light);
 
 // Demodulation at the suspect's frequency f with a Hann window of two cycles, which removes the mean, gives a map of
