@@ -109,7 +109,7 @@ double phase_odds(const SearchedFrame& in, const RefinedLight& light) {
   const auto others = other_frames(frame.index, shape_of(frame.frames).frames);
   if (others.empty()) return 1;
   const auto gain_in = [&](std::size_t index) {
-    return pooled_tone_gain(part_of(frame_of(frame.frames, index), light.box), camera, std::span(&frequency, 1), {});
+    return tone_gain(part_of(frame_of(frame.frames, index), light.box), camera, {&frequency, 1}, {.pooled = true});
   };
   const ToneGain own = gain_in(frame.index);
   double still = 1, advanced = 1;
