@@ -14,6 +14,7 @@
 #include "lights/light_patch.hpp"
 #include "lights/profile_frequency.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/columns/column_combination.hpp"
 #include "rows/verdict.hpp"
 
 namespace ocisac {
@@ -21,9 +22,8 @@ namespace ocisac {
 namespace {
 
 constexpr int kRounds = 2;
-constexpr double kMinCoherence = 0.6;  // local correlation of the halves
-constexpr double kMinPower = 0.02;     // relative to the swing's near its maximum
-constexpr double kMinSwing = 0.15;     // relative to the middle's
+constexpr double kMinPower = 0.02;  // relative to the swing's near its maximum
+constexpr double kMinSwing = 0.15;  // relative to the middle's
 constexpr std::size_t kMinEdges = 6, kMaxTimed = 64;
 // Chips in a short interval; clock in cycles per row.
 constexpr double kFastestChip = 2.2, kSlowestChip = 0.7, kLargestClock = 0.4;
@@ -46,7 +46,7 @@ bool halves_alike(const LitFrame& frame, const Region& box, std::size_t length) 
   const std::size_t middle = box.x + box.width / 2;
   const IndexRange rows{box.y, box.bottom()};
   return likeness(mean_swing(frame, {box.x, middle}, rows, length),
-                  mean_swing(frame, {middle, box.right()}, rows, length)) > kMinCoherence;
+                  mean_swing(frame, {middle, box.right()}, rows, length)) > kTogether;
 }
 
 // Rows about the box in which the left and the right half of its columns correlate.
@@ -70,7 +70,7 @@ std::optional<Region> lit_rows(const LitFrame& frame, const Region& box, std::si
   std::ranges::nth_element(inside, high);
   std::vector<std::uint8_t> lit(rows.size());
   for (std::size_t n = 0; n < lit.size(); ++n) {
-    const double coherent = kMinCoherence * std::sqrt(std::max(own[n] * other[n], 0.0));
+    const double coherent = kTogether * std::sqrt(std::max(own[n] * other[n], 0.0));
     lit[n] = both[n] > std::max(coherent, kMinPower * *high);
   }
   const auto run = run_about(lit, first, first + box.height);
@@ -218,12 +218,11 @@ std::optional<RefinedLight> find_data_light(const LitFrame& frame, const Suspect
                            ? 0.5 * (upper - lower)
                            : jackknife_std(waveform.matched, frequency, static_cast<double>(box.height) * frequency);
   RefinedLight light = light_of(waveform, patch, box, frequency, error, common_share(waveform));
-  light.periodic = periodic_share(waveform.matched, std::vector<double>(patch.rows, 1), frequency, kHarmonics);
+  light.periodic = periodic_share(waveform.matched, std::vector<double>(patch.rows, 1), frequency, kComparedHarmonics);
   light.chance = chance_of(waveform.matched);
   light.edges = edges.size(), light.clock = clock_evidence(edges);
   add_swing(patch, length, light);
-  const ComplexValues swing = 
-      swing_of(patch, patch.logs, hann_window(frequency, patch.rows, hann_length(frequency)));
+  const ComplexValues swing = swing_of(patch, patch.logs, hann_window(frequency, patch.rows, hann_length(frequency)));
   measure_tilt(patch, swing, {0, 0, patch.groups, patch.rows}, frequency, light);
   return light;
 }

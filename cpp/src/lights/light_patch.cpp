@@ -1,7 +1,6 @@
 #include "lights/light_patch.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <functional>
 #include <numeric>
@@ -11,7 +10,9 @@
 #include "core/statistics.hpp"
 #include "lights/refinement_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/constants.hpp"
+#include "ocisac/rows/basis.hpp"
 
 namespace ocisac {
 
@@ -19,7 +20,6 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr std::size_t kMaxGroups = 64;   // of columns in a patch
 constexpr std::size_t kMaxColumns = 32;  // evaluated for a mean
 
 // Sums fit into 32 bits: a group of bytes or words is narrower than 2^16 columns.
@@ -115,7 +115,7 @@ LitFrame lit_frame(const AnyFramesView& frames, std::size_t index, const ToneCur
         return top > 0 ? top : 64;
       },
       frames);
-  return {frames, index, dark, full / 64};
+  return {frames, index, dark, full / 64, holds_integers(frames) ? 1.0 : 0.0};
 }
 
 Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_beside, std::size_t rows_beyond) {
@@ -124,7 +124,7 @@ Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_bes
   const std::size_t right = std::min(shape.columns, box.right() + columns_beside);
   const std::size_t top = box.y - std::min(box.y, rows_beyond);
   const std::size_t bottom = std::min(shape.rows, box.bottom() + rows_beyond);
-  const std::size_t wanted = std::max<std::size_t>((right - left + kMaxGroups - 1) / kMaxGroups,
+  const std::size_t wanted = std::max<std::size_t>((right - left + kMaxBlocks - 1) / kMaxBlocks,
                                                    std::clamp<std::size_t>(box.width / 16, 1, kWidestGroup));
   const std::size_t group = std::min(wanted, right - left);
   const std::size_t groups = (right - left) / group;
@@ -206,17 +206,10 @@ Complex turned(double cycles) {
 }
 
 ComplexValues turns_of(double frequency, std::size_t rows, std::size_t reach) {
-  constexpr std::size_t kStep = 16;
-  std::array<Complex, kStep> fine;
-  for (std::size_t i = 0; i < kStep; ++i) fine[i] = turned(frequency * static_cast<double>(i));
-  ComplexValues out{std::vector<double>(rows + 2 * reach), std::vector<double>(rows + 2 * reach)};
-  Complex coarse;
-  for (std::size_t i = 0; i < out.real.size(); ++i) {
-    if (i % kStep == 0) coarse = turned(frequency * (static_cast<double>(i) - static_cast<double>(reach)));
-    const Complex& turn = fine[i % kStep];
-    out.real[i] = coarse.real() * turn.real() - coarse.imag() * turn.imag();
-    out.imaginary[i] = coarse.real() * turn.imag() + coarse.imag() * turn.real();
-  }
+  std::vector<double> times(rows + 2 * reach);
+  std::iota(times.begin(), times.end(), -static_cast<double>(reach));
+  ComplexValues out{times, times};
+  fill_wave(times, -frequency, out.real, out.imaginary);
   return out;
 }
 

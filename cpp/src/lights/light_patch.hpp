@@ -26,11 +26,12 @@ struct Patch {
   [[nodiscard]] Region range(const Region& box) const;
 };
 
-// A frame for light detection. `dark`: DN without light; `floor`: of the logarithm, DN.
+// A frame for light detection. `dark`: DN without light; `floor`: of the logarithm, DN; `min_amplitude`: one stored
+// step, as smaller swings are often compression artefacts.
 struct LitFrame {
   AnyFramesView frames;
   std::size_t index;
-  double dark, floor;
+  double dark, floor, min_amplitude;
 };
 
 // Stored values above the curve's dark level: a memoryless curve preserves every period, and stored values resolve
@@ -75,7 +76,7 @@ inline std::complex<double> product(std::complex<double> a, std::complex<double>
   return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
 }
 
-// e^{−j2πfn} for n from −reach to rows + reach − 1, computed as products of 16 fine values and every 16th one.
+// e^{−j2πfn} for n from −reach to rows + reach − 1.
 ComplexValues turns_of(double frequency, std::size_t rows, std::size_t reach = 0);
 
 // Log light minus its local mean under a window of `length` rows; that of two cycles has no component at the tone.

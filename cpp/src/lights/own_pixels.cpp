@@ -40,7 +40,7 @@ constexpr std::size_t kSlowTerms = 3;
 
 ToneFit fit_tone(const OwnPixels& pixels, double frequency) {
   const std::size_t rows = pixels.profile.size();
-  const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, kHarmonics);
+  const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, kComparedHarmonics);
   const RowSampling sampling = centred_rows(rows);
   std::vector<double> columns, frequencies;
   for (std::size_t h = 1; h <= orders; ++h) frequencies.push_back(static_cast<double>(h) * frequency);
@@ -233,13 +233,12 @@ OwnPixels own_pixels(const Patch& patch, const ComplexValues& swing, const Regio
   const Complex phase = sum == Complex(0) ? Complex(1) : sum / std::abs(sum);
   const std::size_t first = box.y - std::min(box.y, reach);
   const std::size_t rows = std::min(box.bottom() + reach, patch.rows) - first, groups = box.width;
-  OwnPixels out{
-      std::vector<double>(rows * groups),
-      std::vector<std::uint8_t>(rows * groups),
-      std::vector<double>(rows),
-      std::vector<double>(rows),
-      {patch.first_column + box.x * patch.group, patch.first_row + first, groups * patch.group, rows},
-      patch.group};
+  OwnPixels out{std::vector<double>(rows * groups),
+                std::vector<std::uint8_t>(rows * groups),
+                std::vector<double>(rows),
+                std::vector<double>(rows),
+                {patch.first_column + box.x * patch.group, patch.first_row + first, groups * patch.group, rows},
+                patch.group};
   for (std::size_t n = 0; n < rows; ++n)
     for (std::size_t g = 0; g < groups; ++g) {
       const std::size_t row = first + n, from = row * patch.stride + box.x + g, to = n * groups + g;

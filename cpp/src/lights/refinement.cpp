@@ -103,10 +103,12 @@ std::optional<RefinedLight> lit_box(const Patch& patch, const ComplexValues& swi
     if (!open_to[i]) return;
     Region part{i - n * patch.stride, n, 1, 1};
     double weight = 0;
-    visit_connected(i, patch.stride, open_to, [](auto...) { return true; }, [&](std::size_t at, const Region& place) {
-      weight += aligned[at];
-      part = hull(part, place);
-    });
+    visit_connected(
+        i, patch.stride, open_to, [](auto...) { return true; },
+        [&](std::size_t at, const Region& place) {
+          weight += aligned[at];
+          part = hull(part, place);
+        });
     if (weight > most) most = weight, best = part;
   });
   if (most == 0) return {};
@@ -312,8 +314,8 @@ void measure_tilt(const Patch& patch, const ComplexValues& swing, const Region& 
   light.tilt = (slope + force / moment) * per_column, light.tilt_std = spread * per_column;
 }
 
-std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, const LightLimits& limits,
-                                          double edge, int rounds) {
+std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, double min_cycles, double edge,
+                                          int rounds) {
   Region box = suspect.box;
   double frequency = suspect.frequency;
   for (int round = 1;; ++round) {
@@ -322,8 +324,8 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
     const auto window = hann_window(frequency, patch.rows, hann_length(frequency));
     const ComplexValues swing = swing_of(patch, patch.light, window);
     const auto lit = lit_box(patch, swing, box, round == 1 ? suspect.best : box, edge);
-    if (!lit || 2 * lit->amplitude < 0.7 * limits.amplitude ||
-        static_cast<double>(lit->box.height) < 0.7 * std::max(limits.rows, limits.cycles / frequency))
+    if (!lit || 2 * lit->amplitude < 0.7 * frame.min_amplitude ||
+        static_cast<double>(lit->box.height) < 0.7 * std::max(kMinRows, min_cycles / frequency))
       return {};
     const std::size_t known = box.height;
     box = lit->box;

@@ -12,10 +12,7 @@
 
 namespace ocisac {
 
-// Minimum rows and cycles of a box, and minimum amplitude in DN.
-struct LightLimits {
-  double rows, cycles, amplitude;
-};
+constexpr double kMinRows = 24;  // of a light's box
 
 struct RefinedLight {
   Region box = {};                          // of the fundamental above 15 % of its largest amplitude
@@ -67,17 +64,17 @@ double periodic_share(std::span<const double> matched, std::span<const double> w
 
 // Tilt of the bars in a part of the patch, from the phase of the swing z of each group of columns u: the slope s that
 // maximises |Σ z·e^(−jsu)|. `seen`: frequency of the demodulation.
-void measure_tilt(const Patch& patch, const ComplexValues& swing, const Region& core, double seen,
-                  RefinedLight& light);
+void measure_tilt(const Patch& patch, const ComplexValues& swing, const Region& core, double seen, RefinedLight& light);
 
 // Demodulation at the suspect's frequency f with a Hann window of two cycles, which removes the mean, gives a map of
 // the light's swing. The box is the region where the swing has the phase of its sum. The frequency maximises the energy
 // of f, 2f and 3f in log light weighted by the local swing: a real, positive envelope does not bias the peak, even for
 // few cycles. Its standard error is a jackknife over groups of cycles. Absent if box or amplitude falls below 0.7 of
-// the limits in a round. `rounds`: minimum; one suffices if the suspect's box and frequency come from the last frame.
-// Rounds go on until box and frequency stand. With `edge` kInnerBox, box and measures are those of the light's own
-// pixels (own_pixels.hpp): where texture around a lamp swings in phase with it, a whole box is too large.
-std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, const LightLimits& limits,
+// the least rows, cycles or amplitude in a round. `rounds`: minimum; one suffices if the suspect's box and frequency
+// come from the last frame. Rounds go on until box and frequency stand. With `edge` kInnerBox, box and measures are
+// those of the light's own pixels (own_pixels.hpp): where texture around a lamp swings in phase with it, a whole box is
+// too large.
+std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, double min_cycles,
                                           double edge = kWholeBox, int rounds = 2);
 
 }  // namespace ocisac

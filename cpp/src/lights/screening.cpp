@@ -195,9 +195,7 @@ class Scale {
   void end_chunk() {
     check_interrupt();
     const std::size_t chunks = seen_ / kernels::kChunkRows, later = (chunks - 1) % 2;
-    const kernels::Chunk newest = chunk(later);
-    kernels::chunk_moments(newest.first, stride_, groups_, tile_width(), newest.moments,
-                           &common_[later * kernels::kChunkRows * stride_]);
+    kernels::chunk_moments(stride_, groups_, tile_width(), chunk(later));
     if (chunks > 1) end_window(1 - later, later);
   }
 
@@ -231,14 +229,14 @@ class Scale {
   [[nodiscard]] kernels::Chunk chunk(std::size_t which) {
     const auto part = [&](std::size_t k) { return moments_[k].data() + which * stride_; };
     const std::size_t at = which * kernels::kChunkRows * stride_;
-    return {&logs_[at], {part(0), part(1), part(2), part(3), part(4)}, &common_[at]};
+    return {&logs_[at], part(0), part(1), part(2), part(3), part(4), &common_[at]};
   }
 
   std::size_t rows_, groups_, row_step_, column_step_, stride_, across_ = 1, seen_ = 0;
   float floor_ = 0, min_swing_ = 0;
   double threshold_ = 1;
   std::vector<float> logs_, common_;           // (2 chunks × 16 rows)
-  std::array<std::vector<float>, 5> moments_;  // (2 chunks), as of ChunkMoments
+  std::array<std::vector<float>, 5> moments_;  // (2 chunks), as of Chunk
   std::vector<float> previous_, light_;
   std::array<std::vector<float>, 6> scratch_;  // of a window, as of WindowScratch
   std::vector<float> energy_;                  // of its tiles

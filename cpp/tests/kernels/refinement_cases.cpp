@@ -67,8 +67,8 @@ KernelCase demodulate_case(std::size_t rows, std::size_t stride, std::size_t len
   const auto run = [patch](bool plain, double* out) {
     double* imaginary = out + patch->rows * patch->stride;
     if (plain) return plain_demodulate(*patch, out, imaginary);
-    const HannWindow window{patch->below.values(), patch->middle.values(), patch->above.values(),
-                            patch->turns.values(), patch->length};
+    const HannWindow window{patch->below.values(), patch->middle.values(), patch->above.values(), patch->turns.values(),
+                            patch->length};
     hann_demodulate({patch->values.data(), patch->rows, patch->stride}, patch->mean.data(), window, out, imaginary);
   };
   return kernel_case<double>("hann_demodulate " + std::to_string(rows) + " rows, stride " + std::to_string(stride) +
