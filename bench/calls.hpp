@@ -119,7 +119,7 @@ inline double varying_gain() { return total(ocisac::varying_tone_gain(flashing(k
 
 inline double pooled_gain() {
   const double frequency = 500;
-  return total(ocisac::pooled_tone_gain(flashing(kColumns), kCamera, {&frequency, 1}, {}).gain);
+  return total(ocisac::tone_gain(flashing(kColumns), kCamera, {&frequency, 1}, {.pooled = true}).gain);
 }
 
 inline double read() {

@@ -18,7 +18,6 @@ struct Request {
   Camera camera;
   std::vector<double> tones;
   ToneGainOptions options;
-  bool pooled = false;
 };
 
 Request request_of(FuzzedDataProvider& bytes) {
@@ -37,7 +36,7 @@ Request request_of(FuzzedDataProvider& bytes) {
   const auto seldom = bytes.ConsumeIntegral<std::uint8_t>();
   request.options.threads = seldom == 1 ? 2 : seldom == 2 ? 0 : 1;
   request.options.robust = seldom == 3 || seldom == 4;
-  request.pooled = bytes.ConsumeBool();
+  request.options.pooled = bytes.ConsumeBool();
   return request;
 }
 
@@ -74,8 +73,7 @@ FramesView<const T> dense_copy(const FramesView<const T>& view, std::vector<T>& 
 }
 
 ToneGain answer(const AnyFramesView& view, const Request& request) {
-  const auto& [camera, tones, options, pooled] = request;
-  return pooled ? pooled_tone_gain(view, camera, tones, options) : tone_gain(view, camera, tones, options);
+  return tone_gain(view, request.camera, request.tones, request.options);
 }
 
 // Equal up to the order of sums, which pooled gains that the rows hardly determine magnify: weak ones, also of aliases,
@@ -115,9 +113,9 @@ void check(FuzzedDataProvider& bytes) {
       memory.data() + first, sizes[0], sizes[1], sizes[2], strides[0], strides[1], strides[2]};
   std::vector<T> dense;
   const ToneGain strided = answer(view, request), same = answer(dense_copy(view, dense), request);
-  const std::size_t columns = request.pooled ? 1 : sizes[2];
+  const std::size_t columns = request.options.pooled ? 1 : sizes[2];
   fuzz::claim(strided.gain.size() == request.tones.size() * sizes[0] * columns);
-  compare(strided, same, request.pooled);
+  compare(strided, same, request.options.pooled);
 }
 
 }  // namespace

@@ -32,9 +32,10 @@ WaveformShape waveform_shape(const std::string& name) {
 }
 
 ToneGainOptions gain_options(const std::string& method, const std::string& waveform, double duty,
-                             std::span<const double> background, double efficiency, int threads) {
+                             std::span<const double> background, double efficiency, int threads, bool pooled) {
   ToneGainOptions options{gain_method(method), waveform_shape(waveform), duty, background, efficiency, threads};
   options.robust = method == "robust";
+  options.pooled = pooled;
   return options;
 }
 
@@ -42,20 +43,15 @@ using Shape = std::vector<py::ssize_t>;
 
 // gain, gain_std, phase, mean, snr, flags. shape: the axis of the tones, if there is one.
 py::tuple gain_arrays(const py::array& columns, const Camera& camera, std::span<const double> tones, Shape shape,
-                      const ToneGainOptions& options, bool pooled) {
+                      const ToneGainOptions& options) {
   const AnyFramesView view = any_view(columns);
   if (columns.ndim() == 3) shape.push_back(columns.shape(0));
-  if (columns.ndim() > 1 && !pooled) shape.push_back(columns.shape(columns.ndim() - 1));
+  if (columns.ndim() > 1 && !options.pooled) shape.push_back(columns.shape(columns.ndim() - 1));
   py::array_t<double> gain(shape), gain_std(shape), phase(shape), mean(shape), snr(shape);
   py::array_t<Flags> flags(shape);
   const ToneGainView result{mutable_span_of(gain), mutable_span_of(gain_std), mutable_span_of(phase),
                             mutable_span_of(mean), mutable_span_of(snr),      mutable_span_of(flags)};
-  unlocked([&] {
-    if (pooled)
-      pooled_tone_gain(view, camera, tones, options, result);
-    else
-      tone_gain(view, camera, tones, options, result);
-  });
+  unlocked([&] { tone_gain(view, camera, tones, options, result); });
   return py::make_tuple(gain, gain_std, phase, mean, snr, flags);
 }
 
@@ -67,7 +63,7 @@ py::tuple tone_gain_arrays(const py::array& columns, const Camera& camera, const
     refuse("frequency", "shape " + py::str(frequencies.attr("shape")).cast<std::string>(), "one value or (tones,)");
   return gain_arrays(columns, camera, span_of(frequencies),
                      {frequencies.shape(), frequencies.shape() + frequencies.ndim()},
-                     gain_options(method, waveform, duty, span_of(background), efficiency, threads), pooled);
+                     gain_options(method, waveform, duty, span_of(background), efficiency, threads, pooled));
 }
 
 // A float or an array (tones,) of them; no value for what must be converted first.
@@ -100,8 +96,7 @@ py::object tone_gain_as_given(const py::object& columns, const Camera& camera, c
   return gain_arrays(py::reinterpret_borrow<py::array>(columns), camera, *tones,
                      PyFloat_Check(frequency.ptr()) ? Shape() : Shape{static_cast<py::ssize_t>(tones->size())},
                      gain_options(method.cast<std::string>(), waveform.cast<std::string>(), duty.cast<double>(), {},
-                                  efficiency.cast<double>(), static_cast<int>(count)),
-                     pooled.is(py::bool_(true)));
+                                  efficiency.cast<double>(), static_cast<int>(count), pooled.is(py::bool_(true))));
 }
 
 // (frames, columns) arrays: gain, gain_std, mean, bias, bias_std, flags.
@@ -223,9 +218,10 @@ py::array_t<double> product_of(const Doubles& a, const Doubles& b) {
 // Pseudo-inverse (parameters, rows) of a design (rows, parameters), covariance of the parameters, and the condition.
 py::tuple fit_of_design(const Doubles& design) {
   if (design.ndim() != 2) refuse("design", "another shape", "a matrix");
-  const DenseFit fit = dense_fit(span_of(design), static_cast<std::size_t>(design.shape(0)));
+  std::vector<double> weights, covariance;
+  const double condition = dense_fit(span_of(design), static_cast<std::size_t>(design.shape(0)), weights, covariance);
   const auto parameters = static_cast<std::size_t>(design.shape(1));
-  return py::make_tuple(matrix_of(fit.weights, parameters), matrix_of(fit.covariance, parameters), fit.condition);
+  return py::make_tuple(matrix_of(weights, parameters), matrix_of(covariance, parameters), condition);
 }
 
 EqualizerMethod equalizer_method(const std::string& name) {
@@ -235,7 +231,7 @@ EqualizerMethod equalizer_method(const std::string& name) {
 }
 
 // (bands, 2): lowest and highest frequency
-py::array_t<double> bands_array(const std::vector<FrequencyBand>& bands) {
+py::array_t<double> bands_array(const std::vector<Interval>& bands) {
   py::array_t<double> array({static_cast<py::ssize_t>(bands.size()), py::ssize_t{2}});
   auto values = array.mutable_unchecked<2>();
   for (py::ssize_t i = 0; i < values.shape(0); ++i) {

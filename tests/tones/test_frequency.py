@@ -281,8 +281,8 @@ def test_strength_of_a_column_is_the_share_of_its_swing_that_the_tone_explains(*
     periodic, rest = (level - rest).sum(axis=0), rest.sum(axis=0)
     np.testing.assert_allclose(found.strength, periodic / (periodic + rest), atol=1e-9)
     ratio = periodic / (rest + 1e-6 * periodic)
-    sure = np.abs(ratio / (ratio.max() / 8) - 1) > 1e-6
-    np.testing.assert_array_equal(found.used[sure], (ratio >= ratio.max() / 8)[sure])
+    sure = np.abs(ratio / (ratio.max() / 10) - 1) > 1e-6
+    np.testing.assert_array_equal(found.used[sure], (ratio >= ratio.max() / 10)[sure])
 
 
 @settings(max_examples=2 * settings.default.max_examples // 5)

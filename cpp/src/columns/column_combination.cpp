@@ -21,6 +21,7 @@
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/constants.hpp"
+#include "ocisac/core/region.hpp"
 
 namespace ocisac {
 
@@ -30,10 +31,8 @@ using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowM
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kTogether = 0.6, kApart = 0.3;  // cosines between swings of one light, of different lights
-constexpr int kMaxShears = 3;
+constexpr double kApart = 0.3;                                   // cosine between swings of different lights, at most
 constexpr std::size_t kWeightsInterval = 2, kSlopeInterval = 8;  // frames of a followed light between estimates
-constexpr std::size_t kMaxLights = 8;
 constexpr double kBeside = 0.25;   // of the blocks are beside the light at least: those of least weight
 constexpr Index kStreakRows = 16;  // one of so many is examined for streaks
 
@@ -50,23 +49,15 @@ std::vector<std::uint8_t> usable_columns(std::span<const double> clipped, bool u
   return usable;
 }
 
-// Groups of neighbouring columns; groups without a usable column are omitted.
-struct Blocks {
-  std::vector<std::size_t> begin, end;
-  std::vector<std::size_t> size;  // usable columns
-};
+using Blocks = std::vector<IndexRange>;  // of columns
 
+// Groups of neighbouring columns; groups without a usable column are omitted.
 Blocks make_blocks(std::span<const std::uint8_t> usable) {
   Blocks blocks;
   const std::size_t groups = std::min(kMaxBlocks, usable.size());
   for (std::size_t group = 0; group < groups; ++group) {
-    const std::size_t begin = group * usable.size() / groups, end = (group + 1) * usable.size() / groups;
-    const auto size = static_cast<std::size_t>(std::count(usable.begin() + static_cast<std::ptrdiff_t>(begin),
-                                                          usable.begin() + static_cast<std::ptrdiff_t>(end), 1));
-    if (size == 0) continue;
-    blocks.begin.push_back(begin);
-    blocks.end.push_back(end);
-    blocks.size.push_back(size);
+    const IndexRange block{group * usable.size() / groups, (group + 1) * usable.size() / groups};
+    if (std::ranges::count(usable.subspan(block.begin, block.size()), 1) > 0) blocks.push_back(block);
   }
   return blocks;
 }
@@ -76,9 +67,9 @@ template <class T, class Light>
 void sum_blocks(const FramesView<const T>& view, std::span<const std::uint8_t> usable, const Blocks& blocks,
                 Light light, Matrix& sums) {
   for (std::size_t row = 0; row < view.rows; ++row)
-    for (std::size_t block = 0; block < blocks.begin.size(); ++block) {
+    for (std::size_t block = 0; block < blocks.size(); ++block) {
       double sum = 0;
-      for (std::size_t column = blocks.begin[block]; column < blocks.end[block]; ++column)
+      for (std::size_t column = blocks[block].begin; column < blocks[block].end; ++column)
         if (usable[column]) sum += light(view(0, row, column));
       sums(static_cast<Index>(row), static_cast<Index>(block)) = sum;
     }
@@ -90,7 +81,7 @@ void sum_stored(const FramesView<const T>& view, std::span<const std::uint8_t> u
                 Matrix& sums) {
   std::vector<std::int64_t> masks(view.columns), prefix(view.columns + 1, 0);
   std::ranges::transform(usable, masks.begin(), [](std::uint8_t use) { return use ? -1 : 0; });
-  const std::size_t count = blocks.begin.size();
+  const std::size_t count = blocks.size();
   for (std::size_t row = 0; row < view.rows; ++row) {
     const T* values = view.at(0, row, 0);
     std::int64_t sum = 0;
@@ -98,7 +89,7 @@ void sum_stored(const FramesView<const T>& view, std::span<const std::uint8_t> u
       prefix[column + 1] = sum += *values & masks[column];
     double* of_row = &sums(static_cast<Index>(row), 0);
     for (std::size_t block = 0; block < count; ++block)
-      of_row[block] = static_cast<double>(prefix[blocks.end[block]] - prefix[blocks.begin[block]]);
+      of_row[block] = static_cast<double>(prefix[blocks[block].end] - prefix[blocks[block].begin]);
   }
 }
 
@@ -107,7 +98,7 @@ void sum_stored(const FramesView<const T>& view, std::span<const std::uint8_t> u
 template <class T>
 double block_sums(const FramesView<const T>& view, const ToneCurve& curve, std::span<const std::uint8_t> usable,
                   const Blocks& blocks, Matrix& sums) {
-  sums.resize(static_cast<Index>(view.rows), static_cast<Index>(blocks.begin.size()));
+  sums.resize(static_cast<Index>(view.rows), static_cast<Index>(blocks.size()));
   double dark = 0;
   const auto light = [&](auto value) { return linear_light(curve, static_cast<double>(value), sample_maximum<T>()); };
   if constexpr (std::is_integral_v<T>) {
@@ -151,7 +142,8 @@ struct BlockedFrame {
   std::vector<double> clipped;       // (columns) fraction of saturated rows
   std::vector<std::uint8_t> usable;  // (columns)
   Blocks blocks;
-  Matrix means, swings;  // (rows × blocks)
+  Eigen::RowVectorXd sizes;  // (blocks) usable columns
+  Matrix means, swings;      // (rows × blocks)
 
   void fill(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve, bool use_saturated,
             std::span<const std::uint8_t> columns) {
@@ -160,20 +152,19 @@ struct BlockedFrame {
     blocks = make_blocks(usable);
     const double dark = std::visit(
         [&](const auto& view) { return block_sums(view.frame(frame), curve, usable, blocks, means); }, frames);
-    Eigen::RowVectorXd scale(means.cols());
-    for (Index block = 0; block < means.cols(); ++block)
-      scale(block) = 1 / static_cast<double>(blocks.size[static_cast<std::size_t>(block)]);
+    sizes = sums_of_blocks({usable.begin(), usable.end()});
+    const Eigen::RowVectorXd scale = sizes.cwiseInverse();
     take_swings(means, scale, swings);
     for (Index row = 0; row < means.rows(); ++row)
       means.row(row) = (means.row(row).array() * scale.array() - dark).matrix();
   }
 
-  [[nodiscard]] VectorXd block_weights(std::span<const double> of_columns) const {
-    VectorXd weights = VectorXd::Zero(means.cols());
-    for (std::size_t block = 0; block < blocks.begin.size(); ++block)
-      for (std::size_t column = blocks.begin[block]; column < blocks.end[block]; ++column)
-        weights(static_cast<Index>(block)) += of_columns[column];
-    return weights;
+  [[nodiscard]] VectorXd sums_of_blocks(const std::vector<double>& of_columns) const {
+    return VectorXd::NullaryExpr(std::ssize(blocks), [&](Index block) {
+      const IndexRange& columns = blocks[static_cast<std::size_t>(block)];
+      return std::accumulate(of_columns.begin() + static_cast<std::ptrdiff_t>(columns.begin),
+                             of_columns.begin() + static_cast<std::ptrdiff_t>(columns.end), 0.0);
+    });
   }
 };
 
@@ -207,7 +198,7 @@ std::vector<BlockGroup> block_groups(const Matrix& cosines, const VectorXd& powe
       return alike < kApart || (alike < kTogether && has_gap(cosines, block, g.seed));
     });
   };
-  while (groups.size() < kMaxLights) {
+  for (;;) {
     Index seed = -1;
     for (Index i = 0; i < count; ++i) {
       if (!(power(i) > 0) || !is_apart(i) || (seed >= 0 && power(i) <= power(seed))) continue;
@@ -311,7 +302,7 @@ bool has_sides(std::span<const double> weights, std::span<const double> clipped)
 
 // Combination with weights a/v of the blocks. `factor`: model of the covariance of their swings.
 CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
-  const std::size_t count = frame.blocks.begin.size();
+  const std::size_t count = frame.blocks.size();
   VectorXd weights(static_cast<Index>(count));
   double quality = 0, noise = 0;
   for (std::size_t block = 0; block < count; ++block) {
@@ -328,9 +319,9 @@ CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
   for (std::size_t block = 0; block < count; ++block) {
     const double weight = weights(static_cast<Index>(block));
     noise += weight * weight * factor.own[block];
-    for (std::size_t column = frame.blocks.begin[block]; column < frame.blocks.end[block]; ++column) {
+    for (std::size_t column = frame.blocks[block].begin; column < frame.blocks[block].end; ++column) {
       if (!frame.usable[column]) continue;
-      result.weights[column] = weight / static_cast<double>(frame.blocks.size[block]);
+      result.weights[column] = weight / frame.sizes(static_cast<Index>(block));
       result.saturated |= weight > 0 && frame.clipped[column] > kNextToNone;
     }
   }
@@ -345,8 +336,7 @@ CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
 // Columns per row by which the blocks' light moves.
 double slope_of(const BlockedFrame& frame) {
   std::vector<double> centres;
-  for (std::size_t block = 0; block < frame.blocks.begin.size(); ++block)
-    centres.push_back(0.5 * static_cast<double>(frame.blocks.begin[block] + frame.blocks.end[block] - 1));
+  for (const auto& [begin, end] : frame.blocks) centres.push_back(0.5 * static_cast<double>(begin + end - 1));
   const Matrix by_block = frame.swings.transpose();
   return lamp_slope({by_block.data(), static_cast<std::size_t>(by_block.size())}, centres);
 }
@@ -386,15 +376,15 @@ std::optional<CommonFactor> next_factor(const Matrix& swings, const VectorXd& we
 template <class Sample, class Stored>
 std::vector<double> weighted_samples(const FramesView<const Stored>& view, std::size_t frame,
                                      std::span<const double> weights, std::span<const float> light) {
-  DenseRows<Stored, Sample> source(view, frame, view.columns, light);
+  DenseRows<Stored, Sample> source(view, frame, light);
   const BlockSize most = source.in_place()        ? BlockSize{view.rows, view.columns}
                          : source.is_transposed() ? kTransposed
                                                   : kCopied;
   std::vector<double> signal(view.rows), of_part(view.rows);
   for (std::size_t row = 0; row < view.rows; row += most.rows) {
     const std::size_t here = std::min(most.rows, view.rows - row);
-    for_each_part({0, view.columns}, most.columns, [&](Columns part) {
-      kernels::pool_rows(source.read(row, here, part), &weights[part.first], of_part.data());
+    for_each_part(view.columns, most.columns, [&](IndexRange part) {
+      kernels::pool_rows(source.read(row, here, part), &weights[part.begin], of_part.data());
       for (std::size_t r = 0; r < here; ++r) signal[row + r] += of_part[r];
     });
   }
@@ -428,19 +418,17 @@ std::vector<double> weighted_rows(const AnyFramesView& frames, std::size_t frame
 
 // Mean light of the blocks that show little of the light combined with these weights of the columns.
 static std::vector<double> light_beside(const BlockedFrame& frame, std::span<const double> weights) {
-  const std::size_t count = frame.blocks.begin.size();
-  VectorXd of_block = VectorXd::Zero(static_cast<Index>(count)), beside = of_block;
+  const std::size_t count = frame.blocks.size();
+  VectorXd of_block = VectorXd::Zero(static_cast<Index>(count));
   for (std::size_t block = 0; block < count; ++block)
-    for (std::size_t column = frame.blocks.begin[block]; column < frame.blocks.end[block]; ++column)
+    for (std::size_t column = frame.blocks[block].begin; column < frame.blocks[block].end; ++column)
       of_block(static_cast<Index>(block)) = std::max(of_block(static_cast<Index>(block)), weights[column]);
   std::vector<double> sorted(of_block.begin(), of_block.end());
   const auto quarter = sorted.begin() + static_cast<std::ptrdiff_t>(kBeside * static_cast<double>(count));
   std::ranges::nth_element(sorted, quarter);
   const double largest = of_block.maxCoeff(), limit = std::max(*quarter, kSmallShare * largest);
   if (!(limit < kMostly * largest)) return {};
-  for (std::size_t block = 0; block < count; ++block)
-    if (of_block(static_cast<Index>(block)) <= limit)
-      beside(static_cast<Index>(block)) = static_cast<double>(frame.blocks.size[block]);
+  const VectorXd beside = (of_block.array() <= limit).select(frame.sizes.transpose(), 0.0);
   const VectorXd light = frame.means * (beside / beside.sum());
   return {light.begin(), light.end()};
 }
@@ -474,7 +462,7 @@ ColumnLights column_lights(const AnyFramesView& frames, std::size_t frame, const
     for (const Index block : group.members) {
       sum += pixels.swings.col(block);
       const auto at = static_cast<std::size_t>(block);
-      for (std::size_t column = pixels.blocks.begin[at]; column < pixels.blocks.end[at]; ++column)
+      for (std::size_t column = pixels.blocks[at].begin; column < pixels.blocks[at].end; ++column)
         light.columns[column] = pixels.usable[column];
     }
     sum.normalize();
@@ -511,7 +499,7 @@ CombinedColumn ColumnFollower::combine(const AnyFramesView& frame, bool hold) {
 // Where the light of a sheared frame still moves, the frame is sheared again.
 CombinedColumn ColumnFollower::combine_upright(const AnyFramesView& frame, bool hold) {
   CombinedColumn result;
-  for (int shear = 0; shear < kMaxShears; ++shear) {
+  for (int shear = 0; shear < kMaxIterations; ++shear) {
     const UprightFrame upright(frame, 0, slope_);
     result = upright_->combine_as_stored(upright.view(), hold);
     result.weights = upright.own_weights(result.weights);
@@ -528,7 +516,7 @@ CombinedColumn ColumnFollower::combine_as_stored(const AnyFramesView& frame, boo
   const bool may_follow = weights_.size() == shape_of(frame).columns;
   BlockedFrame& pixels = *memory_;
   const auto leave_out_streaks = [&](CombinedColumn& result) {
-    const VectorXd weights = memory_->block_weights(weights_);
+    const VectorXd weights = memory_->sums_of_blocks(weights_);
     has_streaks_ = has_streaks(pixels.means, weights, kStreakRows);
     if (!has_streaks_) return;
     const VectorXd signal = without_streaks(pixels.means, weights);
@@ -546,7 +534,7 @@ CombinedColumn ColumnFollower::combine_as_stored(const AnyFramesView& frame, boo
   }
   pixels.fill(frame, 0, curve_, false, {});
   std::optional<CommonFactor> factor;
-  if (may_follow && pixels.swings.cols() > 1) factor = next_factor(pixels.swings, memory_->block_weights(weights_));
+  if (may_follow && pixels.swings.cols() > 1) factor = next_factor(pixels.swings, memory_->sums_of_blocks(weights_));
   auto result = factor ? combined(pixels, *factor) : combined_from_covariance(pixels);
   if (!factor) age_ = 0;
   result.slope = age_ % kSlopeInterval == 0 || moved_ ? slope_of(pixels) : last_.slope;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <numeric>
 #include <span>
 #include <utility>
@@ -85,21 +86,16 @@ std::vector<std::size_t> alike_pairs(const PairedColumns& columns, const std::ve
   return alike;
 }
 
-// Relative squared contrast between the columns, log light and course of each two adjacent rows.
-struct RowContrast {
-  std::vector<double> contrast, light, along;
-};
-
-// Empty where the rows have no light or no contrast.
-RowContrast row_contrast(const PairedColumns& columns, const std::vector<std::size_t>& pairs,
-                         const std::vector<double>& course) {
-  std::vector<double> means(course.size());
+// Relative squared contrast between the columns, and log light, of each two adjacent rows. False where the rows have no
+// light or no contrast.
+bool add_contrast(const PairedColumns& columns, const std::vector<std::size_t>& pairs, std::vector<double>& contrast,
+                  std::vector<double>& light) {
+  std::vector<double> means(columns.first.size() / columns.pairs);
   for (std::size_t n = 0; n < means.size(); ++n)
     for (const std::size_t k : pairs)
       means[n] += (columns.first[n * columns.pairs + k] + columns.second[n * columns.pairs + k]) / 2;
   const double floor = kFloor * *std::ranges::max_element(means);
-  if (!(floor > 0)) return {};
-  RowContrast rows;
+  if (!(floor > 0)) return false;
   for (std::size_t n = 0; n + 1 < means.size(); ++n) {
     double product = 0;
     for (const std::size_t k : pairs) {
@@ -107,33 +103,34 @@ RowContrast row_contrast(const PairedColumns& columns, const std::vector<std::si
       product += (columns.second[i] - columns.first[i]) * (columns.second[next] - columns.first[next]);
     }
     const double both = (std::max(means[n], 0.0) + floor) * (std::max(means[n + 1], 0.0) + floor);
-    rows.contrast.push_back(product / both);
-    rows.light.push_back(std::log(both) / 2);
-    rows.along.push_back(course[n] + course[n + 1]);
+    contrast.push_back(product / both);
+    light.push_back(std::log(both) / 2);
   }
-  const double mean = mean_of(rows.contrast);
-  if (!(mean > 0)) return {};
-  for (double& value : rows.contrast) value /= mean;
-  return rows;
+  const double mean = mean_of(contrast);
+  for (double& value : contrast) value /= mean;
+  return mean > 0;
 }
 
 // Σ contrast·course / Σ light·course, and its jackknife over groups of rows, in each of which the course has no line.
-ContrastSlope slope_of(RowContrast rows) {
+ContrastSlope slope_of(const std::vector<double>& contrast, const std::vector<double>& light,
+                       const std::vector<double>& course) {
   std::array<double, kGroups> products{}, lights{};
-  const std::size_t count = rows.contrast.size();
+  const std::size_t count = contrast.size();
+  std::vector<double> along(count);
+  std::transform(course.begin(), course.end() - 1, course.begin() + 1, along.begin(), std::plus{});
   for (std::size_t group = 0; group < kGroups; ++group) {
     const std::size_t begin = group * count / kGroups, end = (group + 1) * count / kGroups;
-    remove_line(std::span(rows.along).subspan(begin, end - begin));
+    remove_line(std::span(along).subspan(begin, end - begin));
     for (std::size_t n = begin; n < end; ++n) {
-      products[group] += rows.contrast[n] * rows.along[n];
-      lights[group] += rows.light[n] * rows.along[n];
+      products[group] += contrast[n] * along[n];
+      lights[group] += light[n] * along[n];
     }
   }
-  const double product = sum_of(products), light = sum_of(lights);
-  ContrastSlope found{product / light, 0};
+  const double product = sum_of(products), all_light = sum_of(lights);
+  ContrastSlope found{product / all_light, 0};
   double scatter = 0;
   for (std::size_t group = 0; group < kGroups; ++group)
-    scatter += std::pow((product - products[group]) / (light - lights[group]) - found.slope, 2);
+    scatter += std::pow((product - products[group]) / (all_light - lights[group]) - found.slope, 2);
   found.std = std::sqrt(scatter * (kGroups - 1) / kGroups);
   return std::isfinite(found.std) ? found : ContrastSlope{};
 }
@@ -154,8 +151,8 @@ ContrastSlope contrast_slope(const AnyFramesView& frames, std::size_t frame, con
   }
   const std::vector<std::size_t> pairs = alike_pairs(columns, own);
   if (pairs.size() < kMinPairs) return {};
-  RowContrast rows = row_contrast(columns, pairs, own);
-  return rows.contrast.empty() ? ContrastSlope{} : slope_of(std::move(rows));
+  std::vector<double> contrast, light;
+  return add_contrast(columns, pairs, contrast, light) ? slope_of(contrast, light, own) : ContrastSlope{};
 }
 
 }  // namespace ocisac

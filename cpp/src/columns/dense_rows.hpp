@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "columns/row_kernels.hpp"
+#include "ocisac/core/region.hpp"
 #include "ocisac/core/views.hpp"
 
 namespace ocisac {
@@ -22,23 +23,19 @@ struct BlockSize {
 };
 inline constexpr BlockSize kCopied{128, 2048}, kTransposed{2048, 192};
 
-struct Columns {
-  std::size_t first, count;
-};
-
+// visit(part) for each part of `columns` columns.
 template <class Visit>
-void for_each_part(Columns columns, std::size_t largest, Visit visit) {
-  const std::size_t end = columns.first + columns.count;
-  for (std::size_t first = columns.first; first < end; first += largest)
-    visit(Columns{first, std::min(largest, end - first)});
+void for_each_part(std::size_t columns, std::size_t largest, Visit visit) {
+  for (std::size_t begin = 0; begin < columns; begin += largest)
+    visit(IndexRange{begin, std::min(begin + largest, columns)});
 }
 
 // Stored samples of any layout as dense rows: the frame's own memory or copies, or what a table says of each sample.
 template <class Stored, class Sample>
 class DenseRows {
  public:
-  DenseRows(const FramesView<const Stored>& view, std::size_t frame, std::size_t columns, std::span<const float> light)
-      : view_(view), frame_(frame), dense_(view.column_stride == 1 || columns == 1), light_(light) {
+  DenseRows(const FramesView<const Stored>& view, std::size_t frame, std::span<const float> light)
+      : view_(view), frame_(frame), dense_(view.column_stride == 1 || view.columns == 1), light_(light) {
     if constexpr (kFromBytes) table_.emplace(light);
   }
 
@@ -53,19 +50,19 @@ class DenseRows {
   }
 
   // Valid until the next call, unless in place. `to_next`: offset to the samples that will be read next.
-  kernels::StoredRows<Sample> read(std::size_t row, std::size_t rows, Columns columns, std::ptrdiff_t to_next = 0) {
-    kernels::StoredRows<Stored> stored{view_.at(frame_, row, columns.first), view_.row_stride, to_next, rows,
-                                       columns.count};
+  kernels::StoredRows<Sample> read(std::size_t row, std::size_t rows, IndexRange columns, std::ptrdiff_t to_next = 0) {
+    kernels::StoredRows<Stored> stored{view_.at(frame_, row, columns.begin), view_.row_stride, to_next, rows,
+                                       columns.size()};
     if (!dense_) copy(row, columns, stored);
     if constexpr (!kConverted) {
       return stored;
     } else {
-      converted_.resize(rows * columns.count);
+      converted_.resize(rows * columns.size());
       if constexpr (kFromBytes)
         kernels::look_up(stored, *table_, converted_.data());
       else
         kernels::look_up(stored, light_.data(), converted_.data());
-      return {converted_.data(), static_cast<std::ptrdiff_t>(columns.count), 0, rows, columns.count};
+      return {converted_.data(), static_cast<std::ptrdiff_t>(columns.size()), 0, rows, columns.size()};
     }
   }
 
@@ -74,16 +71,16 @@ class DenseRows {
   static constexpr bool kFromBytes = kConverted && std::is_same_v<Stored, std::uint8_t>;
 
   // Rows from `row` on, into dense memory.
-  void copy(std::size_t row, Columns columns, kernels::StoredRows<Stored>& to) {
-    copied_.resize(to.rows * columns.count);
+  void copy(std::size_t row, IndexRange columns, kernels::StoredRows<Stored>& to) {
+    copied_.resize(to.rows * columns.size());
     to.samples = copied_.data();
-    to.stride = static_cast<std::ptrdiff_t>(columns.count);
+    to.stride = static_cast<std::ptrdiff_t>(columns.size());
     to.to_next = 0;
     if constexpr (std::is_same_v<Stored, std::uint8_t>) {
       if (is_transposed()) {
         const bool backwards = view_.row_stride < 0;
-        kernels::transpose_bytes(view_.at(frame_, backwards ? row + to.rows - 1 : row, columns.first),
-                                 view_.column_stride, to.rows, columns.count, copied_.data());
+        kernels::transpose_bytes(view_.at(frame_, backwards ? row + to.rows - 1 : row, columns.begin),
+                                 view_.column_stride, to.rows, columns.size(), copied_.data());
         if (!backwards) return;
         to.samples += static_cast<std::ptrdiff_t>(to.rows - 1) * to.stride;
         to.stride = -to.stride;
@@ -91,14 +88,14 @@ class DenseRows {
       }
       if (view_.column_stride > 1) {
         for (std::size_t r = 0; r < to.rows; ++r)
-          kernels::take_every(view_.at(frame_, row + r, columns.first), static_cast<std::size_t>(view_.column_stride),
-                              columns.count, copied_.data() + r * columns.count);
+          kernels::take_every(view_.at(frame_, row + r, columns.begin), static_cast<std::size_t>(view_.column_stride),
+                              columns.size(), copied_.data() + r * columns.size());
         return;
       }
     }
     for (std::size_t r = 0; r < to.rows; ++r)
-      for (std::size_t c = 0; c < columns.count; ++c)
-        copied_[r * columns.count + c] = view_(frame_, row + r, columns.first + c);
+      for (std::size_t c = 0; c < columns.size(); ++c)
+        copied_[r * columns.size() + c] = view_(frame_, row + r, columns.begin + c);
   }
 
   const FramesView<const Stored>& view_;

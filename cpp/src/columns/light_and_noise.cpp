@@ -236,20 +236,20 @@ std::vector<double> ColumnAnalysis::new_tones(const Vector& spectrum, const Ligh
   return found;
 }
 
-// Tones in the column beside its line. Where smooth light explains it, the alternative is the strongest tone.
-ColumnAnalysis::Tones ColumnAnalysis::find_tones(const Vector& column, std::optional<double> noise,
-                                                 const SmoothLight::Estimate& smooth) const {
-  Tones tones{{{}, {}, column}, {}};
+// Tones in the column as the rows see them beside its line, and what is `left`. Where smooth light explains it, the
+// alternative is the strongest tone.
+FrequencyFit ColumnAnalysis::find_tones(const Vector& column, std::optional<double> noise,
+                                        const SmoothLight::Estimate& smooth, LightAndNoise& left) const {
+  FrequencyFit tones{{}, {}, column};
   for (int round = 0;; ++round) {
-    const Vector spectrum = power_of(tones.fit.rest);
-    tones.left = fit(spectrum, noise);
+    const Vector spectrum = power_of(tones.rest);
+    left = fit(spectrum, noise);
     if (round == (smooth.evident ? 1 : kMaxIterations)) return tones;
-    auto found =
-        new_tones(spectrum, smooth.evident ? LightAndNoise{0, smooth.noise, 0} : tones.left, tones.fit.frequencies);
+    auto found = new_tones(spectrum, smooth.evident ? LightAndNoise{0, smooth.noise, 0} : left, tones.frequencies);
     if (found.empty()) return tones;
     if (smooth.evident) found.erase(found.begin() + 1, found.end());
-    found.insert(found.begin(), tones.fit.frequencies.begin(), tones.fit.frequencies.end());
-    tones.fit = refine_frequencies(centred_rows(rows_), std::move(found), smooth_.line(), column);
+    found.insert(found.begin(), tones.frequencies.begin(), tones.frequencies.end());
+    tones = refine_frequencies(centred_rows(rows_), std::move(found), smooth_.line(), column);
   }
 }
 
@@ -273,27 +273,28 @@ ColumnAnalysis::Result ColumnAnalysis::take_off_course(std::span<double> column,
   Eigen::Map<Vector> stored(column.data(), static_cast<Index>(rows_));
   const Vector values = stored;
   SmoothLight::Estimate smooth = smooth_light(values, noise);
-  Tones tones = find_tones(values, noise, smooth);
+  LightAndNoise left;
+  const FrequencyFit tones = find_tones(values, noise, smooth, left);
   Vector course = Vector::Zero(values.size());
-  bool with_tones = !tones.fit.frequencies.empty();
+  bool with_tones = !tones.frequencies.empty();
   if (with_tones) {  // Schwarz's criterion: three parameters a tone
-    SmoothLight::Estimate beside = smooth_light(tones.fit.rest, noise);
+    SmoothLight::Estimate beside = smooth_light(tones.rest, noise);
     const double score =
-        beside.score + 3 * static_cast<double>(tones.fit.frequencies.size()) * std::log(static_cast<double>(rows_ - 2));
+        beside.score + 3 * static_cast<double>(tones.frequencies.size()) * std::log(static_cast<double>(rows_ - 2));
     with_tones = !smooth.evident || score < smooth.score;
     if (with_tones) {
-      course += light_of(tones.fit);
+      course += light_of(tones);
       smooth = std::move(beside);
     }
   }
-  Vector rest = with_tones ? tones.fit.rest : values;
+  Vector rest = with_tones ? tones.rest : values;
   if (smooth.evident) {
     course += smooth.light;
     rest -= smooth.seen;
-    tones.left = fit(power_of(rest), noise);
+    left = fit(power_of(rest), noise);
   }
   stored = rest;
-  return {{course.begin(), course.end()}, tones.left};
+  return {{course.begin(), course.end()}, left};
 }
 
 std::vector<std::complex<double>> ColumnAnalysis::gain(const LightAndNoise& rest) const {

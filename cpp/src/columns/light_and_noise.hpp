@@ -77,19 +77,14 @@ class ColumnAnalysis {
   using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   using Vector = Eigen::VectorXd;
 
-  struct Tones {
-    FrequencyFit fit;    // as the rows see them, beside a line
-    LightAndNoise left;  // in its rest
-  };
-
   void make_shapes(double exposure_rows);
   [[nodiscard]] Vector power_of(const Vector& column) const;  // its periodogram, (bins)
   [[nodiscard]] LightAndNoise fit(const Vector& periodogram, std::optional<double> noise) const;
   [[nodiscard]] SmoothLight::Estimate smooth_light(const Vector& column, std::optional<double> noise) const;
   [[nodiscard]] std::vector<double> new_tones(const Vector& spectrum, const LightAndNoise& rest,
                                               std::span<const double> known) const;
-  [[nodiscard]] Tones find_tones(const Vector& column, std::optional<double> noise,
-                                 const SmoothLight::Estimate& smooth) const;
+  [[nodiscard]] FrequencyFit find_tones(const Vector& column, std::optional<double> noise,
+                                        const SmoothLight::Estimate& smooth, LightAndNoise& left) const;
   [[nodiscard]] Vector light_of(const FrequencyFit& tones) const;
 
   std::size_t rows_, length_, bins_, grouped_;  // bins of a group

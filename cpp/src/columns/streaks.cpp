@@ -20,23 +20,19 @@ constexpr double kFarOff = 5;         // standard deviations
 constexpr double kUsualShare = 0.75;  // of the squares, as the usual values say: 1 of normal noise
 constexpr Index kParts = 8;           // of the rows
 
-// A column as c + l·signal by least squares over the values that count, and the usual deviation from it.
-struct LikeSignal {
-  VectorXd fitted, left;
-  double deviation = 0;
-};
-
-LikeSignal fit(const VectorXd& column, const VectorXd& signal, const VectorXd& counts) {
+// A column as c + l·signal by least squares over the values that count.
+VectorXd fitted_by(const VectorXd& column, const VectorXd& signal, const VectorXd& counts) {
   const double all = counts.sum();
   const double mean = counts.dot(signal) / all, level = counts.dot(column) / all;
   const VectorXd off = signal.array() - mean;
   const double squares = counts.dot(off.cwiseAbs2());
   const double loading = squares > 0 ? counts.cwiseProduct(off).dot(column) / squares : 0.0;
-  LikeSignal like{level + (loading * off).array(), {}, 0};
-  like.left = column - like.fitted;
-  const VectorXd magnitudes = like.left.cwiseAbs();
-  like.deviation = median({magnitudes.begin(), magnitudes.end()}) / kMedianMagnitude;
-  return like;
+  return level + (loading * off).array();
+}
+
+double usual_deviation(const VectorXd& left) {
+  const VectorXd magnitudes = left.cwiseAbs();
+  return median({magnitudes.begin(), magnitudes.end()}) / kMedianMagnitude;
 }
 
 // Beside rows without the lamp its own rows would be far off what is usual.
@@ -64,9 +60,9 @@ bool has_streaks(const ColumnLight& columns, const VectorXd& weights, Index ever
   double usual = 0, squares = 0;
   for (Index k = 0; k < weights.size(); ++k) {
     if (!(weights(k) > 0)) continue;
-    const LikeSignal like = fit(few.col(k), signal, counts);
-    usual += std::pow(weights(k) * like.deviation, 2);
-    squares += std::pow(weights(k), 2) * like.left.squaredNorm() / static_cast<double>(rows);
+    const VectorXd left = few.col(k) - fitted_by(few.col(k), signal, counts);
+    usual += std::pow(weights(k) * usual_deviation(left), 2);
+    squares += std::pow(weights(k), 2) * left.squaredNorm() / static_cast<double>(rows);
   }
   return usual < kUsualShare * squares;
 }
@@ -78,9 +74,9 @@ VectorXd without_streaks(const ColumnLight& columns, const VectorXd& weights) {
   for (int round = 0; round < kMaxIterations; ++round) {
     for (Index k = 0; k < weights.size(); ++k) {
       if (!(weights(k) > 0)) continue;
-      const LikeSignal like = fit(columns.col(k), signal, counts.col(k));
-      counts.col(k) = (like.left.array().abs() <= kFarOff * like.deviation).cast<double>();
-      now.col(k) = (counts.col(k).array() > 0).select(columns.col(k), like.fitted);
+      const VectorXd fitted = fitted_by(columns.col(k), signal, counts.col(k)), left = columns.col(k) - fitted;
+      counts.col(k) = (left.array().abs() <= kFarOff * usual_deviation(left)).cast<double>();
+      now.col(k) = (counts.col(k).array() > 0).select(columns.col(k), fitted);
     }
     signal = now * weights;
   }

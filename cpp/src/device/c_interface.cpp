@@ -265,9 +265,9 @@ std::vector<ocisac::FlickeringLight> lights_of(const ocisac_flicker* lights, std
   return result;
 }
 
-std::optional<ocisac::ExposureDomain::Bounds> bounds_of(const ocisac_exposure_request& request) {
+std::optional<ocisac::Interval> bounds_of(const ocisac_exposure_request& request) {
   if (std::isnan(request.shortest) && std::isnan(request.longest)) return std::nullopt;
-  return ocisac::ExposureDomain::Bounds{request.shortest, request.longest};
+  return ocisac::Interval{request.shortest, request.longest};
 }
 
 // Communication and sensing alone.

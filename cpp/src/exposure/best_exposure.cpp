@@ -20,7 +20,6 @@ namespace {
 
 using std::numbers::pi;
 using Tones = std::span<const WeightedTone>;
-using Bounds = ExposureDomain::Bounds;
 
 constexpr double kMostCycles = 1e15;      // of an exposure; beyond it phases are rounding errors
 constexpr double kMostMultiple = 0x1p53;  // of a step; beyond it neighbours do not differ
@@ -67,19 +66,19 @@ void check_domain(const ExposureDomain& domain) {
   if (domain.step) require_positive("step", *domain.step);
 }
 
-Bounds bounds_of(const ExposureDomain& domain, Tones tones) {
+Interval bounds_of(const ExposureDomain& domain, Tones tones) {
   const auto [slowest, fastest] = std::ranges::minmax(tones, {}, &WeightedTone::frequency);
-  const auto bounds = domain.bounds.value_or(Bounds{0, 1 / slowest.frequency});
+  const auto bounds = domain.bounds.value_or(Interval{0, 1 / slowest.frequency});
   require(bounds.high * fastest.frequency < kMostCycles, "bounds", bounds.high, "exposures of fewer than 1e15 cycles");
   return bounds;
 }
 
 // The first and the last multiple of the step within the bounds, as whole numbers. A bound equal to a multiple up to
 // rounding is included.
-Bounds multiples_of(double step, const Bounds& bounds) {
+Interval multiples_of(double step, const Interval& bounds) {
   constexpr double kSlack = 8 * std::numeric_limits<double>::epsilon();
-  const Bounds found{std::max(std::ceil(bounds.low / step * (1 - kSlack)), 1.0),
-                     std::floor(bounds.high / step * (1 + kSlack))};
+  const Interval found{std::max(std::ceil(bounds.low / step * (1 - kSlack)), 1.0),
+                       std::floor(bounds.high / step * (1 + kSlack))};
   if (!(found.low <= found.high))
     refuse("step", step, range_text("a step with a multiple between ", bounds.low, " and ", bounds.high));
   return found;
@@ -183,7 +182,7 @@ class Branching {
     if (window.step > 0) {
       require(window.high / window.step <= kMostMultiple, "step", window.step,
               "0 (any exposure), or at least the longest exposure over 2^53: multiples differ from each other");
-      const Bounds found = multiples_of(window.step, {window.low, window.high});
+      const Interval found = multiples_of(window.step, {window.low, window.high});
       first_ = found.low;
       last_ = found.high;
     }
@@ -325,7 +324,7 @@ BestExposure best_of(Tones tones, std::size_t count, ExposureAt exposure_at) {
   return best;
 }
 
-BestExposure best_multiple(Tones tones, double step, const Bounds& multiples) {
+BestExposure best_multiple(Tones tones, double step, const Interval& multiples) {
   const double count = multiples.high - multiples.low + 1;
   require_few(count, "step", "multiples");
   return best_of(tones, static_cast<std::size_t>(count), [&](double i) { return (multiples.low + i) * step; });
@@ -349,7 +348,7 @@ BestExposure exact_of_lobes(Tones tones, const ExposureDomain& domain) {
   const auto bounds = bounds_of(domain, tones);
   const ExposureWindow window{bounds.low, bounds.high, domain.step.value_or(0)};
   if (domain.step) {
-    const Bounds multiples = multiples_of(*domain.step, bounds);
+    const Interval multiples = multiples_of(*domain.step, bounds);
     if (multiples.high - multiples.low + 1 <= lobes_of(tones, window))
       return best_multiple(tones, *domain.step, multiples);
   }

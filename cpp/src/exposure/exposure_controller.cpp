@@ -65,18 +65,14 @@ void check(const ExposureMeasurement& m) {
   require(m.saturated >= 0 && m.saturated <= 1, "saturated", m.saturated, "from 0 to 1");
 }
 
-// Tones in use with their weights; the shares of each kind are normalised to its weight.
-struct Tones {
-  std::array<WeightedTone, kMaxWeightedTones> values;
-  std::size_t count = 0;
-  [[nodiscard]] std::span<const WeightedTone> view() const { return {values.data(), count}; }
-};
+using Tones = std::array<WeightedTone, kMaxWeightedTones>;
 
-Tones weighted(std::span<const MeasuredTone> measured, const ExposureControllerOptions& options,
-               std::uint32_t& reasons) {
-  Tones tones;
+// Tones in use with their weights, in `tones`; the shares of each kind are normalised to its weight.
+std::span<const WeightedTone> weighted(std::span<const MeasuredTone> measured, const ExposureControllerOptions& options,
+                                       Tones& tones, std::uint32_t& reasons) {
+  std::size_t count = 0;
   for (const bool is_sensing : {false, true}) {
-    const std::size_t begin = tones.count;
+    const std::size_t begin = count;
     double total = 0;
     for (const MeasuredTone& tone : measured) {
       if (tone.is_sensing != is_sensing) continue;
@@ -85,13 +81,13 @@ Tones weighted(std::span<const MeasuredTone> measured, const ExposureControllerO
         continue;
       }
       total += tone.share;
-      tones.values[tones.count++] = {tone.frequency, tone.share};
+      tones[count++] = {tone.frequency, tone.share};
     }
     const double weight = is_sensing ? options.sense_weight : options.comm_weight;
-    if (!(total > 0 && weight > 0)) tones.count = begin;
-    for (std::size_t i = begin; i < tones.count; ++i) tones.values[i].weight *= weight / total;
+    if (!(total > 0 && weight > 0)) count = begin;
+    for (std::size_t i = begin; i < count; ++i) tones[i].weight *= weight / total;
   }
-  return tones;
+  return std::span(tones).first(count);
 }
 
 bool gains_disagree(std::span<const MeasuredTone> tones, double exposure) {
@@ -224,8 +220,9 @@ ExposureSuggestion ExposureController::update(const ExposureMeasurement& measure
   const ExposureWindow window = window_of(smallest, largest, chosen.reasons);
   chosen.low = window.low;
   chosen.high = window.high;
-  const Tones tones = weighted(measurement.tones, options_, chosen.reasons);
-  choose(tones.view(), present.exposure, chosen);
+  Tones memory;
+  const auto tones = weighted(measurement.tones, options_, memory, chosen.reasons);
+  choose(tones, present.exposure, chosen);
   exposure_ = chosen.exposure;
   gain_ = chosen.gain = gain_of(chosen.exposure, present.radiance, smallest, largest);
   chosen.level = present.radiance * exposure_ * gain_;

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
@@ -18,44 +19,12 @@ namespace {
 
 using Intervals = std::vector<Interval>;
 
-constexpr double kMostNulls = 1e6;
-// Relative reduction of intervals, which keeps their ends within the bound despite rounding.
-constexpr double kShrink = 0x1p-50;
-
 void check(const FlickeringLight& light) {
   require_positive("frequency", light.frequency);
   require(light.uncertainty >= 0 && light.uncertainty < light.frequency, "uncertainty", light.uncertainty,
           "0 to below " + shortest_text(light.frequency) + " (Hz)");
   require(!light.duty || (*light.duty > 0 && *light.duty < 1), "duty", light.duty.value_or(0), "above 0 and below 1");
   require(light.depth > 0 && light.depth <= 1, "depth", light.depth, "above 0, at most 1");
-}
-
-// At one frequency. PWM: the overlap of parts d and r of a period varies by min(r, d, 1 − r, 1 − d).
-double modulation_at(const FlickeringLight& light, double cycles) {
-  if (!light.duty) return light.depth * std::abs(sinc(cycles));
-  const double duty = *light.duty, whole = std::floor(cycles), rest = cycles - whole;
-  const double swing = std::min({rest, 1 - rest, duty, 1 - duty});
-  const double least = whole * duty + std::max(rest + duty - 1, 0.0);
-  const double total = (1 - light.depth) * cycles + light.depth * (2 * least + swing);
-  return total > 0 ? light.depth * swing / total : light.depth;
-}
-
-// Cycles of the largest modulation between `whole` and the next whole number; of a tone where tan(πx) = πx.
-double peak_after(const FlickeringLight& light, double whole) {
-  if (light.duty) return whole + std::min(*light.duty, 1 - *light.duty);
-  if (whole == 0) return 0;
-  const double middle = std::numbers::pi * (whole + 0.5);
-  double angle = middle;
-  for (int k = 0; k < 14; ++k) angle = middle - std::atan(1 / angle);  // each divides the error by 20 or more
-  return angle / std::numbers::pi;
-}
-
-// The last point from `inside`, where the modulation is at most `below`, towards `outside`.
-double boundary(const FlickeringLight& light, double below, double inside, double outside) {
-  for (double middle = 0.5 * (inside + outside); middle != inside && middle != outside;
-       middle = 0.5 * (inside + outside))
-    (modulation_at(light, middle) <= below ? inside : outside) = middle;
-  return inside;
 }
 
 double largest_modulation(std::span<const FlickeringLight> lights, double exposure) {
@@ -88,14 +57,9 @@ Intervals all_below(std::span<const FlickeringLight> lights, double below, Inter
   return every;
 }
 
-struct Allowed {
-  Intervals intervals;
-  bool holds;
-};
-
 // Those at `below`, or else those at the smallest level that has any.
-Allowed smallest_level(double below, const std::function<Intervals(double)>& found_at) {
-  if (Intervals found = found_at(below); !found.empty()) return {std::move(found), true};
+Intervals smallest_level(double below, const std::function<Intervals(double)>& found_at) {
+  if (Intervals found = found_at(below); !found.empty()) return found;
   double fails = below, holds = 1;
   Intervals found = found_at(1);
   while (holds - fails > 1e-12 * holds) {
@@ -106,7 +70,7 @@ Allowed smallest_level(double below, const std::function<Intervals(double)>& fou
     else
       holds = middle, found = std::move(some);
   }
-  return {std::move(found), false};
+  return found;
 }
 
 std::vector<double> multiples(const Intervals& every, double step) {
@@ -124,7 +88,8 @@ std::vector<double> multiples(const Intervals& every, double step) {
 }
 
 // Multiples of the step that satisfy the bound, as intervals of length 0, or those of the smallest modulation.
-Allowed multiples_allowed(std::span<const FlickeringLight> lights, double below, const Intervals& every, double step) {
+Intervals multiples_allowed(std::span<const FlickeringLight> lights, double below, const Intervals& every,
+                            double step) {
   const std::vector<double> grid = multiples(every, step);
   require(!grid.empty(), "step", step,
           "a step with a multiple between " + shortest_text(every.front().low) + " and " +
@@ -135,18 +100,17 @@ Allowed multiples_allowed(std::span<const FlickeringLight> lights, double below,
     left.push_back(largest_modulation(lights, exposure));
   }
   const double least = *std::ranges::min_element(left);
-  Allowed allowed{{}, least <= below};
+  Intervals allowed;
   for (std::size_t k = 0; k < grid.size(); ++k)
-    if (left[k] <= std::max(below, least)) allowed.intervals.push_back({grid[k], grid[k]});
+    if (left[k] <= std::max(below, least)) allowed.push_back({grid[k], grid[k]});
   return allowed;
 }
 
-// Exposures that keep the gain of the data light: those between its valleys; all, and false, if there are none.
-Allowed keeping(double f_comm, double min_gain, const ExposureDomain::Bounds& bounds, std::optional<double> step) {
-  const Intervals every{{bounds.low, bounds.high}};
+// Exposures that keep the gain of the data light: those between its valleys; all if there are none.
+Intervals keeping(double f_comm, double min_gain, const Intervals& every, std::optional<double> step) {
   Intervals between;
   double begin = 0;
-  for (const Interval& valley : cycles_below({f_comm}, min_gain, f_comm * bounds.high + 1)) {
+  for (const Interval& valley : cycles_below({f_comm}, min_gain, f_comm * every.back().high + 1)) {
     if (begin < valley.low / f_comm) between.push_back({begin, valley.low / f_comm});
     begin = valley.high / f_comm;
   }
@@ -154,8 +118,7 @@ Allowed keeping(double f_comm, double min_gain, const ExposureDomain::Bounds& bo
   // Undoes kShrink: the ends keep the gain.
   for (Interval& one : between) one = {one.low * (1 - 4 * kShrink), one.high * (1 + 4 * kShrink)};
   const Intervals kept = intersection(between, every);
-  if (!kept.empty() && (!step || !multiples(kept, *step).empty())) return {kept, true};
-  return {every, false};
+  return !kept.empty() && (!step || !multiples(kept, *step).empty()) ? kept : every;
 }
 
 double nearest(const Intervals& allowed, double near) {
@@ -211,41 +174,13 @@ void check(std::span<const FlickeringLight> lights, const FlickerFreeRequest& re
 
 }  // namespace
 
-double exposure_modulation(const FlickeringLight& light, double exposure) {
-  const double low = (light.frequency - light.uncertainty) * exposure;
-  const double high = (light.frequency + light.uncertainty) * exposure;
-  double peak = peak_after(light, std::floor(low));
-  if (peak < low) peak = peak_after(light, std::floor(low) + 1);
-  const double inside = peak <= high ? modulation_at(light, peak) : 0;
-  return std::max({modulation_at(light, low), modulation_at(light, high), inside});
-}
-
-std::vector<Interval> cycles_below(const FlickeringLight& light, double below, double most) {
-  if (light.depth <= below) return {{0, kInfinity}};
-  require(most <= kMostNulls, "bounds", shortest_text(most) + " cycles of " + shortest_text(light.frequency) + " Hz",
-          "at most a million");
-  Intervals found;
-  double before = peak_after(light, 0);
-  for (double null = 1; null <= std::ceil(most); ++null) {
-    check_interrupt();
-    const double after = peak_after(light, null);
-    const bool last = modulation_at(light, after) <= below;  // all later peaks are lower
-    found.push_back({boundary(light, below, null, before) * (1 + kShrink),
-                     last ? kInfinity : boundary(light, below, null, after) * (1 - kShrink)});
-    if (last) break;
-    before = after;
-  }
-  return found;
-}
-
 FlickerFreeExposure flicker_free_exposure(std::span<const FlickeringLight> lights, const FlickerFreeRequest& request) {
   check(lights, request);
-  Allowed kept{{{request.bounds.low, request.bounds.high}}, true};
-  if (request.min_gain) kept = keeping(*request.f_comm, *request.min_gain, request.bounds, request.step);
-  const Allowed allowed =
-      request.step
-          ? multiples_allowed(lights, request.below, kept.intervals, *request.step)
-          : smallest_level(request.below, [&](double level) { return all_below(lights, level, kept.intervals); });
+  Intervals kept{request.bounds};
+  if (request.min_gain) kept = keeping(*request.f_comm, *request.min_gain, kept, request.step);
+  const Intervals allowed =
+      request.step ? multiples_allowed(lights, request.below, kept, *request.step)
+                   : smallest_level(request.below, [&](double level) { return all_below(lights, level, kept); });
   FlickerFreeExposure result;
   if (!request.near && request.f_comm && (!request.min_gain || request.f_sense)) {
     std::vector<double> tones{*request.f_comm}, weights{request.f_sense ? request.comm_weight : 1};
@@ -253,16 +188,16 @@ FlickerFreeExposure flicker_free_exposure(std::span<const FlickeringLight> light
       tones.push_back(*request.f_sense);
       weights.push_back(request.sense_weight);
     }
-    const BestExposure best = largest_objective(allowed.intervals, tones, weights, request.step.has_value());
+    const BestExposure best = largest_objective(allowed, tones, weights, request.step.has_value());
     result.exposure = best.exposure;
     result.objective = std::max(best.objective, 0.0);
   } else {
-    result.exposure = request.near ? nearest(allowed.intervals, *request.near) : shortest(allowed.intervals);
+    result.exposure = request.near ? nearest(allowed, *request.near) : shortest(allowed);
   }
   for (const FlickeringLight& light : lights) result.modulations.push_back(exposure_modulation(light, result.exposure));
   result.modulation = *std::ranges::max_element(result.modulations);
-  result.holds = allowed.holds && kept.holds;
   if (request.f_comm) result.gain = std::abs(sinc(*request.f_comm * result.exposure));
+  result.holds = result.modulation <= request.below && !(result.gain < (1 - kEqual) * request.min_gain.value_or(0));
   return result;
 }
 

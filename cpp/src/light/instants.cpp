@@ -4,8 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "light/waveform_kernels.hpp"
-
 namespace ocisac {
 
 namespace {
@@ -25,7 +23,7 @@ Instants::Instants(std::span<const double> x) : x_(x), first_(x.front()), last_(
   last_ = most;
 }
 
-CountedCycles Instants::counted(bool fractions, DoubleDouble step, std::size_t first, std::size_t count) {
+kernels::Cycles Instants::counted(bool fractions, DoubleDouble step, std::size_t first, std::size_t count) {
   const auto is_asked = [&](const Table& table) { return table.fractions == fractions && table.step == step; };
   if (const auto known = std::ranges::find_if(tables_, is_asked); known != tables_.end()) return known->from(first);
   if ((tables_.size() + 1) * x_.size() <= kMostKept) {
@@ -47,7 +45,7 @@ void Instants::count_all(std::span<const double> x, Table& table) const {
   std::fill(coarse + x.size(), fine, 0.0);
   std::fill(fine + x.size(), fine + length, 0.0);
   kernels::count_cycles(table.step, grid, table.fractions, x, coarse, fine);
-  table.cycles = {coarse, fine, grid};
+  table.cycles = {coarse, fine, {}, grid};
 }
 
 }  // namespace ocisac

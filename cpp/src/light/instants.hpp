@@ -7,17 +7,9 @@
 
 #include "core/aligned_memory.hpp"
 #include "light/time_line.hpp"
+#include "light/waveform_kernels.hpp"
 
 namespace ocisac {
-
-// Cycles x·step of some x, or their distance from the nearest whole one, split: `coarse` is a multiple of `grid`, a
-// power of two, so that it adds up with another one without error; `fine`, within ±grid/2 but for rounding, is the
-// rest.
-struct CountedCycles {
-  const double* coarse = nullptr;
-  const double* fine = nullptr;
-  double grid = 0;
-};
 
 // The numbers x on a time line: of rows, or times. Counts of cycles are made once for all origins of the line.
 class Instants {
@@ -33,16 +25,18 @@ class Instants {
 
   // Counts the cycles of x[first] … x[first + count - 1], |x·step| < 2^50; the next call may overwrite them. Fractions
   // have a fine grid at any x; that of cycles grows with the largest count.
-  CountedCycles counted(bool fractions, DoubleDouble step, std::size_t first, std::size_t count);
+  kernels::Cycles counted(bool fractions, DoubleDouble step, std::size_t first, std::size_t count);
 
  private:
   struct Table {
     bool fractions = false;
     DoubleDouble step;
-    CountedCycles cycles;
+    kernels::Cycles cycles;
     AlignedMemory<double> memory;
 
-    CountedCycles from(std::size_t first) const { return {cycles.coarse + first, cycles.fine + first, cycles.grid}; }
+    kernels::Cycles from(std::size_t first) const {
+      return {cycles.coarse + first, cycles.fine + first, {}, cycles.grid};
+    }
   };
   void count_all(std::span<const double> x, Table& table) const;
 

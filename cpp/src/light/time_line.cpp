@@ -11,7 +11,7 @@ CycleCounter::CycleCounter(DoubleDouble rate, const TimeLine& line, DoubleDouble
   base_ = base + DoubleDouble{-base_whole_, 0};
 }
 
-SplitCycles CycleCounter::origin_rest(double grid) const {
+DoubleDouble CycleCounter::origin_rest(double grid) const {
   const double coarse = std::round(base_.high / grid) * grid;
   return {coarse, (base_.high - coarse) + base_.low};
 }

@@ -104,12 +104,6 @@ struct Position {
   double rest = 0;
 };
 
-// A count of cycles in two parts; `coarse` is a multiple of a power of two.
-struct SplitCycles {
-  double coarse = 0;
-  double fine = 0;
-};
-
 // Cycles rate·t(x) + offset along a time line: products are exact, and whole cycles are removed before rounding.
 class CycleCounter {
  public:
@@ -120,9 +114,9 @@ class CycleCounter {
 
   // Cycles per unit of x.
   DoubleDouble step() const { return step_; }
-  // Whole cycles at x = 0, and the rest with a multiple of `grid`.
+  // Whole cycles at x = 0, and the rest, of which `high` is a multiple of `grid`, a power of two.
   double origin_whole() const { return base_whole_; }
-  SplitCycles origin_rest(double grid) const;
+  DoubleDouble origin_rest(double grid) const;
 
   // Throws std::invalid_argument that names `argument` where a count between the two x is too large to keep a fraction.
   void require_countable(double x_first, double x_last, const char* argument) const;

@@ -37,8 +37,9 @@ class CycleCounts {
   const CycleCounter& counter() const { return counter_; }
 
   kernels::Cycles from(std::size_t first, std::size_t count, bool fractions) const {
-    const CountedCycles counted = instants_.counted(fractions, counter_.step(), first, count);
-    return {counted.coarse, counted.fine, counter_.origin_rest(counted.grid)};
+    kernels::Cycles cycles = instants_.counted(fractions, counter_.step(), first, count);
+    cycles.origin = counter_.origin_rest(cycles.grid);
+    return cycles;
   }
 
   bool are_even() const { return instants_.is_even(); }

@@ -56,9 +56,9 @@ HWY_INLINE void write(const MeansOutput& to, double constant, const Varying& var
 }
 
 // Within ±1/2; nothing is rounded but the last place of `fine`.
-HWY_INLINE SplitCycles fraction_at(const Cycles& fractions, std::size_t i) {
-  const double sum = fractions.coarse[i] + fractions.origin.coarse;
-  return {sum - nearest_whole(sum), fractions.fine[i] + fractions.origin.fine};
+HWY_INLINE DoubleDouble fraction_at(const Cycles& fractions, std::size_t i) {
+  const double sum = fractions.coarse[i] + fractions.origin.high;
+  return {sum - nearest_whole(sum), fractions.fine[i] + fractions.origin.low};
 }
 
 // cos(2π·turns) for turns in [-1/2, 1/2], within 3e-16, as sin(x) = x − x³/3! + … at x = 2π(1/4 − |turns|).
@@ -81,17 +81,17 @@ HWY_INLINE double cosine_of(double turns) {
 void WriteTone(const ToneMeans& light, const Cycles& cycles, const MeansOutput& to) {
   const double amplitude = light.level * light.swing;
   write(to, light.level, [at = cycles, amplitude](std::size_t i) HWY_ATTR {
-    const SplitCycles turns = fraction_at(at, i);
-    return amplitude * cosine_of(turns.coarse + turns.fine);
+    const DoubleDouble turns = fraction_at(at, i);
+    return amplitude * cosine_of(turns.value());
   });
 }
 
 void WriteSquare(const SquareMeans& light, const Cycles& cycles, const MeansOutput& to) {
   const double scale = light.level / light.length;
   write(to, light.whole_light * scale, [own = light, at = cycles, scale](std::size_t i) HWY_ATTR {
-    const SplitCycles middle = fraction_at(at, i);
-    const double side = std::copysign(1.0, middle.coarse + middle.fine);  // of the nearest pulse
-    const double overlap = (own.reach.high - side * middle.coarse) + (own.reach.low - side * middle.fine);
+    const DoubleDouble middle = fraction_at(at, i);
+    const double side = std::copysign(1.0, middle.value());  // of the nearest pulse
+    const double overlap = (own.reach.high - side * middle.high) + (own.reach.low - side * middle.low);
     return std::min(std::max(own.least, overlap), own.most) * scale;
   });
 }
@@ -155,7 +155,7 @@ HWY_INLINE CellWindow<kSlopes> window_of(const CellMeans& own, const CellPair& c
 
 // Where exposure i ends, in cells from the beginning of `cell`: right to half the last place of a small difference.
 HWY_INLINE double since(const Cycles& at, double cell, std::size_t i) {
-  return (at.coarse[i] + (at.origin.coarse - cell)) + (at.fine[i] + at.origin.fine);
+  return (at.coarse[i] + (at.origin.high - cell)) + (at.fine[i] + at.origin.low);
 }
 
 // The cell in which exposure i ends; the second step corrects the rounding of a large difference.
@@ -178,7 +178,7 @@ HWY_INLINE std::size_t first_elsewhere(const Cycles& at, double cell, std::size_
 // a cell's even exposures end is guessed without those before, one cell ahead, so that processors work on both at once.
 template <bool kSlopes, bool kLows>
 HWY_INLINE void means_of_cells(const CellMeans& own, const Cycles& at, std::size_t count, double* HWY_RESTRICT to) {
-  const Exposures fine_origin = hn::Set(d64, at.origin.fine), rest = hn::Set(d64, own.part_rest);
+  const Exposures fine_origin = hn::Set(d64, at.origin.low), rest = hn::Set(d64, own.part_rest);
   double cell = cell_at(at, 0, 0);  // from the origin's
   CellPair cells = CellPair::at(own, cell);
   const double per_cell = 1 / own.cells_per_exposure, before_first = cell + since(at, cell, 0) - 1;
@@ -189,7 +189,7 @@ HWY_INLINE void means_of_cells(const CellMeans& own, const Cycles& at, std::size
   std::size_t guess = guess_of(cell);
   for (std::size_t i = 0; i < count;) {
     const auto window = window_of<kSlopes, kLows>(own, cells);
-    const Exposures origin = hn::Set(d64, at.origin.coarse - cell);
+    const Exposures origin = hn::Set(d64, at.origin.high - cell);
     const std::size_t next = first_elsewhere(at, cell, own.even ? guess : i + 1, i, count);
     guess = guess_of(cell + 1);
     for (; i < next; i += hn::Lanes(d64)) {
@@ -216,7 +216,7 @@ HWY_INLINE void write_cells(const CellMeans& own, const Cycles& at, const MeansO
   alignas(64) double means[kMost + kMaxReadAhead];
   for (std::size_t first = 0; first < to.means.size(); first += kMost) {
     const std::size_t size = std::min(kMost, to.means.size() - first);
-    means_of_cells<kSlopes, kLows>(own, {at.coarse + first, at.fine + first, at.origin}, size, means);
+    means_of_cells<kSlopes, kLows>(own, {at.coarse + first, at.fine + first, at.origin, at.grid}, size, means);
     write({to.means.subspan(first, size), to.adds, to.steady}, 0,
           [&means](std::size_t i) HWY_ATTR { return means[i]; });
   }

@@ -16,12 +16,14 @@ constexpr std::size_t kMaxReadAhead = 8;  // values
 void count_cycles(DoubleDouble step, double grid, bool fractions, std::span<const double> x, double* coarse,
                   double* fine);
 
-// Cycles of exposures, of tones and square waves their fractions: coarse[i] + fine[i] + origin. kMaxReadAhead more
-// values of both may be read.
+// Cycles of exposures, of tones and square waves their fractions: coarse[i] + fine[i] + origin. `coarse` is a multiple
+// of `grid`, a power of two, so that it adds up with another one without error; `fine`, within ±grid/2 but for
+// rounding, is the rest. kMaxReadAhead more values of both may be read.
 struct Cycles {
-  const double* coarse;
-  const double* fine;
-  SplitCycles origin;
+  const double* coarse = nullptr;
+  const double* fine = nullptr;
+  DoubleDouble origin{};
+  double grid = 0;
 };
 
 struct MeansOutput {

@@ -13,7 +13,7 @@ namespace ocisac {
 
 // All columns of the box are pooled; the view holds one frame. frequency: Hz.
 inline MeasuredLight box_gain(const AnyFramesView& frame, const Camera& camera, const Region& box, double frequency) {
-  const ToneGain found = pooled_tone_gain(part_of(frame, box), camera, {&frequency, 1});
+  const ToneGain found = tone_gain(part_of(frame, box), camera, {&frequency, 1}, {.pooled = true});
   const double cycles =
       std::fmod(frequency * camera.row_time * static_cast<double>(box.y), 1.0);  // before its first row
   return {.box = box,

@@ -9,6 +9,7 @@
 #include <variant>
 #include <vector>
 
+#include "core/levels.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
@@ -19,12 +20,11 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kFewCycles = 2;
 constexpr double kSameFrequency = 0.02;  // relative
-constexpr double kEvenSnr = 6;           // of a tone over the whole frame: outlines, text and lines leave 4 and less
-constexpr double kLitShare = 0.02;       // of the columns: fewer may be a line of text
-constexpr double kLikely = 0.575;        // probability of a light
-constexpr double kLongestFrame = 1;      // s
+constexpr double kFewCycles = 2;
+constexpr double kEvenSnr = 6;       // of a tone over the whole frame: outlines, text and lines leave 4 and less
+constexpr double kLikely = 0.575;    // probability of a light
+constexpr double kLongestFrame = 1;  // s
 
 double energy_of(const LightSource& light) {
   return 0.5 * light.amplitude * light.amplitude * static_cast<double>(light.box.pixels());
@@ -53,7 +53,7 @@ bool answered(const FoundFrequency& found) {
 
 bool is_narrow(const ToneColumns& columns) {
   return static_cast<double>(std::ranges::count(columns.used, 1)) <
-         kLitShare * static_cast<double>(columns.used.size());
+         kNextToNone * static_cast<double>(columns.used.size());
 }
 
 // True if the tone explains the whole frame.

@@ -14,6 +14,7 @@
 #include "lights/light_patch.hpp"
 #include "lights/profile_frequency.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/columns/column_combination.hpp"
 #include "rows/verdict.hpp"
 
 namespace ocisac {
@@ -21,9 +22,8 @@ namespace ocisac {
 namespace {
 
 constexpr int kRounds = 2;
-constexpr double kMinCoherence = 0.6;  // local correlation of the halves
-constexpr double kMinPower = 0.02;     // relative to the swing's near its maximum
-constexpr double kMinSwing = 0.15;     // relative to the middle's
+constexpr double kMinPower = 0.02;  // relative to the swing's near its maximum
+constexpr double kMinSwing = 0.15;  // relative to the middle's
 constexpr std::size_t kMinEdges = 6, kMaxTimed = 64;
 // Chips in a short interval; clock in cycles per row.
 constexpr double kFastestChip = 2.2, kSlowestChip = 0.7, kLargestClock = 0.4;
@@ -46,7 +46,7 @@ bool halves_alike(const LitFrame& frame, const Region& box, std::size_t length) 
   const std::size_t middle = box.x + box.width / 2;
   const IndexRange rows{box.y, box.bottom()};
   return likeness(mean_swing(frame, {box.x, middle}, rows, length),
-                  mean_swing(frame, {middle, box.right()}, rows, length)) > kMinCoherence;
+                  mean_swing(frame, {middle, box.right()}, rows, length)) > kTogether;
 }
 
 // Rows about the box in which the left and the right half of its columns correlate.
@@ -70,7 +70,7 @@ std::optional<Region> lit_rows(const LitFrame& frame, const Region& box, std::si
   std::ranges::nth_element(inside, high);
   std::vector<std::uint8_t> lit(rows.size());
   for (std::size_t n = 0; n < lit.size(); ++n) {
-    const double coherent = kMinCoherence * std::sqrt(std::max(own[n] * other[n], 0.0));
+    const double coherent = kTogether * std::sqrt(std::max(own[n] * other[n], 0.0));
     lit[n] = both[n] > std::max(coherent, kMinPower * *high);
   }
   const auto run = run_about(lit, first, first + box.height);
@@ -142,13 +142,8 @@ double clock_evidence(std::span<const std::size_t> edges) {
   return std::max(best - std::log(std::max((fastest - slowest) * span, 1.0)), 0.0);
 }
 
-// Common waveform of the columns, and its residual.
-struct Waveform {
-  std::vector<double> values;  // (rows): Σ weight × log swing / √(Σ weight²)
-  double energy = 0, common = 0, noise = 0;
-};
-
-Waveform waveform_of(const Patch& patch, std::size_t length) {
+// Common waveform of the columns, Σ weight × log swing / √(Σ weight²).
+Profile waveform_of(const Patch& patch, std::size_t length) {
   const std::vector<double> fast = fast_logs(patch, length);
   std::vector<double> weights(fast.size());
   const auto count = static_cast<double>(patch.groups);
@@ -158,7 +153,7 @@ Waveform waveform_of(const Patch& patch, std::size_t length) {
     for (std::size_t g = 0; g < patch.groups; ++g) weights[n * patch.stride + g] = row[g] * mean;
   }
   weights = local_means(weights, patch.rows, patch.stride, length);
-  Waveform out;
+  Profile out;
   for (std::size_t n = 0; n < patch.rows; ++n) {
     double sum = 0, squares = 0;
     for (std::size_t i = n * patch.stride; i < n * patch.stride + patch.groups; ++i) {
@@ -167,10 +162,10 @@ Waveform waveform_of(const Patch& patch, std::size_t length) {
       sum += weight * fast[i];
       squares += weight * weight;
     }
-    out.values.push_back(squares > 0 ? sum / std::sqrt(squares) : 0);
-    out.common += out.values.back() * out.values.back();
+    out.matched.push_back(squares > 0 ? sum / std::sqrt(squares) : 0);
+    out.common += out.matched.back() * out.matched.back();
   }
-  out.noise = static_cast<double>(patch.rows * patch.groups) * noise_variance(patch, {0, patch.rows, 0, patch.groups});
+  out.noise = static_cast<double>(patch.rows * patch.groups) * noise_variance(patch, {0, 0, patch.groups, patch.rows});
   return out;
 }
 
@@ -212,33 +207,23 @@ std::optional<RefinedLight> find_data_light(const LitFrame& frame, const Suspect
   }
   const Patch patch = patch_of(frame, box, 0, 0);
   if (patch.groups < 2) return {};
-  const Waveform waveform = waveform_of(patch, length);
-  const auto edges = edges_of(waveform.values);
+  const Profile waveform = waveform_of(patch, length);
+  const auto edges = edges_of(waveform.matched);
   if (edges.size() < kMinEdges || !(waveform.energy > 0)) return {};
   const double lower = suspect.frequency * (1 - kFirstReach);
   const double upper = std::min(suspect.frequency * (1 + kFirstReach), 0.499);
-  const double frequency = strongest_frequency(waveform.values, lower, upper);
+  const double frequency = strongest_frequency(waveform.matched, lower, upper);
   const bool at_bound = frequency <= lower || frequency >= upper;
-  const double share = std::min(waveform.common / waveform.energy, 1.0);
   const double error = at_bound
                            ? 0.5 * (upper - lower)
-                           : jackknife_std(waveform.values, frequency, static_cast<double>(box.height) * frequency);
-  const double rest = std::max(waveform.energy * (1 - share) - waveform.noise, 0.0);
-  RefinedLight light{
-      .box = box,
-      .frequency = frequency,
-      .frequency_std = error,
-      .phase = phase_at_start(waveform.values, frequency, box.y),
-      .snr = share / std::max(1 - share, 1e-12),
-      .common = share,
-      .periodic = periodic_share(waveform.values, std::vector<double>(patch.rows, 1), frequency, kHarmonics),
-      .chance = chance_of(waveform.values),
-      .texture = rest / std::max(waveform.common, 1e-300),
-      .edges = edges.size(),
-      .clock = clock_evidence(edges)};
+                           : jackknife_std(waveform.matched, frequency, static_cast<double>(box.height) * frequency);
+  RefinedLight light = light_of(waveform, patch, box, frequency, error, common_share(waveform));
+  light.periodic = periodic_share(waveform.matched, std::vector<double>(patch.rows, 1), frequency, kComparedHarmonics);
+  light.chance = chance_of(waveform.matched);
+  light.edges = edges.size(), light.clock = clock_evidence(edges);
   add_swing(patch, length, light);
-  const ComplexValues swing = Demodulator(frequency, patch.rows).swing(patch, patch.logs);
-  measure_tilt(patch, swing, {0, patch.rows, 0, patch.groups}, frequency, light);
+  const ComplexValues swing = swing_of(patch, patch.logs, hann_window(frequency, patch.rows, hann_length(frequency)));
+  measure_tilt(patch, swing, {0, 0, patch.groups, patch.rows}, frequency, light);
   return light;
 }
 

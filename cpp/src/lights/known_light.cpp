@@ -28,11 +28,9 @@ constexpr std::size_t kCells = 8;
 constexpr std::size_t kSampled = 64;  // columns of a box
 constexpr double kRowsACycle = 16;    // of a tone
 constexpr std::size_t kTrend = 3;     // degree of the slow light beside a waveform
-constexpr double kMoved = 0.15;       // change of a cell's mean that movement makes, relative to the amplitude
 constexpr double kMost = 1.4;         // ratio of amplitudes, and of means, of a light that stays the same
 constexpr double kTurned = 0.5;       // rad between the halves of a box: another frequency
 constexpr std::size_t kPlaces = 32;   // in a box: steps of its gradient; a smaller distance is no movement
-constexpr double kFlat = 0.03;        // ratio of pivots: means change along one direction only
 
 double sum_of(std::span<const double> values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
@@ -156,7 +154,7 @@ std::optional<double> ratio(double now, double then) {
 bool means_stay(const LightPattern& now, const LightPattern& then, double amplitude) {
   const auto brighter = ratio(sum_of(now.mean), sum_of(then.mean));
   if (!brighter) return false;
-  const double allowed = std::max(kMoved * amplitude, kSure * std::hypot(now.noise, then.noise));
+  const double allowed = std::max(kSmallShare * amplitude, kSure * std::hypot(now.noise, then.noise));
   return std::ranges::equal(now.mean, then.mean,
                             [&](double mean, double before) { return std::abs(mean / *brighter - before) <= allowed; });
 }
@@ -236,7 +234,7 @@ struct KnownLight::State {
     slopes << Eigen::Map<const Eigen::VectorXd>(right.data(), slopes.rows()),
         Eigen::Map<const Eigen::VectorXd>(down.data(), slopes.rows());
     const Eigen::MatrixXd way =
-        least_squares(slopes, Eigen::Map<const Eigen::VectorXd>(change.data(), slopes.rows()), kFlat);
+        least_squares(slopes, Eigen::Map<const Eigen::VectorXd>(change.data(), slopes.rows()), kNextToNone);
     const auto step = [](double distance, std::size_t size) {
       const bool still = std::abs(distance) < std::max(static_cast<double>(size) / double{kPlaces}, 1.0);
       return still ? 0 : static_cast<std::ptrdiff_t>(std::nearbyint(distance));

@@ -1,7 +1,6 @@
 #include "lights/light_patch.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <functional>
 #include <numeric>
@@ -11,7 +10,9 @@
 #include "core/statistics.hpp"
 #include "lights/refinement_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/constants.hpp"
+#include "ocisac/rows/basis.hpp"
 
 namespace ocisac {
 
@@ -19,7 +20,6 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr std::size_t kMaxGroups = 64;   // of columns in a patch
 constexpr std::size_t kMaxColumns = 32;  // evaluated for a mean
 
 // Sums fit into 32 bits: a group of bytes or words is narrower than 2^16 columns.
@@ -74,8 +74,6 @@ ComplexValues times(const ComplexValues& a, const ComplexValues& b, double sign)
   return out;
 }
 
-kernels::Carrier carrier_view(const ComplexValues& rows) { return {rows.real.data(), rows.imaginary.data()}; }
-
 // Mean of at most kMaxColumns columns evenly spaced, in each of the rows: light above dark.
 std::vector<double> mean_light(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows) {
   const std::size_t step = (columns.size() + kMaxColumns - 1) / kMaxColumns;
@@ -94,15 +92,12 @@ std::vector<double> mean_light(const LitFrame& frame, const IndexRange& columns,
 
 }  // namespace
 
-PatchRange Patch::range(const Region& box) const {
+Region Patch::range(const Region& box) const {
   const auto from = [](std::size_t a, std::size_t b) { return a - std::min(a, b); };
-  PatchRange out{};
-  out.first_row = std::min(from(box.y, first_row), rows);
-  out.end_row = std::max(std::min(from(box.bottom(), first_row), rows), out.first_row);
-  out.first_group = std::min(from(box.x, first_column) / group, groups);
-  const std::size_t last = (from(box.right(), first_column) + group - 1) / group;
-  out.end_group = std::max(std::min(last, groups), out.first_group);
-  return out;
+  const std::size_t top = std::min(from(box.y, first_row), rows), end = std::min(from(box.bottom(), first_row), rows),
+                    left = std::min(from(box.x, first_column) / group, groups),
+                    last = std::min((from(box.right(), first_column) + group - 1) / group, groups);
+  return {left, top, from(last, left), from(end, top)};
 }
 
 LitFrame lit_frame(const AnyFramesView& frames, std::size_t index, const ToneCurve& curve) {
@@ -120,7 +115,7 @@ LitFrame lit_frame(const AnyFramesView& frames, std::size_t index, const ToneCur
         return top > 0 ? top : 64;
       },
       frames);
-  return {frames, index, dark, full / 64};
+  return {frames, index, dark, full / 64, holds_integers(frames) ? 1.0 : 0.0};
 }
 
 Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_beside, std::size_t rows_beyond) {
@@ -129,7 +124,7 @@ Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_bes
   const std::size_t right = std::min(shape.columns, box.right() + columns_beside);
   const std::size_t top = box.y - std::min(box.y, rows_beyond);
   const std::size_t bottom = std::min(shape.rows, box.bottom() + rows_beyond);
-  const std::size_t wanted = std::max<std::size_t>((right - left + kMaxGroups - 1) / kMaxGroups,
+  const std::size_t wanted = std::max<std::size_t>((right - left + kMaxBlocks - 1) / kMaxBlocks,
                                                    std::clamp<std::size_t>(box.width / 16, 1, kWidestGroup));
   const std::size_t group = std::min(wanted, right - left);
   const std::size_t groups = (right - left) / group;
@@ -151,15 +146,9 @@ Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_bes
 
 std::vector<double> local_means(const std::vector<double>& values, std::size_t rows, std::size_t stride,
                                 std::size_t length) {
-  const auto bin = 1 / static_cast<double>(length);
-  const ComplexValues step = turns_of(bin, rows, length / 2), still = times(step, step, -1);
-  const ComplexValues back = times(still, step, -1);
-  const kernels::Carrier forth = carrier_view(step);
-  const kernels::Carrier turns{forth.real + length / 2, forth.imaginary + length / 2};
   std::vector<double> means(values.size()), unused(values.size());
   kernels::hann_demodulate({values.data(), rows, stride}, std::vector<double>(stride).data(),
-                           {carrier_view(back), carrier_view(still), forth, turns, length}, means.data(),
-                           unused.data());
+                           hann_window(0, rows, length), means.data(), unused.data());
   return means;
 }
 
@@ -197,13 +186,13 @@ double variance_by_median(std::vector<double>& magnitudes) {
   return *middle * *middle / (kMedianMagnitude * kMedianMagnitude);
 }
 
-double noise_variance(const Patch& patch, const PatchRange& core) {
-  const std::size_t end_row = std::min(core.end_row + 1, patch.rows), end = std::min(core.end_group + 1, patch.groups);
-  const bool one_group = end - core.first_group < 2;
+double noise_variance(const Patch& patch, const Region& core) {
+  const std::size_t end_row = std::min(core.bottom() + 1, patch.rows), end = std::min(core.right() + 1, patch.groups);
+  const bool one_group = end - core.x < 2;
   std::vector<double> differences;
-  differences.reserve(core.size());
-  for (std::size_t n = core.first_row; n + 1 < end_row; ++n)
-    for (std::size_t g = core.first_group; g < (one_group ? end : end - 1); ++g) {
+  differences.reserve(core.pixels());
+  for (std::size_t n = core.y; n + 1 < end_row; ++n)
+    for (std::size_t g = core.x; g < (one_group ? end : end - 1); ++g) {
       const double* at = &patch.logs[n * patch.stride + g];
       const double down = at[0] - at[patch.stride], next = one_group ? 0 : at[1] - at[patch.stride + 1];
       if (std::isfinite(down - next)) differences.push_back(std::abs(down - next));
@@ -217,34 +206,23 @@ Complex turned(double cycles) {
 }
 
 ComplexValues turns_of(double frequency, std::size_t rows, std::size_t reach) {
-  constexpr std::size_t kStep = 16;
-  std::array<Complex, kStep> fine;
-  for (std::size_t i = 0; i < kStep; ++i) fine[i] = turned(frequency * static_cast<double>(i));
-  ComplexValues out{std::vector<double>(rows + 2 * reach), std::vector<double>(rows + 2 * reach)};
-  Complex coarse;
-  for (std::size_t i = 0; i < out.real.size(); ++i) {
-    if (i % kStep == 0) coarse = turned(frequency * (static_cast<double>(i) - static_cast<double>(reach)));
-    const Complex& turn = fine[i % kStep];
-    out.real[i] = coarse.real() * turn.real() - coarse.imag() * turn.imag();
-    out.imaginary[i] = coarse.real() * turn.imag() + coarse.imag() * turn.real();
-  }
+  std::vector<double> times(rows + 2 * reach);
+  std::iota(times.begin(), times.end(), -static_cast<double>(reach));
+  ComplexValues out{times, times};
+  fill_wave(times, -frequency, out.real, out.imaginary);
   return out;
 }
 
 std::size_t hann_length(double frequency) { return static_cast<std::size_t>(std::lround(1 / frequency)) * 2 + 1; }
 
-Demodulator::Demodulator(double frequency, std::size_t rows)
-    : length_(hann_length(frequency)),
-      step_(turns_of(1 / static_cast<double>(length_), rows, length_ / 2)),
-      tone_(turns_of(frequency, rows, length_ / 2)),
-      below_(times(tone_, step_, -1)),
-      above_(times(tone_, step_, 1)),
-      turns_(turns_of(1 / static_cast<double>(length_), rows, 0)) {}
+kernels::HannWindow hann_window(double frequency, std::size_t rows, std::size_t length) {
+  const double bin = 1 / static_cast<double>(length);
+  const ComplexValues step = turns_of(bin, rows, length / 2), tone = turns_of(frequency, rows, length / 2);
+  return {times(tone, step, -1), tone, times(tone, step, 1), turns_of(bin, rows), length};
+}
 
-ComplexValues Demodulator::swing(const Patch& patch, const std::vector<double>& values) const {
+ComplexValues swing_of(const Patch& patch, const std::vector<double>& values, const kernels::HannWindow& window) {
   ComplexValues map{std::vector<double>(values.size()), std::vector<double>(values.size())};
-  const kernels::HannWindow window{carrier_view(below_), carrier_view(tone_), carrier_view(above_),
-                                   carrier_view(turns_), length_};
   kernels::hann_demodulate({values.data(), patch.rows, patch.stride}, group_means(patch, values).data(), window,
                            map.real.data(), map.imaginary.data());
   return map;

@@ -1,46 +1,37 @@
 // Part of a frame around a light, for refinement: groups of columns, their logarithm, and the local swing.
 #pragma once
 
+#include <algorithm>
 #include <complex>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
+#include "lights/refinement_kernels.hpp"
 #include "ocisac/camera/tone_curve.hpp"
+#include "ocisac/core/region.hpp"
 #include "ocisac/core/views.hpp"
 
 namespace ocisac {
 
 constexpr std::size_t kWidestGroup = 8;  // columns in a group of a small light
 
-// Rows and groups of a patch, [begin, end).
-struct PatchRange {
-  std::size_t first_row, end_row, first_group, end_group;
-
-  [[nodiscard]] std::size_t size() const { return (end_row - first_row) * (end_group - first_group); }
-};
-
 // Light above dark, mean of each group of columns, and ln(light + floor): (rows × stride), zeros beyond the groups.
 struct Patch {
   std::size_t first_column, first_row, rows, groups, group, stride;
   std::vector<double> light, logs;
 
-  // Part of the patch in the box, including groups that it cuts.
-  [[nodiscard]] PatchRange range(const Region& box) const;
+  // Groups (x) and rows (y) of the patch in the box, including groups that it cuts.
+  [[nodiscard]] Region range(const Region& box) const;
 };
 
-// [begin, end) of rows, columns or groups.
-struct IndexRange {
-  std::size_t begin = 0, end = 0;
-
-  [[nodiscard]] std::size_t size() const { return end > begin ? end - begin : 0; }
-};
-
-// A frame for light detection. `dark`: DN without light; `floor`: of the logarithm, DN.
+// A frame for light detection. `dark`: DN without light; `floor`: of the logarithm, DN; `min_amplitude`: one stored
+// step, as smaller swings are often compression artefacts.
 struct LitFrame {
   AnyFramesView frames;
   std::size_t index;
-  double dark, floor;
+  double dark, floor, min_amplitude;
 };
 
 // Stored values above the curve's dark level: a memoryless curve preserves every period, and stored values resolve
@@ -65,16 +56,11 @@ std::vector<double> mean_swing(const LitFrame& frame, const IndexRange& columns,
 // Correlation of two swings, of mean 0.
 double likeness(std::span<const double> a, std::span<const double> b);
 
-// Complex values, such as z of each element of a patch: (rows × stride).
-struct ComplexValues {
-  std::vector<double> real, imaginary;
-
-  [[nodiscard]] std::complex<double> operator[](std::size_t i) const { return {real[i], imaginary[i]}; }
-};
+using kernels::ComplexValues;
 
 // Noise variance of an element of log light, from the median of mixed differences over neighbouring rows and groups,
 // which is robust against edges and strokes; of rows alone in a single group.
-double noise_variance(const Patch& patch, const PatchRange& core);
+double noise_variance(const Patch& patch, const Region& core);
 
 // Variance of a normal distribution of mean 0 by the median of magnitudes, one or more, which it reorders.
 double variance_by_median(std::vector<double>& magnitudes);
@@ -90,23 +76,37 @@ inline std::complex<double> product(std::complex<double> a, std::complex<double>
   return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
 }
 
-// e^{−j2πfn} for n from −reach to rows + reach − 1, computed as products of 16 fine values and every 16th one.
+// e^{−j2πfn} for n from −reach to rows + reach − 1.
 ComplexValues turns_of(double frequency, std::size_t rows, std::size_t reach = 0);
 
 // Log light minus its local mean under a window of `length` rows; that of two cycles has no component at the tone.
 std::vector<double> fast_logs(const Patch& patch, std::size_t length);
 
-// Sliding means over the rows of a patch, under a Hann window of two cycles.
-class Demodulator {
- public:
-  Demodulator(double frequency, std::size_t rows);
+// Window of `length` rows for sliding means of a tone over `rows` rows.
+kernels::HannWindow hann_window(double frequency, std::size_t rows, std::size_t length);
 
-  // Local mean of x·e^{−j2πfn}, n: row of the patch, x: light or its logarithm, minus its mean in the group.
-  [[nodiscard]] ComplexValues swing(const Patch& patch, const std::vector<double>& values) const;
+// Local mean of x·e^{−j2πfn}, n: row of the patch, x: light or its logarithm, minus its mean in the group.
+ComplexValues swing_of(const Patch& patch, const std::vector<double>& values, const kernels::HannWindow& window);
 
- private:
-  std::size_t length_;
-  ComplexValues step_, tone_, below_, above_, turns_;
-};
+// Visits the places of (rows × stride) that are connected to `start`, corners included, and open, by index and place,
+// and closes them. joined(a, b): whether the neighbours a and b belong together.
+template <class Joined, class Visit>
+void visit_connected(std::size_t start, std::size_t stride, std::vector<std::uint8_t>& open, Joined joined,
+                     Visit visit) {
+  std::vector<std::size_t> stack{start};
+  open[start] = 0;
+  while (!stack.empty()) {
+    const std::size_t at = stack.back(), n = at / stride, g = at % stride;
+    stack.pop_back();
+    visit(at, Region{g, n, 1, 1});
+    for (std::size_t m = n - (n > 0); m <= std::min(n + 1, open.size() / stride - 1); ++m)
+      for (std::size_t h = g - (g > 0); h <= std::min(g + 1, stride - 1); ++h) {
+        const std::size_t next = m * stride + h;
+        if (!open[next] || !joined(at, next)) continue;
+        open[next] = 0;
+        stack.push_back(next);
+      }
+  }
+}
 
 }  // namespace ocisac

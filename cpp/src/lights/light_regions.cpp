@@ -15,10 +15,8 @@ namespace ocisac {
 
 namespace {
 
-constexpr int kMaxCuts = 4;              // of a region and its parts
 constexpr std::size_t kMinRows = 64;     // of a light
 constexpr std::size_t kReach = 14;       // rows to either side for the local mean of a swing
-constexpr double kActive = 0.06;         // relative to the strongest swing
 constexpr std::size_t kMinDarkRows = 8;  // between two lights
 
 // Root mean square of the rows' swings about their moving mean, over windows, with the noise subtracted.
@@ -36,7 +34,7 @@ std::vector<double> activity(const CombinedColumn& column) {
 // Runs of at least `shortest` rows with swings, separated by at least kMinDarkRows rows without.
 std::vector<IndexRange> active_runs(const CombinedColumn& column, std::size_t shortest = kMinRows) {
   const auto active = activity(column);
-  const double lowest = kActive * *std::ranges::max_element(active);
+  const double lowest = kSmallShare * *std::ranges::max_element(active);
   std::vector<IndexRange> runs;
   if (!(lowest > 0)) return runs;
   for (std::size_t n = 0; n < active.size(); ++n) {
@@ -46,7 +44,7 @@ std::vector<IndexRange> active_runs(const CombinedColumn& column, std::size_t sh
     else
       runs.push_back({n, n + 1});
   }
-  std::erase_if(runs, [shortest](const IndexRange& run) { return run.end - run.begin < shortest; });
+  std::erase_if(runs, [shortest](const IndexRange& run) { return run.size() < shortest; });
   return runs;
 }
 
@@ -75,39 +73,32 @@ ColumnLights lights_in(const AnyFramesView& frame, const Region& region, const T
   return column_lights(part_of(frame, region), 0, curve);
 }
 
-// A region that is to be cut; `whole_height`: not yet cut to its rows with swings.
-struct UncutRegion {
-  Region region;
-  bool whole_height = false;
-};
-
 // The columns of each light that has some of its own.
-std::vector<UncutRegion> parts_by_columns(const Region& region, const std::vector<LightGroup>& groups) {
-  std::vector<UncutRegion> parts;
+std::vector<Region> parts_by_columns(const Region& region, const std::vector<LightGroup>& groups) {
+  std::vector<Region> parts;
   for (const auto& light : groups) {
     const IndexRange columns = extent(light.columns);
-    parts.push_back({{region.x + columns.begin, region.y, columns.end - columns.begin, region.height}, true});
+    parts.push_back({region.x + columns.begin, region.y, columns.size(), region.height});
   }
   return parts;
 }
 
 // The parts of one by columns, else by rows; if it is not cut, its part with swings. Dark chips of the strongest light
 // are no end of the others.
-std::vector<UncutRegion> cut(const AnyFramesView& frame, const UncutRegion& part, bool may_cut,
-                             const ToneCurve& curve) {
-  Region region = part.region;
+std::vector<Region> cut(const AnyFramesView& frame, const Region& part, bool is_whole, bool may_cut,
+                        const ToneCurve& curve) {
+  Region region = part;
   ColumnLights lights = lights_in(frame, region, curve);
-  if (part.whole_height) {
+  if (!is_whole) {
     region = hull_of(active_runs(lights.combined), region);
-    if (region.height < part.region.height) lights = lights_in(frame, region, curve);
+    if (region.height < part.height) lights = lights_in(frame, region, curve);
   }
-  auto parts = may_cut ? parts_by_columns(region, lights.groups) : std::vector<UncutRegion>{};
+  auto parts = may_cut ? parts_by_columns(region, lights.groups) : std::vector<Region>{};
   if (parts.size() > 1) return parts;
   const auto runs = active_runs(lights.combined);
-  if (!may_cut || runs.size() < 2) return {{swinging_part(runs, region)}};
+  if (!may_cut || runs.size() < 2) return {swinging_part(runs, region)};
   parts.clear();
-  for (const IndexRange& run : runs)
-    parts.push_back({{region.x, region.y + run.begin, region.width, run.end - run.begin}});
+  for (const IndexRange& run : runs) parts.push_back({region.x, region.y + run.begin, region.width, run.size()});
   return parts;
 }
 
@@ -122,13 +113,13 @@ std::vector<Region> light_regions(const AnyFramesView& frame, const ToneCurve& c
   const Region whole{0, 0, shape.columns, shape.rows};
   if (shape.rows < 2 * kMinRows) return {whole};
   std::vector<Region> regions;
-  std::vector<UncutRegion> to_cut{{whole}};
+  std::vector<Region> to_cut{whole};
   for (int cuts = 0; !to_cut.empty(); ++cuts) {
-    std::vector<UncutRegion> next;
+    std::vector<Region> next;
     for (std::size_t k = 0; k < to_cut.size(); ++k) {
-      const auto parts = cut(frame, to_cut[k], cuts < kMaxCuts, curve);
+      const auto parts = cut(frame, to_cut[k], cuts == 0, cuts < kMaxIterations, curve);
       if (parts.size() == 1)
-        regions.push_back(parts.front().region);
+        regions.push_back(parts.front());
       else
         next.insert(next.end(), parts.begin(), parts.end());
       const std::size_t left = to_cut.size() - 1 - k;

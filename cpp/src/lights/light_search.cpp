@@ -38,7 +38,7 @@ std::optional<RefinedLight> refine(const SearchedFrame& in, Suspect suspect, con
   LitFrame part = in.frame;
   part.frames = part_of(in.frame.frames, {within.begin, 0, within.size(), shape_of(in.frame.frames).rows});
   suspect.box.x -= within.begin, suspect.best.x -= within.begin;
-  auto light = refine_source(part, suspect, in.limits, edge);
+  auto light = refine_source(part, suspect, in.options.min_cycles, edge);
   if (light) light->box.x += within.begin;
   return light;
 }
@@ -218,8 +218,7 @@ Detection sharpened(const SearchedFrame& in, Detection one) {
   RefinedLight& light = one.light;
   if (one.data || light.inside || static_cast<double>(light.box.height) * light.frequency > kLongestInner) return one;
   const auto own = refine(in, suspect_at(light.box, light.frequency), all_columns(in), kInnerBox);
-  if (!own || !near_frequency(own->frequency, light.frequency) ||
-      !is_measurable({.light = *own, .box = own->box}, in.limits))
+  if (!own || !near_frequency(own->frequency, light.frequency) || !is_measurable(in, {.light = *own, .box = own->box}))
     return one;
   light.frequency = own->frequency, light.frequency_std = own->frequency_std, light.phase = own->phase;
   return one;
@@ -228,7 +227,7 @@ Detection sharpened(const SearchedFrame& in, Detection one) {
 }  // namespace
 
 bool add_expected(const SearchedFrame& in, const Region& box, double cycles_per_row, Detections& found) {
-  const auto light = refine_source(in.frame, suspect_at(box, cycles_per_row), in.limits, kWholeBox, 1);
+  const auto light = refine_source(in.frame, suspect_at(box, cycles_per_row), in.options.min_cycles, kWholeBox, 1);
   auto one = light ? judged(in, *light, found) : std::nullopt;
   if (!one) return false;
   one->expected = true;

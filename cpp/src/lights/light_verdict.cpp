@@ -13,13 +13,13 @@
 #include "lights/light_model.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/camera/linear_light.hpp"
+#include "ocisac/columns/column_combination.hpp"
 #include "ocisac/tones/tone_gain.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr double kMinRows = 24;                           // of a box
 constexpr double kMostTexture = 0.24;                     // of data, relative to the common swing: text has more
 constexpr double kUnseenTexture = 0.03;                   // probability of a texture that resembles a light
 constexpr double kLevel = 0.003, kTilted = 0.02;          // rows per column: of a light's bars, of a texture's
@@ -77,7 +77,6 @@ constexpr double kClockError = 1e-3;                                     // of a
 constexpr double kLeastStd = 0.1;     // rad: noise that texture hides, a pixel of movement
 constexpr double kLargestStd = 1;     // rad, of a usable phase
 constexpr std::size_t kCompared = 3;  // frames
-constexpr double kOther = 0.6;        // correlation of waveforms
 
 // Up to kCompared other frames, the nearest.
 std::vector<std::size_t> other_frames(std::size_t frame, std::size_t count) {
@@ -109,7 +108,7 @@ double phase_odds(const SearchedFrame& in, const RefinedLight& light) {
   const auto others = other_frames(frame.index, shape_of(frame.frames).frames);
   if (others.empty()) return 1;
   const auto gain_in = [&](std::size_t index) {
-    return pooled_tone_gain(part_of(frame_of(frame.frames, index), light.box), camera, std::span(&frequency, 1), {});
+    return tone_gain(part_of(frame_of(frame.frames, index), light.box), camera, {&frequency, 1}, {.pooled = true});
   };
   const ToneGain own = gain_in(frame.index);
   double still = 1, advanced = 1;
@@ -140,7 +139,7 @@ double waveform_odds(const LitFrame& frame, const RefinedLight& light) {
   double least = 1;
   const auto others = other_frames(frame.index, shape_of(frame.frames).frames);
   for (const std::size_t other : others) least = std::min(least, likeness_of_frames(frame, other, light));
-  if (others.empty() || (least >= kOther && least <= 1 - kSmallShare)) return 1;
+  if (others.empty() || (least >= kTogether && least <= 1 - kSmallShare)) return 1;
   return least > 1 - kSmallShare ? kInStep / (1 - kTextureMoves) : (1 - kInStep) / kTextureMoves;
 }
 
@@ -228,9 +227,7 @@ double clock_odds(const Detection& one, const Detections& found) {
 
 SearchedFrame searched_frame(const AnyFramesView& frames, std::size_t index, const Camera& camera,
                              const DetectOptions& options) {
-  // One stored step: smaller swings are often compression artefacts.
-  const double min_amplitude = holds_integers(frames) ? 1 : 0;
-  return {lit_frame(frames, index, camera.tone_curve), camera, options, {kMinRows, options.min_cycles, min_amplitude}};
+  return {lit_frame(frames, index, camera.tone_curve), camera, options};
 }
 
 std::vector<double> terms_of(const Detection& one, const Detections& found) {
@@ -238,18 +235,18 @@ std::vector<double> terms_of(const Detection& one, const Detections& found) {
                   : terms_of_tone(one.light, found.suspects, expected_others(one, found.lights));
 }
 
-bool is_measurable(const Detection& one, const LightLimits& limits) {
+bool is_measurable(const SearchedFrame& in, const Detection& one) {
   const RefinedLight& light = one.light;
   const auto height = static_cast<double>(light.box.height);
   const double cycles = one.data ? 0.5 * static_cast<double>(light.edges) : height * light.frequency;
   const double spread = light.inside ? kLargestOwnSpread : kLargestSpread;
   const bool is_clear = one.data ? light.texture <= kMostTexture : light.frequency_std <= spread * light.frequency;
-  return is_clear && height >= limits.rows && cycles >= limits.cycles && light.amplitude >= limits.amplitude;
+  return is_clear && height >= kMinRows && cycles >= in.options.min_cycles && light.amplitude >= in.frame.min_amplitude;
 }
 
 std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const Detections& found) {
   Detection one{.light = light, .box = light.box, .data = light.edges > 0};
-  if (!is_measurable(one, in.limits)) return {};
+  if (!is_measurable(in, one)) return {};
   one.noise = expected_noise(one, shape_of(in.frame.frames));
   one.odds = tilt_odds(light) * contrast_odds(in, light) *
              (one.data ? waveform_odds(in.frame, light) : pattern_odds(light) * phase_odds(in, light));

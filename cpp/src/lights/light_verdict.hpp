@@ -18,7 +18,6 @@ struct SearchedFrame {
   LitFrame frame;
   Camera camera;
   DetectOptions options;
-  LightLimits limits;
 };
 SearchedFrame searched_frame(const AnyFramesView& frames, std::size_t index, const Camera& camera,
                              const DetectOptions& options);
@@ -27,7 +26,7 @@ SearchedFrame searched_frame(const AnyFramesView& frames, std::size_t index, con
 std::vector<double> terms_of(const Detection& one, const Detections& found);
 
 // True for enough rows, cycles or edges, and amplitude, of a tone whose frequency is known, or data beside no texture.
-bool is_measurable(const Detection& one, const LightLimits& limits);
+bool is_measurable(const SearchedFrame& in, const Detection& one);
 
 // A measurable tone or waveform with its probability.
 std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const Detections& found);

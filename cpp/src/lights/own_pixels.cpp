@@ -40,7 +40,7 @@ constexpr std::size_t kSlowTerms = 3;
 
 ToneFit fit_tone(const OwnPixels& pixels, double frequency) {
   const std::size_t rows = pixels.profile.size();
-  const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, kHarmonics);
+  const auto orders = std::clamp<std::size_t>(static_cast<std::size_t>(0.499 / frequency), 1, kComparedHarmonics);
   const RowSampling sampling = centred_rows(rows);
   std::vector<double> columns, frequencies;
   for (std::size_t h = 1; h <= orders; ++h) frequencies.push_back(static_cast<double>(h) * frequency);
@@ -225,26 +225,25 @@ void select(OwnPixels& pixels, const ToneFit& fit, double frequency) {
 
 }  // namespace
 
-OwnPixels own_pixels(const Patch& patch, const ComplexValues& swing, const PatchRange& box, std::size_t reach,
+OwnPixels own_pixels(const Patch& patch, const ComplexValues& swing, const Region& box, std::size_t reach,
                      double least) {
   Complex sum = 0;
-  for (std::size_t n = box.first_row; n < box.end_row; ++n)
-    for (std::size_t g = box.first_group; g < box.end_group; ++g) sum += swing[n * patch.stride + g];
+  for (std::size_t n = box.y; n < box.bottom(); ++n)
+    for (std::size_t g = box.x; g < box.right(); ++g) sum += swing[n * patch.stride + g];
   const Complex phase = sum == Complex(0) ? Complex(1) : sum / std::abs(sum);
-  const std::size_t first = box.first_row - std::min(box.first_row, reach);
-  const std::size_t rows = std::min(box.end_row + reach, patch.rows) - first, groups = box.end_group - box.first_group;
-  OwnPixels out{
-      std::vector<double>(rows * groups),
-      std::vector<std::uint8_t>(rows * groups),
-      std::vector<double>(rows),
-      std::vector<double>(rows),
-      {patch.first_column + box.first_group * patch.group, patch.first_row + first, groups * patch.group, rows},
-      patch.group};
+  const std::size_t first = box.y - std::min(box.y, reach);
+  const std::size_t rows = std::min(box.bottom() + reach, patch.rows) - first, groups = box.width;
+  OwnPixels out{std::vector<double>(rows * groups),
+                std::vector<std::uint8_t>(rows * groups),
+                std::vector<double>(rows),
+                std::vector<double>(rows),
+                {patch.first_column + box.x * patch.group, patch.first_row + first, groups * patch.group, rows},
+                patch.group};
   for (std::size_t n = 0; n < rows; ++n)
     for (std::size_t g = 0; g < groups; ++g) {
-      const std::size_t row = first + n, from = row * patch.stride + box.first_group + g, to = n * groups + g;
+      const std::size_t row = first + n, from = row * patch.stride + box.x + g, to = n * groups + g;
       out.light[to] = patch.logs[from];
-      out.own[to] = row >= box.first_row && row < box.end_row &&
+      out.own[to] = row >= box.y && row < box.bottom() &&
                     swing.real[from] * phase.real() + swing.imaginary[from] * phase.imag() > least;
     }
   centre(out, std::vector<double>(rows));

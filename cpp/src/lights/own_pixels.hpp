@@ -22,7 +22,7 @@ struct OwnPixels {
 
 // Pixels of the box and `reach` rows above and below it; the light's own are those of the box whose swing along the
 // phase of its sum exceeds `least`.
-OwnPixels own_pixels(const Patch& patch, const ComplexValues& swing, const PatchRange& box, std::size_t reach,
+OwnPixels own_pixels(const Patch& patch, const ComplexValues& swing, const Region& box, std::size_t reach,
                      double least);
 
 // The frequency in [lower, upper], cycles per row, with most energy in the fit of mean, slope and up to three harmonics

@@ -14,7 +14,7 @@ using Complex = std::complex<double>;
 
 // Σ_h |Σ_n x(n)·e^(−j2πhfn)|² for h = 1 … harmonics.
 double energy_of(std::span<const double> x, double frequency, std::size_t harmonics) {
-  std::array<Complex, kHarmonics> sums{};
+  std::array<Complex, kComparedHarmonics> sums{};
   const Complex step = turned(frequency);
   Complex turn = 1;
   for (const double value : x) {

@@ -9,10 +9,9 @@
 
 #include "core/levels.hpp"
 #include "core/statistics.hpp"
+#include "ocisac/tones/periodic_fit.hpp"
 
 namespace ocisac {
-
-constexpr std::size_t kHarmonics = 3;  // of a light that a frequency is found by
 
 // Newton's step to the maximum of an energy of the frequency, by differences: at most a quarter of a cycle over the
 // rows, uphill where the curvature has the wrong sign.
@@ -24,14 +23,15 @@ struct Peak {
 template <class Energy>
 Peak peak_near(double frequency, double rows, const Energy& energy) {
   const double apart = 0.02 / rows, longest = 0.25 / rows;
-  const double below = energy(frequency - apart, kHarmonics), above = energy(frequency + apart, kHarmonics);
-  const double bend = 2 * energy(frequency, kHarmonics) - below - above, slope = 0.5 * apart * (above - below);
+  const double below = energy(frequency - apart, kComparedHarmonics),
+               above = energy(frequency + apart, kComparedHarmonics);
+  const double bend = 2 * energy(frequency, kComparedHarmonics) - below - above, slope = 0.5 * apart * (above - below);
   return {bend > 0 ? std::clamp(slope / bend, -longest, longest) : std::copysign(longest, slope),
           bend / (apart * apart)};
 }
 
-// Frequency in [lower, upper] that maximises energy(frequency, harmonics) of kHarmonics harmonics: ascends from the
-// peak of the fundamental on a grid of 1/8 cycle over the rows.
+// Frequency in [lower, upper] that maximises energy(frequency, harmonics) of kComparedHarmonics harmonics: ascends from
+// the peak of the fundamental on a grid of 1/8 cycle over the rows.
 template <class Energy>
 double strongest_frequency(double lower, double upper, double rows, const Energy& energy) {
   const double step = 0.125 / rows;

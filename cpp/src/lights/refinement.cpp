@@ -30,45 +30,16 @@ double size(Complex z) { return std::sqrt(std::norm(z)); }
 
 // Calls visit(index, row) for every element of a part of the patch.
 template <class Visit>
-void for_each(const Patch& patch, const PatchRange& range, Visit visit) {
-  for (std::size_t n = range.first_row; n < range.end_row; ++n)
-    for (std::size_t g = range.first_group; g < range.end_group; ++g) visit(n * patch.stride + g, n);
-}
-
-// A connected part of the patch, rows and groups inclusive.
-struct Component {
-  std::size_t top, bottom, left, right;
-  double weight;
-};
-
-// Removes the connected part that contains `start` from `open_to`.
-Component connected_part(const Patch& patch, std::span<const double> aligned, std::vector<std::uint8_t>& open_to,
-                         std::size_t start, std::vector<std::size_t>& stack) {
-  Component part{patch.rows, 0, patch.groups, 0, 0};
-  stack.assign(1, start);
-  open_to[start] = 0;
-  while (!stack.empty()) {
-    const std::size_t at = stack.back(), n = at / patch.stride, g = at % patch.stride;
-    stack.pop_back();
-    part.weight += aligned[at];
-    part.left = std::min(part.left, g), part.right = std::max(part.right, g);
-    part.top = std::min(part.top, n), part.bottom = std::max(part.bottom, n);
-    for (std::size_t m = n - (n > 0); m <= std::min(n + 1, patch.rows - 1); ++m)
-      for (std::size_t h = g - (g > 0); h <= std::min(g + 1, patch.groups - 1); ++h) {
-        const std::size_t next = m * patch.stride + h;
-        if (!open_to[next]) continue;
-        open_to[next] = 0;
-        stack.push_back(next);
-      }
-  }
-  return part;
+void for_each(const Patch& patch, const Region& range, Visit visit) {
+  for (std::size_t n = range.y; n < range.bottom(); ++n)
+    for (std::size_t g = range.x; g < range.right(); ++g) visit(n * patch.stride + g, n);
 }
 
 // Groups that swing with the strongest ones of `core`, another lamp on the same rows excluded: Re Σ_n s(n)·r*(n) over
 // Σ_n |s(n)|·|r(n)| of the swings s and r is 1 where they have one phase in all rows, near 0 where the frequency
 // differs by a cycle or more over them. Over the rows of a tile a tone of its frequency keeps its phase to half a turn.
 // Reference: the strongest group, then the sum of those that swing with it.
-std::vector<std::uint8_t> coherent_groups(const Patch& patch, const ComplexValues& swing, const PatchRange& core) {
+std::vector<std::uint8_t> coherent_groups(const Patch& patch, const ComplexValues& swing, const Region& core) {
   std::vector<Complex> sums(patch.groups);
   for_each(patch, core, [&](std::size_t i, std::size_t n) { sums[i - n * patch.stride] += swing[i]; });
   std::vector<std::uint8_t> coherent(patch.groups);
@@ -77,7 +48,7 @@ std::vector<std::uint8_t> coherent_groups(const Patch& patch, const ComplexValue
     std::vector<double> products(patch.groups), sizes(patch.groups);
     for (std::size_t n = 0; n < patch.rows; ++n) {
       Complex reference = 0;
-      for (std::size_t g = core.first_group; g < core.end_group; ++g)
+      for (std::size_t g = core.x; g < core.right(); ++g)
         if (coherent[g]) reference += swing[n * patch.stride + g];
       const double c = reference.real(), s = reference.imag(), length = size(reference);
       for (std::size_t g = 0; g < patch.groups; ++g) {
@@ -95,14 +66,14 @@ std::vector<std::uint8_t> coherent_groups(const Patch& patch, const ComplexValue
 // begins in the suspect's, in columns that swing together. `clear`: where the suspect's tone is clearest.
 std::optional<RefinedLight> lit_box(const Patch& patch, const ComplexValues& swing, const Region& suspect,
                                     const Region& clear, double edge) {
-  const PatchRange clearest = patch.range(clear);
-  if (clearest.size() == 0) return {};
+  const Region clearest = patch.range(clear);
+  if (clearest.pixels() == 0) return {};
   const auto coherent = coherent_groups(patch, swing, clearest);
-  const PatchRange where = patch.range(suspect);
-  if (where.size() == 0) return {};
+  const Region where = patch.range(suspect);
+  if (where.pixels() == 0) return {};
   Complex sum = 0;
   std::vector<double> sizes;
-  sizes.reserve(where.size());
+  sizes.reserve(where.pixels());
   for_each(patch, where, [&](std::size_t i, std::size_t n) {
     if (!coherent[i - n * patch.stride]) return;
     const double length = size(swing[i]);
@@ -126,38 +97,35 @@ std::optional<RefinedLight> lit_box(const Patch& patch, const ComplexValues& swi
       open_to[i] = static_cast<std::uint8_t>((along > least) & (along * along > kMostly * kMostly * (a * a + b * b)) &
                                              coherent[g]);
     }
-  Component best{};
-  std::vector<std::size_t> stack;
-  for_each(patch, where, [&](std::size_t i, std::size_t) {
+  Region best;
+  double most = 0;
+  for_each(patch, where, [&](std::size_t i, std::size_t n) {
     if (!open_to[i]) return;
-    const Component part = connected_part(patch, aligned, open_to, i, stack);
-    if (part.weight > best.weight) best = part;
+    Region part{i - n * patch.stride, n, 1, 1};
+    double weight = 0;
+    visit_connected(
+        i, patch.stride, open_to, [](auto...) { return true; },
+        [&](std::size_t at, const Region& place) {
+          weight += aligned[at];
+          part = hull(part, place);
+        });
+    if (weight > most) most = weight, best = part;
   });
-  if (best.weight == 0) return {};
-  return RefinedLight{.box = {patch.first_column + best.left * patch.group, patch.first_row + best.top,
-                              (best.right - best.left + 1) * patch.group, best.bottom - best.top + 1},
+  if (most == 0) return {};
+  return RefinedLight{.box = {patch.first_column + best.x * patch.group, patch.first_row + best.y,
+                              best.width * patch.group, best.height},
                       .amplitude = largest};
 }
 
-struct Profile {
-  std::vector<double> matched;  // (patch rows): Σ over the light's columns of weight × log swing; 0 outside
-  std::vector<double> weight;   // Σ of squared weights
-  double energy = 0;            // Σ of squared log swing, in the box
-  double common = 0;            // energy of the weighted mean over the columns
-  double noise = 0;             // Σ of the noise variance, in the box
-  double uneven = 0;  // modulation depth, at the frequency, of the variance across the columns in the box, 0 to 1
-  std::vector<double> even;  // (patch rows): Σ over the columns of weight × log swing, equal in all rows of the box
-};
-
 // Light multiplies a picture, so the texture of log light is equal in bright and dark rows. Lines of text have texture
 // only in the rows of their letters.
-double uneven_variance(const Patch& patch, const PatchRange& core, const std::vector<double>& fast, double frequency) {
+double uneven_variance(const Patch& patch, const Region& core, const std::vector<double>& fast, double frequency) {
   Complex tone = 0;
   double total = 0;
-  const auto count = static_cast<double>(core.end_group - core.first_group);
-  for (std::size_t n = core.first_row; n < core.end_row; ++n) {
+  const auto count = static_cast<double>(core.width);
+  for (std::size_t n = core.y; n < core.bottom(); ++n) {
     double sum = 0, square = 0;
-    for (std::size_t g = core.first_group; g < core.end_group; ++g) {
+    for (std::size_t g = core.x; g < core.right(); ++g) {
       const double x = fast[n * patch.stride + g];
       sum += x;
       square += x * x;
@@ -170,11 +138,11 @@ double uneven_variance(const Patch& patch, const PatchRange& core, const std::ve
 }
 
 // Profile weighted with the local swing of log light, in the box and two cycles on each side.
-Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Region& box, double frequency) {
-  const ComplexValues swing = demodulator.swing(patch, patch.logs);
+Profile profile_of(const Patch& patch, const kernels::HannWindow& window, const Region& box, double frequency) {
+  const ComplexValues swing = swing_of(patch, patch.logs, window);
   const std::vector<double> fast = fast_logs(patch, hann_length(frequency));
   const auto cycle = static_cast<std::size_t>(std::lround(1 / frequency));
-  const PatchRange core = patch.range(box), wide = patch.range(widened(box, 2 * cycle));
+  const Region core = patch.range(box), wide = patch.range(widened(box, 2 * cycle));
   Complex sum = 0;
   for_each(patch, core, [&](std::size_t i, std::size_t) { sum += swing[i]; });
   const Complex phase = sum == Complex(0) ? Complex(1) : sum / std::abs(sum);
@@ -188,9 +156,9 @@ Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Reg
     profile.matched[row] += w * fast[i];
     profile.weight[row] += w * w;
   });
-  for (std::size_t n = core.first_row; n < core.end_row; ++n) {
+  for (std::size_t n = core.y; n < core.bottom(); ++n) {
     double sums = 0, weights = 0;
-    for (std::size_t i = n * patch.stride + core.first_group; i < n * patch.stride + core.end_group; ++i) {
+    for (std::size_t i = n * patch.stride + core.x; i < n * patch.stride + core.right(); ++i) {
       const double w = weight(i);
       profile.energy += fast[i] * fast[i];
       sums += w * fast[i];
@@ -203,12 +171,12 @@ Profile profile_of(const Patch& patch, const Demodulator& demodulator, const Reg
   for_each(patch, core, [&](std::size_t i, std::size_t row) { of_columns[i - row * patch.stride] += weight(i); });
   for_each(patch, core,
            [&](std::size_t i, std::size_t row) { profile.even[row] += of_columns[i - row * patch.stride] * fast[i]; });
-  profile.noise = static_cast<double>(core.size()) * noise_variance(patch, core);
+  profile.noise = static_cast<double>(core.pixels()) * noise_variance(patch, core);
   return profile;
 }
 
 // Σ Im²(z·φ*) / Σ |z|² of the swing z in the box; φ: phase of Σ z.
-double across_phase(const Patch& patch, const ComplexValues& swing, const PatchRange& core) {
+double across_phase(const Patch& patch, const ComplexValues& swing, const Region& core) {
   Complex sum = 0, squares = 0;
   double energy = 0;
   for_each(patch, core, [&](std::size_t i, std::size_t) {
@@ -225,25 +193,22 @@ double across_phase(const Patch& patch, const ComplexValues& swing, const PatchR
 void add_appearance(const Patch& patch, const ComplexValues& swing, double seen, RefinedLight& light) {
   const double frequency = light.frequency;
   const auto mean = local_means(patch.light, patch.rows, patch.stride, hann_length(frequency));
-  const PatchRange core = patch.range(light.box);
-  PatchRange wide = core;
-  const std::size_t beside = std::max<std::size_t>((core.end_group - core.first_group) / 2, 1);
-  wide.first_group -= std::min(wide.first_group, beside);
-  wide.end_group = std::min(wide.end_group + beside, patch.groups);
+  const Region core = patch.range(light.box);
+  const std::size_t beside = std::max<std::size_t>(core.width / 2, 1), left = core.x - std::min(core.x, beside);
   const auto above = static_cast<std::size_t>(std::lround(1 / frequency));
-  wide.first_row -= std::min(wide.first_row, above);
-  wide.end_row = std::min(wide.end_row + above, patch.rows);
+  const std::size_t top = core.y - std::min(core.y, above);
+  const Region wide{left, top, std::min(core.right() + beside, patch.groups) - left,
+                    std::min(core.bottom() + above, patch.rows) - top};
   double swings = 0, means = 0, products = 0, swings2 = 0, means2 = 0;
   for_each(patch, wide, [&](std::size_t i, std::size_t) {
     const double s = 2 * size(swing[i]), m = mean[i];
     swings += s, means += m, products += s * m, swings2 += s * s, means2 += m * m;
   });
-  const auto count = static_cast<double>(wide.size());
+  const auto count = static_cast<double>(wide.pixels());
   const double covariance = products - swings * means / count;
   const double spread = (swings2 - swings * swings / count) * (means2 - means * means / count);
   light.contour = spread > 0 ? covariance / std::sqrt(spread) : 0;
-  if (wide.first_group == core.first_group && wide.end_group == core.end_group)
-    light.contour = 1;  // it fills the frame
+  if (wide.width == core.width) light.contour = 1;  // it fills the frame
   double weighted = 0, bright = 0;
   for_each(patch, core, [&](std::size_t i, std::size_t) {
     const double s = 2 * size(swing[i]);
@@ -292,32 +257,38 @@ double chance_of(std::span<const double> signal, double frequency) {
 
 // The light in a box by its profile.
 RefinedLight refined(const Patch& patch, const Profile& profile, const Region& box, double frequency, double error) {
-  const double common = profile.energy > 0 ? std::min(profile.common / profile.energy, 1.0) : 0;
-  const double periodic = periodic_share(profile.matched, profile.weight, frequency, harmonics_of(frequency)),
-               explained = common * periodic;
+  const double periodic = periodic_share(profile.matched, profile.weight, frequency, harmonics_of(frequency));
+  RefinedLight light = light_of(profile, patch, box, frequency, error, common_share(profile) * periodic);
+  light.periodic = periodic, light.chance = chance_of(profile.even, frequency), light.uneven = profile.uneven;
+  return light;
+}
+
+}  // namespace
+
+double common_share(const Profile& profile) {
+  return profile.energy > 0 ? std::min(profile.common / profile.energy, 1.0) : 0;
+}
+
+RefinedLight light_of(const Profile& profile, const Patch& patch, const Region& box, double frequency, double error,
+                      double explained) {
   const double rest = std::max(profile.energy * (1 - explained) - profile.noise, 0.0);
   return {.box = box,
           .frequency = frequency,
           .frequency_std = error,
           .phase = phase_at_start(profile.matched, frequency, patch.first_row),
           .snr = explained / std::max(1 - explained, 1e-12),
-          .common = common,
-          .periodic = periodic,
-          .chance = chance_of(profile.even, frequency),
-          .texture = rest / std::max(profile.energy * explained, 1e-300),
-          .uneven = profile.uneven};
+          .common = common_share(profile),
+          .texture = rest / std::max(profile.energy * explained, 1e-300)};
 }
 
-}  // namespace
-
-void measure_tilt(const Patch& patch, const ComplexValues& swing, const PatchRange& core, double seen,
+void measure_tilt(const Patch& patch, const ComplexValues& swing, const Region& core, double seen,
                   RefinedLight& light) {
-  const std::size_t groups = core.end_group - core.first_group;
+  const std::size_t groups = core.width;
   if (groups < kTiltGroups) return;
   std::vector<Complex> sums(groups);
-  for (std::size_t n = core.first_row; n < core.end_row; ++n) {
+  for (std::size_t n = core.y; n < core.bottom(); ++n) {
     const Complex turn = turned((light.frequency - seen) * static_cast<double>(n));
-    for (std::size_t g = 0; g < groups; ++g) sums[g] += product(swing[n * patch.stride + core.first_group + g], turn);
+    for (std::size_t g = 0; g < groups; ++g) sums[g] += product(swing[n * patch.stride + core.x + g], turn);
   }
   Complex step = 0;
   for (std::size_t g = 1; g < groups; ++g) step += product(sums[g], std::conj(sums[g - 1]));
@@ -343,24 +314,24 @@ void measure_tilt(const Patch& patch, const ComplexValues& swing, const PatchRan
   light.tilt = (slope + force / moment) * per_column, light.tilt_std = spread * per_column;
 }
 
-std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, const LightLimits& limits,
-                                          double edge, int rounds) {
+std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, double min_cycles, double edge,
+                                          int rounds) {
   Region box = suspect.box;
   double frequency = suspect.frequency;
   for (int round = 1;; ++round) {
     const std::size_t margin = hann_length(frequency) + 2;
     const Patch patch = patch_of(frame, box, margin, margin);
-    const Demodulator demodulator(frequency, patch.rows);
-    const ComplexValues swing = demodulator.swing(patch, patch.light);
+    const auto window = hann_window(frequency, patch.rows, hann_length(frequency));
+    const ComplexValues swing = swing_of(patch, patch.light, window);
     const auto lit = lit_box(patch, swing, box, round == 1 ? suspect.best : box, edge);
-    if (!lit || 2 * lit->amplitude < 0.7 * limits.amplitude ||
-        static_cast<double>(lit->box.height) < 0.7 * std::max(limits.rows, limits.cycles / frequency))
+    if (!lit || 2 * lit->amplitude < 0.7 * frame.min_amplitude ||
+        static_cast<double>(lit->box.height) < 0.7 * std::max(kMinRows, min_cycles / frequency))
       return {};
     const std::size_t known = box.height;
     box = lit->box;
     const bool inside = edge != kWholeBox;
     if (inside && static_cast<double>(box.height) * frequency > kLongestInner) return {};
-    const Profile profile = inside ? Profile{} : profile_of(patch, demodulator, box, frequency);
+    const Profile profile = inside ? Profile{} : profile_of(patch, window, box, frequency);
     const auto cycle = static_cast<std::size_t>(std::lround(1 / frequency));
     OwnPixels own = inside ? own_pixels(patch, swing, patch.range(box), 2 * cycle, edge * lit->amplitude) : OwnPixels{};
     const double reach = round == 1 ? kFirstReach : kFrequencyReach, last = frequency;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "lights/light_patch.hpp"
 #include "lights/screening.hpp"
@@ -11,10 +12,7 @@
 
 namespace ocisac {
 
-// Minimum rows and cycles of a box, and minimum amplitude in DN.
-struct LightLimits {
-  double rows, cycles, amplitude;
-};
+constexpr double kMinRows = 24;  // of a light's box
 
 struct RefinedLight {
   Region box = {};                          // of the fundamental above 15 % of its largest amplitude
@@ -43,23 +41,40 @@ constexpr double kLongestInner = 12;  // cycles in an inner box
 // Reach of a search about a frequency, relative: of a suspect, and of a round.
 constexpr double kFirstReach = 0.22, kFrequencyReach = 0.12;
 
+// Log light along the rows of a light.
+struct Profile {
+  std::vector<double> matched;  // (patch rows): Σ over the light's columns of weight × log swing; 0 outside
+  std::vector<double> weight;   // Σ of squared weights
+  double energy = 0;            // Σ of squared log swing, in the box
+  double common = 0;            // energy of the weighted mean over the columns
+  double noise = 0;             // Σ of the noise variance, in the box
+  double uneven = 0;  // modulation depth, at the frequency, of the variance across the columns in the box, 0 to 1
+  std::vector<double> even;  // (patch rows): Σ over the columns of weight × log swing, equal in all rows of the box
+};
+
+double common_share(const Profile& profile);
+
+// The light of a profile that a tone or a waveform explains to this fraction of its energy.
+RefinedLight light_of(const Profile& profile, const Patch& patch, const Region& box, double frequency, double error,
+                      double explained);
+
 // Fraction of the energy Σ matched²/weight of a profile explained by a least-squares fit of weight·(`most` harmonics).
 double periodic_share(std::span<const double> matched, std::span<const double> weight, double frequency,
                       std::size_t most);
 
 // Tilt of the bars in a part of the patch, from the phase of the swing z of each group of columns u: the slope s that
 // maximises |Σ z·e^(−jsu)|. `seen`: frequency of the demodulation.
-void measure_tilt(const Patch& patch, const ComplexValues& swing, const PatchRange& core, double seen,
-                  RefinedLight& light);
+void measure_tilt(const Patch& patch, const ComplexValues& swing, const Region& core, double seen, RefinedLight& light);
 
 // Demodulation at the suspect's frequency f with a Hann window of two cycles, which removes the mean, gives a map of
 // the light's swing. The box is the region where the swing has the phase of its sum. The frequency maximises the energy
 // of f, 2f and 3f in log light weighted by the local swing: a real, positive envelope does not bias the peak, even for
 // few cycles. Its standard error is a jackknife over groups of cycles. Absent if box or amplitude falls below 0.7 of
-// the limits in a round. `rounds`: minimum; one suffices if the suspect's box and frequency come from the last frame.
-// Rounds go on until box and frequency stand. With `edge` kInnerBox, box and measures are those of the light's own
-// pixels (own_pixels.hpp): where texture around a lamp swings in phase with it, a whole box is too large.
-std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, const LightLimits& limits,
+// the least rows, cycles or amplitude in a round. `rounds`: minimum; one suffices if the suspect's box and frequency
+// come from the last frame. Rounds go on until box and frequency stand. With `edge` kInnerBox, box and measures are
+// those of the light's own pixels (own_pixels.hpp): where texture around a lamp swings in phase with it, a whole box is
+// too large.
+std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, double min_cycles,
                                           double edge = kWholeBox, int rounds = 2);
 
 }  // namespace ocisac

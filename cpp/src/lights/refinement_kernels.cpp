@@ -22,7 +22,7 @@ struct Sum {
   Doubles real, imaginary;
 
   // Adds x·carrier(i) and subtracts y·carrier(k).
-  HWY_INLINE void slide(const Carrier& carrier, Doubles x, std::size_t i, Doubles y, std::size_t k) {
+  HWY_INLINE void slide(const ComplexValues& carrier, Doubles x, std::size_t i, Doubles y, std::size_t k) {
     const DoubleTag d;
     real = hn::MulAdd(x, hn::Set(d, carrier.real[i]), real);
     imaginary = hn::MulAdd(x, hn::Set(d, carrier.imaginary[i]), imaginary);

@@ -1,21 +1,25 @@
 // Inner loops of the refinement of light sources, compiled once for each SIMD target.
 #pragma once
 
+#include <complex>
 #include <cstddef>
+#include <vector>
 
 namespace ocisac::kernels {
 
 constexpr std::size_t kPatchPadding = 8;  // groups of a patch are padded to a multiple of this
 
-// e^{−j2πfm} for m from −reach to rows + reach − 1.
-struct Carrier {
-  const double *real, *imaginary;
+// Complex values, such as z of each element of a patch: (rows × stride).
+struct ComplexValues {
+  std::vector<double> real, imaginary;
+
+  [[nodiscard]] std::complex<double> operator[](std::size_t i) const { return {real[i], imaginary[i]}; }
 };
 
 // A Hann window of `length` rows (odd), sum 1, on a tone: three running sums with carriers f − 1/length, f and f +
-// 1/length; `turns`: e^{−j2πn/length} of the rows.
+// 1/length, e^{−j2πfm} for m from −reach to rows + reach − 1; `turns`: e^{−j2πn/length} of the rows.
 struct HannWindow {
-  Carrier below, middle, above, turns;
+  ComplexValues below, middle, above, turns;
   std::size_t length;
 };
 

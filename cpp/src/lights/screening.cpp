@@ -79,30 +79,22 @@ BestWave strongest_wave(const kernels::Chunk& earlier, const kernels::Chunk& lat
   return best;
 }
 
-struct TileMap {
-  std::size_t windows = 0, across = 0;
-  std::vector<BestWave> tiles;
-};
-
 std::size_t windows_in(std::size_t rows) { return rows < kWindow ? 0 : (rows - kWindow) / kHop + 1; }
 
 bool alike(std::uint8_t a, std::uint8_t b) { return std::abs(kCycles[a] - kCycles[b]) <= 1; }
 
-// Suspects from tiles that touch, corners included, and agree in frequency.
-void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, std::size_t column_step,
-                  std::vector<Suspect>& suspects) {
-  std::vector<std::uint8_t> seen(map.tiles.size());
-  std::vector<std::size_t> open;
-  for (std::size_t start = 0; start < map.tiles.size(); ++start) {
-    if (seen[start] || map.tiles[start].amount == 0) continue;
+// Suspects from tiles (windows × across) that touch, corners included, and agree in frequency.
+void add_suspects(const std::vector<BestWave>& tiles, std::size_t across, std::size_t groups, std::size_t row_step,
+                  std::size_t column_step, std::vector<Suspect>& suspects) {
+  std::vector<std::uint8_t> open(tiles.size());
+  std::ranges::transform(tiles, open.begin(), [](const BestWave& tile) { return tile.amount != 0; });
+  const auto joined = [&](std::size_t a, std::size_t b) { return alike(tiles[a].wave, tiles[b].wave); };
+  for (std::size_t start = 0; start < tiles.size(); ++start) {
+    if (!open[start]) continue;
     Suspect suspect{};
-    open.assign(1, start);
-    seen[start] = 1;
-    while (!open.empty()) {
-      const std::size_t at = open.back(), w = at / map.across, g = at % map.across;
-      open.pop_back();
-      const auto [share, wave] = map.tiles[at];
-      const Region box{g * column_step, w * kHop * row_step, groups * column_step, kWindow * row_step};
+    visit_connected(start, across, open, joined, [&](std::size_t at, const Region& place) {
+      const auto [share, wave] = tiles[at];
+      const Region box{place.x * column_step, place.y * kHop * row_step, groups * column_step, kWindow * row_step};
       suspect.box = suspect.evidence > 0 ? hull(suspect.box, box) : box;
       suspect.evidence -= std::log1p(-static_cast<double>(share));
       if (share > suspect.share) {
@@ -110,14 +102,7 @@ void add_suspects(const TileMap& map, std::size_t groups, std::size_t row_step, 
         suspect.frequency = kCycles[wave] / static_cast<double>(kWindow * row_step);
         suspect.best = box;
       }
-      for (std::size_t v = w - (w > 0); v <= std::min(w + 1, map.windows - 1); ++v)
-        for (std::size_t h = g - (g > 0); h <= std::min(g + 1, map.across - 1); ++h) {
-          const std::size_t next = v * map.across + h;
-          if (seen[next] || map.tiles[next].amount == 0 || !alike(map.tiles[next].wave, wave)) continue;
-          seen[next] = 1;
-          open.push_back(next);
-        }
-    }
+    });
     suspects.push_back(suspect);
   }
 }
@@ -181,12 +166,13 @@ class Scale {
 
   void collect(std::vector<Suspect>& suspects) const {
     if (wide_) wide_->collect(suspects);
-    add_suspects(map_, tile_width(), row_step_, column_step_, suspects);
+    add_suspects(tiles_, tiles_across(), tile_width(), row_step_, column_step_, suspects);
     if (half_) half_->collect(suspects);
   }
 
  private:
   [[nodiscard]] std::size_t tile_width() const { return std::min(kTileGroups, groups_); }
+  [[nodiscard]] std::size_t tiles_across() const { return groups_ - tile_width() + 1; }
 
   void add_to_wide(const float* light) {
     for (std::size_t g = 0; g < wide_->groups_; ++g) {
@@ -209,28 +195,25 @@ class Scale {
   void end_chunk() {
     check_interrupt();
     const std::size_t chunks = seen_ / kernels::kChunkRows, later = (chunks - 1) % 2;
-    const kernels::Chunk newest = chunk(later);
-    kernels::chunk_moments(newest.first, stride_, groups_, tile_width(), newest.moments,
-                           &common_[later * kernels::kChunkRows * stride_]);
+    kernels::chunk_moments(stride_, groups_, tile_width(), chunk(later));
     if (chunks > 1) end_window(1 - later, later);
   }
 
   // The common share of a tile is a cheap upper bound for that of any tone in it; tones are evaluated only where it
   // reaches the threshold.
   void end_window(std::size_t earlier, std::size_t later) {
-    const std::size_t across = groups_ - tile_width() + 1;
-    map_.across = across;
-    map_.tiles.resize(++map_.windows * across);
+    const std::size_t first = tiles_.size();
+    tiles_.resize(first + tiles_across());
     const kernels::Chunk a = chunk(earlier), b = chunk(later);
     const auto count = static_cast<float>(tile_width());
     const auto threshold = static_cast<float>(threshold_);
     const kernels::WindowScratch scratch{scratch_[0].data(), scratch_[1].data(), scratch_[2].data(),
                                          scratch_[3].data(), scratch_[4].data(), scratch_[5].data()};
-    if (!kernels::tile_energies(a, b, across,
+    if (!kernels::tile_energies(a, b, tiles_across(),
                                 {tile_width(), kMinPower * kWindow * count, threshold, waves().slope_energy}, scratch,
                                 energy_.data()))
       return;
-    for (std::size_t g = 0; g < across; ++g) {
+    for (std::size_t g = 0; g < tiles_across(); ++g) {
       const float energy = energy_[g];
       if (energy == 0) continue;
       float mean = 0;  // of log light
@@ -239,25 +222,25 @@ class Scale {
       if (energy < 0.5F * swing * swing * kWindow * count) continue;
       const BestWave tone = strongest_wave(a, b, g, stride_, tile_width());
       const float share = tone.amount / (count * energy);
-      if (share >= threshold) map_.tiles[(map_.windows - 1) * across + g] = {std::min(share, 0.9999F), tone.wave};
+      if (share >= threshold) tiles_[first + g] = {std::min(share, 0.9999F), tone.wave};
     }
   }
 
   [[nodiscard]] kernels::Chunk chunk(std::size_t which) {
     const auto part = [&](std::size_t k) { return moments_[k].data() + which * stride_; };
     const std::size_t at = which * kernels::kChunkRows * stride_;
-    return {&logs_[at], {part(0), part(1), part(2), part(3), part(4)}, &common_[at]};
+    return {&logs_[at], part(0), part(1), part(2), part(3), part(4), &common_[at]};
   }
 
   std::size_t rows_, groups_, row_step_, column_step_, stride_, across_ = 1, seen_ = 0;
   float floor_ = 0, min_swing_ = 0;
   double threshold_ = 1;
   std::vector<float> logs_, common_;           // (2 chunks × 16 rows)
-  std::array<std::vector<float>, 5> moments_;  // (2 chunks), as of ChunkMoments
+  std::array<std::vector<float>, 5> moments_;  // (2 chunks), as of Chunk
   std::vector<float> previous_, light_;
   std::array<std::vector<float>, 6> scratch_;  // of a window, as of WindowScratch
   std::vector<float> energy_;                  // of its tiles
-  TileMap map_;
+  std::vector<BestWave> tiles_;                // (windows × across)
   std::unique_ptr<Scale> wide_, half_;
 };
 

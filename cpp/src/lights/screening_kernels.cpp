@@ -19,16 +19,16 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-void ChunkMomentsOf(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile,
-                    const ChunkMoments& out, float* common) {
+void ChunkMomentsOf(std::size_t stride, std::size_t groups, std::size_t tile, const Chunk& chunk) {
   const hn::CappedTag<float, 16> d;
   const std::size_t lanes = hn::Lanes(d);
   for (std::size_t g = 0; g < groups; g += lanes) {
-    const auto first = hn::LoadU(d, rows + g), first1 = hn::LoadU(d, rows + g + 1), first2 = hn::LoadU(d, rows + g + 2);
+    const auto first = hn::LoadU(d, chunk.first + g), first1 = hn::LoadU(d, chunk.first + g + 1),
+               first2 = hn::LoadU(d, chunk.first + g + 2);
     auto sum = hn::Zero(d), slope = sum, square = sum, next = sum, second = sum;
-    hn::StoreU(sum, d, common + g);
+    hn::StoreU(sum, d, chunk.common + g);
     for (std::size_t n = 1; n < kChunkRows; ++n) {
-      const float* row = rows + n * stride + g;
+      const float* row = chunk.first + n * stride + g;
       const auto x = hn::Sub(hn::LoadU(d, row), first);
       const auto y = hn::Sub(hn::LoadU(d, row + 1), first1), z = hn::Sub(hn::LoadU(d, row + 2), first2);
       sum = hn::Add(sum, x);
@@ -37,13 +37,13 @@ void ChunkMomentsOf(const float* rows, std::size_t stride, std::size_t groups, s
       next = hn::Add(next, hn::Mul(x, y));
       second = hn::Add(second, hn::Mul(x, z));
       const auto two = tile > 1 ? hn::Add(x, y) : x;
-      hn::StoreU(tile > 2 ? hn::Add(two, z) : two, d, common + n * stride + g);
+      hn::StoreU(tile > 2 ? hn::Add(two, z) : two, d, chunk.common + n * stride + g);
     }
-    hn::StoreU(sum, d, out.sum + g);
-    hn::StoreU(slope, d, out.slope + g);
-    hn::StoreU(square, d, out.square + g);
-    hn::StoreU(next, d, out.next + g);
-    hn::StoreU(second, d, out.second + g);
+    hn::StoreU(sum, d, chunk.sum + g);
+    hn::StoreU(slope, d, chunk.slope + g);
+    hn::StoreU(square, d, chunk.square + g);
+    hn::StoreU(next, d, chunk.next + g);
+    hn::StoreU(second, d, chunk.second + g);
   }
 }
 
@@ -60,7 +60,7 @@ struct WindowProducts {
     const FloatTag d;
     const std::size_t h = g + apart;
     const auto step = hn::LoadU(d, of.step + g), other = hn::LoadU(d, of.step + h);
-    const auto sum = hn::LoadU(d, later.moments.sum + g), other_sum = hn::LoadU(d, later.moments.sum + h);
+    const auto sum = hn::LoadU(d, later.sum + g), other_sum = hn::LoadU(d, later.sum + h);
     auto total = hn::Add(hn::LoadU(d, before + g), hn::LoadU(d, after + g));
     total = hn::MulAdd(step, other_sum, total);
     total = hn::MulAdd(other, sum, total);
@@ -80,20 +80,19 @@ bool TileEnergies(const Chunk& earlier, const Chunk& later, std::size_t tiles, c
   constexpr float kLaterSlope = 0.5F * kRows * kRows;  // Σ of n − 15.5 over the later chunk
   for (std::size_t g = 0; g < groups; g += lanes) {
     const auto step = hn::Sub(hn::LoadU(d, later.first + g), hn::LoadU(d, earlier.first + g));
-    const auto before = hn::LoadU(d, earlier.moments.sum + g), after = hn::LoadU(d, later.moments.sum + g);
+    const auto before = hn::LoadU(d, earlier.sum + g), after = hn::LoadU(d, later.sum + g);
     hn::StoreU(step, d, scratch.step + g);
     hn::StoreU(hn::MulAdd(hn::Set(d, kRows), step, hn::Add(before, after)), d, scratch.sum + g);
-    auto slope = hn::Add(hn::LoadU(d, earlier.moments.slope + g), hn::LoadU(d, later.moments.slope + g));
+    auto slope = hn::Add(hn::LoadU(d, earlier.slope + g), hn::LoadU(d, later.slope + g));
     slope = hn::NegMulAdd(hn::Set(d, kMiddle), before, slope);
     slope = hn::MulAdd(hn::Set(d, kRows - kMiddle), after, slope);
     hn::StoreU(hn::MulAdd(hn::Set(d, kLaterSlope), step, slope), d, scratch.slope + g);
   }
   const WindowProducts products{scratch, earlier, later, 0.5F / kRows, 1 / bound.slope_energy};
-  const ChunkMoments &a = earlier.moments, &b = later.moments;
   for (std::size_t g = 0; g < groups; g += lanes) {
-    hn::StoreU(products(a.square, b.square, g, 0), d, scratch.own + g);
-    hn::StoreU(products(a.next, b.next, g, 1), d, scratch.near + g);
-    hn::StoreU(products(a.second, b.second, g, 2), d, scratch.far + g);
+    hn::StoreU(products(earlier.square, later.square, g, 0), d, scratch.own + g);
+    hn::StoreU(products(earlier.next, later.next, g, 1), d, scratch.near + g);
+    hn::StoreU(products(earlier.second, later.second, g, 2), d, scratch.far + g);
   }
   const auto min_energy = hn::Set(d, bound.min_energy);
   const auto min_share = hn::Set(d, bound.min_share * static_cast<float>(bound.groups));
@@ -197,9 +196,8 @@ HWY_EXPORT(SumEightBytes);
 HWY_EXPORT(SumEightColumns);
 HWY_EXPORT(Logarithms);
 
-void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile, const ChunkMoments& out,
-                   float* common) {
-  HWY_DYNAMIC_DISPATCH(ChunkMomentsOf)(rows, stride, groups, tile, out, common);
+void chunk_moments(std::size_t stride, std::size_t groups, std::size_t tile, const Chunk& chunk) {
+  HWY_DYNAMIC_DISPATCH(ChunkMomentsOf)(stride, groups, tile, chunk);
 }
 
 bool tile_energies(const Chunk& earlier, const Chunk& later, std::size_t tiles, const TileBound& bound,

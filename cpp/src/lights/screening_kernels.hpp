@@ -9,23 +9,16 @@ namespace ocisac::kernels {
 constexpr std::size_t kChunkRows = 16;
 constexpr std::size_t kChunkPadding = 72;  // floats that may be read beyond a row
 
-// For each group of columns over a chunk of rows, first row subtracted: Σx, Σx·row, Σx², and products Σx·y, Σx·z with
-// the next group and the one after it.
-struct ChunkMoments {
-  float *sum, *slope, *square, *next, *second;
-};
-
-// `rows`: kChunkRows rows of `groups` values, `stride` apart, with padding after each. common: the same rows, each
-// value the sum over `tile` (1 to 3) neighbouring ones, first row subtracted.
-void chunk_moments(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile, const ChunkMoments& out,
-                   float* common);
-
-// A chunk within a window: its first row, its moments about it, and `common` of chunk_moments().
+// A chunk of rows: kChunkRows rows of groups of columns, `stride` apart, with padding after each. Of each group, first
+// row subtracted: Σx, Σx·row, Σx², and products Σx·y, Σx·z with the next group and the one after it. common: the same
+// rows, each value the sum over neighbouring ones, first row subtracted.
 struct Chunk {
   const float* first;
-  ChunkMoments moments;
-  const float* common;
+  float *sum, *slope, *square, *next, *second, *common;
 };
+
+// Fills in all but the rows; `tile`: neighbours in a sum, 1 to 3.
+void chunk_moments(std::size_t stride, std::size_t groups, std::size_t tile, const Chunk& chunk);
 
 // Conditions for a candidate tile of `groups` neighbouring groups: energy above `min_energy`, and a common share of at
 // least `min_share`.

@@ -176,7 +176,8 @@ LightGain LightReceiver::measure_gain(const AnyFramesView& part) const {
   wanted.waveform = options_.gain->waveform;
   wanted.duty = options_.gain->duty;
   wanted.background = {&options_.gain->background, 1};
-  const ToneGain measured = pooled_tone_gain(part, camera_, {&result.frequency, 1}, wanted);
+  wanted.pooled = true;
+  const ToneGain measured = tone_gain(part, camera_, {&result.frequency, 1}, wanted);
   result.gain = first_of(measured.gain);
   result.gain_std = first_of(measured.gain_std);
   result.phase = first_of(measured.phase);

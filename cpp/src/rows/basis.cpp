@@ -19,21 +19,15 @@ std::span<double> appended(std::vector<double>& basis, std::size_t values) {
   return std::span(basis).last(values);
 }
 
-// First edge and length of the frame that begins at row `first`.
-struct Extent {
-  double begin, length;
-};
-Extent extent_of(std::span<const double> times) {
-  const double apart = times.size() > 1 ? (times.back() - times.front()) / static_cast<double>(times.size() - 1) : 1;
-  return {times.front() - 0.5 * apart, times.back() - times.front() + apart};
-}
-
-// visit(first row, times) for each frame.
+// visit(first row, times, their first edge, length from edge to edge) for each frame.
 template <class Visit>
 void for_each_frame(const RowSampling& rows, Visit visit) {
   const std::size_t height = rows.times.size() / rows.frames;
-  for (std::size_t frame = 0; frame < rows.frames; ++frame)
-    visit(frame * height, std::span(rows.times).subspan(frame * height, height));
+  for (std::size_t frame = 0; frame < rows.frames; ++frame) {
+    const auto times = std::span(rows.times).subspan(frame * height, height);
+    const double apart = height > 1 ? (times.back() - times.front()) / static_cast<double>(height - 1) : 1;
+    visit(frame * height, times, times.front() - 0.5 * apart, times.back() - times.front() + apart);
+  }
 }
 
 // Multiplies the column that (degree + 1) columns begin with by weights and polynomials.
@@ -41,11 +35,10 @@ void spread(const RowSampling& rows, std::size_t degree, std::span<double> colum
   if (degree == 0 && rows.weights.empty()) return;
   const std::size_t count = rows.times.size();
   std::vector<double> polynomials(degree + 1, 1.0);
-  for_each_frame(rows, [&](std::size_t first, std::span<const double> times) {
-    const Extent extent = extent_of(times);
+  for_each_frame(rows, [&](std::size_t first, std::span<const double> times, double begin, double length) {
     for (std::size_t i = 0; i < times.size(); ++i) {
       const std::size_t row = first + i;
-      if (degree > 0) legendre(2 * (times[i] - extent.begin) / extent.length - 1, polynomials);
+      if (degree > 0) legendre(2 * (times[i] - begin) / length - 1, polynomials);
       const double value = columns[row] * (rows.weights.empty() ? 1 : rows.weights[row]);
       for (std::size_t d = 0; d <= degree; ++d) columns[d * count + row] = value * polynomials[d];
     }
@@ -87,11 +80,10 @@ void append_slow_light(std::vector<double>& basis, const RowSampling& rows, std:
   std::vector<double> times(rows.times.size()), sine(times.size());
   for (std::size_t k = 1; k <= terms; ++k) {
     const auto column = appended(basis, rows.times.size());
-    for_each_frame(rows, [&](std::size_t first, std::span<const double> own) {
-      const Extent extent = extent_of(own);
+    for_each_frame(rows, [&](std::size_t first, std::span<const double> own, double begin, double length) {
       const auto from_edge = std::span(times).subspan(first, own.size());
-      std::ranges::transform(own, from_edge.begin(), [&](double time) { return time - extent.begin; });
-      fill_wave(from_edge, 0.5 * static_cast<double>(k) / extent.length, column.subspan(first, own.size()),
+      std::ranges::transform(own, from_edge.begin(), [&](double time) { return time - begin; });
+      fill_wave(from_edge, 0.5 * static_cast<double>(k) / length, column.subspan(first, own.size()),
                 std::span(sine).subspan(first, own.size()));
     });
     spread(rows, 0, column);

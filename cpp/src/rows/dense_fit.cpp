@@ -31,10 +31,13 @@ std::vector<double> dense_product(std::span<const double> a, std::size_t rows, s
   return values_of(product(transposed(b, b.size() / columns), left));
 }
 
-DenseFit dense_fit(std::span<const double> design, std::size_t rows) {
+double dense_fit(std::span<const double> design, std::size_t rows, std::vector<double>& weights,
+                 std::vector<double>& covariance) {
   const MatrixXd columns = transposed(design, rows).transpose();
   const LinearFit fit = linear_fit(columns, columns.cols());
-  return {values_of(fit.weights), values_of(fit.covariance), fit.condition};
+  weights = values_of(fit.weights);
+  covariance = values_of(fit.covariance);
+  return fit.condition;
 }
 
 }  // namespace ocisac

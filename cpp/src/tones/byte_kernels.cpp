@@ -34,14 +34,13 @@ void project(const ByteBlock& block, std::ptrdiff_t row_step, std::ptrdiff_t col
              const ProjectionSums& to) {
   const auto group = static_cast<std::size_t>(weights.row_group);
   if (to.first) {
-    for (double* values : {to.moments.totals, to.moments.squares, to.moments.maximum})
-      std::fill_n(values, block.columns, 0.0);
+    for (double* values : {to.totals, to.squares, to.maximum}) std::fill_n(values, block.columns, 0.0);
     for (const std::size_t part : weights.parts) std::fill_n(to.sums + part * to.stride, block.columns, 0.0);
   }
   const auto sum_of_group = [&](const std::uint8_t* pixel, std::size_t c) {
     std::int32_t sum = 0;
     for (std::size_t r = 0; r < group; ++r, pixel += row_step) {
-      to.moments.maximum[c] = std::max(to.moments.maximum[c], static_cast<double>(*pixel));
+      to.maximum[c] = std::max(to.maximum[c], static_cast<double>(*pixel));
       sum += *pixel;
     }
     return sum;
@@ -57,8 +56,8 @@ void project(const ByteBlock& block, std::ptrdiff_t row_step, std::ptrdiff_t col
         const auto weight = static_cast<std::int16_t>(g % 2 == 0 ? pair & 0xffffU : pair >> 16);
         to.sums[weights.parts[p] * to.stride + c] += weight * (p < weights.even ? near + far : near - far);
       }
-      to.moments.totals[c] += near + far;
-      to.moments.squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
+      to.totals[c] += near + far;
+      to.squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
     }
   for (const std::size_t part : weights.parts)
     for (std::size_t c = 0; c < block.columns; ++c) to.sums[part * to.stride + c] *= weights.unit(part, to.last);
@@ -886,9 +885,9 @@ void add_strip_in_order(Strips& strips, std::size_t i, const ByteWeights& weight
     add_in_order<kWrite>(from, 1, weights.unit(part, to.last), to.sums + part * to.stride + first, count);
     from += kPerSum;
   }
-  add_in_order<kWrite>(strip.squares, strips.square_share, 1, to.moments.squares + first, count);
-  add_in_order<kWrite>(strips.totals(i), 1, 1, to.moments.totals + first, count);
-  raise_in_order<kWrite>(strip.maximum, to.moments.maximum + first, count);
+  add_in_order<kWrite>(strip.squares, strips.square_share, 1, to.squares + first, count);
+  add_in_order<kWrite>(strips.totals(i), 1, 1, to.totals + first, count);
+  raise_in_order<kWrite>(strip.maximum, to.maximum + first, count);
 }
 
 void project_wide(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
@@ -967,10 +966,9 @@ HWY_INLINE void add_column(const std::uint8_t* HWY_RESTRICT pixels, std::size_t 
     put(to.sums + p * to.stride, of.sum(i), weights.unit(p, to.last));
   });
   if constexpr (!kMoments) return;
-  put(to.moments.squares, of.sum(kParts));
-  put(to.moments.totals, sum_of_shorts(of.total));
-  to.moments.maximum[column] =
-      std::max<double>(hn::GetLane(hn::MaxOfLanes(d16s, of.top)), to.first ? 0 : to.moments.maximum[column]);
+  put(to.squares, of.sum(kParts));
+  put(to.totals, sum_of_shorts(of.total));
+  to.maximum[column] = std::max<double>(hn::GetLane(hn::MaxOfLanes(d16s, of.top)), to.first ? 0 : to.maximum[column]);
 }
 
 void ProjectAcross(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {

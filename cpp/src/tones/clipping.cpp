@@ -53,8 +53,6 @@ std::optional<Pile> lowest(std::vector<T>& samples, int sign) {
   return Pile{static_cast<double>(level), static_cast<double>(beside), smallest_step(samples)};
 }
 
-constexpr std::size_t kCountedRows = 255;  // that a counter of one byte can count
-
 // A counter as wide as a sample, so that compilers make one vector operation of many columns.
 template <class T>
 using CountOf =
@@ -120,9 +118,10 @@ PileCounts count_pile(const AnyFramesView& frames, std::size_t frame, const Pile
         const T level = static_cast<T>(pile.level), beside = static_cast<T>(pile.beside);
         std::vector<T> copied(view.columns);
         std::vector<CountOf<T>> was_at(view.columns);
-        for (std::size_t first = 0; first < view.rows; first += kCountedRows) {
+        const auto most = static_cast<std::size_t>(std::numeric_limits<CountOf<T>>::max());
+        for (std::size_t first = 0; first < view.rows; first += std::min(most, view.rows)) {
           auto at = std::vector<CountOf<T>>(view.columns), near = at, beyond = at, runs = at;
-          for (std::size_t n = first; n < std::min(view.rows, first + kCountedRows); ++n) {
+          for (std::size_t n = first; n < first + std::min(most, view.rows - first); ++n) {
             const T* row = view.at(frame, n, 0);
             if (view.column_stride != 1) {
               for (std::size_t c = 0; c < view.columns; ++c) copied[c] = view(frame, n, c);

@@ -24,6 +24,7 @@
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
+#include "ocisac/light/exposure_modulation.hpp"
 #include "ocisac/light/exposure_response.hpp"
 
 namespace ocisac {
@@ -377,8 +378,8 @@ class BlockEqualizer {
 };
 
 // Bands (cycles per row) whose restored amplitude is below 1/2.
-std::vector<FrequencyBand> bands_lost(std::span<const double> restored, const Response& response) {
-  std::vector<FrequencyBand> bands;
+std::vector<Interval> bands_lost(std::span<const double> restored, const Response& response) {
+  std::vector<Interval> bands;
   const auto excess = [&](std::size_t k) { return restored[k] - 0.5; };
   bool inside = false;
   for (std::size_t k = 0; k < restored.size(); ++k) {
@@ -427,45 +428,23 @@ void check_settings(const EqualizerSettings& settings, std::size_t columns) {
   require(count <= 1 || count == columns, "noise", std::to_string(count) + " values", "none, one, or one a column");
 }
 
-// Maximum of |sinc| between the whole numbers k and k + 1 (k > 0): πx·cos(πx) = sin(πx).
-double lobe_peak(double k) {
-  double low = k, high = k + 0.5;
-  for (int step = 0; step < 60; ++step) {
-    const double middle = (low + high) / 2;
-    const double angle = std::numbers::pi * (middle - k);
-    (std::numbers::pi * middle * std::cos(angle) > std::sin(angle) ? low : high) = middle;
-  }
-  return low;
-}
-
-// Bisection for |sinc(x)| = level between `above` (higher there) and `below` (lower there).
-double crossing(double above, double below, double level) {
-  for (int step = 0; step < 60; ++step) {
-    const double middle = (above + below) / 2;
-    (std::abs(sinc(middle)) >= level ? above : below) = middle;
-  }
-  return below;
-}
-
 }  // namespace
 
-std::vector<FrequencyBand> lost_frequencies(const Camera& camera, double max_boost) {
+std::vector<Interval> lost_frequencies(const Camera& camera, double max_boost) {
   check(camera);
   check_max_boost(max_boost);
   const double exposure = known_exposure(camera, "equalisation");
   const double highest = 0.5 / camera.row_time;
   const double level = 1 / (std::numbers::sqrt2 * max_boost);
-  std::vector<FrequencyBand> bands;
-  double low = exposure > 0 ? crossing(0, 1, level) / exposure : kInfinity;
-  for (double k = 1; low < highest; ++k) {
-    const double peak = lobe_peak(k);
-    if (std::abs(sinc(peak)) < level) break;  // also true in all later lobes
-    const double high = crossing(peak, k, level) / exposure;
-    if (high >= highest) break;
-    bands.push_back({low, high});
-    low = crossing(peak, k + 1, level) / exposure;
+  std::vector<Interval> bands;
+  for (const auto& [low, high] : cycles_below({1}, level, std::min(exposure * highest, kMostNulls))) {
+    if (!(high < exposure * highest)) {
+      bands.push_back({std::min(low / exposure, highest), kInfinity});
+      return bands;
+    }
+    bands.push_back({low / exposure, high / exposure});
   }
-  bands.push_back({std::min(low, highest), kInfinity});
+  bands.push_back({highest, kInfinity});
   return bands;
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <complex>
+#include <iterator>
 #include <numbers>
 #include <numeric>
 #include <utility>
@@ -30,59 +31,43 @@ namespace {
 
 constexpr std::size_t kFewestRows = 8;
 constexpr std::size_t kMaxHarmonics = 31;
-constexpr std::size_t kComparedHarmonics = 3;  // sufficient to distinguish a fundamental from its harmonics
+
+double energy_of(std::span<const double> signal) {
+  return Eigen::Map<const Eigen::VectorXd>(signal.data(), std::ssize(signal)).squaredNorm();
+}
 
 // Signals scaled to unit energy, so that bright overlays do not dominate; constant ones are left out.
-class UnitSignals {
- public:
-  UnitSignals(std::span<const double> samples, std::size_t rows)
-      : energies_(energies_of(samples, rows)), scaled_(scaled(samples, rows), rows) {}
-
-  [[nodiscard]] const PeriodicSignals& scaled() const { return scaled_; }
-
-  // Fit of the signals as they were, without its step and its energies by harmonics.
-  [[nodiscard]] PeriodicFit fit(const PeriodicModel& model, double frequency) const {
-    const PeriodicFit of_scaled = fit_periodic(scaled_, model, frequency, false);
-    const std::size_t count = energies_.size();
-    PeriodicFit fit{
-        frequency, std::vector<double>(count), std::vector<double>(count), {}, std::vector<double>(2 * count)};
-    for (std::size_t s = 0, place = 0; s < count; ++s) {
-      if (!(energies_[s] > 0)) continue;
-      fit.residual_energy[s] = energies_[s] * of_scaled.residual_energy[place];
-      fit.periodic_energy[s] = energies_[s] * of_scaled.periodic_energy[place];
-      for (const std::size_t part : {0U, 1U})
-        fit.amplitudes[part * count + s] =
-            std::sqrt(energies_[s]) * of_scaled.amplitudes[part * scaled_.count() + place];
-      ++place;
-    }
-    return fit;
+PeriodicSignals unit_signals(std::span<const double> samples, std::size_t rows) {
+  std::vector<double> out;
+  out.reserve(samples.size());
+  for (std::size_t first = 0; first < samples.size(); first += rows) {
+    const auto signal = samples.subspan(first, rows);
+    const double energy = energy_of(signal);
+    if (!(energy > 0)) continue;
+    const double scale = 1 / std::sqrt(energy);
+    std::ranges::transform(signal, std::back_inserter(out), [=](double v) { return scale * v; });
   }
+  return {std::move(out), rows};
+}
 
- private:
-  static std::vector<double> energies_of(std::span<const double> samples, std::size_t rows) {
-    std::vector<double> energies(samples.size() / rows);
-    for (std::size_t s = 0; s < energies.size(); ++s)
-      energies[s] =
-          Eigen::Map<const Eigen::VectorXd>(&samples[s * rows], static_cast<Eigen::Index>(rows)).squaredNorm();
-    return energies;
+// Of a fit of unit signals that of the samples as they were, without step and energies by harmonics.
+PeriodicFit unscaled(const PeriodicFit& of_unit, std::span<const double> samples, std::size_t rows) {
+  const std::size_t count = samples.size() / rows, used = of_unit.residual_energy.size();
+  PeriodicFit fit;
+  fit.model = of_unit.model;
+  for (auto* energies : {&fit.residual_energy, &fit.periodic_energy}) energies->resize(count);
+  fit.amplitudes.resize(2 * count);
+  for (std::size_t s = 0, place = 0; s < count; ++s) {
+    const double energy = energy_of(samples.subspan(s * rows, rows));
+    if (!(energy > 0)) continue;
+    fit.residual_energy[s] = energy * of_unit.residual_energy[place];
+    fit.periodic_energy[s] = energy * of_unit.periodic_energy[place];
+    for (const std::size_t part : {0U, 1U})
+      fit.amplitudes[part * count + s] = std::sqrt(energy) * of_unit.amplitudes[part * used + place];
+    ++place;
   }
-
-  [[nodiscard]] std::vector<double> scaled(std::span<const double> samples, std::size_t rows) const {
-    std::vector<double> out(samples.size());
-    auto to = out.begin();
-    for (std::size_t s = 0; s < energies_.size(); ++s) {
-      if (!(energies_[s] > 0)) continue;
-      const double scale = 1 / std::sqrt(energies_[s]);
-      const auto signal = samples.subspan(s * rows, rows);
-      to = std::transform(signal.begin(), signal.end(), to, [=](double v) { return scale * v; });
-    }
-    out.erase(to, out.end());
-    return out;
-  }
-
-  std::vector<double> energies_;
-  PeriodicSignals scaled_;
-};
+  return fit;
+}
 
 // The strongest local maxima of the votes, in cycles per row.
 std::vector<double> spectral_peaks(const PeriodicSignals& signals, const FrequencySearch& range,
@@ -132,8 +117,6 @@ std::vector<double> grid_minima(const PeriodicSignals& signals, const FrequencyS
   return minima;
 }
 
-double sum(const std::vector<double>& values) { return std::accumulate(values.begin(), values.end(), 0.0); }
-
 struct Candidate {
   double frequency = kNaN;
   double misfit = kInfinity;
@@ -158,17 +141,16 @@ double least_misfit(const PeriodicFit& tone, double energy, const PeriodicModel&
   return misfit(residuals, model, rows);
 }
 
-// A model that was fitted, and what it leaves.
-struct FittedModel {
-  PeriodicModel model;
-  PeriodicFit fit;
-  double noise_power = 0;  // of a sample
-};
+// Share of the fundamental in the energy of the harmonics.
+double share_of_fundamental(const PeriodicFit& fit) {
+  const auto& energies = fit.harmonic_energy;
+  return energies[0] / std::accumulate(energies.begin(), energies.end(), 0.0);
+}
 
 // True if a fundamental up to `reach` cycles in the frame beside this one may, with harmonics, have less than the
 // misfit `best`.
-bool may_win(const FittedModel& tone, double reach, double best, std::size_t rows) {
-  const double frequency = tone.fit.frequency, farthest = reach / static_cast<double>(rows);
+bool may_win(const PeriodicFit& tone, double reach, double best, std::size_t rows) {
+  const double frequency = tone.frequency, farthest = reach / static_cast<double>(rows);
   const auto lowest = periodic_model(frequency - farthest, rows, kComparedHarmonics),
              highest = periodic_model(frequency + farthest, rows, kComparedHarmonics);  // has fewest harmonics
   const std::size_t trend = tone.model.trend_degree;
@@ -176,7 +158,7 @@ bool may_win(const FittedModel& tone, double reach, double best, std::size_t row
       highest.trend_degree != trend)
     return true;
   const double kept = std::pow(sinc(reach), 2);  // what a fit explains of the energy of a tone that far off
-  return least_misfit(tone.fit, sum(tone.fit.periodic_energy) / kept, highest, rows) < best;
+  return least_misfit(tone, tone.total_periodic() / kept, highest, rows) < best;
 }
 
 // Refines the fundamental alone, then with its first harmonics, as long as it may have less than the misfit `best`. A
@@ -185,15 +167,15 @@ Candidate judged(const PeriodicSignals& signals, double frequency, const Frequen
   const std::size_t rows = signals.rows();
   constexpr int kSteps = 2;       // from a quarter of a bin to a thousandth
   constexpr double kReach = 0.5;  // cycles in the frame, of two steps
-  FittedModel tone{periodic_model(frequency, rows, 1), {}};
-  tone.fit = fit_periodic(signals, tone.model, std::clamp(frequency, range.lower, range.upper));
+  PeriodicFit tone =
+      fit_periodic(signals, periodic_model(frequency, rows, 1), std::clamp(frequency, range.lower, range.upper));
   if (!may_win(tone, kReach, best, rows)) return {};
-  tone.fit = refine_periodic(signals, tone.model, std::move(tone.fit), range.lower, range.upper, kSteps);
+  tone = refine_periodic(signals, std::move(tone), range.lower, range.upper, kSteps);
   if (!may_win(tone, 0, best, rows)) return {};
-  const auto model = periodic_model(tone.fit.frequency, rows, kComparedHarmonics);
-  const auto fit = refine_periodic(signals, model, fit_periodic(signals, model, tone.fit.frequency), range.lower,
-                                   range.upper, kSteps);
-  if (fit.harmonic_energy[0] < kMinShare * sum(fit.harmonic_energy)) return {};
+  const auto model = periodic_model(tone.frequency, rows, kComparedHarmonics);
+  const auto fit =
+      refine_periodic(signals, fit_periodic(signals, model, tone.frequency), range.lower, range.upper, kSteps);
+  if (share_of_fundamental(fit) < kMinShare) return {};
   return {fit.frequency, misfit(fit.residual_energy, model, rows)};
 }
 
@@ -215,8 +197,7 @@ double coarse_frequency(const PeriodicSignals& signals, const FrequencySearch& r
 // model, which a faint light does not repay; combined, it does.
 double fundamental_of(const PeriodicSignals& combined, double frequency, const FrequencySearch& range) {
   constexpr int kHighest = 5;
-  const UnitSignals unit(combined.samples(), combined.rows());
-  const PeriodicSignals& signals = unit.scaled();
+  const PeriodicSignals signals = unit_signals(combined.samples(), combined.rows());
   if (signals.count() == 0) return frequency;
   Candidate best = judged(signals, frequency, range, kInfinity);
   for (int order = 2; order <= kHighest && frequency / order >= range.lower; ++order) {
@@ -233,7 +214,7 @@ bool has_weak_fundamental(const PeriodicSignals& signals, double frequency, cons
     if (frequency / order < range.lower) continue;
     const auto model = periodic_model(frequency / order, signals.rows(), kComparedHarmonics);
     const PeriodicFit fit = fit_periodic(signals, model, frequency / order);
-    if (fit.harmonic_energy[0] >= kLeastShare * sum(fit.harmonic_energy) &&
+    if (share_of_fundamental(fit) >= kLeastShare &&
         fit.harmonic_energy[0] * static_cast<double>((signals.rows() - model.parameters()) * signals.count()) >
             chance_energy(2 * signals.count()) * fit.total_residual())
       return true;
@@ -241,52 +222,53 @@ bool has_weak_fundamental(const PeriodicSignals& signals, double frequency, cons
   return false;
 }
 
-FittedModel refined(const PeriodicSignals& signals, PeriodicModel model, double frequency,
+PeriodicFit refined(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
                     const FrequencySearch& range) {
-  FittedModel final;
   const double start = std::clamp(frequency, range.lower, range.upper);
-  final.fit = refine_periodic(signals, model, fit_periodic(signals, model, start), range.lower, range.upper);
-  final.model = std::move(model);
-  const auto spare = static_cast<double>((signals.rows() - final.model.parameters()) * signals.count());
-  // The second term is the rounding error; it prevents that noiseless signals seem to consist of harmonics.
-  final.noise_power = std::max(final.fit.total_residual(), 1e-14 * sum(final.fit.periodic_energy)) / spare;
-  return final;
+  return refine_periodic(signals, fit_periodic(signals, model, start), range.lower, range.upper);
+}
+
+// Noise of a sample. The second term is the rounding error; it prevents that noiseless signals seem to consist of
+// harmonics.
+double noise_power(const PeriodicFit& fit, const PeriodicSignals& signals) {
+  const auto spare = static_cast<double>((signals.rows() - fit.model.parameters()) * signals.count());
+  return std::max(fit.total_residual(), 1e-14 * fit.total_periodic()) / spare;
 }
 
 // The fundamental and the significant harmonics.
-PeriodicModel pruned(const FittedModel& final, std::size_t signals) {
-  PeriodicModel model{final.model.trend_degree, {1}};
-  for (std::size_t i = 1; i < final.model.harmonics.size(); ++i)
-    if (final.fit.harmonic_energy[i] > chance_energy(2 * signals) * final.noise_power)
-      model.harmonics.push_back(final.model.harmonics[i]);
+PeriodicModel pruned(const PeriodicFit& fit, const PeriodicSignals& signals) {
+  PeriodicModel model{fit.model.trend_degree, {1}};
+  for (std::size_t i = 1; i < fit.model.harmonics.size(); ++i)
+    if (fit.harmonic_energy[i] > chance_energy(2 * signals.count()) * noise_power(fit, signals))
+      model.harmonics.push_back(fit.model.harmonics[i]);
   return model;
 }
 
 // Adds harmonics step by step: each step refines the frequency enough for the next, whose minimum is narrower.
-FittedModel final_fit(const PeriodicSignals& signals, double frequency, const FrequencySearch& range) {
-  FittedModel final = refined(signals, periodic_model(frequency, signals.rows(), 1), frequency, range);
+PeriodicFit final_fit(const PeriodicSignals& signals, double frequency, const FrequencySearch& range) {
+  PeriodicFit final = refined(signals, periodic_model(frequency, signals.rows(), 1), frequency, range);
   if (range.harmonics == Harmonics::fundamental) return final;
   for (std::size_t count = 3; count <= kMaxHarmonics; count = 2 * count + 1) {
     const std::size_t before = final.model.harmonics.back();
-    const auto model = periodic_model(final.fit.frequency, signals.rows(), count);
+    const auto model = periodic_model(final.frequency, signals.rows(), count);
     if (model.harmonics.size() == final.model.harmonics.size()) break;
-    final = refined(signals, model, final.fit.frequency, range);
-    if (range.harmonics == Harmonics::automatic && pruned(final, signals.count()).harmonics.back() <= before) break;
+    final = refined(signals, model, final.frequency, range);
+    if (range.harmonics == Harmonics::automatic && pruned(final, signals).harmonics.back() <= before) break;
   }
   if (range.harmonics == Harmonics::automatic) {
-    const PeriodicModel model = pruned(final, signals.count());
-    if (model.harmonics.size() < final.model.harmonics.size())
-      final = refined(signals, model, final.fit.frequency, range);
+    const PeriodicModel model = pruned(final, signals);
+    if (model.harmonics.size() < final.model.harmonics.size()) final = refined(signals, model, final.frequency, range);
   }
   return final;
 }
 
 // Signals of the selected blocks, combined by their amplitudes.
 CombinedTone combined_signals(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used,
-                              const PeriodicModel& model, const PeriodicFit& all) {
+                              const PeriodicFit& all) {
   std::vector<double> samples;
   samples.reserve(blocks.signals.size());
   PeriodicFit of_used;
+  of_used.model = all.model;
   const std::size_t count = blocks.frames * blocks.blocks;
   const auto for_each_used = [&](auto visit) {
     for (std::size_t signal = 0; signal < count; ++signal)
@@ -299,7 +281,7 @@ CombinedTone combined_signals(const ColumnBlocks& blocks, const std::vector<std:
   });
   for (const std::size_t part : {0U, 1U})
     for_each_used([&](std::size_t signal) { of_used.amplitudes.push_back(all.amplitudes[part * count + signal]); });
-  return combine_by_tone(samples, blocks.rows, of_used.residual_energy.size() / blocks.frames, model, of_used);
+  return combine_by_tone(samples, blocks.rows, of_used.residual_energy.size() / blocks.frames, of_used);
 }
 
 // Excludes 0 and half the row rate, where cosine or sine vanish or equal the mean.
@@ -360,19 +342,18 @@ double noise_about(const PeriodicSignals& signals, double frequency, const std::
 // given frequency is a sum of squared standard normal variables, two for each harmonic, times the power of the noise
 // about it, which is not white of texture, of blocks of compression and of rows. `count`: of all signals, constant ones
 // included.
-bool is_significant(const PeriodicSignals& signals, const PeriodicFit& fit, const PeriodicModel& model,
-                    std::size_t count) {
-  const auto spare = static_cast<double>(signals.rows() - model.parameters());
+bool is_significant(const PeriodicSignals& signals, const PeriodicFit& fit, std::size_t count) {
+  const auto spare = static_cast<double>(signals.rows() - fit.model.parameters());
   double evidence = 0;
   for (std::size_t s = 0; s < fit.periodic_energy.size(); ++s)
     if (fit.periodic_energy[s] > 0) evidence += spare * std::log1p(fit.periodic_energy[s] / fit.residual_energy[s]);
-  const double chance = chance_energy(2 * count * model.harmonics.size());
+  const double chance = chance_energy(2 * count * fit.model.harmonics.size());
   if (!(evidence > chance)) return false;
   const std::vector<double> bins = bins_about(fit.frequency, signals.rows());
   if (bins.empty()) return true;
   // About the tail of F, since the noise is estimated itself: exact for two variables of one signal.
   const double freedom = static_cast<double>(2 * bins.size() * std::min<std::size_t>(signals.count(), kSome)),
-               own = chance_energy(2 * std::max(count, model.harmonics.size())),
+               own = chance_energy(2 * std::max(count, fit.model.harmonics.size())),
                least = chance * freedom * std::expm1(own / freedom) / own;
   const double most =
       0.5 * static_cast<double>(signals.rows()) / static_cast<double>(bins.size());  // all noise is there
@@ -380,8 +361,8 @@ bool is_significant(const PeriodicSignals& signals, const PeriodicFit& fit, cons
 }
 
 bool shows_tone(const PeriodicSignals& signals, std::size_t count, double frequency) {
-  const auto model = periodic_model(frequency, signals.rows(), 1);
-  return is_significant(signals, fit_periodic(signals, model, frequency, false), model, count);
+  return is_significant(signals, fit_periodic(signals, periodic_model(frequency, signals.rows(), 1), frequency, false),
+                        count);
 }
 
 // Sum of each frame's signals.
@@ -397,33 +378,31 @@ std::vector<double> summed(const ColumnBlocks& blocks) {
 
 // Largest RMS deviation of the tone's phase along a signal, rad, by what the model leaves; 0 where it is not
 // significant. Rows after lost or repeated ones have another phase.
-double wander(const std::vector<double>& residual, std::size_t rows, const FittedModel& final) {
+double wander(const std::vector<double>& residual, std::size_t rows, const PeriodicFit& final) {
   const std::size_t count = residual.size() / rows;
   double largest = 0;
   for (std::size_t s = 0; s < count; ++s) {
-    const std::complex<double> level{final.fit.amplitudes[s], -final.fit.amplitudes[count + s]};
-    largest = std::max(largest, phase_deviation({&residual[s * rows], rows}, final.fit.frequency, level));
+    const std::complex<double> level{final.amplitudes[s], -final.amplitudes[count + s]};
+    largest = std::max(largest, phase_deviation({&residual[s * rows], rows}, final.frequency, level));
   }
   return largest;
 }
 
-struct Sighting {
-  double frequency;
-  bool in_parts, in_sum;  // significance of the tone
-};
-
 // Searches the parts of the frame, each with its own noise, phase and overlays. Without a significant tone, searches
-// their sum, which is better for a weak light over the whole frame.
-Sighting look(const ColumnBlocks& blocks, const PeriodicSignals& parts, const FrequencySearch& range) {
+// their sum, which is better for a weak light over the whole frame. `in_parts`, `in_sum`: significance of the tone.
+double coarse_frequency(const ColumnBlocks& blocks, const PeriodicSignals& parts, const FrequencySearch& range,
+                        bool& in_parts, bool& in_sum) {
   const double frequency = coarse_frequency(parts, range);
-  if (std::isnan(frequency) || shows_tone(parts, blocks.frames * blocks.blocks, frequency))
-    return {frequency, true, false};
-  if (blocks.blocks > 1) {
-    const UnitSignals sums(summed(blocks), blocks.rows);
-    const double other = coarse_frequency(sums.scaled(), range);
-    if (!std::isnan(other) && shows_tone(sums.scaled(), blocks.frames, other)) return {other, false, true};
+  in_parts = std::isnan(frequency) || shows_tone(parts, blocks.frames * blocks.blocks, frequency);
+  if (!in_parts && blocks.blocks > 1) {
+    const PeriodicSignals sums = unit_signals(summed(blocks), blocks.rows);
+    const double other = coarse_frequency(sums, range);
+    if (!std::isnan(other) && shows_tone(sums, blocks.frames, other)) {
+      in_sum = true;
+      return other;
+    }
   }
-  return {frequency, false, false};
+  return frequency;
 }
 
 Flags flags_of(double cycles, double cycles_std, bool columns_saturated) {
@@ -448,41 +427,40 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   if (blocks.rows < kFewestRows) return nothing_found(blocks);
   const auto rows = static_cast<double>(blocks.rows);
   const FrequencySearch range = resolvable(search, rows);
-  const UnitSignals parts(blocks.signals, blocks.rows);
-  const Sighting sighting = look(blocks, parts.scaled(), range);
-  if (std::isnan(sighting.frequency)) return nothing_found(blocks);
+  bool in_parts = false, in_sum = false;
+  const PeriodicSignals parts = unit_signals(blocks.signals, blocks.rows);
+  const double sighted = coarse_frequency(blocks, parts, range, in_parts, in_sum);
+  if (std::isnan(sighted)) return nothing_found(blocks);
 
   PeriodicFit all;
   std::vector<std::uint8_t> used;
   double coherence = 1;
   const auto combined = [&](double frequency) {
     const auto model = periodic_model(frequency, blocks.rows, kComparedHarmonics);
-    all = parts.fit(model, frequency);
-    used = search.select_columns && sighting.in_parts ? tone_blocks(blocks, all)
-                                                      : std::vector<std::uint8_t>(blocks.blocks, 1);
-    CombinedTone tone = combined_signals(blocks, used, model, all);
+    all = unscaled(fit_periodic(parts, model, frequency, false), blocks.signals, blocks.rows);
+    used = search.select_columns && in_parts ? tone_blocks(blocks, all) : std::vector<std::uint8_t>(blocks.blocks, 1);
+    CombinedTone tone = combined_signals(blocks, used, all);
     coherence = tone.coherence;
     return PeriodicSignals(std::move(tone.signals), blocks.rows);
   };
-  PeriodicSignals signals = combined(sighting.frequency);
-  const double coarse = fundamental_of(signals, sighting.frequency, range);
-  if (std::abs(coarse - sighting.frequency) * rows > 1) signals = combined(coarse);
-  const FittedModel final = final_fit(signals, coarse, range);
+  PeriodicSignals signals = combined(sighted);
+  const double coarse = fundamental_of(signals, sighted, range);
+  if (std::abs(coarse - sighted) * rows > 1) signals = combined(coarse);
+  const PeriodicFit final = final_fit(signals, coarse, range);
   std::vector<double> residual;
   const double std = frequency_std(signals.samples(), signals.rows(), signals.count() / blocks.frames, final.model,
-                                   final.fit.frequency, &residual);
+                                   final.frequency, &residual);
   ToneColumns columns = spread_over_columns(blocks, used, all);
-  Flags flags = flags_of(final.fit.frequency * rows, std * rows, columns.saturated);
-  if (final.fit.frequency <= range.lower || final.fit.frequency >= range.upper) flags |= flag::at_bound;
-  if ((!sighting.in_parts && !sighting.in_sum) || !is_significant(signals, final.fit, final.model, signals.count()))
-    flags |= flag::no_tone;
+  Flags flags = flags_of(final.frequency * rows, std * rows, columns.saturated);
+  if (final.frequency <= range.lower || final.frequency >= range.upper) flags |= flag::at_bound;
+  if ((!in_parts && !in_sum) || !is_significant(signals, final, signals.count())) flags |= flag::no_tone;
   constexpr double kJump = 0.075;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
-  if (has_weak_fundamental(signals, final.fit.frequency, range) || wander(residual, signals.rows(), final) > kJump ||
+  if (has_weak_fundamental(signals, final.frequency, range) || wander(residual, signals.rows(), final) > kJump ||
       coherence < kMostly)
     flags |= flag::model_misfit;
-  const double noise = final.noise_power * rows * static_cast<double>(signals.count());
-  return {final.fit.frequency,          std,   sum(final.fit.periodic_energy) / noise,
-          final.model.harmonics.back(), flags, std::move(columns)};
+  const double noise = noise_power(final, signals) * rows * static_cast<double>(signals.count());
+  return {final.frequency,   std, final.total_periodic() / noise, final.model.harmonics.back(), flags,
+          std::move(columns)};
 }
 
 }  // namespace ocisac

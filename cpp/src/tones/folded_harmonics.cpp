@@ -61,22 +61,17 @@ FoldedHarmonics find_folded(std::size_t rows, double cycles_per_row, double duty
   return result;
 }
 
-// Estimates of a wave whose light has level 1: its fundamental, and the light that its harmonics add to the mean.
-struct Shown {
-  std::complex<double> fundamental;
-  double mean;
-};
-
-// By the light's phase, in `count` steps of a turn.
-std::vector<Shown> shown_by_phase(const HarmonicModel& model, std::span<const int> tied, double cycles_per_row,
-                                  double duty, double exposure_cycles, std::size_t count) {
+// Estimates of a wave whose light has level 1, by its phase in steps of a turn: its fundamental, and the light that its
+// harmonics add to the mean.
+void show(const HarmonicModel& model, std::span<const int> tied, double cycles_per_row, double duty,
+          double exposure_cycles, std::vector<std::complex<double>>& fundamentals, std::vector<double>& means) {
+  const std::size_t count = means.size();
   const std::vector<double> times = centred_rows(model.rows).times;
   std::vector<double> cosine(model.rows), sine(model.rows);
   std::vector<std::complex<double>> turns;
   for (std::size_t k = 0; k < count; ++k)
     turns.push_back(std::polar(1.0, kTwoPi * static_cast<double>(k) / static_cast<double>(count)));
-  std::vector<Shown> shown;
-  for (const auto& turn : turns) shown.push_back({turn, 0});
+  fundamentals = turns;
   const double sign = std::copysign(1.0, sinc(exposure_cycles));
   for (const int order : tied) {
     fill_wave(times, order * cycles_per_row, cosine, sine);
@@ -88,11 +83,10 @@ std::vector<Shown> shown_by_phase(const HarmonicModel& model, std::span<const in
                  odd = ratio * fitted(2, sine);
     for (std::size_t k = 0; k < count; ++k) {
       const auto& at = turns[static_cast<std::size_t>(order) * k % count];
-      shown[k].fundamental += std::complex<double>(even * at.real(), odd * at.imag());
-      shown[k].mean += mean * at.real();
+      fundamentals[k] += std::complex<double>(even * at.real(), odd * at.imag());
+      means[k] += mean * at.real();
     }
   }
-  return shown;
 }
 
 }  // namespace
@@ -107,15 +101,17 @@ FoldedHarmonics folded_harmonics(std::size_t rows, double cycles_per_row, double
 TiedHarmonics::TiedHarmonics(const HarmonicModel& model, std::span<const int> tied, double cycles_per_row, double duty,
                              double exposure_cycles) {
   constexpr std::size_t kPhases = 4096;
-  const auto shown = shown_by_phase(model, tied, cycles_per_row, duty, exposure_cycles, kPhases);
+  std::vector<std::complex<double>> fundamentals;
+  std::vector<double> means(kPhases);
+  show(model, tied, cycles_per_row, duty, exposure_cycles, fundamentals, means);
   const double step = kTwoPi / kPhases;
   lights_.assign(kPhases, {kInfinity, 0, 0, 0, 0, 0});
   for (std::size_t k = 0; k < kPhases; ++k) {
-    const Shown &one = shown[k], &next = shown[(k + 1) % kPhases];
-    const double first = std::arg(one.fundamental) / step,
-                 steps = std::arg(next.fundamental * std::conj(one.fundamental)) / step;
+    const std::size_t after = (k + 1) % kPhases;
+    const auto &one = fundamentals[k], &next = fundamentals[after];
+    const double first = std::arg(one) / step, steps = std::arg(next * std::conj(one)) / step;
     const double low = std::min(first, first + steps), high = std::max(first, first + steps);
-    const double level = 1 / std::abs(one.fundamental), next_level = 1 / std::abs(next.fundamental);
+    const double level = 1 / std::abs(one), next_level = 1 / std::abs(next);
     for (double at = std::floor(low); at <= std::ceil(high); ++at) {
       Lights& lights = lights_[static_cast<std::size_t>(at + 2 * kPhases) % kPhases];
       lights.least = std::min({lights.least, level, next_level});
@@ -123,7 +119,7 @@ TiedHarmonics::TiedHarmonics(const HarmonicModel& model, std::span<const int> ti
       if (at < low || at >= high) continue;
       const double part = (at - first) / steps;
       lights.level += std::lerp(level, next_level, part);
-      lights.mean += std::lerp(one.mean, next.mean, part);
+      lights.mean += std::lerp(means[k], means[after], part);
       lights.turn += std::remainder(step * (static_cast<double>(k) + part - at), kTwoPi);
       ++lights.count;
     }

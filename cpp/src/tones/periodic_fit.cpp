@@ -83,12 +83,6 @@ Parities parities_of(const PeriodicModel& model, std::size_t rows) {
   require(model.trend_degree <= kMaxTrend, "trend_degree", model.trend_degree, "0 to 2");
   Parities both;
   auto& [even, odd] = both;
-  for (Parity& parity : both) {
-    parity.functions.reserve(kMaxTrend + model.harmonics.size());
-    parity.slopes.reserve(model.harmonics.size());
-    parity.at.reserve(kMaxTrend + model.harmonics.size());
-    parity.slopes_at.reserve(model.harmonics.size());
-  }
   for (std::size_t d = 0; d <= model.trend_degree; ++d) {
     Parity& own = both[d % 2];
     own.functions.push_back(kLegendre[d]);
@@ -214,6 +208,10 @@ PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t max
 
 double PeriodicFit::total_residual() const {
   return std::accumulate(residual_energy.begin(), residual_energy.end(), 0.0);
+}
+
+double PeriodicFit::total_periodic() const {
+  return std::accumulate(periodic_energy.begin(), periodic_energy.end(), 0.0);
 }
 
 PeriodicSignals::PeriodicSignals(std::vector<double> samples, std::size_t rows)
@@ -392,6 +390,7 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   const auto equations = normal_equations(signals, model, frequency, with_step);
 
   PeriodicFit fit;
+  fit.model = model;
   fit.frequency = frequency;
   const auto count = static_cast<Index>(signals.count());
   Eigen::RowVectorXd residual = Eigen::Map<const Eigen::RowVectorXd>(signals.energies().data(), count);
@@ -427,17 +426,18 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   return fit;
 }
 
-PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, PeriodicFit best, double lower,
-                            double upper, int max_steps) {
+PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, double lower, double upper,
+                            int max_steps) {
   const double bin = 1 / static_cast<double>(signals.rows());
   const double trusted = 1e-5 * bin;  // energies of such neighbours differ by rounding: the step needs no test
   const double converged = 1e-12 * bin;
-  const double longest = 0.25 * bin / static_cast<double>(model.harmonics.back());
+  const double longest = 0.25 * bin / static_cast<double>(best.model.harmonics.back());
   for (int iteration = 0; iteration < max_steps; ++iteration) {
     double step = std::clamp(best.step, -longest, longest);
     PeriodicFit next;
     for (;; step /= 4) {
-      next = fit_periodic(signals, model, std::clamp(best.frequency + step, lower, upper), iteration + 1 < max_steps);
+      next =
+          fit_periodic(signals, best.model, std::clamp(best.frequency + step, lower, upper), iteration + 1 < max_steps);
       if (std::abs(step) <= trusted || next.total_residual() <= best.total_residual()) break;
     }
     const double moved = next.frequency - best.frequency;

@@ -146,12 +146,12 @@ namespace {
 
 using ByteRows = DenseRows<std::uint8_t, std::uint8_t>;
 
-BlockSize block_of(const ByteRows& source, Columns columns) {
-  if (source.in_place()) return {kernels::kRowsPerChunk, columns.count};
+BlockSize block_of(const ByteRows& source, std::size_t columns) {
+  if (source.in_place()) return {kernels::kRowsPerChunk, columns};
   return source.is_transposed() ? kTransposed : kCopied;
 }
 
-void add_block(ByteRows& near, ByteRows& far, Columns columns, std::size_t most_rows, const RowWeights& weights,
+void add_block(ByteRows& near, ByteRows& far, IndexRange columns, std::size_t most_rows, const RowWeights& weights,
                kernels::ProjectionSums sums) {
   const bool folded = weights.folds();
   const auto group = static_cast<std::size_t>(weights.row_group());
@@ -167,7 +167,7 @@ void add_block(ByteRows& near, ByteRows& far, Columns columns, std::size_t most_
       const auto last = far.read((weights.groups() - g - here) * group, rows, columns);
       mirrored = last.samples + static_cast<std::ptrdiff_t>(rows - group) * last.stride;
     }
-    kernels::project_bytes({first.samples, mirrored, first.stride, here, columns.count, !near.in_place(),
+    kernels::project_bytes({first.samples, mirrored, first.stride, here, columns.size(), !near.in_place(),
                             here == groups ? near.to_next_frame() : 0},
                            weights.integers(folded, g), sums);
   }
@@ -187,9 +187,8 @@ void clear(std::size_t outputs, std::size_t count, Projection& result) {
 
 // Accumulators from column `first` of `count` on.
 kernels::ProjectionSums sums_of(Projection& result, std::size_t first, std::size_t count) {
-  return {from(result.sums, first),
-          count,
-          {result.totals.data() + first, result.squares.data() + first, result.maximum.data() + first}};
+  return {from(result.sums, first), count, result.totals.data() + first, result.squares.data() + first,
+          result.maximum.data() + first};
 }
 
 // Adds the parts of each output, in place, smallest limb first.
@@ -205,12 +204,12 @@ void join_limbs(const RowWeights& weights, std::size_t count, std::vector<double
   sums.resize(weights.outputs() * count);
 }
 
-void add_by_rows(const FramesView<const std::uint8_t>& view, std::size_t frame, Columns columns,
-                 const RowWeights& weights, Projection& result) {
-  ByteRows near(view, frame, columns.count, {}), far(view, frame, columns.count, {});
-  const BlockSize most = block_of(near, columns);
-  for_each_part(columns, most.columns, [&](Columns part) {
-    add_block(near, far, part, most.rows, weights, sums_of(result, part.first - columns.first, columns.count));
+void add_by_rows(const FramesView<const std::uint8_t>& view, std::size_t frame, const RowWeights& weights,
+                 Projection& result) {
+  ByteRows near(view, frame, {}), far(view, frame, {});
+  const BlockSize most = block_of(near, view.columns);
+  for_each_part(view.columns, most.columns, [&](IndexRange part) {
+    add_block(near, far, part, most.rows, weights, sums_of(result, part.begin, view.columns));
   });
 }
 
@@ -222,13 +221,13 @@ bool is_projected_across(const FramesView<const std::uint8_t>& view, const RowWe
          weights.row_group() == 1 && weights.outputs() * weights.limbs() <= kMostAcross;
 }
 
-void add_across(const FramesView<const std::uint8_t>& view, std::size_t frame, Columns columns,
-                const RowWeights& weights, kernels::ProjectionSums sums) {
+void add_across(const FramesView<const std::uint8_t>& view, std::size_t frame, const RowWeights& weights,
+                kernels::ProjectionSums sums) {
   for (std::size_t row = 0; row < view.rows; row += kernels::kRowsPerChunk) {
     const std::size_t here = std::min(kernels::kRowsPerChunk, view.rows - row);
     sums.first = row == 0;
     sums.last = row + here == view.rows;
-    kernels::project_across({view.at(frame, row, columns.first), nullptr, view.column_stride, here, columns.count},
+    kernels::project_across({view.at(frame, row, 0), nullptr, view.column_stride, here, view.columns},
                             weights.integers(false, row), sums);
   }
 }
@@ -247,50 +246,49 @@ void keep_every(std::size_t step, std::size_t count, std::vector<double>& values
   values.resize(rows * count);
 }
 
-void project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, Columns columns,
-                   const RowWeights& weights, Projection& result) {
+void project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, const RowWeights& weights,
+                   Projection& result) {
   if (is_read_whole(view, weights)) {
     const auto step = static_cast<std::size_t>(view.column_stride);
     FramesView<const std::uint8_t> whole = view;
-    whole.data = view.at(0, 0, columns.first);
-    whole.columns = (columns.count - 1) * step + 1;
+    whole.columns = (view.columns - 1) * step + 1;
     whole.column_stride = 1;
-    project_bytes(whole, frame, {0, whole.columns}, weights, result);
+    project_bytes(whole, frame, weights, result);
     for (auto* values : {&result.sums, &result.totals, &result.squares, &result.maximum})
-      keep_every(step, columns.count, *values);
+      keep_every(step, view.columns, *values);
     return;
   }
-  make_room(weights.outputs() * weights.limbs(), columns.count, result);
+  make_room(weights.outputs() * weights.limbs(), view.columns, result);
   if (is_projected_across(view, weights))
-    add_across(view, frame, columns, weights, sums_of(result, 0, columns.count));
+    add_across(view, frame, weights, sums_of(result, 0, view.columns));
   else
-    add_by_rows(view, frame, columns, weights, result);
-  join_limbs(weights, columns.count, result.sums);
+    add_by_rows(view, frame, weights, result);
+  join_limbs(weights, view.columns, result.sums);
 }
 
 template <class Sample, class Stored>
-void project_samples(const FramesView<const Stored>& view, std::size_t frame, Columns columns,
-                     const RowWeights& weights, std::span<const float> light, Projection& result) {
+void project_samples(const FramesView<const Stored>& view, std::size_t frame, const RowWeights& weights,
+                     std::span<const float> light, Projection& result) {
   const auto group = static_cast<std::size_t>(weights.row_group());
-  clear(weights.outputs(), columns.count, result);
+  clear(weights.outputs(), view.columns, result);
   std::vector<double> light_of_bytes;
   if constexpr (std::is_same_v<Sample, std::uint8_t>) light_of_bytes.assign(light.begin(), light.end());
-  DenseRows<Stored, Sample> near(view, frame, columns.count, light), far(view, frame, columns.count, light);
+  DenseRows<Stored, Sample> near(view, frame, light), far(view, frame, light);
   const bool more = weights.outputs() > 2, tone = weights.outputs() == 2 && weights.even_outputs() == 1;
   // In place, samples of eight bytes and narrow vectors are read in one stream: two cost more than they save.
   const bool in_two_streams = !near.in_place() || (kernels::has_wide_vectors() && sizeof(Stored) < sizeof(double));
   const bool folded = weights.folds() && (more || (tone && in_two_streams));
   const std::size_t groups = folded ? weights.groups() / 2 : weights.groups();
   const std::size_t most = kernels::kSampleRows / (folded ? 2 * group : group);
-  const std::size_t most_columns = near.in_place() ? columns.count : kCopied.columns;
+  const std::size_t most_columns = near.in_place() ? view.columns : kCopied.columns;
   for (std::size_t g = 0; g < groups; g += most) {
     const std::size_t here = std::min(most, groups - g), read = here * group;
     const auto next_rows = static_cast<std::ptrdiff_t>(read) * view.row_stride;
-    for_each_part(columns, most_columns, [&](Columns part) {
-      const bool last = part.first + part.count == columns.first + columns.count;
+    for_each_part(view.columns, most_columns, [&](IndexRange part) {
+      const bool last = part.end == view.columns;
       const auto to_next = [&](std::ptrdiff_t next) {
-        return last ? next - static_cast<std::ptrdiff_t>(part.first - columns.first) * view.column_stride
-                    : static_cast<std::ptrdiff_t>(part.count);
+        return last ? next - static_cast<std::ptrdiff_t>(part.begin) * view.column_stride
+                    : static_cast<std::ptrdiff_t>(part.size());
       };
       const auto rows = near.read(g * group, read, part, to_next(next_rows));
       const Sample* mirrored = nullptr;
@@ -299,12 +297,12 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, Co
         mirrored = others.samples + static_cast<std::ptrdiff_t>(read - group) * others.stride;
       }
       const kernels::SampleBlock<Sample> block{
-          rows.samples,         mirrored, rows.stride, here, part.count, near.in_place() ? to_next(next_rows) : 0,
+          rows.samples,         mirrored, rows.stride, here, part.size(), near.in_place() ? to_next(next_rows) : 0,
           light_of_bytes.data()};
       kernels::project_samples(block,
                                {weights.row_group(), from(weights.weights(), g), weights.groups(),
                                 weights.output_order(), weights.even_outputs()},
-                               sums_of(result, part.first - columns.first, columns.count));
+                               sums_of(result, part.begin, view.columns));
     });
   }
 }
@@ -337,17 +335,18 @@ void project(const AnyFramesView& frames, std::size_t frame, std::size_t first, 
              const RowWeights& weights, std::span<const float> light, Projection& result) {
   check(frames, frame, first, count, weights, light);
   std::visit(
-      [&]<class T>(const FramesView<const T>& view) {
-        const Columns columns{first, count};
+      [&]<class T>(FramesView<const T> view) {
+        view.data = view.at(0, 0, first);
+        view.columns = count;
         if constexpr (std::is_same_v<T, std::uint8_t>)
           if (!light.empty() && kernels::takes_light_of_bytes())
-            return project_samples<T>(view, frame, columns, weights, light, result);
+            return project_samples<T>(view, frame, weights, light, result);
         if constexpr (std::is_integral_v<T>)
-          if (!light.empty()) return project_samples<float>(view, frame, columns, weights, light, result);
+          if (!light.empty()) return project_samples<float>(view, frame, weights, light, result);
         if constexpr (std::is_same_v<T, std::uint8_t>)
-          project_bytes(view, frame, columns, weights, result);
+          project_bytes(view, frame, weights, result);
         else
-          project_samples<T>(view, frame, columns, weights, {}, result);
+          project_samples<T>(view, frame, weights, {}, result);
       },
       frames);
 }

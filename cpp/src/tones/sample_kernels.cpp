@@ -145,8 +145,8 @@ HWY_INLINE void add_groups(const SampleBlock<T>& strip, const Ahead& ahead, cons
   });
   for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
     for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA { out[o][v] = hn::LoadU(d64, sums[o] + v * lanes); });
-    total[v] = hn::LoadU(d64, to.moments.totals + v * lanes);
-    square[v] = kFold ? hn::Zero(d64) : hn::LoadU(d64, to.moments.squares + v * lanes);
+    total[v] = hn::LoadU(d64, to.totals + v * lanes);
+    square[v] = kFold ? hn::Zero(d64) : hn::LoadU(d64, to.squares + v * lanes);
     const hn::DFromV<Loaded<T> > d;
     top[v] = hn::Set(d, -std::numeric_limits<hn::TFromD<decltype(d)> >::infinity());  // integers: 0
   });
@@ -183,11 +183,11 @@ HWY_INLINE void add_groups(const SampleBlock<T>& strip, const Ahead& ahead, cons
   }
   for_each_constant<kVectors>([&](auto v) OCISAC_INLINE_LAMBDA {
     for_each_constant<kOutputs>([&](auto o) OCISAC_INLINE_LAMBDA { hn::StoreU(out[o][v], d64, sums[o] + v * lanes); });
-    hn::StoreU(total[v], d64, to.moments.totals + v * lanes);
-    double* const squares = to.moments.squares + v * lanes;
+    hn::StoreU(total[v], d64, to.totals + v * lanes);
+    double* const squares = to.squares + v * lanes;
     if (kFold) square[v] = hn::MulAdd(square[v], hn::Set(d64, 0.5), hn::LoadU(d64, squares));
     hn::StoreU(square[v], d64, squares);
-    double* const maximum = to.moments.maximum + v * lanes;
+    double* const maximum = to.maximum + v * lanes;
     hn::StoreU(hn::Max(hn::LoadU(d64, maximum), to_double(top[v])), d64, maximum);
   });
 }
@@ -286,13 +286,13 @@ void add_last_columns(const SampleBlock<T>& block, const SampleWeights& weights,
   double* moments = sums.data() + outputs * kLanes;
   const auto row_of = [&](std::size_t o) {
     if (o < outputs) return to.sums + o * to.stride;
-    return std::array{to.moments.totals, to.moments.squares, to.moments.maximum}[o - outputs];
+    return std::array{to.totals, to.squares, to.maximum}[o - outputs];
   };
   for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(row_of(o), block.columns, sums.data() + o * kLanes);
   const T* mirrored = block.mirrored ? far.data() + static_cast<std::size_t>(back) * kLanes : nullptr;
   add_sample_strip<1>(SampleBlock<T>{near.data(), mirrored, kLanes, block.groups, block.columns, 0, block.light},
                       StripAhead<T, false>(), weights,
-                      {sums.data(), kLanes, {moments, moments + kLanes, moments + 2 * kLanes}});
+                      {sums.data(), kLanes, moments, moments + kLanes, moments + 2 * kLanes});
   for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(sums.data() + o * kLanes, block.columns, row_of(o));
 }
 
@@ -332,8 +332,7 @@ void project_strips(const SampleBlock<T>& block, const SampleWeights& weights, c
                           block.columns - c, 0,        block.light};
   };
   const auto sums = [&](std::size_t c) {
-    return ProjectionSums{
-        to.sums + c, to.stride, {to.moments.totals + c, to.moments.squares + c, to.moments.maximum + c}};
+    return ProjectionSums{to.sums + c, to.stride, to.totals + c, to.squares + c, to.maximum + c};
   };
   const std::size_t strip = kSampleVectors * hn::Lanes(d64), lanes = hn::Lanes(d64);
   const std::size_t rows = kAsk ? block.groups * static_cast<std::size_t>(weights.row_group) : 0;

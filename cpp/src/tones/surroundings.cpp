@@ -101,69 +101,65 @@ double harmonic_ratio(int order, double exposure_cycles, double duty) {
 double distortion_of(const VectorXd& column, const FittedLight& light, const std::vector<double>& harmonics,
                      const MatrixXd& steady, const std::vector<double>& tones) {
   std::vector<double> cycles;
-  std::vector<HarmonicLine> lines;
+  std::vector<int> orders;
   const auto rows = static_cast<double>(column.size());
   for (int h = 1; h * light.cycles_per_row < 0.5 * (1 - 1 / rows); ++h)
     if (std::ranges::any_of(harmonics, [&](double c) { return std::abs(c - h * light.cycles_per_row) < 1e-12; })) {
       cycles.push_back(h * light.cycles_per_row);
-      lines.push_back({h, {}});
+      orders.push_back(h);
     }
-  if (lines.size() < 2) return 0;
+  if (orders.size() < 2) return 0;
   cycles.insert(cycles.end(), tones.begin(), tones.end());
-  const VectorXd levels =
+  const VectorXd coefficients =
       coefficients_of(tone_design(centred_rows(static_cast<std::size_t>(column.size())), cycles), column);
-  for (std::size_t k = 0; k < lines.size(); ++k) {
-    const auto a = static_cast<Index>(1 + 2 * k);
-    lines[k].level = {levels(a), -levels(a + 1)};
-  }
+  std::vector<std::complex<double>> levels;
+  for (Index a = 1; levels.size() < orders.size(); a += 2) levels.emplace_back(coefficients(a), -coefficients(a + 1));
   const double freedom = std::max(rows - static_cast<double>(steady.cols()), 1.0);
   const VectorXd residual = beside(steady, column);
-  return harmonic_distortion(light, lines, 2 / rows * residual.squaredNorm() / freedom);
+  return harmonic_distortion(light, orders, levels, 2 / rows * residual.squaredNorm() / freedom);
 }
 
 }  // namespace
 
-double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLine> lines, double variance) {
-  const double size = lines.empty() ? 0 : std::abs(lines[0].level);
-  if (lines.size() < 2 || lines[0].order != 1 || !(size > 0)) return 0;
+double harmonic_distortion(const FittedLight& light, std::span<const int> orders,
+                           std::span<const std::complex<double>> levels, double variance) {
+  const double size = orders.empty() ? 0 : std::abs(levels[0]);
+  if (orders.size() < 2 || orders[0] != 1 || !(size > 0)) return 0;
+  const double freedom = 2 * static_cast<double>(orders.size() - 1);
+  double misfit = 0, energy = 0;
   if (light.duty == 0) {
-    double energy = 0;
-    for (const HarmonicLine& line : lines.subspan(1)) energy += std::norm(line.level);
-    return is_significant(energy / variance, 2 * static_cast<double>(lines.size() - 1)) ? std::sqrt(energy) / size : 0;
+    for (const auto& level : levels.subspan(1)) energy += std::norm(level);
+    return is_significant(energy / variance, freedom) ? std::sqrt(energy) / size : 0;
   }
   if (!(light.exposure_cycles >= 0) || std::abs(sinc(light.exposure_cycles)) < kNearNull) return 0;
-  const double start = std::arg(lines[0].level) + (sinc(light.exposure_cycles) < 0 ? std::numbers::pi : 0);
+  const double start = std::arg(levels[0]) + (sinc(light.exposure_cycles) < 0 ? std::numbers::pi : 0);
   // Harmonics above half the row rate fold onto these: their RMS, from the envelope of the first of them.
   const double beyond = 0.5 / light.cycles_per_row;
   const double folded = 0.3 * size / (beyond * std::max(1.0, std::numbers::pi * beyond * light.exposure_cycles));
   const double total = variance + folded * folded;
-  struct Deviation {
-    double along, across, slope, variance_along, variance_across;
+  // visit(deviation from what is expected, its slope by the exposure, variances along and across) of each harmonic.
+  const auto for_each_deviation = [&](auto visit) {
+    for (std::size_t k = 1; k < orders.size(); ++k) {
+      const auto ratio = [&](double factor) {
+        return size * harmonic_ratio(orders[k], factor * light.exposure_cycles, light.duty);
+      };
+      const double expected = ratio(1), relative = expected / size;
+      const auto turned = levels[k] * std::polar(1.0, -orders[k] * start);
+      visit(turned - expected, (ratio(1.001) - ratio(0.999)) / 0.002, total * (1 + relative * relative),
+            total * (1 + std::pow(orders[k] * relative, 2)));
+    }
   };
-  std::vector<Deviation> deviations;
   double product = 0, square = 0;
-  for (const auto& [order, level] : lines.subspan(1)) {
-    const auto ratio = [&, harmonic = order](double factor) {
-      return harmonic_ratio(harmonic, factor * light.exposure_cycles, light.duty);
-    };
-    const double expected = ratio(1);
-    const double slope = size * (ratio(1.001) - ratio(0.999)) / 0.002;
-    const auto turned = level * std::polar(1.0, -order * start);
-    const double across_share = order * expected;
-    deviations.push_back({turned.real() - size * expected, turned.imag(), slope, total * (1 + expected * expected),
-                          total * (1 + across_share * across_share)});
-    const Deviation& last = deviations.back();
-    product += last.along * slope / last.variance_along;
-    square += slope * slope / last.variance_along;
-  }
+  for_each_deviation([&](std::complex<double> deviation, double slope, double variance_along, double) {
+    product += deviation.real() * slope / variance_along;
+    square += slope * slope / variance_along;
+  });
   const double longer = square > 0 ? std::clamp(product / square, -kSmallShare, kSmallShare) : 0;
-  double misfit = 0, energy = 0;
-  for (const Deviation& d : deviations) {
-    const double along = d.along - longer * d.slope;
-    misfit += along * along / d.variance_along + d.across * d.across / d.variance_across;
-    energy += along * along + d.across * d.across;
-  }
-  const double freedom = 2 * static_cast<double>(deviations.size());
+  for_each_deviation([&](std::complex<double> deviation, double slope, double variance_along, double variance_across) {
+    deviation -= longer * slope;
+    misfit += std::pow(deviation.real(), 2) / variance_along + std::pow(deviation.imag(), 2) / variance_across;
+    energy += std::norm(deviation);
+  });
   return is_significant(misfit, freedom) ? std::sqrt(energy) / size : 0;
 }
 
@@ -213,10 +209,6 @@ std::pair<double, double> deviation_from_phase(const std::vector<PartOfRows>& pa
   }
   return {misfit, std::sqrt(energy / static_cast<double>(parts.size()))};
 }
-
-}  // namespace
-
-namespace {
 
 // RMS deviation of parts, in pairs of rows and every other row too if they are shares of a mean, over the tone.
 double deviation_of_parts(std::span<const double> left, double cycles_per_row, double mean, Level level,

@@ -21,15 +21,11 @@ struct Surroundings {
   double unevenness = 0;      // of the tone over the rows: see unevenness(); other columns may have more
 };
 
-// One harmonic: a·cos + b·sin over the rows counted from the middle, as a − jb.
-struct HarmonicLine {
-  int order;
-  std::complex<double> level;
-};
-
 // RMS amplitude of what waveform and exposure do not explain of the harmonics, over that of the fundamental; 0 where it
-// is not significant. `lines`: the fundamental first; `variance`: of a and b. Exposures up to 10 % off are admitted.
-double harmonic_distortion(const FittedLight& light, std::span<const HarmonicLine> lines, double variance);
+// is not significant. `orders`: the fundamental first; `levels`: a·cos + b·sin of each over the rows counted from the
+// middle, as a − jb; `variance`: of a and b. Exposures up to 10 % off are admitted.
+double harmonic_distortion(const FittedLight& light, std::span<const int> orders,
+                           std::span<const std::complex<double>> levels, double variance);
 
 // A light's tone is the same share of its mean, at the same phase, in all parts of a column: along the rows, in pairs
 // of rows, in every other row. RMS of what the parts deviate from that, over the tone; 0 where it is not significant,

@@ -11,51 +11,47 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMinRatio = 1.0 / 8;  // of the best block's ratio of periodic to other energy
-
-struct BlockEnergy {
-  double periodic = 0, residual = 0;
-  // A bound keeps signals without noise comparable.
-  [[nodiscard]] double ratio() const { return periodic > 0 ? periodic / (residual + 1e-6 * periodic) : 0; }
-  [[nodiscard]] double share() const { return periodic > 0 ? periodic / (periodic + residual) : 0; }
-};
-
-// Energies summed over all frames.
-std::vector<BlockEnergy> block_energies(const ColumnBlocks& blocks, const PeriodicFit& fit) {
-  std::vector<BlockEnergy> energies(blocks.blocks);
+// Periodic share of each block's energy in all frames.
+std::vector<double> periodic_shares(const ColumnBlocks& blocks, const PeriodicFit& fit) {
+  std::vector<double> shares(blocks.blocks), energies(blocks.blocks);
   for (std::size_t signal = 0; signal < fit.residual_energy.size(); ++signal) {
-    energies[signal % blocks.blocks].periodic += fit.periodic_energy[signal];
-    energies[signal % blocks.blocks].residual += fit.residual_energy[signal];
+    shares[signal % blocks.blocks] += fit.periodic_energy[signal];
+    energies[signal % blocks.blocks] += fit.periodic_energy[signal] + fit.residual_energy[signal];
   }
-  return energies;
+  for (std::size_t b = 0; b < blocks.blocks; ++b) shares[b] = shares[b] > 0 ? shares[b] / energies[b] : 0;
+  return shares;
 }
+
+// Ratio of periodic to other energy; a bound keeps signals without noise comparable.
+double ratio_of(double share) { return share / (1 - share + 1e-6 * share); }
 
 }  // namespace
 
 std::vector<std::uint8_t> tone_blocks(const ColumnBlocks& blocks, const PeriodicFit& fit) {
-  const auto energies = block_energies(blocks, fit);
+  auto ratios = periodic_shares(blocks, fit);
+  std::ranges::transform(ratios, ratios.begin(), ratio_of);
   double best = 0, best_clear = 0;
   for (std::size_t b = 0; b < blocks.blocks; ++b) {
-    best = std::max(best, energies[b].ratio());
-    if (blocks.saturated_share[b] <= kSmallShare) best_clear = std::max(best_clear, energies[b].ratio());
+    best = std::max(best, ratios[b]);
+    if (blocks.saturated_share[b] <= kSmallShare) best_clear = std::max(best_clear, ratios[b]);
   }
-  const bool clear_only = best_clear > 0 && best_clear >= kMinRatio * best;
-  const double least = kMinRatio * (clear_only ? best_clear : best);
+  const bool clear_only = best_clear > 0 && best_clear >= kSmallShare * best;
+  const double least = kSmallShare * (clear_only ? best_clear : best);
   std::vector<std::uint8_t> used(blocks.blocks);
   for (std::size_t b = 0; b < blocks.blocks; ++b)
-    used[b] = energies[b].ratio() >= least && (!clear_only || blocks.saturated_share[b] <= kSmallShare);
+    used[b] = ratios[b] >= least && (!clear_only || blocks.saturated_share[b] <= kSmallShare);
   return used;
 }
 
 ToneColumns spread_over_columns(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used_blocks,
                                 const PeriodicFit& fit) {
-  const auto energies = block_energies(blocks, fit);
+  const auto shares = periodic_shares(blocks, fit);
   ToneColumns columns;
   double saturated = 0, used = 0;
   for (std::size_t column = 0; column < blocks.columns; ++column) {
     const std::size_t block = column / blocks.width;
     columns.used.push_back(used_blocks[block]);
-    columns.strength.push_back(energies[block].share());
+    columns.strength.push_back(shares[block]);
     used += used_blocks[block];
     saturated += used_blocks[block] * blocks.saturated_share[block];
   }
@@ -70,7 +66,7 @@ ToneColumns tone_columns(const AnyFramesView& frames, double frequency, double s
   // Keeps away from 0 and half the row rate, where a tone degenerates to a mean or an alternation.
   const double alias =
       std::clamp(std::abs(frequency - std::nearbyint(frequency)), std::min(0.1 / rows, 0.25), 0.5 - 0.05 / rows);
-  const PeriodicModel model = periodic_model(alias, blocks.rows, 3);
+  const PeriodicModel model = periodic_model(alias, blocks.rows, kComparedHarmonics);
   if (blocks.rows <= model.parameters()) {
     return {std::vector<std::uint8_t>(blocks.columns, 1), std::vector<double>(blocks.columns), false};
   }

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/levels.hpp"
+
 namespace ocisac {
 
 namespace {
@@ -22,25 +24,13 @@ MatrixX2d shrunken(const MatrixX2d& amplitudes, double noise) {
   return (keep * differences).rowwise() + mean;
 }
 
-// Orthonormal weights (signals × 2), the stronger first, and the energy along each.
-struct Weights {
-  MatrixX2d vectors;
-  Eigen::Vector2d energies;
-};
-
-Weights principal(const MatrixX2d& amplitudes) {
+// Amplitudes along their principal axes: orthogonal, the stronger first.
+MatrixX2d principal(const MatrixX2d& amplitudes) {
   const Eigen::Matrix2d gram = amplitudes.transpose() * amplitudes;
-  const double difference = (gram(0, 0) - gram(1, 1)) / 2, spread = std::hypot(difference, gram(0, 1));
-  const double angle = 0.5 * std::atan2(gram(0, 1), difference);  // of the major axis
+  const double angle = 0.5 * std::atan2(gram(0, 1), (gram(0, 0) - gram(1, 1)) / 2);  // of the major axis
   Eigen::Matrix2d axes;
   axes << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
-  const double mean = gram.trace() / 2;
-  Weights weights{amplitudes * axes, {mean + spread, mean - spread}};
-  for (Index i = 0; i < 2; ++i) {
-    const double norm = weights.vectors.col(i).norm();
-    if (norm > 0) weights.vectors.col(i) /= norm;
-  }
-  return weights;
+  return amplitudes * axes;
 }
 
 }  // namespace
@@ -52,13 +42,13 @@ double chance_energy(std::size_t count) {
 }
 
 CombinedTone combine_by_tone(std::span<const double> signals, std::size_t rows, std::size_t group,
-                             const PeriodicModel& model, const PeriodicFit& fit) {
+                             const PeriodicFit& fit) {
   const auto length = static_cast<Index>(rows), members = static_cast<Index>(group);
   const Eigen::Map<const MatrixXd> y(signals.data(), length, static_cast<Index>(signals.size() / rows));
   const Eigen::Map<const MatrixX2d> amplitudes(fit.amplitudes.data(), y.cols(), 2);
-  const double spare = static_cast<double>(rows - model.parameters()) * static_cast<double>(y.cols());
+  const double spare = static_cast<double>(rows - fit.model.parameters()) * static_cast<double>(y.cols());
   const double noise = 2 / static_cast<double>(rows) * fit.total_residual() / spare;
-  std::vector<Weights> weights;
+  std::vector<MatrixX2d> weights;
   bool two = false;
   double resultant = 0, lengths = 0;
   for (Index first = 0; first < y.cols(); first += members) {
@@ -66,8 +56,9 @@ CombinedTone combine_by_tone(std::span<const double> signals, std::size_t rows, 
     resultant += estimated.colwise().sum().norm();
     lengths += estimated.rowwise().norm().sum();
     weights.push_back(principal(estimated));
-    two = two || (group > 1 && weights.back().energies(1) >
-                                   std::max(chance_energy(group) * noise, 1e-9 * weights.back().energies(0)));
+    const Eigen::RowVector2d energies = weights.back().colwise().squaredNorm();
+    two = two || (group > 1 && energies(1) > std::max(chance_energy(group) * noise, kEqual * energies(0)));
+    weights.back().colwise().normalize();
   }
   const Index kept = two ? 2 : 1, frames = static_cast<Index>(weights.size());
   CombinedTone out{std::vector<double>(static_cast<std::size_t>(frames * kept * length)),
@@ -75,7 +66,7 @@ CombinedTone combine_by_tone(std::span<const double> signals, std::size_t rows, 
   Eigen::Map<MatrixXd> combined(out.signals.data(), length, frames * kept);
   for (Index frame = 0; frame < frames; ++frame)
     combined.middleCols(frame * kept, kept) =
-        y.middleCols(frame * members, members) * weights[static_cast<std::size_t>(frame)].vectors.leftCols(kept);
+        y.middleCols(frame * members, members) * weights[static_cast<std::size_t>(frame)].leftCols(kept);
   return out;
 }
 

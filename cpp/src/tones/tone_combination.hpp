@@ -18,7 +18,7 @@ struct CombinedTone {
 // cosine and the sine of the fundamental, from `fit`), shrunk towards their mean according to the noise (James and
 // Stein 1961), and orthonormal, so that white noise keeps its power.
 CombinedTone combine_by_tone(std::span<const double> signals, std::size_t rows, std::size_t group,
-                             const PeriodicModel& model, const PeriodicFit& fit);
+                             const PeriodicFit& fit);
 
 // Threshold that a sum of `count` squared standard normal variables exceeds with a probability of about 10⁻⁶ (Wilson
 // and Hilferty 1931): low enough for a search over a thousand bins.

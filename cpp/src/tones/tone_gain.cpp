@@ -52,7 +52,6 @@ struct Context {
   double step;                   // between samples, which are light; 0: they have fractions
   std::vector<double> others{};  // cycles per row of tones that are fitted too, without a result
   bool stored = true;            // samples as they were stored, which may be clipped
-  bool pooled = false;           // columns are combined later
 };
 
 // Rows after which a tone's phases come again, and by how many cycles they drift in the frame.
@@ -396,7 +395,8 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
     else if (noise >= pile.step)  // below, rounding is no noise
       left.add(std::max(result.mean[index], 0.0), counts, i, lost);
   }
-  for (std::size_t i = 0; context.pooled && left.are_clipped(context.shape.rows) && i < context.shape.columns; ++i)
+  for (std::size_t i = 0; context.options->pooled && left.are_clipped(context.shape.rows) && i < context.shape.columns;
+       ++i)
     flag_column(i);
 }
 
@@ -581,7 +581,6 @@ ToneGain gains_of_frame(const AnyFramesView& one, const Context& context, std::s
   Context with_others = make_context(one, *context.camera, frequencies, options);
   with_others.others = others;
   with_others.stored = context.stored;
-  with_others.pooled = context.pooled;
   ToneGain found = empty_result(frequencies.size(), 1, columns);
   gains_of_model(one, with_others, view_of(found));
   return found;
@@ -789,11 +788,11 @@ bool may_have_surroundings(const ColumnFit& column, const Context& context) {
   if (!is_white(column.rest())) return true;
   if (context.options->waveform != WaveformShape::square || context.tones.size() != 1) return false;
   const auto orders = harmonics_of(context, context.tones[0]);
-  std::vector<HarmonicLine> lines;
-  for (std::size_t k = 0; k < orders.size(); ++k) lines.push_back({orders[k], column.level(k)});
+  std::vector<std::complex<double>> levels;
+  for (std::size_t k = 0; k < orders.size(); ++k) levels.push_back(column.level(k));
   const HarmonicModel& model = *column.model;
   const double noise = column.left.squaredNorm() / static_cast<double>(model.rows - model.parameters);
-  return harmonic_distortion(lights_of(context)[0], lines, noise * model.covariance(1, 1)) > 0;
+  return harmonic_distortion(lights_of(context)[0], orders, levels, noise * model.covariance(1, 1)) > 0;
 }
 
 // The largest of all tones.
@@ -817,14 +816,18 @@ Surroundings surroundings_of(const Context& context, const PooledColumn& column)
   return around;
 }
 
-// Flags columns that the distortion may bias by half a standard error, all of them where unevenness may do so in one:
-// rain is not in all columns alike.
+// True if a relative error of the gain is more than half its standard error, which needs a flag.
+bool biases(double error, const ToneGainView& result, std::size_t i) {
+  return error * result.gain[i] > 0.5 * result.gain_std[i];
+}
+
+// Flags columns that the distortion may bias, all of them where unevenness may do so in one: rain is not in all columns
+// alike.
 void flag_misfit(const Surroundings& around, std::size_t first, std::size_t count, const ToneGainView& result) {
-  const auto biases = [&](double misfit, std::size_t i) { return misfit * result.gain[i] > 0.5 * result.gain_std[i]; };
   bool all = around.inseparable;
-  for (std::size_t i = first; i < first + count; ++i) all = all || biases(around.unevenness, i);
+  for (std::size_t i = first; i < first + count; ++i) all = all || biases(around.unevenness, result, i);
   for (std::size_t i = first; i < first + count; ++i)
-    if (all || biases(around.distortion, i)) result.flags[i] |= flag::model_misfit;
+    if (all || biases(around.distortion, result, i)) result.flags[i] |= flag::model_misfit;
 }
 
 // Fits the frame again with the other tones.
@@ -856,9 +859,6 @@ double exposure_cycles_of_gain(double gain) {
   return low;
 }
 
-// Standard errors by which harmonics may bias a gain without a flag.
-constexpr double kUnseenBias = 0.5;
-
 // Corrects value `i` of the result, in which the fit shows a square wave with its tied harmonics; false where these
 // leave its level in doubt.
 bool untie(const Context& context, const TiedHarmonics& harmonics, double exposure_cycles, std::size_t i,
@@ -868,7 +868,7 @@ bool untie(const Context& context, const TiedHarmonics& harmonics, double exposu
       ((static_cast<double>(context.shape.rows) - 1) * context.tones[0].cycles_per_row - exposure_cycles);
   const double relative_std = result.gain_std[i] / result.gain[i];
   const auto light = harmonics.light(result.phase[i] + to_middle, relative_std);
-  if (!light || light->spread > kUnseenBias * relative_std * light->level) return false;
+  if (!light || biases(light->spread / light->level, result, i)) return false;
   const double level = result.gain[i] * result.mean[i] * light->level;
   const double mean = result.mean[i] - level * context.ratio * light->mean;
   if (!(mean > 0)) return false;
@@ -881,7 +881,7 @@ bool untie(const Context& context, const TiedHarmonics& harmonics, double exposu
   return true;
 }
 
-// Gains that harmonics on mean or fundamental may bias by half a standard error: by the ratios of these, where the
+// Gains that harmonics on mean or fundamental may bias: by the ratios of these, where the
 // exposure is known, or flagged. An exposure that is not known is that of a light of full depth with the largest gain.
 void untie_harmonics(const Context& context, const ToneGainView& result) {
   if (context.options->waveform != WaveformShape::square || result.gain.empty()) return;
@@ -896,9 +896,7 @@ void untie_harmonics(const Context& context, const ToneGainView& result) {
   std::optional<TiedHarmonics> harmonics;
   const bool tied = known && context.options->efficiency == 1;
   for (std::size_t i = 0; folded.error > 0 && i < result.gain.size(); ++i) {
-    if (result.flags[i] & flag::harmonics_dropped ||
-        !(folded.error * result.gain[i] > kUnseenBias * result.gain_std[i]))
-      continue;
+    if (result.flags[i] & flag::harmonics_dropped || !biases(folded.error, result, i)) continue;
     if (tied && !harmonics)
       harmonics.emplace(*model_of(context), folded.tied, context.tones[0].cycles_per_row, context.options->duty,
                         *known);
@@ -960,51 +958,34 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
   ToneGainOptions options = *context.options;
   options.background = background;
   options.efficiency = 1;
+  options.pooled = false;
   const Context own{context.tones, context.ratio, &camera, &options, {frame_count, rows, 1}, 0, {}, false};
   gains_of(dense_view<const double>(signals.data(), frame_count, rows, 1), own, known, result);
-}
-
-void gains(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
-           const ToneGainOptions& options, bool pooled, const ToneGainView& result) {
-  Context context = make_context(frames, camera, frequencies, options);
-  context.pooled = pooled;
-  const std::size_t each = context.shape.frames * (pooled ? 1 : context.shape.columns);
-  check_room(result, frequencies.size() * each);
-  if (options.method == GainMethod::dft && frequencies.size() > 1) {
-    for (std::size_t k = 0; k < frequencies.size(); ++k)
-      gains(frames, camera, frequencies.subspan(k, 1), options, pooled, part_of(result, k * each, each));
-    return;
-  }
-  if (pooled)
-    pooled_gains(frames, context, result);
-  else
-    gains_of(frames, context, {}, result);
 }
 
 }  // namespace
 
 void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                const ToneGainOptions& options, const ToneGainView& result) {
-  gains(frames, camera, frequencies, options, false, result);
+  const Context context = make_context(frames, camera, frequencies, options);
+  const std::size_t each = context.shape.frames * (options.pooled ? 1 : context.shape.columns);
+  check_room(result, frequencies.size() * each);
+  if (options.method == GainMethod::dft && frequencies.size() > 1) {
+    for (std::size_t k = 0; k < frequencies.size(); ++k)
+      tone_gain(frames, camera, frequencies.subspan(k, 1), options, part_of(result, k * each, each));
+    return;
+  }
+  if (options.pooled)
+    pooled_gains(frames, context, result);
+  else
+    gains_of(frames, context, {}, result);
 }
 
 ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                    const ToneGainOptions& options) {
   const Shape shape = shape_of(frames);
-  ToneGain result = empty_result(frequencies.size(), shape.frames, shape.columns);
-  gains(frames, camera, frequencies, options, false, view_of(result));
-  return result;
-}
-
-void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
-                      const ToneGainOptions& options, const ToneGainView& result) {
-  gains(frames, camera, frequencies, options, true, result);
-}
-
-ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
-                          const ToneGainOptions& options) {
-  ToneGain result = empty_result(frequencies.size(), shape_of(frames).frames, 1);
-  gains(frames, camera, frequencies, options, true, view_of(result));
+  ToneGain result = empty_result(frequencies.size(), shape.frames, options.pooled ? 1 : shape.columns);
+  tone_gain(frames, camera, frequencies, options, view_of(result));
   return result;
 }
 

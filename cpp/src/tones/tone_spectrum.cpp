@@ -82,7 +82,9 @@ ToneSpectrum tone_spectrum(const AnyFramesView& frame, const Camera& camera, std
     const std::vector<double> weights(result.columns, 1 / static_cast<double>(result.columns));
     result.column = weighted_rows(columns, 0, camera.tone_curve, weights);
     if (!std::isfinite(result.frequency)) return;
-    const ToneGain gain = pooled_tone_gain(columns, camera, {&result.frequency, 1}, options);
+    ToneGainOptions pooled = options;
+    pooled.pooled = true;
+    const ToneGain gain = tone_gain(columns, camera, {&result.frequency, 1}, pooled);
     result.gain = gain.gain.front();
     result.gain_std = gain.gain_std.front();
     result.phase = gain.phase.front();

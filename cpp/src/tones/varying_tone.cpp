@@ -29,43 +29,10 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 // Of one column, at most 3·5 + 3: on the stack.
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 18, 1>;
 
-constexpr std::size_t kColumnsPerBlock = 640;
 // Share of a column's energy that the model leaves: below it, energies of model and column differ by too few digits.
 constexpr double kResolvedRest = 1e-6;
 
-// Nodes of Gauss and Legendre along the rows, −1 to 1, and their weights for the mean of the tone's amplitude.
-struct Place {
-  double x, share;
-};
-constexpr std::size_t kPlaces = 8;
-
-// Eigenvalues of the recurrence of Legendre's polynomials (Golub and Welsch 1969).
-std::array<Place, kPlaces> make_places() {
-  MatrixXd recurrence = MatrixXd::Zero(kPlaces, kPlaces);
-  for (Index k = 1; k < recurrence.rows(); ++k)
-    recurrence(k, k - 1) = recurrence(k - 1, k) =
-        static_cast<double>(k) / std::sqrt(static_cast<double>(4 * k * k - 1));
-  const EigenFactors of = symmetric_factors(recurrence);
-  std::array<Place, kPlaces> places{};
-  for (std::size_t i = 0; i < kPlaces; ++i) {
-    const auto at = static_cast<Index>(i);
-    places[i] = {of.values(at), of.vectors(0, at) * of.vectors(0, at)};
-  }
-  return places;
-}
-
-const std::array<Place, kPlaces>& places() {
-  static const auto made = make_places();
-  return made;
-}
-
-// Legendre polynomials of degrees 0 to `degree` at the places: (places × terms).
-MatrixXd legendre_at_places(int degree) {
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> values(kPlaces, degree + 1);
-  for (Index i = 0; i < values.rows(); ++i)
-    legendre(places()[static_cast<std::size_t>(i)].x, {values.row(i).data(), static_cast<std::size_t>(values.cols())});
-  return values;
-}
+constexpr std::size_t kPlaces = 8;  // of Gauss and Legendre along the rows, for the mean of the tone's amplitude
 
 // Harmonics in ascending order until half of the degrees of freedom are used, without those so close to half the row
 // rate that their polynomials overlap with their mirror images.
@@ -89,14 +56,29 @@ struct Plan {
   // of_sums (3·terms + 3 × outputs)·sums.
   std::optional<RowWeights> sums;
   RowMajor of_sums;
-  // (places × terms), and with these polynomials p variances and covariance of the cosine pᵀa and the sine pᵀb.
-  MatrixXd polynomials;
+  // Weights of the places; polynomials p at each, (places × terms), and with these variances and covariance of the
+  // cosine pᵀa and the sine pᵀb.
+  Eigen::VectorXd shares;
+  RowMajor polynomials;
   std::array<std::array<double, 3>, kPlaces> variances{};
   Flags flags = 0;
 
   [[nodiscard]] bool resolvable() const { return !(flags & flag::unresolvable); }
   [[nodiscard]] double freedom() const { return static_cast<double>(basis.rows() - basis.cols()); }
 };
+
+// Places are the eigenvalues of the recurrence of Legendre's polynomials (Golub and Welsch 1969).
+void add_places(Plan& plan) {
+  MatrixXd recurrence = MatrixXd::Zero(kPlaces, kPlaces);
+  for (Index k = 1; k < recurrence.rows(); ++k)
+    recurrence(k, k - 1) = recurrence(k - 1, k) =
+        static_cast<double>(k) / std::sqrt(static_cast<double>(4 * k * k - 1));
+  const EigenFactors of = symmetric_factors(recurrence);
+  plan.shares = of.vectors.row(0).cwiseAbs2();
+  plan.polynomials.resize(kPlaces, plan.terms);
+  for (Index i = 0; i < of.values.size(); ++i)
+    legendre(of.values(i), {plan.polynomials.row(i).data(), static_cast<std::size_t>(plan.terms)});
+}
 
 void plan_sums(Plan& plan) {
   const Index parameters = plan.weights.rows(), terms = plan.basis.cols();
@@ -140,7 +122,7 @@ Plan make_plan(std::size_t rows, double cycles_per_row, int degree, const ToneGa
   plan.weights.resize(3 * plan.terms + 3, design.rows());
   plan.weights << fit.weights.transpose(), steady.weights.transpose();
   plan.covariance = product(plan.weights, plan.weights.transpose());
-  plan.polynomials = legendre_at_places(degree);
+  add_places(plan);
   for (std::size_t i = 0; i < kPlaces; ++i) {
     const Eigen::VectorXd p = plan.polynomials.row(static_cast<Index>(i)).transpose();
     const auto covariance = [&](Index a, Index b) {
@@ -159,15 +141,11 @@ std::shared_ptr<const Plan> plan_of(std::size_t rows, double cycles_per_row, int
                   [&] { return std::make_shared<const Plan>(make_plan(rows, cycles_per_row, degree, options)); });
 }
 
-// Mean of the tone's amplitude over the rows, and its derivatives by the parameters.
-struct Amplitude {
-  double value = 0;
-  Vector slope;
-};
-
-Amplitude mean_amplitude(const Plan& plan, const Vector& parameters, double noise) {
+// Mean of the tone's amplitude over the rows; `slope`: its derivatives by the parameters.
+double mean_amplitude(const Plan& plan, const Vector& parameters, double noise, Vector& slope) {
   const Index terms = plan.terms;
-  Amplitude amplitude{0, Vector::Zero(parameters.size())};
+  double amplitude = 0;
+  slope = Vector::Zero(parameters.size());
   for (std::size_t i = 0; i < kPlaces; ++i) {
     const auto place = static_cast<Index>(i);
     double cosine = 0, sine = 0;
@@ -181,11 +159,11 @@ Amplitude mean_amplitude(const Plan& plan, const Vector& parameters, double nois
     const auto& [of_cosine, of_both, of_sine] = plan.variances[i];
     const double across =
         noise * (sine * (sine * of_cosine - 2 * cosine * of_both) + cosine * cosine * of_sine) / square;
-    amplitude.value += places()[i].share * std::sqrt(std::max(square - across, 0.0));
-    const double scale = places()[i].share / std::sqrt(square);
+    amplitude += plan.shares(place) * std::sqrt(std::max(square - across, 0.0));
+    const double scale = plan.shares(place) / std::sqrt(square);
     for (Index t = 0; t < terms; ++t) {
-      amplitude.slope(terms + t) += scale * cosine * plan.polynomials(place, t);
-      amplitude.slope(2 * terms + t) += scale * sine * plan.polynomials(place, t);
+      slope(terms + t) += scale * cosine * plan.polynomials(place, t);
+      slope(2 * terms + t) += scale * sine * plan.polynomials(place, t);
     }
   }
   return amplitude;
@@ -215,10 +193,10 @@ void judge(const Plan& plan, const Vector& parameters, double noise, double back
   const auto error = [&](const Vector& slope) {
     return relative_noise * std::sqrt(quadratic(plan.covariance, slope)) / ratio;
   };
-  const Amplitude varying = mean_amplitude(plan, relative, relative_noise * relative_noise);
-  Vector slope = varying.slope;
-  slope(0) -= varying.value;
-  const double gain = varying.value / ratio, gain_std = error(slope);
+  Vector slope;
+  const double varying = mean_amplitude(plan, relative, relative_noise * relative_noise, slope);
+  slope(0) -= varying;
+  const double gain = varying / ratio, gain_std = error(slope);
 
   const Index at = 3 * plan.terms;  // of tone_gain's parameters
   const double steady_mean = relative(at) - background / mean;
@@ -310,11 +288,11 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
   }
   const double ratio = full_depth_ratio(options.waveform, options.duty);
   const auto& background = options.background;
-  const std::size_t blocks = (shape.columns + kColumnsPerBlock - 1) / kColumnsPerBlock;
+  const std::size_t blocks = (shape.columns + kernels::kColumnsAtOnce - 1) / kernels::kColumnsAtOnce;
   for_each_block(shape.frames * blocks, options.threads, [&](std::size_t block) {
     const std::size_t frame = block / blocks;
-    const std::size_t first = block % blocks * kColumnsPerBlock;
-    const std::size_t count = std::min(kColumnsPerBlock, shape.columns - first);
+    const std::size_t first = block % blocks * kernels::kColumnsAtOnce;
+    const std::size_t count = std::min(kernels::kColumnsAtOnce, shape.columns - first);
     Fitted fitted{RowMajor(plan.weights.rows(), static_cast<Index>(count)), std::vector<double>(count)};
     fit_block(plan, frames, frame, first, camera.tone_curve, fitted);
     for (std::size_t i = 0; i < count; ++i) {

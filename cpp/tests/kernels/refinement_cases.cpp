@@ -14,15 +14,15 @@ constexpr double kFrequency = 0.0437;  // cycles per row
 
 // e^{−j2πf·m} for m from `first` on.
 struct Phasors {
-  Misaligned<double> real, imaginary;
+  std::vector<double> real, imaginary;
 
   Phasors(double frequency, double first, std::size_t count) : real(count), imaginary(count) {
     for (std::size_t i = 0; i < count; ++i) {
       const double angle = -2 * std::numbers::pi * frequency * (first + static_cast<double>(i));
-      real.data()[i] = std::cos(angle), imaginary.data()[i] = std::sin(angle);
+      real[i] = std::cos(angle), imaginary[i] = std::sin(angle);
     }
   }
-  [[nodiscard]] Carrier view() const { return {real.data(), imaginary.data()}; }
+  [[nodiscard]] ComplexValues values() const { return {real, imaginary}; }
 };
 
 struct Patch {
@@ -67,7 +67,7 @@ KernelCase demodulate_case(std::size_t rows, std::size_t stride, std::size_t len
   const auto run = [patch](bool plain, double* out) {
     double* imaginary = out + patch->rows * patch->stride;
     if (plain) return plain_demodulate(*patch, out, imaginary);
-    const HannWindow window{patch->below.view(), patch->middle.view(), patch->above.view(), patch->turns.view(),
+    const HannWindow window{patch->below.values(), patch->middle.values(), patch->above.values(), patch->turns.values(),
                             patch->length};
     hann_demodulate({patch->values.data(), patch->rows, patch->stride}, patch->mean.data(), window, out, imaginary);
   };

@@ -9,14 +9,14 @@ namespace {
 
 using namespace ocisac::kernels;
 
-ChunkMoments moments_in(float* out, std::size_t stride) {
-  return {out, out + stride, out + 2 * stride, out + 3 * stride, out + 4 * stride};
+// Moments in the first five sections of `out`, `common` in the others.
+Chunk chunk_in(const float* rows, float* out, std::size_t stride) {
+  return {rows, out, out + stride, out + 2 * stride, out + 3 * stride, out + 4 * stride, out + 5 * stride};
 }
 
-// As chunk_moments(); moments are written to the first five sections of `out`, `common` to the others.
+// As chunk_moments().
 void plain_moments(const float* rows, std::size_t stride, std::size_t groups, std::size_t tile, float* out) {
-  const auto moments = moments_in(out, stride);
-  float* common = out + 5 * stride;
+  const Chunk moments = chunk_in(rows, out, stride);
   for (std::size_t g = 0; g < groups; ++g) {
     double sum = 0, slope = 0, square = 0, next = 0, second = 0;
     for (std::size_t n = 0; n < kChunkRows; ++n) {
@@ -25,7 +25,7 @@ void plain_moments(const float* rows, std::size_t stride, std::size_t groups, st
       sum += x, slope += static_cast<double>(n) * x, square += x * x, next += x * at(g + 1), second += x * at(g + 2);
       double all = 0;
       for (std::size_t k = 0; k < tile; ++k) all += n == 0 ? 0 : at(g + k);
-      common[n * stride + g] = static_cast<float>(all);
+      moments.common[n * stride + g] = static_cast<float>(all);
     }
     moments.sum[g] = static_cast<float>(sum), moments.slope[g] = static_cast<float>(slope);
     moments.square[g] = static_cast<float>(square);
@@ -38,7 +38,7 @@ KernelCase moments_case(std::size_t groups, std::size_t tile) {
   const auto rows = std::make_shared<Misaligned<float>>(random_rows<float>(kChunkRows, groups, stride, 5, 0.3));
   const auto run = [=](bool plain, float* out) {
     if (plain) return plain_moments(rows->data(), stride, groups, tile, out);
-    chunk_moments(rows->data(), stride, groups, tile, moments_in(out, stride), out + 5 * stride);
+    chunk_moments(stride, groups, tile, chunk_in(rows->data(), out, stride));
   };
   return kernel_case<float>("chunk_moments " + std::to_string(groups) + " groups, tiles of " + std::to_string(tile),
                             1e-5, {5 + kChunkRows, groups, stride}, run, groups > 200);
@@ -58,8 +58,7 @@ struct Window {
       plain_moments(rows.data() + half * kChunkRows * stride, stride, groups, 1, moments[half].data());
   }
   [[nodiscard]] Chunk chunk(std::size_t half) {
-    return {rows.data() + half * kChunkRows * stride, moments_in(moments[half].data(), stride),
-            moments[half].data() + 5 * stride};
+    return chunk_in(rows.data() + half * kChunkRows * stride, moments[half].data(), stride);
   }
   [[nodiscard]] WindowScratch room() {
     float* at = scratch.data();

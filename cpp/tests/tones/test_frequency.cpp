@@ -29,7 +29,7 @@ TEST_CASE("a Gauss-Newton step leads to the least residual energy") {
   const ocisac::PeriodicModel model{2, {1, 3}};
   const ocisac::PeriodicSignals prepared(signal, 100);
   const auto refined = [&](double start, double lower) {
-    return ocisac::refine_periodic(prepared, model, ocisac::fit_periodic(prepared, model, start), lower, 0.4);
+    return ocisac::refine_periodic(prepared, ocisac::fit_periodic(prepared, model, start), lower, 0.4);
   };
   const auto best = refined(0.0412, 0.01);
   CHECK(best.frequency == doctest::Approx(0.0417).epsilon(1e-3));
@@ -71,7 +71,7 @@ TEST_CASE("combined columns keep the power of the noise and all of the tone") {
             std::cos(two_pi * 0.051 * static_cast<double>(n) + phase_step * static_cast<double>(k)) + normal(random);
     const auto model = ocisac::periodic_model(0.051, rows, 1);
     const auto apart = ocisac::fit_periodic({signals, rows}, model, 0.051);
-    const auto combined = ocisac::combine_by_tone(signals, rows, count, model, apart);
+    const auto combined = ocisac::combine_by_tone(signals, rows, count, apart);
     const std::size_t per_frame = combined.signals.size() / rows;
     CHECK(per_frame == (phase_step == 0 ? 1 : 2));
     const auto together = ocisac::fit_periodic({combined.signals, rows}, model, 0.051);

@@ -22,7 +22,7 @@ class KnownLight:
 
     Its box is divided into 2 x 8 cells. A box of this size shows the light if
 
-    * the mean of no cell, relative to that of the box, differs by more than 0.15 of the light's amplitude (and 4
+    * the mean of no cell, relative to that of the box, differs by more than a tenth of the light's amplitude (and 4
       standard errors),
     * the box swings 0.7 to 1.4 times as much, and the phases of its halves differ as before.
 

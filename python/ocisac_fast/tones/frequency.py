@@ -137,7 +137,7 @@ def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None
     """Select the columns that show a periodic light, without text, boxes, dark and saturated areas.
 
     A column is selected if its ratio of periodic to other energy (without a slow trend; fundamental and two harmonics)
-    is at least an eighth of the best. If columns with at most a tenth of saturated pixels reach that, only those are
+    is at least a tenth of the best. If columns with at most a tenth of saturated pixels reach that, only those are
     selected. Frames wider than 64 columns are evaluated in up to 64 groups of neighbours.
 
     Args:

@@ -28,15 +28,17 @@ struct CombinedColumn {
 // Fraction of the rows in which each column of a frame is saturated, see saturation_level().
 std::vector<double> saturated_share(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
 
+inline constexpr double kTogether = 0.6;  // least correlation of swings of one light
+
 // Columns dominated by one of several lights.
 struct LightGroup {
   std::vector<std::uint8_t> columns;  // (columns) 1: member
   std::vector<double> swings;         // (rows) its swings about their moving mean, normalised to length 1
 };
 
-// Lights side by side, the strongest first: groups of columns whose swings correlate with each other (cosine above 0.6)
-// and not with another group's (below 0.3). Empty where all columns may have one light. Saturated columns belong to no
-// group.
+// Lights side by side, the strongest first: groups of columns whose swings correlate with each other (cosine above
+// kTogether) and not with another group's (below 0.3). Empty where all columns may have one light. Saturated columns
+// belong to no group.
 std::vector<LightGroup> light_groups(const AnyFramesView& frames, std::size_t frame, const ToneCurve& curve);
 
 // The columns of a frame combined, and its lights beside each other, read once.

@@ -20,6 +20,13 @@ struct Region {
   friend bool operator==(const Region&, const Region&) = default;
 };
 
+// [begin, end) of rows, columns or groups of them.
+struct IndexRange {
+  std::size_t begin = 0, end = 0;
+
+  [[nodiscard]] std::size_t size() const { return end > begin ? end - begin : 0; }
+};
+
 // Length of the intersection of [a, a + a_size) and [b, b + b_size).
 inline std::size_t shared_length(std::size_t a, std::size_t a_size, std::size_t b, std::size_t b_size) {
   const std::size_t begin = std::max(a, b), end = std::min(a + a_size, b + b_size);

@@ -5,6 +5,8 @@
 #include <optional>
 #include <span>
 
+#include "ocisac/light/exposure_modulation.hpp"
+
 namespace ocisac {
 
 struct BestExposure {
@@ -16,11 +18,8 @@ inline constexpr double kMostCandidates = 1e7;  // lobes, multiples of a step or
 
 // Search domain. Without bounds: (0, 1/f] with f the smallest of the frequencies.
 struct ExposureDomain {
-  struct Bounds {
-    double low, high;  // s; 0 <= low <= high, high > 0; an exposure of 0 itself is never chosen
-  };
-  std::optional<Bounds> bounds;
-  std::optional<double> step;  // s, > 0: only whole multiples of it
+  std::optional<Interval> bounds;  // s; 0 <= low <= high, high > 0; an exposure of 0 itself is never chosen
+  std::optional<double> step;      // s, > 0: only whole multiples of it
 };
 
 // Y(T) = Σ w_i·|sin(π f_i T)|/(π f_i), eq. 18 with magnitudes; full precision also near the zeros of the sines. The

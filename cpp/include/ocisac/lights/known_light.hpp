@@ -30,7 +30,7 @@ struct Place {
 
 // A light as it looked in the frame in which it was found. Its box is divided into 2 × 8 cells. A box of this size
 // shows the light if
-//   * the mean of no cell, relative to that of the box, differs by more than 0.15 of the light's amplitude (and 4
+//   * the mean of no cell, relative to that of the box, differs by more than a tenth of the light's amplitude (and 4
 //     standard errors),
 //   * the box swings 0.7 to 1.4 times as much, and the phases of its halves differ as before.
 // Its place is where the means agree best, to a pixel or a 32nd of its size. A light that sends data is recognised at

@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <span>
 
+#include "ocisac/core/region.hpp"
+
 namespace ocisac {
 
 // Chip clock and exposure. Row n is the mean of the chips over rows n − exposure/2 … n + exposure/2; chip k lies
@@ -70,10 +72,7 @@ struct KnownChips {
 void expose_chips(const KnownChips& chips, const ChipClock& clock, std::span<double> out);
 
 // Range of the rows that depend on known chips only, after the light settled from its unknown first level.
-struct RowRange {
-  std::size_t begin = 0, end = 0;
-  [[nodiscard]] std::size_t size() const { return end - begin; }
-};
+using RowRange = IndexRange;
 RowRange rows_of(const KnownChips& chips, const ChipClock& clock, std::size_t rows);
 
 }  // namespace ocisac

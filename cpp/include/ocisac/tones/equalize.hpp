@@ -6,6 +6,7 @@
 
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/core/views.hpp"
+#include "ocisac/light/exposure_modulation.hpp"
 
 namespace ocisac {
 
@@ -20,14 +21,11 @@ struct EqualizerSettings {
   int threads = 1;
 };
 
-struct FrequencyBand {
-  double low, high;  // Hz; the highest band ends at infinity
-};
-
 struct EqualizerReport {
-  std::vector<FrequencyBand> frequencies_lost;  // restored amplitude below 1/2; mean over the columns
-  std::vector<double> noise_gain;               // frames × columns: RMS noise of the output over that of the input
-  std::vector<double> noise;                    // frames × columns: the RMS noise assumed by wiener; 0 for inverse
+  // Hz, the highest to infinity: restored amplitude below 1/2; mean over the columns
+  std::vector<Interval> frequencies_lost;
+  std::vector<double> noise_gain;  // frames × columns: RMS noise of the output over that of the input
+  std::vector<double> noise;       // frames × columns: the RMS noise assumed by wiener; 0 for inverse
 };
 
 // Row n of `out` (same shape as `frames`, without overlap) estimates the light at the end of row n's exposure, in
@@ -40,6 +38,6 @@ EqualizerReport equalize(const AnyFramesView& frames, const Camera& camera, cons
 
 // Bands in which the bounded inverse restores less than half of the amplitude: |sinc(f·T_e)| < 1/(√2·max_boost), and
 // all frequencies above half the row rate, which alias.
-std::vector<FrequencyBand> lost_frequencies(const Camera& camera, double max_boost);
+std::vector<Interval> lost_frequencies(const Camera& camera, double max_boost);
 
 }  // namespace ocisac

@@ -8,6 +8,8 @@
 
 namespace ocisac {
 
+inline constexpr std::size_t kComparedHarmonics = 3;  // sufficient to distinguish a fundamental from its harmonics
+
 // A slow trend, a tone of frequency f, and multiples of it.
 struct PeriodicModel {
   std::size_t trend_degree = 0;  // up to 2
@@ -21,6 +23,7 @@ struct PeriodicModel {
 PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t max_harmonics);
 
 struct PeriodicFit {
+  PeriodicModel model;
   double frequency = 0;                 // f, cycles per row
   std::vector<double> residual_energy;  // (signals): Σ r(n)²
   std::vector<double> periodic_energy;  // (signals): explained by the harmonics beyond the trend
@@ -29,6 +32,7 @@ struct PeriodicFit {
   double step = 0;                      // Gauss–Newton step of f towards the minimum of the summed residual energy
 
   [[nodiscard]] double total_residual() const;
+  [[nodiscard]] double total_periodic() const;
 };
 
 // Signals prepared for many fits: what cosines and what sines are multiplied with, from the middle row on.
@@ -69,8 +73,8 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
                          bool with_step = true);
 
 // The minimum over f near that of a fit with its step, within [lower, upper] cycles per row, where that fit lies.
-PeriodicFit refine_periodic(const PeriodicSignals& signals, const PeriodicModel& model, PeriodicFit best, double lower,
-                            double upper, int max_steps = 30);
+PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, double lower, double upper,
+                            int max_steps = 30);
 
 // Standard error at the minimum, from the residual, by the sandwich estimate. It allows for noise that is common to the
 // signals of a group (the `group` neighbouring signals of one frame), increases with the light, or is correlated from

@@ -16,7 +16,7 @@ struct ToneColumns {
   bool saturated = false;          // more than a tenth of the pixels in use are saturated, for lack of better columns
 };
 
-// Selected blocks, (blocks) of 0 and 1: those whose ratio of periodic to other energy is at least 1/8 of the best.
+// Selected blocks, (blocks) of 0 and 1: those whose ratio of periodic to other energy is at least a tenth of the best.
 // Blocks with more than a tenth of saturated pixels are excluded if the others contain a tone of that strength.
 std::vector<std::uint8_t> tone_blocks(const ColumnBlocks& blocks, const PeriodicFit& fit);
 

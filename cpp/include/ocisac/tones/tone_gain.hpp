@@ -22,15 +22,18 @@ struct ToneGainOptions {
   GainMethod method = GainMethod::fit;
   WaveformShape waveform = WaveformShape::tone;  // square: the fit includes all harmonics below half the row rate
   double duty = 0.5;                             // of the square wave, inside (0, 1)
-  std::span<const double> background;            // DN above dark: empty (0), one value, or (frames × columns)
+  std::span<const double> background = {};       // DN above dark: empty (0), one value, or (frames × columns)
   double efficiency = 1;                         // min fraction of the fit's efficiency, (0, 1]
   int threads = 1;                               // upper bound: see for_each_block in parallel.hpp
   // fit: test the strongest columns of each frame for other tones, which are fitted too, for distortion and for rows
   // that deviate. See docs/explanation/tones.md.
   bool robust = false;
+  // All columns of a frame combined into one, weighted by their brightness above background; saturated columns are
+  // excluded if others remain.
+  bool pooled = false;
 };
 
-// Arrays (tones × frames × columns), dense. Undetermined values are NaN and flagged.
+// Arrays (tones × frames × columns), dense; of pooled columns one a frame. Undetermined values are NaN and flagged.
 //   gain      2|X(f)|/X(0) over the waveform's own ratio at full depth: |sinc(f·T_e)| in theory
 //   gain_std  standard error of gain
 //   phase     of the light's fundamental at the end of row 0's exposure, rad in (−π, π], without the exposure's delay
@@ -54,18 +57,9 @@ struct ToneGainView {
 ToneGain tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                    const ToneGainOptions& options = {});
 
-// Writes into `result`, whose arrays hold tones × frames × columns each.
+// Writes into `result`, whose arrays hold as many values each.
 void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
                const ToneGainOptions& options, const ToneGainView& result);
-
-// The same for all columns of a frame combined into one, weighted by their brightness above background; saturated
-// columns are excluded if others remain. Arrays (tones × frames × 1).
-ToneGain pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
-                          const ToneGainOptions& options = {});
-
-// `result` holds tones × frames.
-void pooled_tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<const double> frequencies,
-                      const ToneGainOptions& options, const ToneGainView& result);
 
 // Amplitude of the fundamental over the mean, at full depth and without exposure: 1 for a tone, 2·sinc(duty) for a
 // square wave (4/π at duty 1/2).

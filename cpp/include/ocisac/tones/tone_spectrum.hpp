@@ -21,7 +21,7 @@ std::vector<double> amplitude_spectrum(std::span<const double> signal);
 // Unknown numbers are NaN.
 struct ToneSpectrum {
   double frequency, frequency_std;          // Hz; no standard error for a given frequency
-  double gain, gain_std, phase, mean, snr;  // of the pooled columns, as of pooled_tone_gain
+  double gain, gain_std, phase, mean, snr;  // of the pooled columns, as of tone_gain
   std::size_t columns;                      // that show the tone
   Flags flags;
   std::vector<double> column;     // (rows) their mean, linear light, DN above dark
