@@ -173,6 +173,22 @@ def test_a_light_that_becomes_another_is_found_without_the_frames_before() -> No
         assert after > before - 0.1
 
 
+@pytest.mark.parametrize(("still", "cycles"), [((0.6, 0.0), 1.0), ((0.7, 0.03), 1.1)])
+def test_frames_in_which_two_lamps_cancel_are_left(still: tuple[float, float], cycles: float) -> None:
+    """One stands, like a shade: without the other one its bands show."""
+    picture, cleaner = boxes(0), VideoCleaner(CAMERA)
+    place, cleaned = (np.arange(ROWS) + 0.5) / ROWS - 0.5, 0
+    for k in range(7):
+        turns = still[0] * place + still[1] * k, cycles * place + k / 3 + 0.5
+        light = 1 + np.array([0.25, 0.2]) @ np.cos(2 * np.pi * np.array(turns))
+        noise = np.random.default_rng(k).normal(0, 2, picture.shape)
+        stored = np.clip(np.rint(120 * picture * light[:, None] + noise), 0, 255).astype(np.uint8)
+        done = cleaner.push(stored)
+        cleaned += not done.unchanged[0]
+        assert decibels(done.frames, 120 * picture) > decibels(stored, 120 * picture) - 0.1
+    assert cleaned >= 2
+
+
 def test_highlights_do_not_burn() -> None:
     """Rows of mean light would lift bright objects of dark rows beyond white: they stay below it."""
     picture = boxes(2)

@@ -21,6 +21,7 @@ constexpr double kMaxWorse = 0.25;                   // of the groups of columns
 constexpr double kLeastMove = 0.05;                  // cycles from frame to frame
 constexpr double kByChance = 13.8;                   // chi square of two terms that one in a thousand exceeds
 constexpr const char* kNotSure = "slow bands that the picture's own shades may be";
+constexpr const char* kWouldGrow = "slow bands: the rows would differ more than before";
 constexpr const char* kDisagrees = "slow bands that are others than those of the frames before";
 
 double square(double value) { return value * value; }
@@ -99,8 +100,8 @@ struct Difference {
   double seen = 1;  // of the tones in the second frame, if they are in the first
   double move = 0;  // chi square of the difference of the tones
 
-  // By most of it: the frames are of one scene, and the tones are on in both.
-  [[nodiscard]] bool is_less() const { return without + std::max(chance, kMostly * with) <= with && seen >= kMostly; }
+  // By most of it: the frames are of one scene.
+  [[nodiscard]] bool is_less() const { return without + std::max(chance, kMostly * with) <= with; }
   // The phase stands: neither the tones nor the frames differ by them.
   [[nodiscard]] bool stands() const { return move <= chance && std::abs(seen - 1) < kSmallShare; }
 };
@@ -122,12 +123,39 @@ Difference difference_of(const CommonCourse& before, const CommonCourse& course,
   return {with, without, kByChance * static_cast<double>(first.size()), product / energy, move};
 }
 
-// The tones do not explain how the last of the frames differs from the one before, or make others differ more.
+// Mean modes of frames without the tones.
+std::vector<double> still_of(std::span<const CommonCourse> courses, const std::vector<SlowTone>& first) {
+  std::vector<double> still(courses.front().modes.size());
+  for (const CommonCourse& course : courses) {
+    const std::vector<double> light =
+        modes_of_light(in_frame(first, course.place - courses.front().place), still.size());
+    for (std::size_t k = 0; k < still.size(); ++k)
+      still[k] += (course.modes[k] - light[k]) / static_cast<double>(courses.size());
+  }
+  return still;
+}
+
+// Without the tones the frame differs more from what stands still, or its columns have far more in common: shades, or
+// another lamp, cancel them. Less than a cycle changes the mean of a frame most, which is not compared.
+bool would_grow(const CommonCourse& course, const std::vector<SlowTone>& tones, const std::vector<double>& still) {
+  const std::vector<double> light = modes_of_light(tones, still.size());
+  double before = 0, after = 0, moved = 0, rest = 0;
+  for (std::size_t k = 0; k < light.size(); ++k) {
+    before += square(course.modes[k]);
+    after += square(course.modes[k] - light[k]);
+    moved += square(course.modes[k] - still[k]);
+    rest += square(course.modes[k] - still[k] - light[k]);
+  }
+  return (tones.front().cycles >= 1 - kNearAtMost && kMostly * after > before) || rest > moved;
+}
+
+// The tones do not explain how the last of the frames differs from the one before, or, of others, half of what they
+// change.
 bool are_others(std::span<const CommonCourse> frames, const std::vector<SlowTone>& first) {
   Difference last;
   for (std::size_t k = 1; k < frames.size(); ++k) {
     last = difference_of(frames[k - 1], frames[k], first, frames.front().place);
-    if (last.without > last.with + last.chance) return true;
+    if (last.without + kMostly * last.move > last.with + last.chance) return true;
   }
   return frames.size() > 1 && !last.is_less();
 }
@@ -187,7 +215,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
   std::optional<std::size_t> compared;  // the first of the frames that `first` and `verdict` are of
   std::vector<SlowTone> first;
   SlowVerdict verdict;
-  std::vector<double> shares;
+  std::vector<double> shares, still;
   bool is_sure = false;
   // Two frames differ alike where a light moves and where it is switched.
   const std::size_t most = courses.size() == 2 ? 1 : kMostSlowFrames;
@@ -201,6 +229,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
       first = find_slow_tones(these, rows, in_frame(known, these.front().place - place_of_known));
       is_sure = std::ranges::all_of(first, &SlowTone::is_sure) &&
                 (first.front().cycles >= 1 - kNearAtMost || these.size() > kFewFrames);
+      still = still_of(these, first);
       verdict = is_sure ? agreement_of_groups(these, first) : SlowVerdict{};
       shares = is_sure ? slow_shares(these, first, rows) : std::vector<double>{};
       known = first;
@@ -214,10 +243,12 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     const bool is_other =
         is_sure && are_others(std::span<const CommonCourse>(courses).subspan(start, frame - start + 1), first);
     result.push_back({is_sure ? tones_of_colours(colours, courses[frame], tones) : std::vector(colours.size(), tones),
-                      tones, courses[frame], main.log_odds > std::log(kLikelyOdds) ? main.amplitude() : 0, verdict,
-                      !is_sure   ? kNotSure
-                      : is_other ? kDisagrees
-                                 : objection_to(verdict, shares.empty()),
+                      tones, courses[frame], still, main.log_odds > std::log(kLikelyOdds) ? main.amplitude() : 0,
+                      verdict,
+                      !is_sure                                   ? kNotSure
+                      : is_other                                 ? kDisagrees
+                      : would_grow(courses[frame], tones, still) ? kWouldGrow
+                                                                 : objection_to(verdict, shares.empty()),
                       shares});
   }
   const bool is_other = std::ranges::any_of(result, [](const SlowLight& one) { return one.objection == kDisagrees; });
@@ -235,6 +266,7 @@ SlowLight slow_light_before(const std::vector<BandedPicture>& colours, const Slo
   light.common = in_frame(later.common, -ago);
   light.tones = tones_of_colours(colours, all, light.common);
   const Difference difference = difference_of(all, later.course, light.common, all.place);
+  if (would_grow(all, light.common, light.still)) light.objection = kWouldGrow;
   if (!difference.is_less() && !difference.stands()) light.objection = kDisagrees;
   light.course = std::move(all);
   return light;

@@ -242,8 +242,7 @@ void StreamCleaner::await_slow(Frame& first) const {
 }
 
 void StreamCleaner::keep_slow(const SceneLight& light) {
-  const bool is_gone = slow_ && !light.unchanged.empty();
-  if (light.slow.back().is_first || is_gone) earlier_.courses.clear();
+  if (light.slow.back().is_first) earlier_.courses.clear();
   earlier_.courses.push_back(light.slow.back().course);
   earlier_.next = light.slow.back().course.place + 1;
   slow_.reset();
