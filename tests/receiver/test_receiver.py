@@ -298,7 +298,7 @@ def test_a_rate_is_sure_by_its_lead_over_others(positions, exposure, noise):
         is_right = abs(got.rows_per_chip / rows_per_chip - 1) < 0.001
         outcomes.append("flag" if got.flags else "right" if is_right else "wrong")
     assert "wrong" not in outcomes
-    assert outcomes.count("right") > (0.98 if positions == 16 else 0.75) * len(outcomes)
+    assert outcomes.count("right") > (0.95 if positions == 16 else 0.75) * len(outcomes)
 
 
 @pytest.mark.parametrize(
