@@ -338,8 +338,10 @@ bool decode(const CombinedColumn& column, const ColumnSearch& what, Received& re
     if (what.exposure_rows.value_or(0.0) * what.range.lowest > kLongestSliced) received.flags |= flag::long_exposure;
     return false;
   }
-  // Edges of noise may outnumber those of the light.
-  if (changes_of(decoded->detection) < (decoded->slowed ? kFew : kSureWithRate) || decoded->lead < what.sure_lead)
+  // Edges of noise may outnumber those of the light. Many edges off their lattice, of light that is clipped or
+  // sharpened, leave a small lead, though no other lattice is as good for all.
+  const std::size_t changes = changes_of(decoded->detection);
+  if (changes < (decoded->slowed ? kFew : kSureWithRate) || (changes < 2 * kFew && decoded->lead < what.sure_lead))
     received.flags |= flag::too_few_edges;
   fill(received, std::move(*decoded), what.exposure_rows);
   return true;
