@@ -418,6 +418,29 @@ def test_rounding_of_phases_that_come_again_is_flagged(rows_per_cycle, amplitude
     assert quantised[wrong].mean() > 0.98
 
 
+@pytest.mark.parametrize("waveform", ["square", "tone"])
+@pytest.mark.parametrize("pooled", [True, False])
+@pytest.mark.parametrize("noise", [0.0, 0.2, 0.3, 0.6])
+def test_rounding_of_dim_and_quiet_lamps_is_flagged(waveform, pooled, noise):
+    """Of 10 to 30 steps: plateaus and crests that stay on one code in all columns."""
+    errors, flagged = [], []
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        frequency, cycles = np.exp(random.uniform(np.log(4 / 1080), np.log(0.1))), random.choice([0.3, 0.5, 0.7])
+        phase, camera = random.uniform(0, 6), Camera(1.0, exposure=cycles / frequency, dark_level=10)
+        light = (ocisac.SquareWave if waveform == "square" else ocisac.Tone)(frequency, phase=phase)
+        rows = 10 + random.choice([10, 20, 30]) * ocisac.integrate_exposure(light, camera, 1080)
+        columns = rows[:, None] + noise * random.standard_normal((1080, 48))
+        pixels = np.rint(columns if pooled else columns[:, :1]).astype(np.uint8)
+        found = ocisac.tone_gain(pixels, camera, frequency, waveform=waveform, pooled=pooled)
+        errors.append((found.gain.item() - np.abs(np.sinc(cycles))) / found.gain_std.item())
+        flagged.append((found.flags.item() & Flag.QUANTISED) != 0)
+    beyond, flagged = np.abs(errors) > 6, np.array(flagged)
+    assert flagged[beyond].all()
+    assert beyond.any() or not pooled or noise == 0.6
+    assert not flagged.any() or noise < 0.6
+
+
 @pytest.mark.parametrize("rows_per_cycle", [8, 8.05, 7.3, 64])
 def test_noise_of_half_a_step_is_not_flagged_as_rounding(rows_per_cycle):
     random = np.random.default_rng(1)

@@ -43,14 +43,6 @@ double noise_on_steady_light(std::span<const double> signal) {
   return *quarter / (0.3186 * std::sqrt(6.0));  // quartile of |x| for a normal x; variance of the difference
 }
 
-// Span from the darkest to the brightest tenth of the rows.
-double span_of(std::span<const double> signal) {
-  std::vector<double> sorted(signal.begin(), signal.end());
-  std::ranges::sort(sorted);
-  const std::size_t tenth = sorted.size() / 10;
-  return sorted[sorted.size() - 1 - tenth] - sorted[tenth];
-}
-
 // Coherence of the edges with a lattice of one frequency.
 struct Coherence {
   double score = 0;  // fraction of the edges, 0 … 1
@@ -172,16 +164,27 @@ ChipLattice centred(ChipLattice lattice) {
   return lattice;
 }
 
-// Code length of the edges in nats: their residual, and the occupied places of the lattice.
-double description_length(const ChipLattice& lattice, double residual, std::size_t edge_count, double span,
+// Code length of `changes` in so many cells, nats.
+double entropy_of(double changes, double cells) {
+  const double share = changes / cells;
+  return share > 0 && share < 1 ? -cells * (share * std::log(share) + (1 - share) * std::log(1 - share)) : 0.0;
+}
+
+// Code length of the edges in nats: their residual, and the occupied places of the lattice, dark and bright ones by
+// themselves: pulses of one chip fall where they must. `runs`: sum of the chips and number of the runs of either light.
+double description_length(const ChipLattice& lattice, std::span<const double> distance,
+                          std::span<const std::uint8_t> used, const std::array<std::array<double, 2>, 2>& runs,
                           std::size_t collisions) {
-  const auto edges = static_cast<double>(edge_count);
-  const double cells = std::max(span / lattice.clock.rows_per_chip, edges), share = edges / cells;
-  const double entropy = share < 1 ? -(share * std::log(share) + (1 - share) * std::log(1 - share)) : 0.0;
-  const double duty = lattice.duty_offset / lattice.clock.rows_per_chip;
-  return edges * std::log(std::max(residual, 0.05)) + cells * entropy + 4 * static_cast<double>(collisions) +
-         8 * edges * duty * duty                                 // prefers the threshold with equal runs of both levels
-         - 0.3 * edges * std::log(lattice.clock.rows_per_chip);  // prefers the slower lattice
+  const auto edges = static_cast<double>(distance.size());
+  double squares = 0, inside = 0;
+  for (std::size_t k = 0; k < distance.size(); ++k)
+    if (used[k]) squares += distance[k] * distance[k], inside += 1;
+  const double chip = lattice.clock.rows_per_chip, duty = lattice.duty_offset / chip;
+  return (inside - 3) * std::log(std::max(std::sqrt(squares / inside), 0.05)) +
+         (edges - inside) * std::log(chip / std::sqrt(kTurn * std::numbers::e)) +  // anywhere in a chip, not normal
+         entropy_of(runs[0][1], runs[0][0]) + entropy_of(runs[1][1], runs[1][0]) + 4 * static_cast<double>(collisions) +
+         8 * edges * duty * duty          // prefers the threshold with equal runs of both levels
+         - 0.3 * edges * std::log(chip);  // prefers the slower lattice
 }
 
 // Alternates rounding of edges to chips and fitting.
@@ -199,14 +202,35 @@ std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
     used = inliers(distance, 0.02);
   }
   std::size_t collisions = 0;
-  for (std::size_t k = 1; k < chips.size(); ++k) collisions += chips[k] <= chips[k - 1];
+  std::array<std::array<double, 2>, 2> runs{};
+  for (std::size_t k = 1; k < chips.size(); ++k) {
+    collisions += chips[k] <= chips[k - 1];
+    runs[edges.rising[k - 1]][0] += std::max(chips[k] - chips[k - 1], 1.0);
+    runs[edges.rising[k - 1]][1] += 1;
+  }
   if (10 * collisions > chips.size() || std::abs(lattice.duty_offset) > 1.5 * kMaxDuty * lattice.clock.rows_per_chip)
     return std::nullopt;
   const double squares = std::inner_product(distance.begin(), distance.end(), distance.begin(), 0.0);
   const double residual = std::sqrt(squares / static_cast<double>(distance.size()));
-  const double span = edges.rows.back() - edges.rows.front();
-  return ChipTiming{
-      centred(lattice), residual, 0, description_length(lattice, residual, chips.size(), span, collisions), {}};
+  return ChipTiming{centred(lattice),
+                    residual,
+                    0,
+                    description_length(lattice, distance, used, runs, collisions),
+                    std::numeric_limits<double>::infinity(),
+                    {}};
+}
+
+// The cheapest of lattices; its lead is over those of other rates: by half a chip or more in the span of the edges.
+std::optional<ChipTiming> cheapest_of(std::span<const ChipTiming> lattices, double span) {
+  const auto best = std::ranges::min_element(lattices, {}, &ChipTiming::cost);
+  if (best == lattices.end()) return std::nullopt;
+  ChipTiming result = *best;
+  result.lead = std::numeric_limits<double>::infinity();
+  for (const ChipTiming& other : lattices) {
+    const double apart = span / other.lattice.clock.rows_per_chip - span / result.lattice.clock.rows_per_chip;
+    result.lead = std::min(result.lead, other.cost - result.cost + (std::abs(apart) < 0.5 ? other.lead : 0.0));
+  }
+  return result;
 }
 
 bool locked(const ChipTiming& timing) {
@@ -284,7 +308,7 @@ std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, Fre
   const auto steps = static_cast<std::size_t>(std::max(std::ceil(width * 2 * static_cast<double>(rows)), 8.0));
   const double step = width / static_cast<double>(steps);
   const auto scores = coherence(edges, range.lowest, step, steps + 1);
-  std::optional<ChipTiming> best;
+  std::vector<ChipTiming> settled;
   for (std::size_t peak : best_peaks(scores)) {
     check_interrupt();
     const double period = 1 / (range.lowest + step * static_cast<double>(peak));
@@ -292,8 +316,9 @@ std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, Fre
     if (!timing || timing->lattice.clock.rows_per_chip * range.lowest > 1 / 0.99 ||
         timing->lattice.clock.rows_per_chip * range.highest < 1 / 1.01)
       continue;
-    if (!best || timing->cost < best->cost) best = timing;
+    settled.push_back(*timing);
   }
+  auto best = cheapest_of(settled, edges.rows.back() - edges.rows.front());
   if (!best) return best;
   const double by_chance = best->lattice.clock.rows_per_chip / (std::sqrt(12.0) * std::max(best->residual, 0.02));
   best->certainty =
@@ -302,7 +327,7 @@ std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, Fre
 }
 
 TimingSearch find_chip_timing(std::span<const double> signal, double noise, FrequencyRange range) {
-  const double span = span_of(signal);
+  const double span = std::ranges::max(signal) - std::ranges::min(signal);
   const double spread = std::isnan(noise) ? noise_on_steady_light(signal) : noise;
   TimingSearch search{std::nullopt, std::numeric_limits<std::size_t>::max()};
   for (std::size_t reach : kSmoothing) {
@@ -313,14 +338,16 @@ TimingSearch find_chip_timing(std::span<const double> signal, double noise, Freq
     const double hysteresis = std::min(6 * spread / std::sqrt(2 * averaged - 1), 0.08 * span);
     const auto points = prune_turning_points(smooth, turning_points(smooth, hysteresis));
     search.edges = std::min(search.edges, points.size() - 1);
+    std::vector<ChipTiming> lattices;
     std::optional<ChipTiming> best;
     for (std::size_t k = 0; k <= kThresholds.size(); ++k) {
       const Edges edges = k < kThresholds.size() ? edges_between(smooth, points, kThresholds[k])
                                                  : edges_between(smooth, points, kThresholds[0], kAround);
       auto timing = find_lattice(edges, signal.size(), {range.lowest, highest});
-      if (!timing || (best && (best->cost <= timing->cost || divides(*timing, *best)))) continue;
-      best = std::move(timing);
-      best->edges = edges;
+      if (!timing || (best && timing->cost < best->cost && divides(*timing, *best))) continue;
+      timing->edges = edges;
+      lattices.push_back(*timing);
+      best = cheapest_of(lattices, static_cast<double>(signal.size()));
     }
     if (best && locked(*best)) {
       search.timing = std::move(best);

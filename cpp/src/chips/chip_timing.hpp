@@ -24,6 +24,7 @@ struct ChipTiming {
   double residual = 0;   // root mean square of the edges about the lattice, rows
   double certainty = 0;  // log-odds against edges at random places
   double cost = 0;       // description length of the edges, nats; the lattice of lowest cost is selected
+  double lead = 0;       // by which lattices of other rates cost more
   Edges edges;           // all edges, at the best threshold
 };
 

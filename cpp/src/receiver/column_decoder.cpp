@@ -14,6 +14,7 @@
 #include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/chips/channel_estimate.hpp"
+#include "ocisac/chips/preamble.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
@@ -27,14 +28,15 @@ namespace {
 
 constexpr double kLongestChip = 64, kShortestChip = 2;  // rows
 constexpr double kRateTolerance = 0.03;
-constexpr double kNearlyAll = 0.9;                         // of the runs
-constexpr std::size_t kSureBlind = 12, kSureWithRate = 4;  // edges required for a reliable rate, blind or given
-constexpr double kWeakPart = 4;                            // signal-to-noise ratio of some chips: 2 % of them are wrong
-constexpr std::size_t kPart = 16;                          // chips
-constexpr double kMinSnr = 2;                              // noise divided at its median has 1.8
-constexpr std::size_t kMostAtOnce = 4;                     // rows of a group
-constexpr double kLowestTone = 300, kHighestTone = 3000;   // Hz
-constexpr double kMinHumCycles = 1, kMinToneCycles = 8;    // in the frame
+constexpr double kNearlyAll = 0.9;  // of the runs
+constexpr std::size_t kFew = 12,
+                      kSureWithRate = 4;  // edges required for a reliable rate, a part of it or as it is given
+constexpr double kWeakPart = 4;           // signal-to-noise ratio of some chips: 2 % of them are wrong
+constexpr std::size_t kPart = 16;         // chips
+constexpr double kMinSnr = 2;             // noise divided at its median has 1.8
+constexpr std::size_t kMostAtOnce = 4;    // rows of a group
+constexpr double kLowestTone = 300, kHighestTone = 3000;  // Hz
+constexpr double kMinHumCycles = 1, kMinToneCycles = 8;   // in the frame
 constexpr int kSquareRounds = 3;
 constexpr std::size_t kEnds = 8;                    // of the rows make an end
 constexpr double kMinShare = 0.3, kMaxShare = 1.5;  // of the light beside the lamp in its columns
@@ -47,7 +49,8 @@ struct Decoded {
   SlicedChips detection;
   double rows_per_chip_std = 0;
   bool uneven =
-      false;  // edges off the clock: rows that are not read at even times, missing chips, two lights, no chips
+      false;        // edges off the clock: rows that are not read at even times, missing chips, two lights, no chips
+  double lead = 0;  // of its lattice, as of ChipTiming
   bool slowed = false;  // the rate is that of the edges, a part of the one that was asked for
 };
 
@@ -186,7 +189,7 @@ Decoded within(Decoded all, const RowRange& lit, std::size_t rows) {
 Decoded spread_over(std::span<const double> signal, Decoded lit) {
   const ChipGrid whole = whole_chips(lit.grid.clock, signal.size());
   if (whole.first == lit.grid.first && whole.count == lit.grid.count) return lit;
-  Decoded spread{whole, {}, lit.rows_per_chip_std, lit.uneven, lit.slowed};
+  Decoded spread{whole, {}, lit.rows_per_chip_std, lit.uneven, lit.lead, lit.slowed};
   const auto last = static_cast<std::ptrdiff_t>(lit.grid.count) - 1;
   for (std::size_t k = 0; k < whole.count; ++k) {
     const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - lit.grid.first;
@@ -296,6 +299,7 @@ std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& 
       decoded = std::move(again);
       decoded->slowed = true;
     }
+  if (decoded) decoded->lead = search.timing->lead;
   if (!decoded || snr_of(decoded->detection.relative_levels) < kMinSnr) return std::nullopt;
   decoded->uneven |= is_read_in_groups(signal, decoded->grid.clock, what.exposure_rows);
   decoded->grid.clock.phase += static_cast<double>(begin);
@@ -327,16 +331,17 @@ bool decode(const CombinedColumn& column, const ColumnSearch& what, Received& re
         edges = of_fewer;
       }
   }
-  const bool few_edges = edges > 0 && edges < what.sure_edges;
   received.weights = column.weights;
-  received.flags = flag_if(column.saturated, flag::saturated) | flag_if(few_edges, flag::too_few_edges);
+  received.flags = flag_if(column.saturated, flag::saturated);
   if (!decoded) {
-    if (!few_edges) received.flags |= flag::no_signal;
+    received.flags |= edges > 0 && edges < kFew ? flag::too_few_edges : flag::no_signal;
     if (what.exposure_rows.value_or(0.0) * what.range.lowest > kLongestSliced) received.flags |= flag::long_exposure;
     return false;
   }
-  // Edges of noise may outnumber those of the light.
-  if (changes_of(decoded->detection) < (decoded->slowed ? kSureBlind : what.sure_edges))
+  // Edges of noise may outnumber those of the light. Many edges off their lattice, of light that is clipped or
+  // sharpened, leave a small lead, though no other lattice is as good for all.
+  const std::size_t changes = changes_of(decoded->detection);
+  if (changes < (decoded->slowed ? kFew : kSureWithRate) || (changes < 2 * kFew && decoded->lead < what.sure_lead))
     received.flags |= flag::too_few_edges;
   fill(received, std::move(*decoded), what.exposure_rows);
   return true;
@@ -470,7 +475,7 @@ void rate_chips(Received& received) {
 }
 
 ColumnSearch column_search(const ReceiveOptions& options, const Camera& camera, std::size_t rows) {
-  ColumnSearch what{{std::max(1 / kLongestChip, 4 / static_cast<double>(rows)), 1 / kShortestChip}, {}, kSureBlind};
+  ColumnSearch what{{std::max(1 / kLongestChip, 4 / static_cast<double>(rows)), 1 / kShortestChip}, {}, kMinCertainty};
   if (camera.exposure) what.exposure_rows = *camera.exposure / camera.row_time;
   if (!options.chip_rate) return what;
   require_positive("chip_rate", *options.chip_rate);
@@ -478,7 +483,7 @@ ColumnSearch column_search(const ReceiveOptions& options, const Camera& camera, 
   require(frequency <= 1 / kShortestChip, "chip_rate", *options.chip_rate,
           "at most half the row rate: a chip of two rows or more");
   what.range = {(1 - kRateTolerance) * frequency, std::min((1 + kRateTolerance) * frequency, 1 / kShortestChip)};
-  what.sure_edges = kSureWithRate;
+  what.sure_lead = 0;
   return what;
 }
 

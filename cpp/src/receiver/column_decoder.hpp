@@ -18,7 +18,7 @@ inline constexpr double kBetter = 1.5;  // times the signal-to-noise ratio
 struct ColumnSearch {
   FrequencyRange range;
   std::optional<double> exposure_rows;  // rows
-  std::size_t sure_edges;               // minimum number of edges for a reliable rate
+  double sure_lead;                     // of the lattice over those of other rates, nats, for a reliable rate
   bool among_lamps = false;             // above or below others: it ends between them
 };
 

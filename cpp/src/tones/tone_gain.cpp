@@ -6,6 +6,7 @@
 #include <cmath>
 #include <complex>
 #include <limits>
+#include <map>
 #include <memory>
 #include <numbers>
 #include <numeric>
@@ -17,6 +18,7 @@
 #include "core/levels.hpp"
 #include "core/parallel.hpp"
 #include "core/recently_used.hpp"
+#include "core/statistics.hpp"
 #include "light/waveform_elements.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
@@ -54,34 +56,6 @@ struct Context {
   bool stored = true;            // samples as they were stored, which may be clipped
 };
 
-// Rows after which a tone's phases come again, and by how many cycles they drift in the frame.
-using Recurrences = std::vector<std::pair<double, double>>;
-
-// Those that drift less than all shorter ones.
-Recurrences recurrences_of(double cycles_per_row, std::size_t rows) {
-  constexpr int kMost = 64;
-  Recurrences found;
-  for (int period = 1; period <= kMost; ++period) {
-    const double cycles = cycles_per_row * period;
-    const double drift = std::abs(cycles - std::nearbyint(cycles)) / period * static_cast<double>(rows);
-    if (found.empty() || drift < found.back().second) found.emplace_back(period, drift);
-  }
-  return found;
-}
-
-// If the noise is below half a step, rounding is a function of the light instead of noise. Bound of the resulting
-// amplitude error, in steps: RMS over the position of the light between two codes, 1/π of a step at each of the levels
-// that rows see. A sine has as many as Widrow's series says, with <J1²(x)> = 1/(πx); phases that come again as many as
-// there are of them, times the levels through which they drift.
-double rounding_pull(double amplitude, double noise_variance, const Recurrences& recurrences) {
-  constexpr double kLevelsOfStep = 8.21;  // π²/ζ(3)
-  double levels = kLevelsOfStep * std::max(amplitude, 0.1);
-  for (const auto& [rows, drift] : recurrences) levels = std::min(levels, rows * (1 + 4 * amplitude * drift));
-  const double of_rounding = (1 + 1.8 / std::sqrt(levels)) / 12;  // two standard deviations of few levels' above 1/12
-  const double noise = std::max(noise_variance - of_rounding, 0.0);
-  return std::exp(-kTwoPi * std::numbers::pi * noise) / (std::numbers::pi * std::sqrt(levels));
-}
-
 double background_of(const Context& context, std::size_t frame, std::size_t column) {
   const auto& background = context.options->background;
   if (background.empty()) return 0;
@@ -103,15 +77,68 @@ void take_off(const Context& context, std::size_t frame, std::size_t first, doub
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = mean[i] - dark - background_of(context, frame, first + i);
 }
 
-// True if the amplitude error of column i by rounding may exceed that by noise. From a noise variance of 1 on it is
+std::optional<double> exposure_cycles_of(const Context& context) {
+  const auto& exposure = context.camera->exposure;
+  return exposure ? std::optional(context.tones[0].frequency * *exposure) : std::nullopt;
+}
+
+// x of 0 … 1 with sinc(x) = gain.
+double exposure_cycles_of_gain(double gain) {
+  double low = 0, high = 1;
+  for (int step = 0; step < 40; ++step) (sinc((low + high) / 2) > gain ? low : high) = (low + high) / 2;
+  return low;
+}
+
+// Share of the weight, mean of the lamp and of all light in steps, of a column.
+using ColumnOfSteps = std::array<double, 3>;
+
+// Levels that the rows of columns see, by the lamp's gain and phase. Rounding errs by −1/π·exp(−2π²σ²)·sin(2πx) for
+// light of x steps, alike in rows that see one level, and the amplitude by Σ w·error with its weights w, summed by
+// codes: the place of each between two codes is not known. Nor is the swing to half a step.
+double levels_of(const Context& context, const Tone& tone, double gain, double phase,
+                 std::span<const ColumnOfSteps> columns) {
+  constexpr std::size_t kCodes = 1024;  // of which rows of more come again
+  const bool is_square = context.options->waveform == WaveformShape::square;
+  const double known = context.camera->exposure.value_or(0.0) * tone.frequency,
+               exposure = context.camera->exposure ? known : exposure_cycles_of_gain(gain),
+               box = std::max(exposure, kNextToNone), response = sinc(exposure),
+               duty = is_square ? context.options->duty : 0.5, least = std::max(std::abs(response), kNearNull);
+  const auto light_until = [duty](double cycles) {
+    return std::floor(cycles) * duty + std::min(cycles - std::floor(cycles), duty);
+  };
+  std::vector<std::complex<double>> codes(kCodes);
+  for (std::size_t n = 0; n < context.shape.rows; ++n) {
+    const double cycles = tone.cycles_per_row * static_cast<double>(n) + phase / kTwoPi - known / 2,
+                 wave = std::cos(kTwoPi * cycles), begin = cycles + (duty - box) / 2,
+                 light = is_square ? (light_until(begin + box) - light_until(begin)) / box - duty : response * wave / 2;
+    for (const auto& [share, mean, all] : columns)
+      for (const double more : {0.0, 0.5}) {
+        const double level = all + (gain * mean / duty + more) / least * light, code = std::nearbyint(level);
+        codes[static_cast<std::size_t>(std::abs(code) + more * kCodes) % kCodes] +=
+            std::polar(share * wave / static_cast<double>(context.shape.rows), kTwoPi * (level - code));
+      }
+  }
+  double squares = 0;
+  for (const auto& code : codes) squares += std::norm(code);
+  return 1 / squares;
+}
+
+// RMS error of the amplitude by rounding, in steps, over the place of the levels between two codes. Rounding itself is
+// in the variance of the noise, of few levels with two standard deviations above 1/12.
+double rounding_pull(double levels, double noise_variance) {
+  const double noise = std::max(noise_variance - (1 + 1.8 / std::sqrt(levels)) / 12, 0.0);
+  return std::exp(-kTwoPi * std::numbers::pi * noise) / (std::numbers::pi * std::sqrt(levels));
+}
+
+constexpr double kFewestLevels = 2;
+
+// True if the amplitude error of value i by rounding may exceed that by noise of a variance in steps. From 1 on it is
 // below 10⁻⁸ of a step.
-bool is_quantised(const kernels::FittedTone& estimates, std::size_t i, double amplitude, double step,
-                  const Recurrences& recurrences) {
-  const double noise = estimates.noise_variance[i] / (step * step);
-  const double cosine = estimates.cosine[i] * estimates.cosine[i];
-  const double sine = estimates.sine[i] * estimates.sine[i];
-  const double radial = noise * (cosine * estimates.variance_cosine + sine * estimates.variance_sine) / (cosine + sine);
-  return noise < 1 && rounding_pull(amplitude / step, noise, recurrences) > std::sqrt(radial);
+template <typename Levels>
+bool is_quantised(const Context& context, double noise, const ToneGainView& result, std::size_t i,
+                  const Levels& levels) {
+  const double error = result.gain_std[i] * result.mean[i] * context.ratio / context.step;
+  return noise < 1 && rounding_pull(kFewestLevels, noise) > error && rounding_pull(levels(), noise) > error;
 }
 
 // Writes gain, standard error, phase, mean, snr and flags of one tone for the columns from `first` of the result on;
@@ -128,8 +155,7 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
   for (std::size_t i = 0; i < count; ++i)
     result.flags[first + i] = tone.flags | flag_if(tops[i] >= level, flag::saturated);
   if (!any && context.step <= 1 && !(tone.flags & (flag::unresolvable | flag::few_cycles))) return;
-  Recurrences recurrences;
-  if (context.step > 0) recurrences = recurrences_of(tone.cycles_per_row, context.shape.rows);
+  std::map<std::array<double, 3>, double> known;  // levels of about the same light
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t index = first + i;
     Flags& flags = result.flags[index];
@@ -140,13 +166,18 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
       flags |= flag::unresolvable;
       result.mean[index] = kNaN;
     }
+    const auto levels = [&] {
+      const double gain = result.gain[index], phase = result.phase[index], mean = result.mean[index] / context.step;
+      double& found = known[{std::round(8 * std::log2(mean * gain)), std::round(8 * gain), std::round(8 * phase)}];
+      if (found == 0) found = levels_of(context, tone, gain, phase, {{{1.0, mean, 0x1p15}}});
+      return found;
+    };
     if (flags & (flag::unresolvable | flag::no_light))
       mark_unknown(result, index);
     else if (remark == kernels::kWeakTone)
       flags |= flag::weak;
     else if (context.step > 0 && (remark == kernels::kLittleNoise || context.step > 1) &&
-             is_quantised(estimates, i, result.gain[index] * context.ratio * estimates.mean[i], context.step,
-                          recurrences))
+             is_quantised(context, estimates.noise_variance[i] / (context.step * context.step), result, index, levels))
       flags |= flag::quantised;
   }
 }
@@ -204,11 +235,6 @@ FoldedHarmonics folded_harmonics_of(const Context& context, std::optional<double
     return {};
   return folded_harmonics(context.shape.rows, tone.cycles_per_row, options.duty,
                           exposure_cycles.value_or(tone.cycles_per_row));
-}
-
-std::optional<double> exposure_cycles_of(const Context& context) {
-  const auto& exposure = context.camera->exposure;
-  return exposure ? std::optional(context.tones[0].frequency * *exposure) : std::nullopt;
 }
 
 std::vector<int> harmonics_of(const Context& context, const Tone& tone) {
@@ -335,6 +361,7 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, c
 }
 
 constexpr double kHalfStep = 0.5;  // between stored values
+constexpr std::size_t kSomeColumns = 16;
 constexpr Flags kUnusable = flag::saturated | flag::unresolvable | flag::no_light;
 
 double noise_of(const ToneGainView& result, std::size_t index) {
@@ -591,6 +618,8 @@ struct PooledColumn {
   std::vector<double> signal;  // (rows,), linear light; empty: none are
   double background = 0;
   bool saturated = false, negative = false;
+  std::vector<double> weights{}, totals{};  // of the columns
+  double noise_variance = 1;                // of a column, in steps
 };
 
 // Flags of each column by itself, where the brightest or the darkest may be clipped; else none.
@@ -661,6 +690,17 @@ std::vector<double> pooled_rows(const AnyFramesView& frames, std::size_t frame, 
   return signal;
 }
 
+// Variance of the brightest column about the pooled ones, in steps: noise, and rounding that is not common.
+double noise_of_column(const AnyFramesView& frames, std::size_t at, const Context& context,
+                       std::span<const double> pooled, std::span<const double> weights) {
+  const auto brightest = static_cast<std::size_t>(std::ranges::max_element(weights) - weights.begin());
+  const auto column = column_signals(frames, at, brightest, 1, context.camera->tone_curve);
+  const Eigen::Map<const Eigen::ArrayXd> y(column.data(), std::ssize(column)), x(pooled.data(), std::ssize(pooled));
+  const Eigen::ArrayXd own = y - y.mean(), common = x - x.mean();
+  const double share = (own * common).sum() / std::max(common.square().sum(), std::numeric_limits<double>::min());
+  return (own - share * common).square().mean() / (context.step * context.step) / (1 - weights[brightest]);
+}
+
 // `frames` holds `frame` of the context, light by `curve`, as its frame number `at`; `one` holds it as it is stored.
 PooledColumn pool_columns(const AnyFramesView& frames, std::size_t at, const Context& context, std::size_t frame,
                           const ToneCurve& curve, const AnyFramesView& one) {
@@ -674,6 +714,9 @@ PooledColumn pool_columns(const AnyFramesView& frames, std::size_t at, const Con
   pooled.signal = pooled_rows(frames, at, curve, weights);
   for (std::size_t column = 0; column < weights.size(); ++column)
     pooled.background += weights[column] * background_of(context, frame, column);
+  if (context.step > 0 && weights.size() > 1)
+    pooled.noise_variance = noise_of_column(frames, at, context, pooled.signal, weights);
+  pooled.weights = weights, pooled.totals = light.totals;
   return pooled;
 }
 
@@ -852,13 +895,6 @@ void check_frame(const AnyFramesView& frames, const Context& context, std::size_
     flag_misfit(around, index_of(context, tone, frame), context.shape.columns, result);
 }
 
-// x of 0 … 1 with sinc(x) = gain.
-double exposure_cycles_of_gain(double gain) {
-  double low = 0, high = 1;
-  for (int step = 0; step < 40; ++step) (sinc((low + high) / 2) > gain ? low : high) = (low + high) / 2;
-  return low;
-}
-
 // Corrects value `i` of the result, in which the fit shows a square wave with its tied harmonics; false where these
 // leave its level in doubt.
 bool untie(const Context& context, const TiedHarmonics& harmonics, double exposure_cycles, std::size_t i,
@@ -941,17 +977,33 @@ void gains_of(const AnyFramesView& frames, const Context& context, std::span<con
   flag_impossible(context, result);
 }
 
+// Levels of some of the columns, which see other ones where they are darker.
+double levels_of(const Context& context, const Tone& tone, const PooledColumn& pooled, std::size_t i,
+                 const ToneGainView& result) {
+  const auto& weights = pooled.weights;
+  const double squares = std::inner_product(weights.begin(), weights.end(), weights.begin(), 0.0),
+               rows = static_cast<double>(context.shape.rows);
+  const std::size_t every = 1 + weights.size() / kSomeColumns;
+  std::vector<ColumnOfSteps> some;
+  for (std::size_t k = every / 2; k < weights.size(); k += every)
+    some.push_back({weights[k] * static_cast<double>(every), result.mean[i] * weights[k] / squares / context.step,
+                    pooled.totals[k] / rows / context.step});
+  return levels_of(context, tone, result.gain[i], result.phase[i], some);
+}
+
 // Gains of the frames' pooled columns: one column of linear light each.
 void pooled_gains(const AnyFramesView& frames, const Context& context, const ToneGainView& result) {
   check_samples(frames);
   const std::size_t frame_count = context.shape.frames, rows = context.shape.rows;
   std::vector<double> signals(frame_count * rows), background(frame_count);
   std::vector<Flags> known(frame_count);
+  std::vector<PooledColumn> quiet(frame_count);
   for_each_block(frame_count, context.options->threads, [&](std::size_t frame) {
-    const PooledColumn pooled = pool_columns(frames, context, frame);
+    PooledColumn pooled = pool_columns(frames, context, frame);
     std::ranges::copy(pooled.signal, &signals[frame * rows]);
     background[frame] = pooled.background;
     known[frame] = flag_if(pooled.saturated, flag::saturated) | flag_if(pooled.negative, flag::model_misfit);
+    if (pooled.noise_variance < 1) quiet[frame] = std::move(pooled);
   });
   Camera camera = *context.camera;
   camera.tone_curve = {};
@@ -959,8 +1011,22 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
   options.background = background;
   options.efficiency = 1;
   options.pooled = false;
-  const Context own{context.tones, context.ratio, &camera, &options, {frame_count, rows, 1}, 0, {}, false};
+  const Context own{context.tones,
+                    context.ratio,
+                    &camera,
+                    &options,
+                    {frame_count, rows, 1},
+                    context.shape.columns == 1 ? context.step : 0,
+                    {},
+                    false};
   gains_of(dense_view<const double>(signals.data(), frame_count, rows, 1), own, known, result);
+  for (std::size_t i = 0; i < result.gain.size(); ++i) {
+    const PooledColumn& pooled = quiet[i % frame_count];
+    const auto levels = [&] { return levels_of(context, context.tones[i / frame_count], pooled, i, result); };
+    if (!(result.flags[i] & (kUnusable | flag::weak)) &&
+        is_quantised(context, pooled.noise_variance, result, i, levels))
+      result.flags[i] |= flag::quantised;
+  }
 }
 
 }  // namespace
