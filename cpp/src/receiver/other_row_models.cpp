@@ -130,7 +130,7 @@ std::vector<Hypothesis> RowReader::hypotheses(const FrameRows& frame, const Rows
   if (best.reading && !is_sure && last.nuisance.empty())
     all.push_back({.model = with(last, &SignalModel::warped, true), .refines = true});
   const auto pause = may_search ? possible_pause(frame, state) : std::nullopt;
-  const Hypothesis pausing{with(given, &SignalModel::pause, pause), true};
+  const Hypothesis pausing{with(given, &SignalModel::pause, pause), true, true};
   if (pause && !given.long_row) all.push_back(pausing);
   std::vector<SignalModel> models;
   if (!last.nuisance.empty() || last.exposure_known != given.exposure_known || last.slow_light || last.loose_edges ||
