@@ -448,7 +448,6 @@ bool RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& fr
   const auto& told = best.state.exposure;
   if (told && std::max(exposure / *told, *told / exposure) > kMaxWrongExposure) return false;
   best.state.model = model;
-  if (model.pause) best.state.model.pause = other->pause;
   if (!model.nuisance.empty() || model.loose_edges) best.state.model.nuisance = other->nuisance;
   best.reading = std::move(other);
   best.is_new_model = true;
