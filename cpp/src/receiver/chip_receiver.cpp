@@ -256,7 +256,7 @@ void ChipReceiver::read(ChipFrame& frame) {
   }
   if (!follow_profile(reader_, frame.reading, history_, state_)) assembler_.lose_clock();
   if (learn(frame) || !read.is_new_model || !frame.reading) return;
-  if (frame.reading->pause)  // another count of lost chips, too
+  if (state_.model.pause)  // another count of lost chips, too
     for (KeptFrame& kept : history_.frames)
       if (&kept != &history_.frames.back()) kept.trust.reset();
   if (frame.reading->trust != Trust::fits || history_.profile || history_.doubtful() == 0) return;

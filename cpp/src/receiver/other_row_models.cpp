@@ -45,6 +45,27 @@ std::optional<std::ptrdiff_t> longer_rows(const FrameRows& frame) {
   return static_cast<std::ptrdiff_t>(least);
 }
 
+bool jumps_in_middle(const FrameRows& frame) {
+  const auto squares = [&](std::size_t row) {
+    double sum = 0;
+    for (const auto& signal : frame.recent) sum += std::pow(signal[row] - signal[row - 1], 2);
+    return sum;
+  };
+  const std::size_t middle = frame.signal.size() / 2;
+  for (std::size_t row = 1; row < frame.signal.size(); ++row)
+    if (row != middle && squares(row) >= squares(middle)) return false;
+  return !frame.recent.empty();
+}
+
+std::optional<RowPause> RowReader::possible_pause(const FrameRows& frame, const LightState& state) const {
+  const std::size_t middle = frame.signal.size() / 2;
+  const double chip = state.rows_per_chip.value_or(0.0), exposure = state.model.exposure_rows.value_or(0.0);
+  const bool is_long = chip > 0 && static_cast<double>(middle) >= kLeastChips * chip + exposure;
+  const RowNuisance& rows = state.model.nuisance;  // some are of the whole frame
+  if (state.model.pause || frame.first_row > 0 || !is_long || !rows.scale.empty() || !rows.before.empty()) return {};
+  return RowPause{.row = middle};
+}
+
 StrongestTone RowReader::prominent_tone(std::span<const double> signals, std::size_t rows,
                                         const LightState& state) const {
   const double highest = highest_tone(state);
@@ -101,7 +122,6 @@ std::vector<Hypothesis> RowReader::hypotheses(const FrameRows& frame, const Rows
   const SignalModel& last = state.model;
   const bool is_tracked = state.channel && state.fits;
   const bool is_sure = best.reading && best.reading->trust == Trust::sure, may_search = !is_sure && frame.may_search;
-  const double chip = state.rows_per_chip.value_or(0.0);
   std::vector<Hypothesis> all;
   const auto with = [](SignalModel model, auto member, auto value) {
     model.*member = std::move(value);
@@ -109,10 +129,9 @@ std::vector<Hypothesis> RowReader::hypotheses(const FrameRows& frame, const Rows
   };
   if (best.reading && !is_sure && last.nuisance.empty())
     all.push_back({.model = with(last, &SignalModel::warped, true), .refines = true});
-  const std::size_t middle = frame.signal.size() / 2;
-  const bool is_long = static_cast<double>(middle) >= kLeastChips * chip + last.exposure_rows.value_or(0.0);
-  if (may_search && !last.pause && frame.first_row == 0 && chip > 0 && is_long)
-    all.push_back({with(given_model(state.exposure), &SignalModel::pause, RowPause{.row = middle}), true});
+  const auto pause = may_search ? possible_pause(frame, state) : std::nullopt;
+  const Hypothesis pausing{with(given, &SignalModel::pause, pause), true, true};
+  if (pause && !given.long_row) all.push_back(pausing);
   std::vector<SignalModel> models;
   if (!last.nuisance.empty() || last.exposure_known != given.exposure_known || last.slow_light || last.loose_edges ||
       last.warped || last.pause || last.long_row != given.long_row)
@@ -139,6 +158,7 @@ std::vector<Hypothesis> RowReader::hypotheses(const FrameRows& frame, const Rows
     for (std::size_t k = 0; now > 0 && k < count; ++k)
       another_exposure(kExposureFactors[(state.other_models.failures * count + k) % factors] * now);
   }
+  if (pause && given.long_row) all.push_back(pausing);  // rows of two exposures alone look so, too
   return all;
 }
 

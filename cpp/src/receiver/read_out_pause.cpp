@@ -35,7 +35,7 @@ ChannelEstimate continued(ChannelEstimate channel, std::size_t rows, double begi
   return channel;
 }
 
-// The state after a part of a frame, whose channel is to be followed without a clock.
+// The state after a frame or a part of one, whose channel is to be followed without a clock.
 LightState known(const FrameReading& part, std::span<const double> signal, LightState state) {
   state.tracker.reset();
   state.accept(part, signal);
@@ -44,8 +44,8 @@ LightState known(const FrameReading& part, std::span<const double> signal, Light
   return state;
 }
 
-// Both parts as one, on the clock of the first. `chips`: from its chip 0 to that of the second part. Returns the
-// evidence, in nats, that chips that both see are the same.
+// Adds the second part to the first, on the clock of the first. `chips`: from its chip 0 to that of the second part.
+// Returns the evidence, in nats, that chips that both see are the same.
 double join(FrameReading& first, const FrameReading& second, std::ptrdiff_t chips) {
   const std::ptrdiff_t begin = second.first + chips - first.first;
   const auto size = static_cast<std::size_t>(std::max(begin + std::ssize(second.llr), std::ssize(first.llr)));
@@ -81,7 +81,15 @@ double RowPause::sureness() const {
   return std::log((2 + others) / std::max(others, 1e-300));
 }
 
-// Each part is read from the channel of the other where that one fits; where the pause is new, both must be sure.
+LightState RowReader::about_pause(const RowsRead& best, const FrameRows& frame) const {
+  const LightState state = restarted(best.state);
+  return best.reading ? known(*best.reading, frame.signal, state) : state;
+}
+
+bool RowPause::loses_chips() const { return evidence[0] <= -kFrameSays; }
+
+// Each part is read from the channel of the other where that one fits; where the pause is new, both must be sure, or
+// the light must jump there.
 std::optional<FrameReading> RowReader::read_about(const RowPause& pause, const SignalModel& model, FrameRows& frame,
                                                   const LightState& state) const {
   if (pause.row <= frame.first_row || pause.row >= frame.first_row + frame.signal.size()) return std::nullopt;
@@ -102,8 +110,9 @@ std::optional<FrameReading> RowReader::read_about(const RowPause& pause, const S
   frame.effort = after.effort;
   if (is_new && second && second->trust == Trust::fits && !(first && first->trust == Trust::fits))
     first = read_with(even, before, known(*second, before.signal, state));
-  if (is_new && !(first && first->trust >= Trust::sure)) return std::nullopt;
-  if (!second || second->trust < Trust::sure) {
+  const Trust least = is_new && jumps_in_middle(frame) ? Trust::misfit : Trust::sure;
+  if (is_new && !(first && first->trust >= least)) return std::nullopt;
+  if (!second || second->trust < least) {
     if (is_new) return std::nullopt;
     first->rest.insert(first->rest.end(), after.signal.begin(), after.signal.end());
     first->trust = std::min(first->trust, Trust::misfit);
@@ -112,25 +121,28 @@ std::optional<FrameReading> RowReader::read_about(const RowPause& pause, const S
     return first;
   }
   const double chip = first->channel.clock.rows_per_chip;
-  const double to_second = second->channel.clock.phase + static_cast<double>(cut) - first->channel.clock.phase;
+  double to_second = second->channel.clock.phase + static_cast<double>(cut) - first->channel.clock.phase;
+  if (!first->warp.empty()) to_second += first->warp.back();
+  if (!second->warp.empty()) to_second -= second->warp.front();
   RowPause now = pause;
   if (is_new) now.rows = std::max(std::ceil(to_second / chip - kSamePhase) * chip - to_second, 0.0);
   const auto chips = static_cast<std::ptrdiff_t>(std::nearbyint((to_second + *now.rows) / chip));
-  std::array<FrameReading, RowPause::kMostChips> joined;
+  FrameReading doubted = *second;
+  doubted.llr = reliable_llr(*second);
   std::array<double, RowPause::kMostChips> evidence{};
-  for (std::size_t lost = 0; lost < joined.size(); ++lost) {
-    joined[lost] = *first;
-    evidence[lost] = join(joined[lost], *second, chips + static_cast<std::ptrdiff_t>(lost));
-    std::vector<double> bounded = joined[lost].llr;
-    for (double& llr : bounded) llr = std::clamp(llr, -kSureChip, kSureChip);
-    evidence[lost] += options_.format.line_code.evidence_anywhere(bounded);
+  for (std::size_t lost = 0; lost < evidence.size(); ++lost) {
+    FrameReading joined = *first;
+    joined.llr = reliable_llr(*first);
+    evidence[lost] = join(joined, doubted, chips + static_cast<std::ptrdiff_t>(lost));
+    for (double& llr : joined.llr) llr = std::clamp(llr, -kSureChip, kSureChip);
+    evidence[lost] += options_.format.line_code.evidence_anywhere(joined.llr);
   }
   const double most = *std::ranges::max_element(evidence);
-  for (std::size_t lost = 0; lost < joined.size(); ++lost)
+  for (std::size_t lost = 0; lost < evidence.size(); ++lost)
     now.evidence[lost] += std::max(evidence[lost] - most, -kFrameSays);
-  FrameReading reading = std::move(joined[now.chips()]);
-  reading.pause = now;
-  return reading;
+  join(*first, *second, chips + static_cast<std::ptrdiff_t>(now.chips()));
+  first->pause = now;
+  return first;
 }
 
 }  // namespace ocisac

@@ -421,7 +421,8 @@ std::optional<FrameReading> RowReader::read_with(const SignalModel& model, Frame
   return reading;
 }
 
-void RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& frame, RowsRead& best) const {
+// True where the best reading is now that by the hypothesis, or this one is sure that there is no pause.
+bool RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& frame, RowsRead& best) const {
   const auto& [model, searches, refines] = hypothesis;
   FrameRows tried = frame;
   tried.may_search = searches;
@@ -431,21 +432,26 @@ void RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& fr
   if (!searches && !refines) tried.effort.rows *= kSmallShare;
   if (model.warped) tried.effort.rows *= kWarpEffort;
   std::optional<FrameReading> other;
-  if (!refines)
-    other = read_with(model, tried, model.pause ? restarted(best.state) : best.state);
+  if (model.pause && !model.pause->rows)
+    other = read_with(model, tried, refines ? about_pause(best, frame) : restarted(best.state));
+  else if (!refines)
+    other = read_with(model, tried, best.state);
   else if (best.reading && model.warped)
     other = refine_warp(frame.signal, *best.reading, model.exposure_known, &tried.effort);
   else if (best.reading)
     other = loosened(frame.signal, *best.reading, model.exposure_known, &tried.effort);
-  if (!other || (refines && other->trust != Trust::fits)) return;
-  if (best.reading && other->relative_noise > kLessNoise * best.reading->relative_noise) return;
+  if (!other || (refines && !model.pause && other->trust != Trust::fits)) return false;
+  const bool loses_chips = other->pause && other->pause->loses_chips();
+  if (best.reading && other->relative_noise > (loses_chips ? 1.0 : kLessNoise) * best.reading->relative_noise)
+    return other->trust >= Trust::sure && !loses_chips;
   const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
   const auto& told = best.state.exposure;
-  if (told && std::max(exposure / *told, *told / exposure) > kMaxWrongExposure) return;
+  if (told && std::max(exposure / *told, *told / exposure) > kMaxWrongExposure) return false;
   best.state.model = model;
   if (!model.nuisance.empty() || model.loose_edges) best.state.model.nuisance = other->nuisance;
   best.reading = std::move(other);
   best.is_new_model = true;
+  return true;
 }
 
 RowsRead RowReader::read(FrameRows& frame, LightState before) const {
@@ -461,9 +467,22 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   if (reading && !model.nuisance.empty()) model.nuisance = reading->nuisance;
   is_new_model = reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
   state.other_models.pass_frame();
+  const bool jumps = jumps_in_middle(frame);
+  const auto try_pause = [&] {
+    Hypothesis pausing{model, frame.may_search, true};
+    auto& pause = pausing.model.pause = possible_pause(frame, state);
+    if (!pause || try_hypothesis(pausing, frame, best) || !jumps || !reading || reading->pause) return;
+    const ChipClock& clock = reading->channel.clock;
+    const double chips = (static_cast<double>(pause->row) - clock.phase) / clock.rows_per_chip;
+    reading->after_pause = static_cast<std::ptrdiff_t>(chips);
+    reading->pause = pause;  // of any number of chips
+    reading->trust = std::min(reading->trust, Trust::misfit);
+  };
+  if (jumps) try_pause();
   if (fits() || (reading ? !state.other_models.is_due() : !frame.may_search)) return best;
   for (const Hypothesis& hypothesis : hypotheses(frame, best))
     if (!fits()) try_hypothesis(hypothesis, frame, best);
+  if (is_new_model && (jumps || model.warped)) try_pause();
   if (fits())
     state.other_models.restart();
   else

@@ -38,6 +38,7 @@ struct RowPause {
   std::array<double, kMostChips> evidence{};  // nats, of all frames so far for each count
 
   [[nodiscard]] std::size_t chips() const;  // the most likely count
+  [[nodiscard]] bool loses_chips() const;   // none lost is as unlikely as a frame can say
   [[nodiscard]] double sureness() const;    // nats, of a chip after it: half of the chips of a wrong count are wrong
 };
 

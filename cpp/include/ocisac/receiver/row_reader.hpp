@@ -85,6 +85,9 @@ struct FrameRows {
 // the next two: these are exposed for less time.
 std::optional<std::ptrdiff_t> longer_rows(const FrameRows& frame);
 
+// True where the light changes by more to the middle row than to any other, in recent frames: the read-out may pause.
+bool jumps_in_middle(const FrameRows& frame);
+
 struct RowsRead {
   std::optional<FrameReading> reading{};
   LightState state{};         // with the model that was chosen
@@ -132,12 +135,16 @@ class RowReader {
   // Rows before and after a pause, each with a clock of their own.
   std::optional<FrameReading> read_about(const RowPause& pause, const SignalModel& model, FrameRows& frame,
                                          const LightState& state) const;
+  // In the middle of a lamp's rows that begin with the picture; absent where one is known, or would leave few chips.
+  [[nodiscard]] std::optional<RowPause> possible_pause(const FrameRows& frame, const LightState& state) const;
+  // For the parts about a new pause: the channel of the whole.
+  [[nodiscard]] LightState about_pause(const RowsRead& best, const FrameRows& frame) const;
   [[nodiscard]] SignalModel given_model(std::optional<double> exposure) const;
   [[nodiscard]] std::vector<RowNuisance> other_nuisances(const FrameRows& frame, const LightState& state) const;
   // Other models than that of the best reading, in the order in which they are tried.
   [[nodiscard]] std::vector<Hypothesis> hypotheses(const FrameRows& frame, const RowsRead& best) const;
   // The best reading is that by the hypothesis where it leaves less.
-  void try_hypothesis(const Hypothesis& hypothesis, const FrameRows& frame, RowsRead& best) const;
+  bool try_hypothesis(const Hypothesis& hypothesis, const FrameRows& frame, RowsRead& best) const;
   std::optional<FrameReading> follow(std::span<const double> signal, const SignalModel& model, FrameRows& frame,
                                      const LightState& state, const RowsBeside* beside = nullptr) const;
   std::optional<FrameReading> follow_beside(const SignalModel& model, FrameRows& frame, const LightState& state) const;
