@@ -183,7 +183,7 @@ def _without_lines(done: list[Done], stack: npt.NDArray[Any], camera: Camera, ta
     lights = [one.facts.lights[0][0] for one in done]
     if any(own.model != "chips" for own in lights):
         return done
-    lines = _core.objection_to_chips([own.light for own in lights])
+    lines = _core.objection_to_chips([own.light.tolist() for own in lights])
     if not lines:
         return done
     return [_left_alone(stack[k : k + 1], one.facts, lines, camera, task) for k, one in enumerate(done)]

@@ -32,8 +32,8 @@ struct ModelledLight {
 
 ModelledLight find_row_light(const ColumnBundles& picture, RowModel model);
 
-// Why chips are not a light's: those of a light differ from frame to frame by more than a picture moves, and these stand
-// still. Empty else. `frames`: the light of each frame's rows.
+// Why chips are not a light's: those of a light differ from frame to frame by more than a picture moves, and these
+// stand still. Empty else. `frames`: the light of each frame's rows.
 std::string objection_to_chips(std::span<const std::vector<double>> frames);
 
 // The light of the rows under a tone.
