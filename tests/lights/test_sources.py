@@ -20,7 +20,7 @@ from ocisac_fast import (
     reference,
     remove_bands,
 )
-from ocisac_fast.packets import encode_line_code
+from ocisac_fast.packets import encode_line_code, transmit
 
 ROW_TIME = 1e-5
 CAMERA = Camera(ROW_TIME, exposure=3e-5)
@@ -555,3 +555,18 @@ def test_a_page_of_text_is_no_light():
         assert not [source for source in detect_sources(page, camera) if source.probability > 0.1]
         assert not [one for one in receive(page, camera) if one.bits and not one.flags]
         assert remove_bands(page, camera).unchanged[0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_lamp_of_data_beside_one_of_a_slow_tone_is_found_as_one(seed):
+    """The tone's surroundings, a cycle wide, reach over the lamp of data."""
+    camera, rows = Camera(22.2e-6, exposure=1e-4), 720
+    data = Chips(transmit(bytes([seed, *b"a lamp of data"])).chips, 15e3, repeat=True)
+    lights = [integrate_exposure(light, camera, rows, start=seed / 30) for light in (data, Tone(900.0))]
+    lobes = [np.exp(-0.5 * ((np.arange(64) - centre) / 6.0) ** 2) for centre in (16, 48)]
+    light = 12.0 + 190.0 * sum(map(np.outer, lights, lobes))
+    noise = np.random.default_rng(seed).normal(size=light.shape)
+    found = detect_sources(np.clip(np.rint(light + noise), 0, 255).astype(np.uint8), camera)
+    assert sorted(one.carries_data for one in found) == [False, True]
+    tone = min(found, key=lambda one: one.carries_data)
+    assert tone.frequency == pytest.approx(900.0, abs=5.0)

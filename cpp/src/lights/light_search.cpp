@@ -192,7 +192,11 @@ Detections with_data(const SearchedFrame& in, Detections found, std::span<const 
   const std::size_t unexplained = std::exchange(found.suspects, suspects.size());
   for (const Suspect& suspect : suspects) {
     check_interrupt();
-    const auto explains = [&](const RefinedLight& light) { return belongs_to(suspect, light); };
+    // Beside a tone its own spill has its frequency.
+    const auto explains = [&](const RefinedLight& light) {
+      return covers(light.box, suspect.box) ||
+             (belongs_to(suspect, light) && near_frequency(suspect.frequency, light.frequency));
+    };
     const auto settles = [&](const Detection& one) { return is_settled(one) && explains(one.light); };
     if (std::ranges::any_of(tones, explains) || std::ranges::any_of(found.lights, settles)) continue;
     const auto data = find_data_light(in.frame, suspect);
