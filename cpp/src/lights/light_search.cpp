@@ -192,10 +192,11 @@ Detections with_data(const SearchedFrame& in, Detections found, std::span<const 
   const std::size_t unexplained = std::exchange(found.suspects, suspects.size());
   for (const Suspect& suspect : suspects) {
     check_interrupt();
-    // Beside a tone its own spill has its frequency.
+    // In other columns, a tone has its own frequency alone.
     const auto explains = [&](const RefinedLight& light) {
-      return covers(light.box, suspect.box) ||
-             (belongs_to(suspect, light) && near_frequency(suspect.frequency, light.frequency));
+      const bool beside = 2 * shared_length(light.box.x, light.box.width, suspect.box.x, suspect.box.width) <
+                          std::min(light.box.width, suspect.box.width);
+      return belongs_to(suspect, light) && (!beside || near_frequency(suspect.frequency, light.frequency));
     };
     const auto settles = [&](const Detection& one) { return is_settled(one) && explains(one.light); };
     if (std::ranges::any_of(tones, explains) || std::ranges::any_of(found.lights, settles)) continue;
