@@ -144,6 +144,11 @@ constexpr auto min(Range&& range) {
   return *std::min_element(std::begin(range), std::end(range));
 }
 
+template <class Range>
+constexpr auto max(Range&& range) {
+  return *std::max_element(std::begin(range), std::end(range));
+}
+
 template <class Range, class Compare = less, class Projection = identity>
 constexpr auto minmax(Range&& range, Compare compare = {}, Projection projection = {}) {
   const auto [low, high] = ranges::minmax_element(range, compare, projection);
