@@ -456,7 +456,8 @@ bool RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& fr
 
 RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   RowsRead best{.state = std::move(before)};
-  auto& [reading, state, is_new_model] = best;
+  std::optional<FrameReading>& reading = best.reading;
+  LightState& state = best.state;
   SignalModel& model = state.model;
   if (!model.nuisance.before.empty()) model.nuisance.before = frame.before;
   const double exposure_rows = model.exposure_rows.value_or(0.0);
@@ -465,7 +466,7 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   const auto fits = [&best] { return best.reading && best.reading->trust == Trust::fits; };
   reading = read_with(model, frame, state);
   if (reading && !model.nuisance.empty()) model.nuisance = reading->nuisance;
-  is_new_model = reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
+  best.is_new_model = reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
   state.other_models.pass_frame();
   const bool jumps = jumps_in_middle(frame);
   const auto try_pause = [&] {
@@ -482,7 +483,7 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   if (fits() || (reading ? !state.other_models.is_due() : !frame.may_search)) return best;
   for (const Hypothesis& hypothesis : hypotheses(frame, best))
     if (!fits()) try_hypothesis(hypothesis, frame, best);
-  if (is_new_model && (jumps || model.warped)) try_pause();
+  if (best.is_new_model && (jumps || model.warped)) try_pause();
   if (fits())
     state.other_models.restart();
   else
