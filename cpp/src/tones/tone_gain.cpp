@@ -115,7 +115,7 @@ double levels_of(const Context& context, const Tone& tone, double gain, double p
       for (const double more : {0.0, 0.5}) {
         const double level = all + (gain * mean / duty + more) / least * light, code = std::nearbyint(level);
         codes[static_cast<std::size_t>(std::abs(code) + more * kCodes) % kCodes] +=
-            std::polar(share * wave / static_cast<double>(context.shape.rows), kTwoPi * (level - code));
+            share * wave / static_cast<double>(context.shape.rows) * std::polar(1.0, kTwoPi * (level - code));
       }
   }
   double squares = 0;
