@@ -34,7 +34,7 @@ def test_names_are_the_same_everywhere() -> None:
 
 @pytest.mark.parametrize("name", sorted(SHARED))
 def test_sentences_begin_the_same_everywhere(name: str) -> None:
-    """What follows depends on the program: where an unknown value comes from, and how it is written."""
+    """The rest depends on the program: where an unknown value comes from, and how it is written."""
     found = re.search(rf'"{name}",\s*(?:NULL, )?"([^",;]*)', ELEMENT)
     assert found
     sentence = re.escape(found[1])

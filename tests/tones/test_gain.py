@@ -422,7 +422,7 @@ def test_rounding_of_phases_that_come_again_is_flagged(rows_per_cycle, amplitude
 @pytest.mark.parametrize("pooled", [True, False])
 @pytest.mark.parametrize("noise", [0.0, 0.2, 0.3, 0.6])
 def test_rounding_of_dim_and_quiet_lamps_is_flagged(waveform, pooled, noise):
-    """Of 10 to 30 steps: plateaus and crests that stay on one code in all columns."""
+    """Swings are 10 to 30 steps: plateaus and crests stay on one code in all columns."""
     errors, flagged = [], []
     for seed in range(60):
         random = np.random.default_rng(seed)

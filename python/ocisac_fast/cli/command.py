@@ -104,7 +104,7 @@ def _parameter(parameter: inspect.Parameter, kind: Any, *about: Any) -> click.Pa
 
 
 def _usual(kind: Any) -> dict[str, Any]:
-    """What click is to know of a type of Python; an option may be left out where it is or None."""
+    """Convert a type of Python to arguments of click; ``| None`` is an option that may be left out."""
     if typing.get_origin(kind) in (typing.Union, types.UnionType):
         kind, *_ = (one for one in typing.get_args(kind) if one is not type(None))
     if typing.get_origin(kind) is Literal:

@@ -47,7 +47,7 @@ _DIRECTIONS: dict[str | None, Literal[-1, 0, 1]] = {"with": 1, "against": -1}
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SenseOptions:
-    """What is known of textures and lights."""
+    """Options that state known properties of textures and lights."""
 
     frequency: Annotated[Quantity | None, FREQUENCY, "Frequency in the columns of --region; default: estimated."] = None
     motion: Annotated[Literal["across", "along"] | None, "Motion of the texture: across or along the rows."] = None

@@ -45,7 +45,7 @@ class _Scene(InputFile):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RecordingOptions:
-    """What a SCENE file defines, and the first three, which it does not."""
+    """Options of a simulated recording; a SCENE file states all but the first three."""
 
     frames: Annotated[int, "Number of frames."] = 1
     start: Annotated[Quantity, TIME, {"default": "0"}, "End of the exposure of the first row."]
