@@ -178,6 +178,11 @@ ChannelEstimate with_rate_moved(ChannelEstimate channel, RowRange range, double 
   return channel;
 }
 
+ChannelEstimate with_exposure_moved(ChannelEstimate channel, double rows) {
+  channel.clock.exposure_rows = std::max(channel.clock.exposure_rows + rows, kShortestExposure);
+  return channel;
+}
+
 // The best of several iterations by residual: where the clock is uncertain at the ends of the rows, also with a higher
 // and a lower rate; where the exposure is uncertain, also with a longer and a shorter one.
 std::optional<RefinedChannel> iterate_best(const IterationContext& context, const ChannelEstimate& channel,
@@ -192,8 +197,8 @@ std::optional<RefinedChannel> iterate_best(const IterationContext& context, cons
     if (longer != 0 && (context.options.exposure_known || !(exposure_error > kCertainExposure))) continue;
     for (const double faster : {0.0, -1.0, 1.0}) {
       if (longer == 0 && faster == 0) continue;  // the unmodified channel, already evaluated
-      ChannelEstimate moved = with_rate_moved(channel, range, faster * rate_move);
-      moved.clock.exposure_rows = std::max(moved.clock.exposure_rows + longer * exposure_move, kShortestExposure);
+      const ChannelEstimate moved =
+          with_exposure_moved(with_rate_moved(channel, range, faster * rate_move), longer * exposure_move);
       if (!(moved.clock.rows_per_chip > 0.5 * channel.clock.rows_per_chip)) continue;  // for frames of a few rows
       auto other = iterate(context, moved, range);
       if (other && (!best || other->channel.noise < best->channel.noise)) best = std::move(other);
@@ -295,9 +300,7 @@ std::vector<ChannelEstimate> first_clocks(const IterationContext& context, const
   std::vector<ChannelEstimate> clocks{start};
   if (options.exposure_known) return clocks;
   for (const double longer : {-1.0, -0.5, 0.5, 1.0}) {
-    ChannelEstimate moved = start;
-    moved.clock.exposure_rows =
-        std::max(moved.clock.exposure_rows + longer * moved.clock.rows_per_chip, kShortestExposure);
+    ChannelEstimate moved = with_exposure_moved(start, longer * start.clock.rows_per_chip);
     auto fitted = options.known.levels.empty()
                       ? std::nullopt
                       : fit_channel(context.signal, options.known, moved.clock, {1, 0, true}, options.effort);

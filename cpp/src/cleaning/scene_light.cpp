@@ -248,7 +248,7 @@ SceneLight light_of_slow(const StoredScene& scene, std::vector<SlowLight> slow) 
   result.slow = std::move(slow);
   // A light of other frames, or of another frequency. Below that a shade of the picture may hide the light.
   if (result.slow.back().common.front().cycles > kLeastShown && mean_verdict(result.verdicts).gain < 0)
-    result.unchanged = "slow bands: the rows would differ more than before";
+    result.unchanged = kWouldGrow;
   return result;
 }
 

@@ -21,7 +21,6 @@ constexpr double kMaxWorse = 0.25;                   // of the groups of columns
 constexpr double kLeastMove = 0.05;                  // cycles from frame to frame
 constexpr double kByChance = 13.8;                   // chi square of two terms that one in a thousand exceeds
 constexpr const char* kNotSure = "slow bands that the picture's own shades may be";
-constexpr const char* kWouldGrow = "slow bands: the rows would differ more than before";
 constexpr const char* kDisagrees = "slow bands that are others than those of the frames before";
 
 double square(double value) { return value * value; }

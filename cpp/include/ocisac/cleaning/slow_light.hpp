@@ -18,6 +18,7 @@
 namespace ocisac {
 
 constexpr std::size_t kMostSlowFrames = 8;  // that are compared, missing ones counted
+constexpr const char* kWouldGrow = "slow bands: the rows would differ more than before";
 
 // Cosine modes 1 to K of the log light that the columns of a picture have in common.
 struct CommonCourse {
