@@ -28,13 +28,12 @@ namespace {
 
 constexpr double kLongestChip = 64, kShortestChip = 2;  // rows
 constexpr double kRateTolerance = 0.03;
-constexpr double kNearlyAll = 0.9;  // of the runs
-constexpr std::size_t kFew = 12,
-                      kSureWithRate = 4;  // edges required for a reliable rate, a part of it or as it is given
-constexpr double kWeakPart = 4;           // signal-to-noise ratio of some chips: 2 % of them are wrong
-constexpr std::size_t kPart = 16;         // chips
-constexpr double kMinSnr = 2;             // noise divided at its median has 1.8
-constexpr std::size_t kMostAtOnce = 4;    // rows of a group
+constexpr double kNearlyAll = 0.9;                        // of the runs
+constexpr std::size_t kFew = 12, kSureWithRate = 4;       // edges: of a part of the given rate, of the rate itself
+constexpr double kWeakPart = 4;                           // signal-to-noise ratio of some chips: 2 % of them are wrong
+constexpr std::size_t kPart = 16;                         // chips
+constexpr double kMinSnr = 2;                             // noise divided at its median has 1.8
+constexpr std::size_t kMostAtOnce = 4;                    // rows of a group
 constexpr double kLowestTone = 300, kHighestTone = 3000;  // Hz
 constexpr double kMinHumCycles = 1, kMinToneCycles = 8;   // in the frame
 constexpr int kSquareRounds = 3;

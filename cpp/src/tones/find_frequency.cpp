@@ -50,7 +50,7 @@ PeriodicSignals unit_signals(std::span<const double> samples, std::size_t rows) 
   return {std::move(out), rows};
 }
 
-// Of a fit of unit signals that of the samples as they were, without step and energies by harmonics.
+// Converts a fit of unit signals to one of the samples as they were, without step and energies by harmonics.
 PeriodicFit unscaled(const PeriodicFit& of_unit, std::span<const double> samples, std::size_t rows) {
   const std::size_t count = samples.size() / rows, used = of_unit.residual_energy.size();
   PeriodicFit fit;

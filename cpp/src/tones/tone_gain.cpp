@@ -917,8 +917,8 @@ bool untie(const Context& context, const TiedHarmonics& harmonics, double exposu
   return true;
 }
 
-// Gains that harmonics on mean or fundamental may bias: by the ratios of these, where the
-// exposure is known, or flagged. An exposure that is not known is that of a light of full depth with the largest gain.
+// Corrects gains that harmonics on mean or fundamental may bias by the ratios of these where the exposure is known,
+// else flags them. An exposure that is not known is that of a light of full depth with the largest gain.
 void untie_harmonics(const Context& context, const ToneGainView& result) {
   if (context.options->waveform != WaveformShape::square || result.gain.empty()) return;
   const auto known = exposure_cycles_of(context);
