@@ -30,6 +30,39 @@ double energy_of(const LightSource& light) {
   return 0.5 * light.amplitude * light.amplitude * static_cast<double>(light.box.pixels());
 }
 
+// How far a frequency with this standard error may lie from that of the light.
+double reach_of(double frequency_std, const LightSource& light) {
+  return 3 * std::hypot(frequency_std, light.frequency_std) + kSameFrequency * light.frequency;
+}
+
+bool agree(double frequency, double frequency_std, const LightSource& light) {
+  return std::abs(frequency - light.frequency) <= reach_of(frequency_std, light);
+}
+
+// The box of a light with others of its frequency, and the frequency by all of them in all frames. Rows near a whole
+// number in a cycle show thin pulses in bursts: parts of one lamp, in each of which a harmonic passes for the
+// fundamental's other end.
+void measure_together(LightSource& light, std::span<const LightSource> lights, const AnyFramesView& frames,
+                      FrequencySearch search) {
+  Region all = light.box;
+  std::size_t count = 0;
+  for (const LightSource& other : lights) {
+    if (!agree(other.frequency, other.frequency_std, light)) continue;
+    all = hull(all, other.box);
+    ++count;
+  }
+  if (count < 2) return;
+  const double reach = reach_of(0, light);
+  search.lower = std::max(search.lower, light.frequency - reach);
+  search.upper = std::min(search.upper, light.frequency + reach);
+  const FoundFrequency found = find_frequency(part_of(frames, all), search);
+  if ((found.flags & (flag::no_tone | flag::at_bound)) != 0) return;
+  light.box = all;
+  light.frequency = found.frequency;
+  light.frequency_std = found.frequency_std;
+  light.snr = found.snr;
+}
+
 // The light of the first frame, within the bounds of the search, whose swing has the largest energy.
 std::optional<LightSource> strongest_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   Camera per_row;
@@ -39,12 +72,10 @@ std::optional<LightSource> strongest_lamp(const AnyFramesView& frames, const Fre
     return light.frequency < search.lower || light.frequency > search.upper;
   });
   const auto best = std::ranges::max_element(lights, {}, [](const LightSource& one) { return energy_of(one); });
-  return best == lights.end() ? std::nullopt : std::optional(*best);
-}
-
-bool agree(double frequency, double frequency_std, const LightSource& light) {
-  return std::abs(frequency - light.frequency) <=
-         3 * std::hypot(frequency_std, light.frequency_std) + kSameFrequency * light.frequency;
+  if (best == lights.end()) return std::nullopt;
+  LightSource lamp = *best;
+  measure_together(lamp, lights, frames, search);
+  return lamp;
 }
 
 bool answered(const FoundFrequency& found) {

@@ -20,9 +20,11 @@ struct Peak {
   double curvature;  // −d²/df²
 };
 
+inline double longest_step(double rows) { return 0.25 / rows; }
+
 template <class Energy>
 Peak peak_near(double frequency, double rows, const Energy& energy) {
-  const double apart = 0.02 / rows, longest = 0.25 / rows;
+  const double apart = 0.02 / rows, longest = longest_step(rows);
   const double below = energy(frequency - apart, kComparedHarmonics),
                above = energy(frequency + apart, kComparedHarmonics);
   const double bend = 2 * energy(frequency, kComparedHarmonics) - below - above, slope = 0.5 * apart * (above - below);
@@ -52,17 +54,21 @@ double strongest_frequency(double lower, double upper, double rows, const Energy
 
 // Standard error of the frequency by a delete-a-group jackknife (Efron and Stein 1981): without(begin, end) is the
 // energy without these of `rows` rows. At most 16 groups, each of whole ones of `cycles`; `steps`: to a peak without
-// one.
+// one, which no step reaches that is as long as allowed: the frequency is then known to that length at best.
 template <class Without>
 double jackknife_std(double frequency, std::size_t rows, double cycles, int steps, const Without& without) {
   const auto groups = std::clamp<std::size_t>(static_cast<std::size_t>(cycles), 2, 16);
   std::vector<double> found(groups, frequency);
+  double least = 0;
   for (std::size_t k = 0; k < groups; ++k) {
     const auto left = without(k * rows / groups, (k + 1) * rows / groups);
-    for (int step = 0; step < steps; ++step) found[k] += peak_near(found[k], static_cast<double>(rows), left).step;
+    double last = 0;
+    for (int step = 0; step < steps; ++step)
+      found[k] += last = peak_near(found[k], static_cast<double>(rows), left).step;
+    if (std::abs(last) >= longest_step(static_cast<double>(rows))) least = std::abs(last);
   }
   const auto count = static_cast<double>(groups);
-  return std::sqrt(squares_about_mean(found) * (count - 1) / count);
+  return std::max(least, std::sqrt(squares_about_mean(found) * (count - 1) / count));
 }
 
 // The same by the energy of the harmonics below half a cycle per row in `profile`.
