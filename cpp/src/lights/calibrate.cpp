@@ -20,7 +20,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kSameFrequency = 0.02;  // relative
+constexpr double kSameFrequency = 6;  // standard errors; text and lines shift a tone of the whole frame by 5
 constexpr double kFewCycles = 2;
 constexpr double kEvenSnr = 6;       // of a tone over the whole frame: outlines, text and lines leave 4 and less
 constexpr double kLikely = 0.575;    // probability of a light
@@ -32,7 +32,7 @@ double energy_of(const LightSource& light) {
 
 // How far a frequency with this standard error may lie from that of the light.
 double reach_of(double frequency_std, const LightSource& light) {
-  return 3 * std::hypot(frequency_std, light.frequency_std) + kSameFrequency * light.frequency;
+  return kSameFrequency * std::hypot(frequency_std, light.frequency_std);
 }
 
 bool agree(double frequency, double frequency_std, const LightSource& light) {
