@@ -375,3 +375,20 @@ def test_what_stands_still_is_flagged():
         camera = Camera(1.0, 0.5 * 6.3)
         assert all(one.flags == Flag.AMBIGUOUS_KIND for one in ocisac.receive(still, camera))
         assert all(one.bits and not one.flags for one in ocisac.receive(np.stack(moving), camera))
+
+
+@pytest.mark.parametrize("at_black", [False, True])
+def test_clipped_light_is_not_read_at_twice_its_rate(at_black):
+    """Light that is clipped at a level of which the receiver knows nothing: all bright runs are longer by a part of a
+    chip, or all dark ones."""
+    random = np.random.default_rng(11)
+    for seed in range(12):
+        frame = Frame(seed, random.uniform(6, 16), random.uniform(0.6, 1), noise=0, gradient=1)
+        light = (frame.light / frame.light.max(axis=0) - 1 / 6) * 6 / 5  # 0 to 1 in each column
+        clipped = np.clip(
+            (1 - light if at_black else light) * random.uniform(2.2, 4) + random.normal(0, 0.01, light.shape), 0, 1
+        )
+        pixels = np.rint(235 * (1 - clipped if at_black else clipped)).astype(np.uint8)
+        got = ocisac.receive(pixels, CAMERA)[0]
+        assert got.rows_per_chip == pytest.approx(frame.rows_per_chip, rel=1e-3)
+        assert Flag.MODEL_MISFIT in got.flags or ocisac.compare_bits(got.bits, frame.chips).errors <= 1

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <numeric>
 #include <utility>
@@ -133,32 +134,52 @@ std::optional<Decoded> detect_and_refine(std::span<const double> signal, const C
   return decoded;
 }
 
+// Chips that are n > 1 times as long. `delayed`: falling edges are not on the lattice of the rising ones.
+struct Slower {
+  ChipTiming timing;
+  bool delayed = false;
+};
+
+// True if the runs between two edges of one kind, from the third edge to the last but one, differ in length.
+bool runs_vary(std::span<const std::size_t> edges, std::size_t kind) {
+  std::vector<std::size_t> lengths;
+  for (std::size_t k = 2 + kind; k + 1 < edges.size(); k += 2) lengths.push_back(edges[k] - edges[k - 1]);
+  return std::ranges::adjacent_find(lengths, std::not_equal_to{}) != lengths.end();
+}
+
 // If nearly all runs between the first and the last edge, which may be the lamp's ends, are multiples of n > 1 chips,
 // the true chips are n times as long, whatever rate was given: single edges, of defects or of another lamp, do not lie
-// on their lattice. Every second run of random chips and of a line code is odd at least. Absent where n is 1 or there
-// are too few edges.
-std::optional<ChipTiming> slower_timing(const Decoded& decoded, const ChipTiming& timing) {
+// on their lattice. Every second run of random chips and of a line code is odd at least. If nearly all pairs of runs
+// are, while bright and dark runs are not and differ among themselves, unlike pulses of one length, the light is
+// clipped: all bright runs are longer by a part of a chip, and dark ones shorter, or the other way round. Absent where
+// n is 1, or beyond `slowest` rows a chip if delayed, or there are too few edges.
+std::optional<Slower> slower_timing(const Decoded& decoded, const ChipTiming& timing, double slowest) {
   std::vector<std::size_t> edges;
   const auto& bits = decoded.detection.bits;
   for (std::size_t k = 1; k < bits.size(); ++k)
     if (bits[k] != bits[k - 1]) edges.push_back(k);
   if (edges.size() < 2 * kSureWithRate) return std::nullopt;
-  const auto is_shared = [&](std::size_t chips) {
+  const auto is_shared = [&](std::size_t chips, std::size_t runs) {
     std::size_t multiples = 0;
-    for (std::size_t k = 2; k + 1 < edges.size(); ++k) multiples += (edges[k] - edges[k - 1]) % chips == 0;
-    return static_cast<double>(multiples) >= kNearlyAll * static_cast<double>(edges.size() - 3);
+    for (std::size_t k = 1 + runs; k + 1 < edges.size(); ++k) multiples += (edges[k] - edges[k - runs]) % chips == 0;
+    return static_cast<double>(multiples) >= kNearlyAll * static_cast<double>(edges.size() - 2 - runs);
   };
   const double chip = decoded.grid.clock.rows_per_chip;
+  const bool may_delay = edges.size() >= 2 * kFew && runs_vary(edges, 0) && runs_vary(edges, 1);
+  const auto is_delayed = [&](std::size_t chips) {
+    return may_delay && static_cast<double>(chips) * chip < slowest && is_shared(chips, 2);
+  };
   auto shared = static_cast<std::size_t>(kLongestChip / chip);
-  while (shared > 1 && !is_shared(shared)) --shared;
+  while (shared > 1 && !is_shared(shared, 1) && !is_delayed(shared)) --shared;
   if (shared < 2) return std::nullopt;
+  Slower slower{timing, !is_shared(shared, 1)};
   std::vector<std::size_t> places(shared);
-  for (const std::size_t edge : edges) ++places[edge % shared];
+  for (std::size_t k = 0; k < edges.size(); k += slower.delayed ? 2 : 1) ++places[edges[k] % shared];
   const auto place = std::ranges::max_element(places) - places.begin();
-  ChipTiming slower = timing;
-  slower.lattice.clock.rows_per_chip = static_cast<double>(shared) * chip;
-  slower.lattice.clock.phase = decoded.grid.start(static_cast<std::size_t>(place));
-  slower.lattice.rows_per_chip_std = static_cast<double>(shared) * decoded.rows_per_chip_std;
+  ChipLattice& lattice = slower.timing.lattice;
+  lattice.clock.rows_per_chip = static_cast<double>(shared) * chip;
+  lattice.clock.phase = decoded.grid.start(static_cast<std::size_t>(place));
+  lattice.rows_per_chip_std = static_cast<double>(shared) * decoded.rows_per_chip_std;
   return slower;
 }
 
@@ -292,11 +313,12 @@ std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& 
   edges = search.edges;
   if (!search.timing) return std::nullopt;
   auto decoded = detect_and_refine(signal, *search.timing, what.exposure_rows);
-  const auto slower = decoded ? slower_timing(*decoded, *search.timing) : std::nullopt;
+  const auto slower = decoded ? slower_timing(*decoded, *search.timing, 1 / what.range.lowest) : std::nullopt;
   if (slower)
-    if (auto again = detect_and_refine(signal, *slower, what.exposure_rows)) {
+    if (auto again = detect_and_refine(signal, slower->timing, what.exposure_rows)) {
       decoded = std::move(again);
       decoded->slowed = true;
+      decoded->uneven |= slower->delayed;
     }
   if (decoded) decoded->lead = search.timing->lead;
   if (!decoded || snr_of(decoded->detection.relative_levels) < kMinSnr) return std::nullopt;
