@@ -158,6 +158,21 @@ def data_light(seed, rows_per_chip=8.0, radius=160):
     return stored(picture)
 
 
+def test_dim_lamps_have_the_frequency_that_their_error_says():
+    """Lamps whose swing is about the noise of a pixel: their weights are of that noise, too."""
+    random = np.random.default_rng(4)
+    rows, columns, errors = 480, 120, []
+    lamp = 60 * np.exp(-(((np.arange(columns) - 60) / 20) ** 2))
+    for _ in range(60):
+        frequency = random.uniform(40, 130) / (rows * ROW_TIME)
+        swing = 0.03 * np.sin(2 * np.pi * frequency * ROW_TIME * np.arange(rows)[:, None] + random.uniform(0, 6))
+        picture = stored(lamp * (1 + swing) + random.choice([1.5, 3.0]) * random.standard_normal((rows, columns)))
+        tones = [light for light in detect_sources(picture, Camera(ROW_TIME)) if not light.carries_data]
+        errors += [abs(light.frequency - frequency) / light.frequency_std for light in tones]
+    assert len(errors) >= 40
+    assert max(errors) < 5
+
+
 @pytest.mark.parametrize("seed", [2, 11])  # of these lights several parts are found
 def test_parts_of_a_light_that_sends_data_become_one(seed):
     frame = data_light(seed)

@@ -353,8 +353,12 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
       const Region mine = own_box(own);
       light.box.y = mine.y, light.box.height = mine.height;
     } else {
-      light = refined(patch, profile, box, frequency,
-                      jackknife_std(profile.matched, frequency, static_cast<double>(box.height) * frequency));
+      // Weights of each row are of its own noise, too, which passes for a tone of the frequency that they are from; an
+      // even weight is not, but bent by the ends of few cycles.
+      const double cycles = static_cast<double>(box.height) * frequency;
+      const std::vector<double>& rows = cycles > kLongestInner ? profile.even : profile.matched;
+      frequency = strongest_frequency(rows, lower, upper);
+      light = refined(patch, profile, box, frequency, jackknife_std(rows, frequency, cycles));
       add_appearance(patch, swing, last, light);
     }
     light.amplitude = 2 * lit->amplitude;
