@@ -15,6 +15,7 @@
 #include "lights/profile_frequency.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
+#include "ocisac/rows/tone_search.hpp"
 #include "rows/verdict.hpp"
 
 namespace ocisac {
@@ -177,6 +178,18 @@ double chance_of(std::span<const double> waveform) {
   return chance_of_share(product * product / (power * power), 1, static_cast<double>(waveform.size()) - 2);
 }
 
+// True if the strongest tone of a waveform leaves white noise.
+bool is_tone_in_noise(std::vector<double> waveform) {
+  const auto rows = static_cast<double>(waveform.size());
+  const double about = strongest_tone(waveform, waveform.size(), 1 / rows, 0.5).frequency;
+  const double frequency = strongest_frequency(waveform, std::max(about - 1 / rows, 0.0), about + 1 / rows);
+  std::complex<double> sum = 0;
+  for (std::size_t n = 0; n < waveform.size(); ++n) sum += waveform[n] * turned(frequency * static_cast<double>(n));
+  for (std::size_t n = 0; n < waveform.size(); ++n)
+    waveform[n] -= 2 / rows * product(std::conj(sum), turned(frequency * static_cast<double>(n))).real();
+  return is_white(waveform);
+}
+
 // Amplitude: RMS of the mean light over the columns, local mean removed.
 void add_swing(const Patch& patch, std::size_t length, RefinedLight& light) {
   std::vector<double> rows(patch.rows);
@@ -209,7 +222,7 @@ std::optional<RefinedLight> find_data_light(const LitFrame& frame, const Suspect
   if (patch.groups < 2) return {};
   const Profile waveform = waveform_of(patch, length);
   const auto edges = edges_of(waveform.matched);
-  if (edges.size() < kMinEdges || !(waveform.energy > 0)) return {};
+  if (edges.size() < kMinEdges || !(waveform.energy > 0) || is_tone_in_noise(waveform.matched)) return {};
   const double lower = suspect.frequency * (1 - kFirstReach);
   const double upper = std::min(suspect.frequency * (1 + kFirstReach), 0.499);
   const double frequency = strongest_frequency(waveform.matched, lower, upper);
