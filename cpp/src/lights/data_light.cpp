@@ -178,8 +178,8 @@ double chance_of(std::span<const double> waveform) {
   return chance_of_share(product * product / (power * power), 1, static_cast<double>(waveform.size()) - 2);
 }
 
-// True if the strongest tone of a waveform leaves white noise.
-bool is_tone_in_noise(std::vector<double> waveform) {
+// Frequency of the strongest tone of a waveform, if it leaves white noise.
+std::optional<double> only_tone(std::vector<double> waveform) {
   const auto rows = static_cast<double>(waveform.size());
   const double about = strongest_tone(waveform, waveform.size(), 1 / rows, 0.5).frequency;
   const double frequency = strongest_frequency(waveform, std::max(about - 1 / rows, 0.0), about + 1 / rows);
@@ -187,7 +187,7 @@ bool is_tone_in_noise(std::vector<double> waveform) {
   for (std::size_t n = 0; n < waveform.size(); ++n) sum += waveform[n] * turned(frequency * static_cast<double>(n));
   for (std::size_t n = 0; n < waveform.size(); ++n)
     waveform[n] -= 2 / rows * product(std::conj(sum), turned(frequency * static_cast<double>(n))).real();
-  return is_white(waveform);
+  return is_white(waveform) ? std::optional(frequency) : std::nullopt;
 }
 
 // Amplitude: RMS of the mean light over the columns, local mean removed.
@@ -222,17 +222,19 @@ std::optional<RefinedLight> find_data_light(const LitFrame& frame, const Suspect
   if (patch.groups < 2) return {};
   const Profile waveform = waveform_of(patch, length);
   const auto edges = edges_of(waveform.matched);
-  if (edges.size() < kMinEdges || !(waveform.energy > 0) || is_tone_in_noise(waveform.matched)) return {};
+  if (edges.size() < kMinEdges || !(waveform.energy > 0)) return {};
   const double lower = suspect.frequency * (1 - kFirstReach);
   const double upper = std::min(suspect.frequency * (1 + kFirstReach), 0.499);
-  const double frequency = strongest_frequency(waveform.matched, lower, upper);
-  const bool at_bound = frequency <= lower || frequency >= upper;
+  const auto tone = only_tone(waveform.matched);
+  const double frequency = tone ? *tone : strongest_frequency(waveform.matched, lower, upper);
+  const bool at_bound = !tone && (frequency <= lower || frequency >= upper);
   const double error = at_bound
                            ? 0.5 * (upper - lower)
                            : jackknife_std(waveform.matched, frequency, static_cast<double>(box.height) * frequency);
   RefinedLight light = light_of(waveform, patch, box, frequency, error, common_share(waveform));
   light.periodic = periodic_share(waveform.matched, std::vector<double>(patch.rows, 1), frequency, kComparedHarmonics);
   light.chance = chance_of(waveform.matched);
+  light.only_tone = tone.has_value();
   light.edges = edges.size(), light.clock = clock_evidence(edges);
   add_swing(patch, length, light);
   const ComplexValues swing = swing_of(patch, patch.logs, hann_window(frequency, patch.rows, hann_length(frequency)));

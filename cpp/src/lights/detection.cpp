@@ -76,7 +76,7 @@ double likeness_of_frames(LitFrame frame, std::size_t other, const RefinedLight&
   return likeness(here, mean_swing(frame, columns_of(light.box), rows_of(light.box), length));
 }
 
-bool is_tone(const Detection& one) { return !one.data && one.light.periodic >= kPeriodic; }
+bool is_tone(const Detection& one) { return one.data ? one.light.only_tone : one.light.periodic >= kPeriodic; }
 
 bool is_settled(const Detection& one) {
   const double cycles = static_cast<double>(one.light.box.height) * one.light.frequency;

@@ -24,15 +24,16 @@ struct RefinedLight {
   double periodic = 0;                      // fraction of that common swing that its tone with harmonics explains
   double chance = 0;                        // probability of that in noise that the columns share, white along the rows
   double texture = 0;                       // residual swing minus noise, over the periodic part
-  double uneven = 0;      // modulation depth of the texture at the frequency; 0 where light multiplies it
-  double depth = 0;       // swing over mean light, where it is bright in the box
-  double contour = 0;     // correlation of local swing and local light, in the box and around it
-  double across = 0;      // energy of the box's swing in quadrature to its sum, over all of it
-  double tilt = 0;        // rows by which its bars fall per column; 0 of a light
-  double tilt_std = 0;    // standard error; 0: unknown
-  std::size_t edges = 0;  // of the waveform of data
-  double clock = 0;       // nats: evidence of a clock in them
-  bool inside = false;    // box and measures are those of the light's own pixels
+  double uneven = 0;       // modulation depth of the texture at the frequency; 0 where light multiplies it
+  double depth = 0;        // swing over mean light, where it is bright in the box
+  double contour = 0;      // correlation of local swing and local light, in the box and around it
+  double across = 0;       // energy of the box's swing in quadrature to its sum, over all of it
+  double tilt = 0;         // rows by which its bars fall per column; 0 of a light
+  double tilt_std = 0;     // standard error; 0: unknown
+  std::size_t edges = 0;   // of the waveform of data
+  double clock = 0;        // nats: evidence of a clock in them
+  bool only_tone = false;  // the waveform is one tone in white noise
+  bool inside = false;     // box and measures are those of the light's own pixels
 };
 
 // Amplitude at the box's edges, relative to the largest. Under a window of two cycles a sharp edge has one half.
