@@ -211,3 +211,16 @@ def test_a_slow_lamp_on_a_part_of_the_picture_is_followed() -> None:
     assert [one.unchanged for one in done[2:]] == [("",), ("",)]
     for one, (stored, truth, _) in zip(done[2:], frames[2:4], strict=True):
         assert decibels(one.frames[0], truth) > decibels(stored, truth) + 10
+
+
+def test_shades_of_steady_lamps_on_a_wall_are_no_slow_light() -> None:
+    """Smooth shades of about a cycle: far columns have little of them, neighbouring ones nearly the same."""
+    random = np.random.default_rng(0)
+    y, x = np.mgrid[:720, :720]
+    for _ in range(12):
+        width, wall = random.uniform(80, 300), np.full(y.shape, 0.2)
+        for level in (1.0, 0.6):
+            row, column = random.uniform(0, 720, 2)
+            wall += level / (1 + ((y - row) ** 2 + (x - column) ** 2) / width**2) ** 1.5
+        stored = np.clip(np.rint(60 * wall / wall.mean() + random.normal(0, 1, wall.shape)), 0, 255).astype(np.uint8)
+        assert (remove_bands(stored, CAMERA).frames == stored).all()

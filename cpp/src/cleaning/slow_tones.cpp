@@ -24,7 +24,8 @@ using Eigen::Vector2d;
 using Eigen::Vector4d;
 using Eigen::VectorXd;
 
-constexpr double kFallOfModes = 1.5;  // of a picture's modes with their order; fitted to photographs
+// Of a picture's modes with their order: fitted to photographs; of shades of walls and skies, tried in single frames.
+constexpr double kFallOfModes = 1.5, kFallOfShades = 3;
 constexpr std::size_t kSpreads = 10;  // of a picture's factor S
 constexpr double kLeastSpread = 0.004, kMostSpread = 1;
 constexpr std::array<double, 4> kFloors{0, 0.01, 0.03, 0.1};  // standard deviation that texture adds to every mode
@@ -108,6 +109,26 @@ struct Frames {
   std::vector<VectorXd> changing;  // inverse variances of the deviations from it; none for one frame
 };
 
+// Variance of the mean of groups over that of independent ones, by the correlation r of neighbours: (1 + r)/(1 − r).
+// Shades are wider than a group.
+double of_dependence(const std::vector<std::vector<double>>& groups) {
+  const auto count = static_cast<double>(groups.size());
+  if (groups.size() < 3) return 1;
+  double correlation = 0;
+  for (std::size_t k = 0; k < groups.front().size(); ++k) {
+    double mean = 0, squares = 1e-300, products = 0, before = 0;
+    for (const std::vector<double>& own : groups) mean += own[k] / count;
+    for (const std::vector<double>& own : groups) {
+      const double away = own[k] - mean;
+      squares += away * away, products += before * away;
+      before = away;
+    }
+    correlation += products / squares / static_cast<double>(groups.front().size());
+  }
+  const double r = std::clamp(correlation + 1 / count, 0.0, kMostly + kSmallShare);  // 1/count: the mean is their own
+  return (1 + r) / (1 - r);
+}
+
 Frames frames_of(std::span<const CommonCourse> courses) {
   const auto count = static_cast<Index>(courses.front().modes.size()), number = static_cast<Index>(courses.size());
   Frames frames{MatrixXd(count, number),
@@ -122,17 +143,24 @@ Frames frames_of(std::span<const CommonCourse> courses) {
     frames.modes.col(frame) = Eigen::Map<const VectorXd>(course.modes.data(), count);
     variance += Eigen::Map<const VectorXd>(course.variance.data(), count) / static_cast<double>(number);
   }
-  VectorXd fall(count);
-  for (Index k = 0; k < count; ++k) fall[k] = std::pow(static_cast<double>(k + 1), -2 * kFallOfModes);
+  const auto falling = [&](double exponent) {
+    VectorXd fall(count);
+    for (Index k = 0; k < count; ++k) fall[k] = std::pow(static_cast<double>(k + 1), -2 * exponent);
+    return fall;
+  };
   const MatrixXd trend = modes_of_trends(frames.slow);
-  for (const double spread : ladder(kLeastSpread, kMostSpread, kSpreads))
-    for (const double floor : kFloors) {
-      const double away = std::log(spread / kUsualSpread) / kLogSpread;
-      const VectorXd all = spread * spread * fall + variance / static_cast<double>(number);
-      frames.still.push_back(spread_of(all.array() + floor * floor, trend, -0.5 * away * away));
-    }
+  const double shared = of_dependence(courses.front().groups);
+  const std::vector<double> exponents =
+      number > 1 ? std::vector{kFallOfModes} : std::vector{kFallOfModes, kFallOfShades};
+  for (const double exponent : exponents)
+    for (const double spread : ladder(kLeastSpread, kMostSpread, kSpreads))
+      for (const double floor : kFloors) {
+        const double away = std::log(spread / kUsualSpread) / kLogSpread;
+        const VectorXd all = spread * spread * falling(exponent) + shared * variance / static_cast<double>(number);
+        frames.still.push_back(spread_of(all.array() + floor * floor, trend, -0.5 * away * away));
+      }
   for (const double change : ladder(kLeastChange, kMostChange, number > 1 ? kChanges : 0))
-    frames.changing.emplace_back((change * change * fall + variance).cwiseInverse());
+    frames.changing.emplace_back((change * change * falling(kFallOfModes) + variance).cwiseInverse());
   return frames;
 }
 
