@@ -14,6 +14,7 @@ import pytest
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera
+from ocisac_fast.cleaning import VideoCleaner
 from ocisac_fast.packets import PacketAssembler, PacketFormat
 from ocisac_fast.packets.goodput import possible_goodput
 from ocisac_fast.receiver import FskReceiver, GainOptions, MultiReceiver, Receiver
@@ -569,7 +570,14 @@ def test_the_rows_of_a_noisy_lamp_are_not_one_run_of_large_swings():
 
 
 @pytest.mark.parametrize(
-    "stream", [Receiver(LAMP), MultiReceiver(LAMP), FskReceiver(LAMP, (1e3, 2e3, 3e3, 4e3)), PacketAssembler()]
+    "stream",
+    [
+        Receiver(LAMP),
+        MultiReceiver(LAMP),
+        FskReceiver(LAMP, (1e3, 2e3, 3e3, 4e3)),
+        PacketAssembler(),
+        VideoCleaner(LAMP),
+    ],
 )
 def test_no_copy_shares_the_state_of_a_stream(stream):
     with pytest.raises(TypeError, match="cannot pickle"):

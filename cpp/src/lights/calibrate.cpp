@@ -24,7 +24,8 @@ constexpr double kSameFrequency = 6;  // standard errors; text and lines shift a
 constexpr double kFewCycles = 2;
 constexpr double kEvenSnr = 6;       // of a tone over the whole frame: outlines, text and lines leave 4 and less
 constexpr double kLikely = 0.575;    // probability of a light
-constexpr double kLongestFrame = 1;  // s
+constexpr double kLongestFrame = 1;    // s
+constexpr double kShortestRow = 1e-7;  // s
 
 double energy_of(const LightSource& light) {
   return 0.5 * light.amplitude * light.amplitude * static_cast<double>(light.box.pixels());
@@ -158,7 +159,7 @@ Calibration calibrate(const AnyFramesView& frames, double frequency, const Frequ
   Calibration lamp = find_lamp(frames, search);
   lamp.row_time = lamp.found.frequency / frequency;
   lamp.row_time_std = lamp.found.frequency_std / frequency;
-  if (lamp.row_time * static_cast<double>(shape_of(frames).rows) > kLongestFrame)
+  if (lamp.row_time < kShortestRow || lamp.row_time * static_cast<double>(shape_of(frames).rows) > kLongestFrame)
     lamp.found.flags |= flag::model_misfit;
   return lamp;
 }

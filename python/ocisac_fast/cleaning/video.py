@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +49,10 @@ class VideoCleaner:
         self._camera = camera
         self._task = Task(model, keep, level, options or CleaningOptions())
         self._stream = _core.StreamCleaner(camera._handle, model, self._task.options.noise, self._task.options.toe)
+
+    def __reduce__(self) -> NoReturn:
+        """A copy would share the state of its stream."""
+        raise TypeError("cannot pickle 'VideoCleaner' object")
 
     @checked
     def push(self, frame: npt.ArrayLike, *, time: float | None = None) -> CleanedFrames:

@@ -55,7 +55,7 @@ def calibrate(
     where the light's probability is below 0.58 and its swing less than a twentieth of the picture's, where it is in
     less than a hundredth of the columns, as text is, where a tone that explains a part of the frame, or less than three
     cycles of it, is no light (it may be an outline), and where a frame would last longer than a second (a frequency in
-    kHz).
+    kHz for one in Hz) or a row less than 0.1 µs.
 
     Args:
         columns: as for :func:`find_frequency`; the columns that show the light are selected among them.

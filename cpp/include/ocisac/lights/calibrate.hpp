@@ -28,7 +28,8 @@ struct Calibration {
 };
 
 // T_r = (cycles per row) / frequency, for a lamp whose `frequency` (Hz, above 0) is below half the row rate.
-// model_misfit also marks frames that would last longer than a second, as with a frequency in kHz.
+// model_misfit also marks frames that would last longer than a second, as with a frequency in kHz for one in Hz, and
+// rows of less than 0.1 µs.
 Calibration calibrate(const AnyFramesView& frames, double frequency, const FrequencySearch& search);
 
 }  // namespace ocisac
