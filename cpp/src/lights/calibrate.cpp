@@ -22,8 +22,8 @@ namespace {
 
 constexpr double kSameFrequency = 6;  // standard errors; text and lines shift a tone of the whole frame by 5
 constexpr double kFewCycles = 2;
-constexpr double kEvenSnr = 6;       // of a tone over the whole frame: outlines, text and lines leave 4 and less
-constexpr double kLikely = 0.575;    // probability of a light
+constexpr double kEvenSnr = 6;         // of a tone over the whole frame: outlines, text and lines leave 4 and less
+constexpr double kLikely = 0.575;      // probability of a light
 constexpr double kLongestFrame = 1;    // s
 constexpr double kShortestRow = 1e-7;  // s
 
