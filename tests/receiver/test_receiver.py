@@ -391,4 +391,4 @@ def test_clipped_light_is_not_read_at_twice_its_rate(at_black):
         pixels = np.rint(235 * (1 - clipped if at_black else clipped)).astype(np.uint8)
         got = ocisac.receive(pixels, CAMERA)[0]
         assert got.rows_per_chip == pytest.approx(frame.rows_per_chip, rel=0.01)
-        assert Flag.MODEL_MISFIT in got.flags or ocisac.compare_bits(got.bits, frame.chips).errors <= 1
+        assert ocisac.compare_bits(got.bits, frame.chips).errors <= 1

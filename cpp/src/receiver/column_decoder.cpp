@@ -140,11 +140,20 @@ struct Slower {
   bool delayed = false;
 };
 
-// True if the runs between two edges of one kind, from the third edge to the last but one, differ in length.
-bool runs_vary(std::span<const std::size_t> edges, std::size_t kind) {
+// Lengths of every second run, from the third edge or the one after it to the last but one, ascending.
+std::vector<std::size_t> runs_between(std::span<const std::size_t> edges, std::size_t kind) {
   std::vector<std::size_t> lengths;
   for (std::size_t k = 2 + kind; k + 1 < edges.size(); k += 2) lengths.push_back(edges[k] - edges[k - 1]);
-  return std::ranges::adjacent_find(lengths, std::not_equal_to{}) != lengths.end();
+  std::ranges::sort(lengths);
+  return lengths;
+}
+
+bool vary(const std::vector<std::size_t>& sorted) { return !sorted.empty() && sorted.front() < sorted.back(); }
+
+// By how much runs are longer than whole ones of `shared`; shorter where one is below that.
+double excess_of(const std::vector<std::size_t>& sorted, std::size_t shared) {
+  const double part = static_cast<double>(sorted[sorted.size() / 2] % shared);
+  return sorted.front() < shared ? part - static_cast<double>(shared) : part;
 }
 
 // If nearly all runs between the first and the last edge, which may be the lamp's ends, are multiples of n > 1 chips,
@@ -165,7 +174,8 @@ std::optional<Slower> slower_timing(const Decoded& decoded, const ChipTiming& ti
     return static_cast<double>(multiples) >= kNearlyAll * static_cast<double>(edges.size() - 2 - runs);
   };
   const double chip = decoded.grid.clock.rows_per_chip;
-  const bool may_delay = edges.size() >= 2 * kFew && runs_vary(edges, 0) && runs_vary(edges, 1);
+  const std::array runs{runs_between(edges, 0), runs_between(edges, 1)};
+  const bool may_delay = edges.size() >= 2 * kFew && vary(runs[0]) && vary(runs[1]);
   const auto is_delayed = [&](std::size_t chips) {
     return may_delay && static_cast<double>(chips) * chip < slowest && is_shared(chips, 2);
   };
@@ -179,6 +189,7 @@ std::optional<Slower> slower_timing(const Decoded& decoded, const ChipTiming& ti
   ChipLattice& lattice = slower.timing.lattice;
   lattice.clock.rows_per_chip = static_cast<double>(shared) * chip;
   lattice.clock.phase = decoded.grid.start(static_cast<std::size_t>(place));
+  if (slower.delayed) lattice.clock.phase += 0.5 * excess_of(runs[1], shared) * chip;  // of the runs that begin there
   lattice.rows_per_chip_std = static_cast<double>(shared) * decoded.rows_per_chip_std;
   return slower;
 }
