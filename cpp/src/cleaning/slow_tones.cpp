@@ -152,13 +152,15 @@ Frames frames_of(std::span<const CommonCourse> courses) {
   const double shared = of_dependence(courses.front().groups);
   const std::vector<double> exponents =
       number > 1 ? std::vector{kFallOfModes} : std::vector{kFallOfModes, kFallOfShades};
-  for (const double exponent : exponents)
+  for (const double exponent : exponents) {
+    const VectorXd fall = falling(exponent);
     for (const double spread : ladder(kLeastSpread, kMostSpread, kSpreads))
       for (const double floor : kFloors) {
         const double away = std::log(spread / kUsualSpread) / kLogSpread;
-        const VectorXd all = spread * spread * falling(exponent) + shared * variance / static_cast<double>(number);
+        const VectorXd all = spread * spread * fall + shared * variance / static_cast<double>(number);
         frames.still.push_back(spread_of(all.array() + floor * floor, trend, -0.5 * away * away));
       }
+  }
   for (const double change : ladder(kLeastChange, kMostChange, number > 1 ? kChanges : 0))
     frames.changing.emplace_back((change * change * falling(kFallOfModes) + variance).cwiseInverse());
   return frames;

@@ -40,9 +40,8 @@ bool agree(double frequency, double frequency_std, const LightSource& light) {
   return std::abs(frequency - light.frequency) <= reach_of(frequency_std, light);
 }
 
-// The box of a light with others of its frequency, and the frequency by all of them in all frames. Rows near a whole
-// number in a cycle show thin pulses in bursts: parts of one lamp, in each of which a harmonic passes for the
-// fundamental's other end.
+// The box of a light with others of its frequency, and the frequency by all of them in all frames. Of thin pulses near
+// a whole number of rows a cycle, rows show bursts: each passes for a light and has, alone, another frequency.
 void measure_together(LightSource& light, std::span<const LightSource> lights, const AnyFramesView& frames,
                       FrequencySearch search) {
   Region all = light.box;
