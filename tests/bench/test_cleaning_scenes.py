@@ -28,7 +28,16 @@ def test_the_table_has_a_row_for_each_kind_of_scene() -> None:
     values = {"least_gain_db": -0.2, "gain_db": 3.0, "behind_db": 2.0, "unchanged": 3}
     long = {"seed": 1, "periods": [600], **facts, **values, "broken": ["behind_db"]}
     none = {"seed": 2, "periods": [], **facts, **values, "broken": []}
-    rows = list(cleaning_scenes.table(json.dumps(one) for one in (long, none, {"scenes": 2, "broken": {}})))[2:]
+    still = {**long, "seed": 3, "oracle_db": -9.5}
+    rows = list(cleaning_scenes.table(json.dumps(one) for one in (long, none, still, {"scenes": 3, "broken": {}})))[2:]
     assert "| bands: longer, less than a cycle | 1 | -0.2 | 3.0 | 2.00 | 2.0 | 50% | behind_db 1 |" in rows
     assert "| all | 2 | -0.2 | 3.0 | 2.00 | 2.0 | 50% | behind_db 1 |" in rows
-    assert len(rows) == 8
+    assert "| left out: not to be told apart | 1 | -0.2 | 3.0 | 2.00 | 2.0 | 50% | behind_db 1 |" in rows
+    assert len(rows) == 9
+
+
+@pytest.mark.parametrize(("seed", "least"), [(6152, -20.0), (6106, 5.0)])
+def test_the_oracle_tells_two_lamps_that_move_and_not_one_that_stands(seed: int, least: float) -> None:
+    _, camera, _, frames = cleaning_scenes.film(seed, 2160, "srgb")
+    gain = cleaning_scenes.known_gain(frames, camera)
+    assert least < gain < least + 15

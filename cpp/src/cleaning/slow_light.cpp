@@ -122,30 +122,35 @@ Difference difference_of(const CommonCourse& before, const CommonCourse& course,
   return {with, without, kByChance * static_cast<double>(first.size()), product / energy, move};
 }
 
-// Mean modes of frames without the tones.
-std::vector<double> still_of(std::span<const CommonCourse> courses, const std::vector<SlowTone>& first) {
-  std::vector<double> still(courses.front().modes.size());
+// Energy of what differs from frame to frame without the tones.
+double change_of(std::span<const CommonCourse> courses, const std::vector<SlowTone>& first) {
+  std::vector<double> sum(courses.front().modes.size());
+  double squares = 0;
   for (const CommonCourse& course : courses) {
-    const std::vector<double> light =
-        modes_of_light(in_frame(first, course.place - courses.front().place), still.size());
-    for (std::size_t k = 0; k < still.size(); ++k)
-      still[k] += (course.modes[k] - light[k]) / static_cast<double>(courses.size());
+    const std::vector<double> light = modes_of_light(in_frame(first, course.place - courses.front().place), sum.size());
+    for (std::size_t k = 0; k < light.size(); ++k) {
+      sum[k] += course.modes[k] - light[k];
+      squares += square(course.modes[k] - light[k]);
+    }
   }
-  return still;
+  return squares - std::inner_product(sum.begin(), sum.end(), sum.begin(), 0.0) / static_cast<double>(courses.size());
 }
 
-// Without the tones the frame differs more from what stands still, or its columns have far more in common: shades, or
-// another lamp, cancel them. Less than a cycle changes the mean of a frame most, which is not compared.
-bool would_grow(const CommonCourse& course, const std::vector<SlowTone>& tones, const std::vector<double>& still) {
-  const std::vector<double> light = modes_of_light(tones, still.size());
-  double before = 0, after = 0, moved = 0, rest = 0;
+// The energy of what the columns have in common is that of the tones and of the rest, unless these cancel: shades, or
+// another lamp, hide the tones, or the lamp is off. Shades may hide tones that leave nothing of what differs from frame
+// to frame (`left`: share of it), if the energy falls; if they leave some, another lamp moves, and it must halve.
+// Less than a cycle changes the mean of a frame most, which is not compared.
+bool would_grow(const CommonCourse& course, const std::vector<SlowTone>& tones, double left) {
+  const std::vector<double> light = modes_of_light(tones, course.modes.size());
+  double removed = 0, before = 0, after = 0;
   for (std::size_t k = 0; k < light.size(); ++k) {
+    removed += square(light[k]);
     before += square(course.modes[k]);
     after += square(course.modes[k] - light[k]);
-    moved += square(course.modes[k] - still[k]);
-    rest += square(course.modes[k] - still[k] - light[k]);
   }
-  return (tones.front().cycles >= 1 - kNearAtMost && kMostly * after > before) || rest > moved;
+  if (left > kSmallShare) return after > kMostly * before;
+  return tones.front().cycles >= 1 - kNearAtMost && kMostly * (after + removed) > before &&
+         (left > kNextToNone || after > before);
 }
 
 // The tones do not explain how the last of the frames differs from the one before, or, of others, half of what they
@@ -214,7 +219,8 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
   std::optional<std::size_t> compared;  // the first of the frames that `first` and `verdict` are of
   std::vector<SlowTone> first;
   SlowVerdict verdict;
-  std::vector<double> shares, still;
+  std::vector<double> shares;
+  double left = 0;
   bool is_sure = false;
   // Two frames differ alike where a light moves and where it is switched.
   const std::size_t most = courses.size() == 2 ? 1 : kMostSlowFrames;
@@ -228,7 +234,7 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
       first = find_slow_tones(these, rows, in_frame(known, these.front().place - place_of_known));
       is_sure = std::ranges::all_of(first, &SlowTone::is_sure) &&
                 (first.front().cycles >= 1 - kNearAtMost || these.size() > kFewFrames);
-      still = still_of(these, first);
+      left = change_of(these, first) / (change_of(these, {}) + kLeastModeVariance);
       verdict = is_sure ? agreement_of_groups(these, first) : SlowVerdict{};
       shares = is_sure ? slow_shares(these, first, rows) : std::vector<double>{};
       known = first;
@@ -242,12 +248,12 @@ std::vector<SlowLight> find_slow_lights(std::span<const std::vector<BandedPictur
     const bool is_other =
         is_sure && are_others(std::span<const CommonCourse>(courses).subspan(start, frame - start + 1), first);
     result.push_back({is_sure ? tones_of_colours(colours, courses[frame], tones) : std::vector(colours.size(), tones),
-                      tones, courses[frame], still, main.log_odds > std::log(kLikelyOdds) ? main.amplitude() : 0,
+                      tones, courses[frame], left, main.log_odds > std::log(kLikelyOdds) ? main.amplitude() : 0,
                       verdict,
-                      !is_sure                                   ? kNotSure
-                      : is_other                                 ? kDisagrees
-                      : would_grow(courses[frame], tones, still) ? kWouldGrow
-                                                                 : objection_to(verdict, shares.empty()),
+                      !is_sure                                  ? kNotSure
+                      : is_other                                ? kDisagrees
+                      : would_grow(courses[frame], tones, left) ? kWouldGrow
+                                                                : objection_to(verdict, shares.empty()),
                       shares});
   }
   const bool is_other = std::ranges::any_of(result, [](const SlowLight& one) { return one.objection == kDisagrees; });
@@ -265,7 +271,7 @@ SlowLight slow_light_before(const std::vector<BandedPicture>& colours, const Slo
   light.common = in_frame(later.common, -ago);
   light.tones = tones_of_colours(colours, all, light.common);
   const Difference difference = difference_of(all, later.course, light.common, all.place);
-  if (would_grow(all, light.common, light.still)) light.objection = kWouldGrow;
+  if (would_grow(all, light.common, light.left)) light.objection = kWouldGrow;
   if (!difference.is_less() && !difference.stands()) light.objection = kDisagrees;
   light.course = std::move(all);
   return light;

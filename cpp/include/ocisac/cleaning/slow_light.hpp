@@ -69,7 +69,7 @@ struct SlowLight {
   std::vector<std::vector<SlowTone>> tones;  // of each colour: the same ones, of other terms
   std::vector<SlowTone> common;              // those of all colours
   CommonCourse course;                       // of all colours, which following frames are compared with
-  std::vector<double> still;                 // its modes without the tones, mean of the compared frames
+  double left = 0;                           // share of what differs between the compared frames that the tones leave
   double amplitude = 0;                      // of the strongest tone, relative to the light; 0 where none is likely
   SlowVerdict verdict;
   std::string objection;            // why it is not removed, or empty
