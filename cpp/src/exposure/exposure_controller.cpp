@@ -16,6 +16,7 @@ namespace {
 
 namespace reason = exposure_reason;
 
+constexpr double kStepBack = 0.7;    // factor on exposure·gain after saturation
 constexpr double kRecovery = 1.002;  // growth per frame of a limit set by saturation
 
 void check(const ExposureControllerOptions& o) {
@@ -127,7 +128,7 @@ double ExposureController::largest_product(const ExposureMeasurement& measuremen
   const double dimmer = limit_radiance_ / present.radiance;
   if (dimmer > 0 && std::isfinite(dimmer)) limit_ *= dimmer;
   limit_radiance_ = present.radiance > 0 ? present.radiance : kNaN;
-  limit_ = saturated ? std::min(limit_, kMostly * product) : limit_ * kRecovery;
+  limit_ = saturated ? std::min(limit_, kStepBack * product) : limit_ * kRecovery;
   const double by_peak =
       !saturated && measurement.peak > 0 ? options_.level_ceiling / measurement.peak * product : kInfinity;
   if (limit_ < by_peak)

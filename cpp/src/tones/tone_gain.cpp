@@ -370,11 +370,10 @@ double noise_of(const ToneGainView& result, std::size_t index) {
 // step exp(−step²/8σ²) of what it loses without steps (within 25 %).
 double lost_samples(const Context& context, double off, const Pile& pile, double noise, const PileCounts& counts,
                     std::size_t column) {
-  constexpr double kRunsOfNoise = 0.25;
   const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
   const double at = counts.at[column], steps = noise / pile.step;
   const bool may_be_off = pile.level < pile.beside && (!is_linear || pile.level <= off + 0.5 * pile.step);
-  if (may_be_off && pile.level > 0 && counts.runs[column] < kRunsOfNoise * at) return 0;
+  if (may_be_off && pile.level > 0 && counts.runs[column] < kMostly * at) return 0;
   if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < 0.5))) return 0;
   if (!may_be_off || !is_linear || !(steps < 1)) return at;
   return std::min(at * std::exp(-1.0 / 8 / std::max(steps * steps - 1.0 / 12, 0.0)), counts.beside[column] / steps);
