@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -13,10 +14,10 @@ void check(const Camera& camera) {
     if (value >= low && value <= high) return;  // the text takes longer than a short call
     require(false, name, value, shortest_text(low) + " to " + shortest_text(high) + " s");
   };
-  constexpr double kMostRows = 1e15;
-  require_within("row_time", camera.row_time, 1 / kMostRows, 1);
-  if (camera.exposure) require_within("exposure", *camera.exposure, 0, kMostRows * camera.row_time);
-  if (camera.frame_time) require_within("frame_time", *camera.frame_time, 1 / kMostRows, kMostRows * camera.row_time);
+  require_within("row_time", camera.row_time, 1 / kMostCounted, 1);
+  if (camera.exposure) require_within("exposure", *camera.exposure, 0, kMostCounted * camera.row_time);
+  if (camera.frame_time)
+    require_within("frame_time", *camera.frame_time, 1 / kMostCounted, kMostCounted * camera.row_time);
   check(camera.tone_curve);
 }
 

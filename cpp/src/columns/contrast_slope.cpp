@@ -20,10 +20,9 @@ namespace {
 
 constexpr std::size_t kApart = 2;       // columns: neighbours share light by optics and interpolation
 constexpr std::size_t kMaxPairs = 256;  // of columns, evenly spaced
-constexpr std::size_t kMinPairs = 8;
-constexpr std::size_t kGroups = 8;   // of rows
-constexpr double kAlike = 0.35;      // (a − b)/(a + b) of the depths of a pair
-constexpr double kFloor = 1.0 / 64;  // of the brightest row
+constexpr std::size_t kGroups = 8;      // of rows; the least number of pairs
+constexpr double kAlike = 0.35;         // (a − b)/(a + b) of the depths of a pair
+constexpr double kFloor = 1.0 / 64;     // of the brightest row
 
 // Light of pairs of columns that do not saturate: (rows × pairs).
 struct PairedColumns {
@@ -144,13 +143,13 @@ bool ContrastSlope::is_of_texture() const {
 ContrastSlope contrast_slope(const AnyFramesView& frames, std::size_t frame, const Region& box, const ToneCurve& curve,
                              std::span<const double> course) {
   const PairedColumns columns = paired_columns(frames, frame, box, curve);
-  if (columns.pairs < kMinPairs || box.height < 4 * kGroups) return {};
+  if (columns.pairs < kGroups || box.height < 4 * kGroups) return {};
   std::vector<double> own(course.begin(), course.end());
   for (std::size_t n = own.size(); n < box.height; ++n) {
     own.push_back(sum_of(std::span(columns.first).subspan(n * columns.pairs, columns.pairs)));
   }
   const std::vector<std::size_t> pairs = alike_pairs(columns, own);
-  if (pairs.size() < kMinPairs) return {};
+  if (pairs.size() < kGroups) return {};
   std::vector<double> contrast, light;
   return add_contrast(columns, pairs, contrast, light) ? slope_of(contrast, light, own) : ContrastSlope{};
 }

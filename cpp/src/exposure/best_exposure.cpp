@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <sstream>
 #include <string>
@@ -21,7 +20,6 @@ namespace {
 using std::numbers::pi;
 using Tones = std::span<const WeightedTone>;
 
-constexpr double kMostCycles = 1e15;      // of an exposure; beyond it phases are rounding errors
 constexpr double kMostMultiple = 0x1p53;  // of a step; beyond it neighbours do not differ
 constexpr double kPrecision = 1e-12;      // relative, of the objective
 
@@ -69,16 +67,15 @@ void check_domain(const ExposureDomain& domain) {
 Interval bounds_of(const ExposureDomain& domain, Tones tones) {
   const auto [slowest, fastest] = std::ranges::minmax(tones, {}, &WeightedTone::frequency);
   const auto bounds = domain.bounds.value_or(Interval{0, 1 / slowest.frequency});
-  require(bounds.high * fastest.frequency < kMostCycles, "bounds", bounds.high, "exposures of fewer than 1e15 cycles");
+  require(bounds.high * fastest.frequency < kMostCounted, "bounds", bounds.high, "exposures of fewer than 1e15 cycles");
   return bounds;
 }
 
 // The first and the last multiple of the step within the bounds, as whole numbers. A bound equal to a multiple up to
 // rounding is included.
 Interval multiples_of(double step, const Interval& bounds) {
-  constexpr double kSlack = 8 * std::numeric_limits<double>::epsilon();
-  const Interval found{std::max(std::ceil(bounds.low / step * (1 - kSlack)), 1.0),
-                       std::floor(bounds.high / step * (1 + kSlack))};
+  const Interval found{std::max(std::ceil(bounds.low / step * (1 - kShrink)), 1.0),
+                       std::floor(bounds.high / step * (1 + kShrink))};
   if (!(found.low <= found.high))
     refuse("step", step, range_text("a step with a multiple between ", bounds.low, " and ", bounds.high));
   return found;

@@ -18,7 +18,6 @@ namespace reason = exposure_reason;
 
 constexpr double kStepBack = 0.7;    // factor on exposure·gain after saturation
 constexpr double kRecovery = 1.002;  // growth per frame of a limit set by saturation
-constexpr double kSlack = 0.02;      // of bounds, relative, and of gains, which are noisy
 
 void check(const ExposureControllerOptions& o) {
   require_positive("shortest", o.range.low);
@@ -94,7 +93,7 @@ bool gains_disagree(std::span<const MeasuredTone> tones, double exposure) {
   if (std::isnan(exposure)) return false;
   return std::ranges::any_of(tones, [&](const MeasuredTone& tone) {
     const double turn = std::numbers::pi * tone.frequency * exposure;
-    const double allowed = kSure * tone.gain_std + kSlack;
+    const double allowed = kSure * tone.gain_std + kNextToNone;
     return std::abs(tone.gain - std::abs(std::sin(turn) / turn)) > allowed;  // false where a value is kNaN
   });
 }
@@ -150,9 +149,9 @@ ExposureWindow ExposureController::window_of(double smallest, double largest, st
   window.low = std::clamp(window.low, range.low, range.high);
   window.high = std::clamp(window.high, range.low, range.high);
   if (range.step > 0) {  // the multiple below the ceiling if none lies between
-    const double below = std::floor(window.high / range.step * (1 + 1e-15)) * range.step;
+    const double below = std::floor(window.high / range.step * (1 + kShrink)) * range.step;
     if (below < window.low) window.low = std::max(below, range.low);
-    const double above = std::ceil(window.low / range.step * (1 - 1e-15)) * range.step;
+    const double above = std::ceil(window.low / range.step * (1 - kShrink)) * range.step;
     if (above > window.high) window.high = std::min(above, range.high);
   }
   return window;
@@ -180,7 +179,8 @@ double ExposureController::without_tones(const ExposureWindow& window, bool allo
 void ExposureController::choose(std::span<const WeightedTone> tones, double present, ExposureSuggestion& chosen) const {
   const ExposureWindow window{chosen.low, chosen.high, options_.range.step};
   const bool known = !std::isnan(exposure_);
-  const bool allowed = known && exposure_ >= window.low * (1 - kSlack) && exposure_ <= window.high * (1 + kSlack);
+  const bool allowed =
+      known && exposure_ >= window.low * (1 - kNextToNone) && exposure_ <= window.high * (1 + kNextToNone);
   bool holds = allowed;
   if (tones.empty()) {
     chosen.reasons |= reason::no_tones;

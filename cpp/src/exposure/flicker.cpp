@@ -80,8 +80,8 @@ std::vector<double> multiples(const Intervals& every, double step) {
   std::vector<double> grid;
   double next = 1;
   for (const Interval& one : every) {
-    next = std::max(next, std::ceil(one.low / step * (1 - 1e-15)));
-    for (const double last = std::floor(one.high / step * (1 + 1e-15)); next <= last; ++next)
+    next = std::max(next, std::ceil(one.low / step * (1 - kShrink)));
+    for (const double last = std::floor(one.high / step * (1 + kShrink)); next <= last; ++next)
       grid.push_back(next * step);
   }
   return grid;

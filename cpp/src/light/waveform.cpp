@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "light/waveform_elements.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <utility>
 
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 
@@ -12,7 +13,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMinCycles = 1e-200;      // in a stretch; with less no edge has an instant
 constexpr double kMaxTimeConstant = 1000;  // chips
 constexpr double kDecayed = 40;            // time constants after which a decay is below the resolution of a double
 
@@ -134,7 +134,7 @@ class SquareElement final : public WaveformElement {
     counter.require_countable(0, stretch.length, "frequency");
     const Position origin = counter.at(0.0);
     const double cycles = wave_.frequency * stretch.length;
-    if (cycles < kMinCycles) return {{{}, std::abs(origin.fraction) < wave_.duty / 2 ? wave_.amplitude : 0, 0}};
+    if (cycles < 1 / kMaxLevel) return {{{}, std::abs(origin.fraction) < wave_.duty / 2 ? wave_.amplitude : 0, 0}};
     const auto time_of = [&](double whole, double half_duty) {
       return (exact_sum(whole, half_duty) - DoubleDouble{origin.fraction, origin.rest}) / wave_.frequency;
     };
@@ -263,7 +263,7 @@ class CellsLight {
       whole_light_ = rounds * cells.total().value();
     }
     part_ = std::max(length.value(), 0.0);
-    fits_tables_ = length_ > kMinLength && cells.decays.empty() && (cells.repeat || is_inside(exposures.instants));
+    fits_tables_ = length_ > 1 / kMaxLevel && cells.decays.empty() && (cells.repeat || is_inside(exposures.instants));
   }
 
   void operator()(std::size_t first, double scale, const kernels::MeansOutput& to) const {
@@ -278,8 +278,6 @@ class CellsLight {
   }
 
  private:
-  static constexpr double kMinLength = 1e-100;  // cells; by less a level cannot be divided
-
   // True if the cells reach further than all exposures.
   bool is_inside(const Instants& instants) const {
     const CycleCounter& counter = counts_.counter();
@@ -459,7 +457,7 @@ std::shared_ptr<const WaveformElement> make_element(const TriangleWave& wave) {
   const double low = wave.amplitude / 2 * (1 - wave.depth);
   const double whole_turns = turns(wave.phase).value();
   const double fraction = whole_turns - std::round(whole_turns);
-  if (wave.frequency < kMinCycles) {
+  if (wave.frequency < 1 / kMaxLevel) {
     const double level = high + 2 * std::abs(fraction) * (low - high);
     return std::make_shared<CellsElement>(Samples{{level}, 1});
   }

@@ -76,7 +76,6 @@ std::shared_ptr<const WaveformElement> make_element(const Chips& chips);
 std::shared_ptr<const WaveformElement> make_element(const Samples& samples);
 
 // Throws std::invalid_argument unless finite and within ±1e100.
-inline constexpr double kMaxLevel = 1e100;  // of light, whose squares are numbers
 void require_level(const char* argument, double level);
 
 // rate·exposure, the cycles of an exposure; throws std::invalid_argument that names `argument` where there are too

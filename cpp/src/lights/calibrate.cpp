@@ -22,8 +22,6 @@ namespace {
 
 constexpr double kSameFrequency = 6;  // standard errors; text and lines shift a tone of the whole frame by 5
 constexpr double kFewCycles = 2;
-constexpr double kEvenSnr = 6;         // of a tone over the whole frame: outlines, text and lines leave 4 and less
-constexpr double kLikely = 0.575;      // probability of a light
 constexpr double kLongestFrame = 1;    // s
 constexpr double kShortestRow = 1e-7;  // s
 
@@ -87,9 +85,9 @@ bool is_narrow(const ToneColumns& columns) {
          kNextToNone * static_cast<double>(columns.used.size());
 }
 
-// True if the tone explains the whole frame.
+// True if the tone explains the whole frame: outlines, text and lines leave less.
 bool is_everywhere(const FoundFrequency& found) {
-  return answered(found) && found.snr >= kEvenSnr && !is_narrow(found.columns);
+  return answered(found) && found.snr >= kSure && !is_narrow(found.columns);
 }
 
 // Without a lower bound, frequencies of at least two cycles in the frame are searched first, lower ones only if no tone
@@ -124,7 +122,7 @@ Calibration find_lamp(const AnyFramesView& frames, const FrequencySearch& search
   std::ranges::copy(own.used, all.used.begin() + first);
   std::ranges::copy(own.strength, all.strength.begin() + first);
   // A lamp that is no likely tone, such as data, counts only beside a tone of the whole frame.
-  const bool uncertain = light.share == 0 || light.probability < kLikely;
+  const bool uncertain = light.share == 0 || light.probability < kMostly;
   const bool doubtful = contested || (uncertain && !answered(whole)) || is_narrow(all);
   const Flags flags = flag_if(own.saturated, flag::saturated) | flag_if(doubtful, flag::model_misfit);
   return {kNaN, kNaN, {light.frequency, light.frequency_std, light.snr, 3, flags, std::move(all)}, light.probability};

@@ -24,7 +24,6 @@ namespace {
 
 constexpr int kRounds = 2;
 constexpr double kMinPower = 0.02;  // relative to the swing's near its maximum
-constexpr double kMinSwing = 0.15;  // relative to the middle's
 constexpr std::size_t kMinEdges = 6, kMaxTimed = 64;
 // Chips in a short interval; clock in cycles per row.
 constexpr double kFastestChip = 2.2, kSlowestChip = 0.7, kLargestClock = 0.4;
@@ -97,7 +96,7 @@ std::optional<Region> lit_columns(const LitFrame& frame, const Region& box, std:
   }
   std::vector<std::uint8_t> lit(patch.groups);
   for (std::size_t g = 0; g < patch.groups; ++g)
-    lit[g] = products[g] > std::max(kMostly * std::sqrt(squares[g] * energy), kMinSwing * energy);
+    lit[g] = products[g] > std::max(kMostly * std::sqrt(squares[g] * energy), kSmallShare * energy);
   const std::size_t first = std::min((box.x - patch.first_column) / patch.group, patch.groups - 1);
   const std::size_t end = (box.right() - patch.first_column) / patch.group;
   const auto run = run_about(lit, first, std::clamp(end, first + 1, patch.groups));

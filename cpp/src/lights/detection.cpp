@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "core/levels.hpp"
+#include "ocisac/columns/column_combination.hpp"
 
 namespace ocisac {
 
@@ -41,8 +42,6 @@ bool is_reflection(const RefinedLight& weak, const RefinedLight& strong) {
   return spread >= 1 || std::abs(apart) <= 3 * spread;
 }
 
-constexpr double kMinBeside = 0.8;  // correlation of swings
-
 IndexRange columns_of(const Region& box) { return {box.x, box.right()}; }
 IndexRange rows_of(const Region& box) { return {box.y, box.bottom()}; }
 IndexRange common(const IndexRange& a, const IndexRange& b) {
@@ -58,8 +57,8 @@ bool beside(const LitFrame& frame, const Region& left, const Region& right, std:
     return false;
   const auto one = mean_swing(frame, columns_of(left), rows, length);
   const auto other = mean_swing(frame, columns_of(right), rows, length);
-  if (likeness(one, other) < kMinBeside) return false;
-  return between.size() == 0 || likeness(one, mean_swing(frame, between, rows, length)) >= kMinBeside;
+  if (likeness(one, other) < kTogether) return false;
+  return between.size() == 0 || likeness(one, mean_swing(frame, between, rows, length)) >= kTogether;
 }
 
 }  // namespace

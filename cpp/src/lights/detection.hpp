@@ -38,7 +38,7 @@ struct Detections {
 };
 
 // True if parts beside each other belong to one light: log light, minus its mean over two cycles of the slower one,
-// correlates (0.8) in the rows of both and in the columns between. False for parts farther apart than their width.
+// correlates in the rows of both and in the columns between. False for parts farther apart than their width.
 bool one_light_across(const LitFrame& frame, const Region& a, const Region& b, double frequency);
 
 // Correlation of the swing of a light's rows in two frames: 1 for a texture, or light in step with the frames.

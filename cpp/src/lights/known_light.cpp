@@ -25,12 +25,11 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t kCells = 8;
-constexpr std::size_t kSampled = 64;  // columns of a box
+constexpr std::size_t kSampled = 64;  // columns of a box, steps of its gradient; a smaller distance is no movement
 constexpr double kRowsACycle = 16;    // of a tone
 constexpr std::size_t kTrend = 3;     // degree of the slow light beside a waveform
 constexpr double kMost = 1.4;         // ratio of amplitudes, and of means, of a light that stays the same
 constexpr double kTurned = 0.5;       // rad between the halves of a box: another frequency
-constexpr std::size_t kPlaces = 32;   // in a box: steps of its gradient; a smaller distance is no movement
 
 double sum_of(std::span<const double> values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
@@ -207,7 +206,7 @@ struct KnownLight::State {
 
   void add_gradient(const AnyFramesView& frame, const Place& place) {
     for (const std::size_t axis : {0U, 1U}) {
-      const std::size_t step = std::max<std::size_t>((axis == 0 ? box.width : 2 * box.height) / kPlaces, 1);
+      const std::size_t step = std::max<std::size_t>((axis == 0 ? box.width : 2 * box.height) / kSampled, 1);
       const auto moved = [&](std::ptrdiff_t by) {
         Place end = place;
         (axis == 0 ? end.x : end.y) += by;
@@ -236,7 +235,7 @@ struct KnownLight::State {
     const Eigen::MatrixXd way =
         least_squares(slopes, Eigen::Map<const Eigen::VectorXd>(change.data(), slopes.rows()), kNextToNone);
     const auto step = [](double distance, std::size_t size) {
-      const bool still = std::abs(distance) < std::max(static_cast<double>(size) / double{kPlaces}, 1.0);
+      const bool still = std::abs(distance) < std::max(static_cast<double>(size) / double{kSampled}, 1.0);
       return still ? 0 : static_cast<std::ptrdiff_t>(std::nearbyint(distance));
     };
     return {step(way(0), box.width), step(way(1), box.height)};

@@ -34,11 +34,12 @@ std::vector<Suspect> suspects_in(const SearchedFrame& in, const Region& region, 
 }
 
 // Refinement that sees the columns `within` alone.
-std::optional<RefinedLight> refine(const SearchedFrame& in, Suspect suspect, const Columns& within, double edge) {
+std::optional<RefinedLight> refine(const SearchedFrame& in, Suspect suspect, const Columns& within,
+                                   bool inside = false) {
   LitFrame part = in.frame;
   part.frames = part_of(in.frame.frames, {within.begin, 0, within.size(), shape_of(in.frame.frames).rows});
   suspect.box.x -= within.begin, suspect.best.x -= within.begin;
-  auto light = refine_source(part, suspect, in.options.min_cycles, edge);
+  auto light = refine_source(part, suspect, in.options.min_cycles, inside);
   if (light) light->box.x += within.begin;
   return light;
 }
@@ -55,13 +56,13 @@ bool belongs_to(const Suspect& suspect, const RefinedLight& light) {
 
 // The tone of a suspect: that of the inner box about its clearest tile where the whole one does not convince.
 std::optional<Detection> most_probable(const SearchedFrame& in, const Suspect& suspect, const Detections& found) {
-  const auto tone = [&](const Suspect& of, double edge) {
-    const auto light = refine(in, of, all_columns(in), edge);
+  const auto tone = [&](const Suspect& of, bool inside) {
+    const auto light = refine(in, of, all_columns(in), inside);
     return light ? judged(in, *light, found) : std::nullopt;
   };
-  const auto whole = tone(suspect, kWholeBox);
+  const auto whole = tone(suspect, false);
   if (whole && is_convincing(in, *whole)) return whole;
-  const auto inner = tone({suspect.best, suspect.frequency, suspect.share, 0, suspect.best}, kInnerBox);
+  const auto inner = tone({suspect.best, suspect.frequency, suspect.share, 0, suspect.best}, true);
   const bool better = inner && (!whole || inner->probability > whole->probability);
   return better ? inner : whole;
 }
@@ -150,7 +151,7 @@ Detections with_lamps_beside(const SearchedFrame& in, Detections found, const Re
     if (std::ranges::any_of(found.lights, known) ||
         one_light_across(in.frame, light.box, suspect.box, std::min(light.frequency, suspect.frequency)))
       continue;
-    const auto other = refine(in, suspect, within, kWholeBox);
+    const auto other = refine(in, suspect, within);
     const auto one = other && !same_frequency(*other, light) ? judged(in, *other, found) : std::nullopt;
     if (one && is_convincing(in, *one) && !is_double_of_any(*one, found.lights)) found.lights.push_back(*one);
   }
@@ -222,7 +223,7 @@ Detections with_data(const SearchedFrame& in, Detections found, std::span<const 
 Detection sharpened(const SearchedFrame& in, Detection one) {
   RefinedLight& light = one.light;
   if (one.data || light.inside || static_cast<double>(light.box.height) * light.frequency > kLongestInner) return one;
-  const auto own = refine(in, suspect_at(light.box, light.frequency), all_columns(in), kInnerBox);
+  const auto own = refine(in, suspect_at(light.box, light.frequency), all_columns(in), true);
   if (!own || !near_frequency(own->frequency, light.frequency) || !is_measurable(in, {.light = *own, .box = own->box}))
     return one;
   light.frequency = own->frequency, light.frequency_std = own->frequency_std, light.phase = own->phase;
@@ -232,7 +233,7 @@ Detection sharpened(const SearchedFrame& in, Detection one) {
 }  // namespace
 
 bool add_expected(const SearchedFrame& in, const Region& box, double cycles_per_row, Detections& found) {
-  const auto light = refine_source(in.frame, suspect_at(box, cycles_per_row), in.options.min_cycles, kWholeBox, 1);
+  const auto light = refine_source(in.frame, suspect_at(box, cycles_per_row), in.options.min_cycles, false, 1);
   auto one = light ? judged(in, *light, found) : std::nullopt;
   if (!one) return false;
   one->expected = true;

@@ -20,14 +20,13 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMostTexture = 0.24;                     // of data, relative to the common swing: text has more
-constexpr double kUnseenTexture = 0.03;                   // probability of a texture that resembles a light
-constexpr double kLevel = 0.003, kTilted = 0.02;          // rows per column: of a light's bars, of a texture's
-constexpr double kUneven = 1e-3;                          // odds of a light whose contrast says texture
-constexpr double kCloth = 1e-3, kKnownCloth = 0.1;        // prior times probability of a number of its clocks
-constexpr double kBand = 0.2, kFrequencies = 4.5;         // of ln f: around a clock; of all lamps
-constexpr double kWholeRows = 3.0, kFaintPattern = 0.02;  // prior times density of depths, mean depth
-constexpr double kUnevenPattern = 0.05;                   // cycles along the box
+constexpr double kMostTexture = 0.24;             // of data, relative to the common swing: text has more
+constexpr double kUnseenTexture = 0.03;           // probability of a texture that resembles a light
+constexpr double kLevel = 0.003, kTilted = 0.02;  // rows per column: of a light's bars, of a texture's
+constexpr double kUnlikely =
+    1e-3;  // odds of a light of a texture's contrast; prior times probability of a cloth's clocks
+constexpr double kBand = 0.2, kFrequencies = 4.5;                   // of ln f: around a clock; of all lamps
+constexpr double kWholeRows = 3.0, kFaintPattern = 0.02;            // prior times density of depths, mean depth
 constexpr double kLargestSpread = 0.03, kLargestOwnSpread = 0.015;  // max relative standard error of a frequency
 
 constexpr double kWide = 3;  // ln of cycles: few of the fitted lights are wider
@@ -72,11 +71,10 @@ std::vector<double> terms_of_data(const RefinedLight& light, std::size_t suspect
           log_share(light.texture)};
 }
 
-constexpr double kInStep = 0.003, kAsStated = 0.9, kTextureMoves = 0.2;  // probabilities
-constexpr double kClockError = 1e-3;                                     // of a frame time as stated, relative
-constexpr double kLeastStd = 0.1;     // rad: noise that texture hides, a pixel of movement
-constexpr double kLargestStd = 1;     // rad, of a usable phase
-constexpr std::size_t kCompared = 3;  // frames
+constexpr double kInStep = 0.003, kTextureMoves = 0.2;  // probabilities
+constexpr double kClockError = 1e-3;                    // of a frame time as stated, relative
+constexpr double kLeastStd = 0.1;                       // rad: noise that texture hides, a pixel of movement
+constexpr std::size_t kCompared = 3;                    // frames
 
 // Up to kCompared other frames, the nearest.
 std::vector<std::size_t> other_frames(std::size_t frame, std::size_t count) {
@@ -94,7 +92,7 @@ double over_uniform(double angle, double std) {
 }
 
 // Odds of a light over a texture, by which prior odds are multiplied, for the tone of a box (Hz and its standard
-// error), from its changes of phase d to up to three other frames, the nearest:
+// error), from its changes of phase d, known to a radian, to up to three other frames, the nearest:
 //   light:   p·A + (1 − p)·U,   A = Π normal(d; advance, std)   p: that light and frames keep the clocks stated
 //   texture: 0.8·S + 0.2·U,     S = Π normal(d; 0, std),  U = (1/2π)^K   one texture in five moves with the camera
 // The advance is frequency × frame time. Where that is whole within its error, half of the lights are in step: (A +
@@ -117,20 +115,21 @@ double phase_odds(const SearchedFrame& in, const RefinedLight& light) {
     const ToneGain there = gain_in(other);
     const double std = std::hypot(own.gain_std[0] / own.gain[0], there.gain_std[0] / there.gain[0]);
     if ((there.gain[0] + 2 * there.gain_std[0]) * there.mean[0] < 0.5 * own.gain[0] * own.mean[0]) return 1;
-    if (!(std < kLargestStd)) continue;
+    if (!(std < 1)) continue;
     const double change = there.phase[0] - own.phase[0], noise = std::max(std, kLeastStd);
     still *= over_uniform(change, noise);
     if (!camera.frame_time) continue;
     const double time = *camera.frame_time * (static_cast<double>(other) - static_cast<double>(frame.index));
     const double unknown = kTwoPi * std::abs(time) * std::hypot(frequency_std, kClockError * frequency);
     const double error = std::hypot(noise, unknown);
-    if (!(error < kLargestStd)) continue;
+    if (!(error < 1)) continue;
     const double advance = kTwoPi * std::remainder(frequency * time, 1.0);
     advanced *= over_uniform(change - advance, error);
     stated = true, whole = whole && std::abs(advance) < 2 * error;
   }
-  const double of_light = !stated ? kInStep * still + 1 - kInStep
-                                  : kAsStated * (whole ? std::midpoint(advanced, still) : advanced) + 1 - kAsStated;
+  const double of_light = !stated
+                              ? kInStep * still + 1 - kInStep
+                              : (1 - kSmallShare) * (whole ? std::midpoint(advanced, still) : advanced) + kSmallShare;
   return of_light / ((1 - kTextureMoves) * still + kTextureMoves);
 }
 
@@ -187,14 +186,15 @@ double tilt_odds(const RefinedLight& light) {
 
 // Lines of text or bricks differ from light by where they have contrast.
 double contrast_odds(const SearchedFrame& in, const RefinedLight& light) {
-  return contrast_slope(in.frame.frames, in.frame.index, light.box, in.camera.tone_curve).is_of_texture() ? kUneven : 1;
+  return contrast_slope(in.frame.frames, in.frame.index, light.box, in.camera.tone_curve).is_of_texture() ? kUnlikely
+                                                                                                          : 1;
 }
 
 // A faint pattern of whole rows is the camera's, that of its colour filter, of a picture at another size, or of the
 // blocks of its compression, whose errors differ from place to place.
 double pattern_odds(const RefinedLight& light) {
   const double spread =
-      std::hypot(light.frequency_std, kUnevenPattern / static_cast<double>(light.box.height)) / light.frequency;
+      std::hypot(light.frequency_std, kNextToNone / static_cast<double>(light.box.height)) / light.frequency;
   double pattern = 0;
   for (const int rows : {2, 3, 4, 8, 16}) pattern += normal(std::log(light.frequency * rows), spread);
   return 1 / (1 + kWholeRows * std::exp(-light.depth / kFaintPattern) * pattern);
@@ -205,12 +205,12 @@ double pattern_odds(const RefinedLight& light) {
 double clock_odds(const Detection& one, const Detections& found) {
   std::vector<const RefinedLight*> clocks{&one.light};
   std::size_t near = 0;
-  double cloth = kCloth;
+  double cloth = kUnlikely;
   const auto add = [&](const Detection& other) {
     // A light that sends data shows tones of its own.
     if (other.data || other.appearance < kMostly || (one.data && other.odds >= kSmallShare)) return;
     const bool beside = std::abs(std::log(other.light.frequency / one.light.frequency)) < kBand;
-    if (beside && other.odds < kSmallShare) cloth = kKnownCloth;
+    if (beside && other.odds < kSmallShare) cloth = kSmallShare;
     if (std::ranges::any_of(clocks, [&](const auto* clock) { return same_frequency(other.light, *clock); })) return;
     clocks.push_back(&other.light);
     near += beside ? 1 : 0;

@@ -19,7 +19,6 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double kSmallestSpread = 1e-3;
 constexpr std::size_t kMinBeyond = 4;  // rows
 
 double squared(double x) { return x * x; }
@@ -170,7 +169,7 @@ std::optional<Normal> beyond(const OwnPixels& pixels, std::size_t group, std::si
     sum += x, squares += x * x;
   }
   const auto count = static_cast<double>(end - first);
-  return Normal{sum / count, std::max(squares / count - squared(sum / count), squared(kSmallestSpread))};
+  return Normal{sum / count, std::max(squares / count - squared(sum / count), squared(kNextToNone))};
 }
 
 // Compares two hypotheses for each pixel x, of variance s²: ln p(x | light)/max(p(x | texture), p(x | surroundings)),
@@ -191,7 +190,7 @@ std::vector<double> likelihood_ratios(const OwnPixels& pixels, const ToneFit& fi
   std::vector<double> ratios(pixels.light.size());
   if (residuals.empty()) return ratios;
   swing /= static_cast<double>(residuals.size());
-  const double own = std::max(variance_by_median(residuals), squared(kSmallestSpread));
+  const double own = std::max(variance_by_median(residuals), squared(kNextToNone));
   for (std::size_t g = 0; g < groups; ++g) {
     std::size_t first = 0, end = rows;
     while (first < end && !pixels.own[first * groups + g]) ++first;

@@ -21,6 +21,8 @@ namespace {
 using Complex = std::complex<double>;
 
 constexpr double kSettledFrequency = 0.02;  // relative change in a round
+// Amplitude at the box's edges, relative to the largest. Under a window of two cycles a sharp edge has one half.
+constexpr double kWholeBox = 0.15;
 constexpr std::size_t kTiltGroups = 3;
 
 constexpr std::size_t kMaxOrders = 9;  // of a periodic light's harmonics
@@ -314,8 +316,9 @@ void measure_tilt(const Patch& patch, const ComplexValues& swing, const Region& 
   light.tilt = (slope + force / moment) * per_column, light.tilt_std = spread * per_column;
 }
 
-std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, double min_cycles, double edge,
+std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, double min_cycles, bool inside,
                                           int rounds) {
+  const double edge = inside ? kMostly : kWholeBox;
   Region box = suspect.box;
   double frequency = suspect.frequency;
   for (int round = 1;; ++round) {
@@ -329,7 +332,6 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
       return {};
     const std::size_t known = box.height;
     box = lit->box;
-    const bool inside = edge != kWholeBox;
     if (inside && static_cast<double>(box.height) * frequency > kLongestInner) return {};
     const Profile profile = inside ? Profile{} : profile_of(patch, window, box, frequency);
     const auto cycle = static_cast<std::size_t>(std::lround(1 / frequency));

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "core/levels.hpp"
 #include "lights/light_patch.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/core/views.hpp"
@@ -36,11 +37,9 @@ struct RefinedLight {
   bool inside = false;     // box and measures are those of the light's own pixels
 };
 
-// Amplitude at the box's edges, relative to the largest. Under a window of two cycles a sharp edge has one half.
-constexpr double kWholeBox = 0.15, kInnerBox = 0.5;
 constexpr double kLongestInner = 12;  // cycles in an inner box
 // Reach of a search about a frequency, relative: of a suspect, and of a round.
-constexpr double kFirstReach = 0.22, kFrequencyReach = 0.12;
+constexpr double kFirstReach = 0.22, kFrequencyReach = kSmallShare;
 
 // Log light along the rows of a light.
 struct Profile {
@@ -72,10 +71,10 @@ void measure_tilt(const Patch& patch, const ComplexValues& swing, const Region& 
 // of f, 2f and 3f in log light weighted by the local swing: a real, positive envelope does not bias the peak, even for
 // few cycles. Its standard error is a jackknife over groups of cycles. Absent if box or amplitude falls below 0.7 of
 // the least rows, cycles or amplitude in a round. `rounds`: minimum; one suffices if the suspect's box and frequency
-// come from the last frame. Rounds go on until box and frequency stand. With `edge` kInnerBox, box and measures are
+// come from the last frame. Rounds go on until box and frequency stand. `inside`: box and measures are
 // those of the light's own pixels (own_pixels.hpp): where texture around a lamp swings in phase with it, a whole box is
 // too large.
 std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& suspect, double min_cycles,
-                                          double edge = kWholeBox, int rounds = 2);
+                                          bool inside = false, int rounds = 2);
 
 }  // namespace ocisac

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/statistics.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
 
@@ -17,7 +18,6 @@ namespace {
 
 constexpr double kMinResponse = 1e-3;  // below: a tone in a null of the exposure
 constexpr std::size_t kMinRows = 8;
-constexpr double kLargest = 1e100;     // its square's square is a number
 constexpr std::size_t kNuisances = 2;  // mean and slope
 
 // ln I₀(x), x ≥ 0; to 2·10⁻⁷ (Abramowitz and Stegun 9.8.1, 9.8.2).
@@ -114,8 +114,8 @@ FskDemodulator::FskDemodulator(const Camera& camera, std::span<const double> ton
 
 FskSymbol FskDemodulator::demodulate(std::span<const double> signal, std::optional<double> amplitude) const {
   require(signal.size() == weights_.rows(), "signal", signal.size(), std::to_string(weights_.rows()) + " rows");
-  for (const double value : signal) require(std::abs(value) <= kLargest, "signal", value, "numbers of at most 1e100");
-  if (amplitude) require(*amplitude >= 0 && *amplitude <= kLargest, "amplitude", *amplitude, "0 to 1e100");
+  for (const double value : signal) require(std::abs(value) <= kMaxLevel, "signal", value, "numbers of at most 1e100");
+  if (amplitude) require(*amplitude >= 0 && *amplitude <= kMaxLevel, "amplitude", *amplitude, "0 to 1e100");
   const double middle = mean_of(signal);
   std::vector<double> centred(signal.begin(), signal.end());
   for (double& value : centred) value -= middle;

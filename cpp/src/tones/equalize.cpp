@@ -293,8 +293,7 @@ class BlockEqualizer {
       check_interrupt();
       if (!noise.empty() && noise[c] == 0) continue;
       // Beyond these the filter is the same, and squares of squares stay finite.
-      constexpr double kBeyond = 1e30;
-      const double scaled = noise.empty() ? 1 : std::clamp(noise[c] * memory_.scale[c], 1 / kBeyond, kBeyond);
+      const double scaled = noise.empty() ? 1 : std::clamp(noise[c] * memory_.scale[c], 1 / kMostLight, kMostLight);
       for (std::size_t n = 0; n < plan_.rows; ++n) memory_.column[n] = static_cast<double>(block_[n * kWidth<T> + c]);
       analysed[c] = plan_.analysis->take_off_course(memory_.column,
                                                     noise.empty() ? std::nullopt : std::optional(scaled * scaled));

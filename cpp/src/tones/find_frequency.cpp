@@ -196,11 +196,11 @@ double coarse_frequency(const PeriodicSignals& signals, const FrequencySearch& r
 // The fundamental of which `frequency` is a harmonic, or itself. Each of many parts pays for the harmonics of its
 // model, which a faint light does not repay; combined, it does.
 double fundamental_of(const PeriodicSignals& combined, double frequency, const FrequencySearch& range) {
-  constexpr int kHighest = 5;
   const PeriodicSignals signals = unit_signals(combined.samples(), combined.rows());
   if (signals.count() == 0) return frequency;
   Candidate best = judged(signals, frequency, range, kInfinity);
-  for (int order = 2; order <= kHighest && frequency / order >= range.lower; ++order) {
+  for (const double order : {2.0, 3.0}) {
+    if (frequency / order < range.lower) break;
     const Candidate candidate = judged(signals, frequency / order, range, best.misfit);
     if (candidate.misfit < best.misfit) best = candidate;
   }

@@ -29,7 +29,6 @@ double ratio_of(int order, double duty, double exposure_cycles) {
 FoldedHarmonics find_folded(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles) {
   constexpr double kApart = 1.5, kFitted = 0.005, kLeast = 1e-4;  // cycles in the frame; of the fundamental
   constexpr int kHighest = 127;
-  constexpr std::size_t kMostFitted = 8;
   const auto length = static_cast<double>(rows);
   const auto folded = [&](int order) {  // cycles in the frame
     const double cycles = order * cycles_per_row;
@@ -46,8 +45,7 @@ FoldedHarmonics find_folded(std::size_t rows, double cycles_per_row, double duty
     const double size = std::abs(ratio_of(order, duty, exposure_cycles)), at = folded(order);
     if (order * cycles_per_row < 0.5 || size < kLeast) continue;
     const auto is_near = [&](double other) { return std::abs(at - other) < kApart; };
-    if (size >= kFitted && std::ranges::none_of(taken, is_near) && 8 * (taken.size() + 1) <= rows &&
-        result.orders.size() < kMostFitted) {
+    if (size >= kFitted && std::ranges::none_of(taken, is_near) && 8 * (taken.size() + 1) <= rows) {
       taken.push_back(at);
       result.orders.push_back(order);
       continue;

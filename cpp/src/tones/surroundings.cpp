@@ -26,8 +26,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr std::size_t kMaxTones = 3;
-constexpr double kPeak = 20;         // of the residual's periodogram over its floor, for a significant tone
-constexpr double kExplained = 0.05;  // fraction of the residual's energy above the noise that tones leave at most
+constexpr double kPeak = 20;  // of the residual's periodogram over its floor, for a significant tone
 
 // All harmonics below half the row rate, at least a quarter of a bin apart; at most one for eight rows.
 std::vector<double> all_harmonics(const std::vector<double>& lights, std::size_t row_count) {
@@ -62,7 +61,7 @@ std::vector<double> find_tones(const VectorXd& column, const MatrixXd& basis) {
     const auto slowest = power.begin() + static_cast<std::ptrdiff_t>(length / count);  // a cycle in the frame
     const auto peak = std::max_element(slowest, power.end());
     const double noise = floor * static_cast<double>(count);
-    const bool explained = found.rest.squaredNorm() - noise < kExplained * (first.squaredNorm() - noise);
+    const bool explained = found.rest.squaredNorm() - noise < kSmallShare * (first.squaredNorm() - noise);
     if (explained || (*peak < kPeak * floor && is_white(rest))) return found.frequencies;
     if (*peak < kPeak * floor || found.frequencies.size() == kMaxTones) return {};
     found.frequencies.push_back(static_cast<double>(peak - power.begin()) / static_cast<double>(length));
@@ -74,13 +73,13 @@ std::vector<double> find_tones(const VectorXd& column, const MatrixXd& basis) {
 // at f itself. Rows in a wrong order, or of other exposures, by two or four have them at a quarter of the row rate or a
 // half beside f.
 bool modulates(const std::vector<double>& tones, double cycles_per_row, double rows) {
-  constexpr double kSame = 0.6, kSlow = 3, kOnLight = 0.3;  // cycles in the frame
+  constexpr double kSame = 0.6, kSlow = 3;  // cycles in the frame
   for (std::size_t i = 0; i < tones.size(); ++i) {
     const double side = (tones[i] - cycles_per_row) * rows;
     for (const double image : {tones[i] - cycles_per_row, tones[i] + cycles_per_row})
       if (std::abs(side) > 1 && std::abs(std::remainder(image, 0.25)) * rows < kSame) return true;
     for (const double slow : tones)
-      if (slow * rows < kSlow && (std::abs(std::abs(side) - slow * rows) < kSame || std::abs(side) < kOnLight))
+      if (slow * rows < kSlow && (std::abs(std::abs(side) - slow * rows) < kSame || std::abs(side) < kSame))
         return true;
     for (std::size_t j = 0; j < i; ++j)
       if (std::abs(side + (tones[j] - cycles_per_row) * rows) < kSame) return true;

@@ -130,15 +130,13 @@ double rounding_pull(double levels, double noise_variance) {
   return std::exp(-kTwoPi * std::numbers::pi * noise) / (std::numbers::pi * std::sqrt(levels));
 }
 
-constexpr double kFewestLevels = 2;
-
 // True if the amplitude error of value i by rounding may exceed that by noise of a variance in steps. From 1 on it is
 // below 10⁻⁸ of a step.
 template <typename Levels>
 bool is_quantised(const Context& context, double noise, const ToneGainView& result, std::size_t i,
                   const Levels& levels) {
   const double error = result.gain_std[i] * result.mean[i] * context.ratio / context.step;
-  return noise < 1 && rounding_pull(kFewestLevels, noise) > error && rounding_pull(levels(), noise) > error;
+  return noise < 1 && rounding_pull(1, noise) > error && rounding_pull(levels(), noise) > error;
 }
 
 // Writes gain, standard error, phase, mean, snr and flags of one tone for the columns from `first` of the result on;
@@ -360,8 +358,7 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, c
   return fit->well_posed() ? fit : nullptr;
 }
 
-constexpr double kHalfStep = 0.5;  // between stored values
-constexpr std::size_t kSomeColumns = 16;
+constexpr std::size_t kSomeColumns = 16;  // that tell of a frame
 constexpr Flags kUnusable = flag::saturated | flag::unresolvable | flag::no_light;
 
 double noise_of(const ToneGainView& result, std::size_t index) {
@@ -373,12 +370,11 @@ double noise_of(const ToneGainView& result, std::size_t index) {
 // step exp(−step²/8σ²) of what it loses without steps (within 25 %).
 double lost_samples(const Context& context, double off, const Pile& pile, double noise, const PileCounts& counts,
                     std::size_t column) {
-  constexpr double kRunsOfNoise = 0.25;
   const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
   const double at = counts.at[column], steps = noise / pile.step;
-  const bool may_be_off = pile.level < pile.beside && (!is_linear || pile.level <= off + kHalfStep * pile.step);
-  if (may_be_off && pile.level > 0 && counts.runs[column] < kRunsOfNoise * at) return 0;
-  if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < kHalfStep))) return 0;
+  const bool may_be_off = pile.level < pile.beside && (!is_linear || pile.level <= off + 0.5 * pile.step);
+  if (may_be_off && pile.level > 0 && counts.runs[column] < kMostly * at) return 0;
+  if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < 0.5))) return 0;
   if (!may_be_off || !is_linear || !(steps < 1)) return at;
   return std::min(at * std::exp(-1.0 / 8 / std::max(steps * steps - 1.0 / 12, 0.0)), counts.beside[column] / steps);
 }
@@ -443,7 +439,7 @@ bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::si
   const double noise = noise_of(result, start);
   const auto within = [noise](double x, double deviations) { return x < 0 || x < deviations * noise; };
   const double off = curve.dark_level + background_of(context, frame, column), least = result.mean[start] - depth;
-  return within(least - kHalfStep, kSure) || within(least + off - kHalfStep, kSure) ||
+  return within(least - 0.5, kSure) || within(least + off - 0.5, kSure) ||
          within(largest - off - result.mean[start] - depth, kBeyond) ||
          within(least + off - least_of_some(frames, frame, column), kBeyond);
 }
@@ -464,7 +460,7 @@ std::size_t place_of_extreme(std::span<const double> values, double sign) {
 double least_light(const AnyFramesView& frames, const Camera& camera) {
   const ToneCurve& curve = camera.tone_curve;
   if (curve.kind != ToneCurve::Kind::linear) return -std::numeric_limits<double>::infinity();
-  return curve.dark_level - (holds_integers(frames) ? kHalfStep : 0);
+  return curve.dark_level - (holds_integers(frames) ? 0.5 : 0);
 }
 
 // Clipping at either end, of samples of any type at any level, as the brightest and the darkest column show it. `tops`:
@@ -767,8 +763,6 @@ std::vector<FittedLight> lights_of(const Context& context) {
   return lights;
 }
 
-constexpr std::size_t kMaxColumns = 16;  // that are averaged for the test of a frame
-
 // Mean of up to 16 neighbouring columns about that with the strongest tone, without saturated ones; empty if all are.
 PooledColumn strongest_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
                                const ToneGainView& result) {
@@ -785,7 +779,7 @@ PooledColumn strongest_columns(const AnyFramesView& frames, const Context& conte
     }
   if (first == columns) return {};
   std::size_t end = first + 1;
-  while (end - first < kMaxColumns && (is_usable(end) || (first > 0 && is_usable(first - 1))))
+  while (end - first < kSomeColumns && (is_usable(end) || (first > 0 && is_usable(first - 1))))
     if (is_usable(end))
       ++end;
     else
