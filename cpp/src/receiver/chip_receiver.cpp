@@ -40,19 +40,35 @@ constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, aft
 // A reading's chips that lie whole in the rows, and its channel.
 void describe(const FrameReading& reading, const FrameRows& rows, const RowReader& reader, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
-  std::vector<double> llr = reliable_llr(reading);
-  const bool agrees = agree_with_code(llr, reader.options().format);
+  const std::vector<double> all = reliable_llr(reading);
   const double sureness = reading.pause ? reading.pause->sureness() : std::numeric_limits<double>::infinity();
   const ChipGrid whole = whole_chips(channel.clock, rows.signal.size());
-  for (std::size_t k = 0; k < whole.count; ++k) {
-    const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - reading.first;
-    if (at < 0 || at >= static_cast<std::ptrdiff_t>(llr.size())) continue;
-    if (result.bits.empty())
-      result.phase = picture_row(whole.start(k), reading.warp) + static_cast<double>(rows.first_row);
-    result.llr.push_back(llr[static_cast<std::size_t>(at)]);
-    if (reading.pause && at + reading.first >= reading.after_pause)
-      result.llr.back() = std::clamp(result.llr.back(), -sureness, sureness);
-    result.bits += result.llr.back() > 0 ? '1' : '0';
+  std::ptrdiff_t begin = std::max(whole.first, reading.first);
+  std::ptrdiff_t end =
+      std::min(whole.first + static_cast<std::ptrdiff_t>(whole.count), reading.first + std::ssize(all));
+  const auto at = [&](std::ptrdiff_t chip) { return all.begin() + (chip - reading.first); };
+  if (reading.trust < Trust::sure && begin < end) {
+    const RowRange run = explained_chips({at(begin), at(end)}, reading.after_pause - begin, sureness);
+    if (run.end > 0) end = begin + static_cast<std::ptrdiff_t>(run.end);
+    begin += static_cast<std::ptrdiff_t>(run.begin);
+  }
+  const bool begins_late = reading.pause && begin >= reading.after_pause;
+  double start = whole.start(0) + static_cast<double>(begin - whole.first) * channel.clock.rows_per_chip;
+  if (begins_late && reading.pause->rows)
+    start -= *reading.pause->rows + static_cast<double>(reading.pause->chips()) * channel.clock.rows_per_chip;
+  const double first_row = static_cast<double>(rows.first_row);
+  for (; begins_late && begin < end && start + first_row < static_cast<double>(reading.pause->row); ++begin)
+    start += channel.clock.rows_per_chip;
+  std::vector<double>& llr = result.llr;
+  if (begin < end) {
+    llr.assign(at(begin), at(end));
+    result.phase = picture_row(start, reading.warp) + first_row;
+  }
+  const bool agrees = agree_with_code(llr, reader.options().format);
+  for (std::size_t k = 0; k < llr.size(); ++k) {
+    if (reading.pause && !begins_late && begin + static_cast<std::ptrdiff_t>(k) >= reading.after_pause)
+      llr[k] = std::clamp(llr[k], -sureness, sureness);
+    result.bits += llr[k] > 0 ? '1' : '0';
   }
   result.rows_per_chip = channel.clock.rows_per_chip;
   result.rows_per_chip_std = channel.errors.rows_per_chip_std();

@@ -87,6 +87,7 @@ LightState RowReader::about_pause(const RowsRead& best, const FrameRows& frame) 
 }
 
 bool RowPause::loses_chips() const { return evidence[0] <= -kFrameSays; }
+bool RowPause::loses_none() const { return *std::max_element(evidence.begin() + 1, evidence.end()) <= -kFrameSays; }
 
 // Each part is read from the channel of the other where that one fits; where the pause is new, both must be sure, or
 // the light must jump there.
@@ -135,7 +136,8 @@ std::optional<FrameReading> RowReader::read_about(const RowPause& pause, const S
     joined.llr = reliable_llr(*first);
     evidence[lost] = join(joined, doubted, chips + static_cast<std::ptrdiff_t>(lost));
     for (double& llr : joined.llr) llr = std::clamp(llr, -kSureChip, kSureChip);
-    evidence[lost] += options_.format.line_code.evidence_anywhere(joined.llr);
+    for (const auto part : coded_parts(joined.llr, options_.format))
+      evidence[lost] += options_.format.line_code.evidence_anywhere(part);
   }
   const double most = *std::ranges::max_element(evidence);
   for (std::size_t lost = 0; lost < evidence.size(); ++lost)

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "chips/channel_growth.hpp"
+#include "columns/moving_mean.hpp"
 #include "core/levels.hpp"
 
 namespace ocisac {
@@ -24,15 +25,19 @@ constexpr double kExcessErrors = 5;                           // standard errors
 constexpr double kSureErrors = 0.05;                          // chips in a frame
 constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
-// Words that violate the code, at the place of words with the fewest.
-double violations(std::span<const double> llr, const LineCode& code) {
-  std::ptrdiff_t fewest = std::numeric_limits<std::ptrdiff_t>::max();
+// Words that violate the code, in each part at the place of words with the fewest.
+double violations(std::span<const std::span<const double>> parts, const LineCode& code) {
   const std::size_t chips = code.chips_per_word();
-  for (std::size_t skipped = 0; skipped < chips; ++skipped) {
-    const auto words = llr.subspan(skipped, (llr.size() - skipped) / chips * chips);
-    fewest = std::min(fewest, std::ranges::count(code.decode(words).violations, 1));
+  std::ptrdiff_t sum = 0;
+  for (const auto part : parts) {
+    std::ptrdiff_t fewest = std::ssize(part);
+    for (std::size_t skipped = 0; skipped < std::min(chips, part.size()); ++skipped) {
+      const auto words = part.subspan(skipped, (part.size() - skipped) / chips * chips);
+      fewest = std::min(fewest, std::ranges::count(code.decode(words).violations, 1));
+    }
+    sum += fewest;
   }
-  return static_cast<double>(fewest);
+  return static_cast<double>(sum);
 }
 
 // The chips that the whole exposure covers.
@@ -141,20 +146,66 @@ std::vector<double> code_weights(const FrameReading& reading) {
   return weights;
 }
 
+RowRange explained_chips(std::span<const double> llr, std::ptrdiff_t after_pause, double sureness) {
+  const auto rate = [](double value) { return 1 / (1 + std::exp(std::abs(value))); };
+  std::vector<double> rates(llr.size());
+  std::ranges::transform(llr, rates.begin(), rate);
+  const auto nearby = moving_mean(rates, static_cast<std::size_t>(kExcessChips));
+  RowRange best;
+  std::size_t edges = 0, most = 0;
+  for (std::size_t begin = 0, k = 0; k < llr.size(); ++k) {
+    const bool is_doubtful = nearby[k] > kMaxErrorsIfEven;
+    if (is_doubtful || (std::cmp_equal(k, after_pause) && rate(sureness) > kMaxErrorsIfEven)) {
+      begin = k + (is_doubtful ? 1 : 0);
+      edges = 0;
+    }
+    edges += k > begin && (llr[k] > 0) != (llr[k - 1] > 0) ? 1 : 0;
+    if (edges > most || (most > 0 && begin == best.begin && !is_doubtful)) {
+      most = std::max(most, edges);
+      best = {begin, k + 1};
+    }
+  }
+  return best;
+}
+
+std::vector<std::span<const double>> coded_parts(std::span<const double> llr, const PacketFormat& format) {
+  const auto preamble = preamble_chips(format.preamble);
+  std::vector<std::span<const double>> parts;
+  std::size_t begin = 0;
+  const auto is_preamble = [&](std::size_t at) {
+    const bool turned = (llr[at] > 0) != (preamble[0] != 0);
+    for (std::size_t k = 1; k < preamble.size(); ++k)
+      if ((llr[at + k] > 0) != ((preamble[k] != 0) != turned)) return false;
+    return true;
+  };
+  for (std::size_t at = 0; at + preamble.size() <= llr.size(); ++at) {
+    if (!is_preamble(at)) continue;
+    std::size_t end = at;
+    while (end > begin && (llr[end - 1] > 0) == (llr[at - 1] > 0)) --end;
+    parts.push_back(llr.subspan(begin, end - begin));
+    begin = at + preamble.size();
+  }
+  parts.push_back(llr.subspan(std::min(begin, llr.size())));
+  return parts;
+}
+
 bool agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
   const LineCode& code = format.line_code;
   const std::size_t word = code.chips_per_word();
   if (code.bits_per_word() == word || llr.size() < 2 * word) return true;
-  const std::size_t words_of_preamble = (preamble_chips(format.preamble).size() + word - 1) / word;
-  const auto per_preamble = static_cast<double>(words_of_preamble);
+  const auto of_preamble = static_cast<double>((preamble_chips(format.preamble).size() + word - 1) / word);
   const double preambles = std::ceil(static_cast<double>(llr.size()) / static_cast<double>(block_chips(format)));
   const double expected = expected_errors(llr, 1) / kWrongPerViolation;
-  const double allowed = per_preamble * preambles;
-  double seen = violations(llr, code) - allowed;
+  const auto seen_in = [&](std::span<const double> chips) {
+    const auto parts = coded_parts(chips, format);
+    const double unseen = std::max(preambles + 1 - static_cast<double>(parts.size()), 0.0);
+    return violations(parts, code) - unseen * of_preamble;
+  };
+  double seen = seen_in(llr);
   if (seen > 0) {
     std::vector<double> turned(llr.size());
     std::ranges::transform(llr, turned.begin(), std::negate{});
-    seen = std::min(seen, violations(turned, code) - allowed);  // the light may be dark for 1
+    seen = std::min(seen, seen_in(turned));  // the light may be dark for 1
   }
   if (seen <= expected + kWeak * std::sqrt(expected + 1)) return true;
   double low = 0, high = 1;

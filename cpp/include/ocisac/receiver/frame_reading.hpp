@@ -39,6 +39,7 @@ struct RowPause {
 
   [[nodiscard]] std::size_t chips() const;  // the most likely count
   [[nodiscard]] bool loses_chips() const;   // none lost is as unlikely as a frame can say
+  [[nodiscard]] bool loses_none() const;    // all else is
   [[nodiscard]] double sureness() const;    // nats, of a chip after it: half of the chips of a wrong count are wrong
 };
 
