@@ -179,7 +179,7 @@ std::vector<std::span<const double>> coded_parts(std::span<const double> llr, co
     return true;
   };
   for (std::size_t at = 0; at + preamble.size() <= llr.size(); ++at) {
-    if (!is_preamble(at)) continue;
+    if (at < begin || !is_preamble(at)) continue;
     std::size_t end = at;
     while (end > begin && (llr[end - 1] > 0) == (llr[at - 1] > 0)) --end;
     parts.push_back(llr.subspan(begin, end - begin));
