@@ -48,27 +48,26 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
       std::min(whole.first + static_cast<std::ptrdiff_t>(whole.count), reading.first + std::ssize(all));
   const auto at = [&](std::ptrdiff_t chip) { return all.begin() + (chip - reading.first); };
   if (reading.trust < Trust::sure && begin < end) {
-    const RowRange run = explained_chips({at(begin), at(end)}, reading.after_pause - begin, sureness);
+    RowRange run = explained_chips({at(begin), at(end)});
+    const bool after_pause = reading.pause && begin + static_cast<std::ptrdiff_t>(run.begin) >= reading.after_pause;
+    if (after_pause || sureness < kSureCount) {
+      end = std::clamp(reading.after_pause, begin, end);
+      run = explained_chips({at(begin), at(end)});
+    }
     if (run.end > 0) end = begin + static_cast<std::ptrdiff_t>(run.end);
     begin += static_cast<std::ptrdiff_t>(run.begin);
   }
-  const bool begins_late = reading.pause && begin >= reading.after_pause;
-  double start = whole.start(0) + static_cast<double>(begin - whole.first) * channel.clock.rows_per_chip;
-  if (begins_late && reading.pause->rows)
-    start -= *reading.pause->rows + static_cast<double>(reading.pause->chips()) * channel.clock.rows_per_chip;
-  const double first_row = static_cast<double>(rows.first_row);
-  for (; begins_late && begin < end && start + first_row < static_cast<double>(reading.pause->row); ++begin)
-    start += channel.clock.rows_per_chip;
   std::vector<double>& llr = result.llr;
   if (begin < end) {
     llr.assign(at(begin), at(end));
-    result.phase = picture_row(start, reading.warp) + first_row;
+    const double start = whole.start(static_cast<std::size_t>(begin - whole.first));
+    result.phase = picture_row(start, reading.warp) + static_cast<double>(rows.first_row);
   }
   const bool agrees = agree_with_code(llr, reader.options().format);
-  for (std::size_t k = 0; k < llr.size(); ++k) {
-    if (reading.pause && !begins_late && begin + static_cast<std::ptrdiff_t>(k) >= reading.after_pause)
-      llr[k] = std::clamp(llr[k], -sureness, sureness);
-    result.bits += llr[k] > 0 ? '1' : '0';
+  for (std::ptrdiff_t k = 0; k < std::ssize(llr); ++k) {
+    double& value = llr[static_cast<std::size_t>(k)];
+    if (reading.pause && begin + k >= reading.after_pause) value = std::clamp(value, -sureness, sureness);
+    result.bits += value > 0 ? '1' : '0';
   }
   result.rows_per_chip = channel.clock.rows_per_chip;
   result.rows_per_chip_std = channel.errors.rows_per_chip_std();

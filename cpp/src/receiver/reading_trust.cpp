@@ -146,46 +146,44 @@ std::vector<double> code_weights(const FrameReading& reading) {
   return weights;
 }
 
-RowRange explained_chips(std::span<const double> llr, std::ptrdiff_t after_pause, double sureness) {
-  const auto rate = [](double value) { return 1 / (1 + std::exp(std::abs(value))); };
-  std::vector<double> rates(llr.size());
-  std::ranges::transform(llr, rates.begin(), rate);
+RowRange explained_chips(std::span<const double> llr) {
+  std::vector<double> rates;
+  for (const double value : llr) rates.push_back(1 / (1 + std::exp(std::abs(value))));
   const auto nearby = moving_mean(rates, static_cast<std::size_t>(kExcessChips));
   RowRange best;
   std::size_t edges = 0, most = 0;
   for (std::size_t begin = 0, k = 0; k < llr.size(); ++k) {
-    const bool is_doubtful = nearby[k] > kMaxErrorsIfEven;
-    if (is_doubtful || (std::cmp_equal(k, after_pause) && rate(sureness) > kMaxErrorsIfEven)) {
-      begin = k + (is_doubtful ? 1 : 0);
+    if (nearby[k] > kMaxErrorsIfEven) {
+      begin = k + 1;
       edges = 0;
+      continue;
     }
-    edges += k > begin && (llr[k] > 0) != (llr[k - 1] > 0) ? 1 : 0;
-    if (edges > most || (most > 0 && begin == best.begin && !is_doubtful)) {
-      most = std::max(most, edges);
-      best = {begin, k + 1};
+    if (k > begin && (llr[k] > 0) != (llr[k - 1] > 0) && ++edges > most) {
+      most = edges;
+      best.begin = begin;
     }
+    if (most > 0 && begin == best.begin) best.end = k + 1;
   }
   return best;
 }
 
 std::vector<std::span<const double>> coded_parts(std::span<const double> llr, const PacketFormat& format) {
   const auto preamble = preamble_chips(format.preamble);
+  const auto is_preamble = [&](std::span<const double> chips) {
+    const bool turned = (chips[0] > 0) != (preamble[0] != 0);
+    return std::ranges::equal(chips, preamble, {}, [](double value) { return value > 0; },
+                              [&](std::uint8_t chip) { return (chip != 0) != turned; });
+  };
   std::vector<std::span<const double>> parts;
   std::size_t begin = 0;
-  const auto is_preamble = [&](std::size_t at) {
-    const bool turned = (llr[at] > 0) != (preamble[0] != 0);
-    for (std::size_t k = 1; k < preamble.size(); ++k)
-      if ((llr[at + k] > 0) != ((preamble[k] != 0) != turned)) return false;
-    return true;
-  };
   for (std::size_t at = 0; at + preamble.size() <= llr.size(); ++at) {
-    if (at < begin || !is_preamble(at)) continue;
+    if (at < begin || !is_preamble(llr.subspan(at, preamble.size()))) continue;
     std::size_t end = at;
     while (end > begin && (llr[end - 1] > 0) == (llr[at - 1] > 0)) --end;
     parts.push_back(llr.subspan(begin, end - begin));
     begin = at + preamble.size();
   }
-  parts.push_back(llr.subspan(std::min(begin, llr.size())));
+  parts.push_back(llr.subspan(begin));
   return parts;
 }
 

@@ -34,10 +34,9 @@ inline constexpr double kLessNoise = 0.8;             // the same, required of a
 // The factor of 6 is measured (docs/measured/field.md): chips are chosen so that little is left.
 std::vector<double> reliable_llr(const FrameReading& reading);
 
-// The run of a misfit's chips that has most edges, in which few are expected to be wrong and none but the first is that
-// after a pause of unsure length: beyond it the clock may be another one, so that chips may have other numbers. Darkness
-// has no edges.
-RowRange explained_chips(std::span<const double> llr, std::ptrdiff_t after_pause, double sureness);
+// The run of a misfit's chips with few expected to be wrong that has most edges (darkness has none): beyond it the clock
+// may be another one, so that chips may have other numbers.
+RowRange explained_chips(std::span<const double> llr);
 
 // Ratios by which the packet's code weighs a reading's chips. They keep sure and weak chips further apart than
 // reliable_llr: rows whose residual is correlated by r count as (1 − r)/(1 + r) of independent ones.
