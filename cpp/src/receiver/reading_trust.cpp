@@ -147,14 +147,15 @@ std::vector<double> code_weights(const FrameReading& reading) {
 }
 
 RowRange explained_chips(std::span<const double> llr) {
+  constexpr auto kNear = static_cast<std::size_t>(kExcessChips);
   std::vector<double> rates;
   for (const double value : llr) rates.push_back(1 / (1 + std::exp(std::abs(value))));
-  const auto nearby = moving_mean(rates, static_cast<std::size_t>(kExcessChips));
+  const auto nearby = moving_mean(rates, kNear);
   RowRange best;
   std::size_t edges = 0, most = 0;
   for (std::size_t begin = 0, k = 0; k < llr.size(); ++k) {
-    if (nearby[k] > kMaxErrorsIfEven) {
-      begin = k + 1;
+    if (nearby[std::min(k + kNear, llr.size() - 1)] > kMaxErrorsIfEven) {
+      begin = k + 2 * kNear + 1;
       edges = 0;
       continue;
     }
