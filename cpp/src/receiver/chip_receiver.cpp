@@ -40,34 +40,25 @@ constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, aft
 // A reading's chips that lie whole in the rows, and its channel.
 void describe(const FrameReading& reading, const FrameRows& rows, const RowReader& reader, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
+  const ChipGrid whole = whole_chips(reading, rows.signal.size());
   const std::vector<double> all = reliable_llr(reading);
+  const auto seen = std::span(all).subspan(static_cast<std::size_t>(whole.first - reading.first), whole.count);
   const double sureness = reading.pause ? reading.pause->sureness() : std::numeric_limits<double>::infinity();
-  const ChipGrid whole = whole_chips(channel.clock, rows.signal.size());
-  std::ptrdiff_t begin = std::max(whole.first, reading.first);
-  std::ptrdiff_t end =
-      std::min(whole.first + static_cast<std::ptrdiff_t>(whole.count), reading.first + std::ssize(all));
-  const auto at = [&](std::ptrdiff_t chip) { return all.begin() + (chip - reading.first); };
-  if (reading.trust < Trust::sure && begin < end) {
-    RowRange run = explained_chips({at(begin), at(end)});
-    const bool after_pause = reading.pause && begin + static_cast<std::ptrdiff_t>(run.begin) >= reading.after_pause;
-    if (after_pause || sureness < kSureCount) {
-      end = std::clamp(reading.after_pause, begin, end);
-      run = explained_chips({at(begin), at(end)});
-    }
-    if (run.end > 0) end = begin + static_cast<std::ptrdiff_t>(run.end);
-    begin += static_cast<std::ptrdiff_t>(run.begin);
+  const auto before = std::clamp<std::ptrdiff_t>(reading.after_pause - whole.first, 0, std::ssize(seen));
+  const std::size_t pause = reading.pause ? static_cast<std::size_t>(before) : whole.count;
+  RowRange run{0, whole.count};
+  if (reading.trust < Trust::sure) {
+    run = explained_chips(seen);
+    if (run.begin >= pause || sureness < kSureCount) run = explained_chips(seen.first(pause));
   }
-  std::vector<double>& llr = result.llr;
-  if (begin < end) {
-    llr.assign(at(begin), at(end));
-    const double start = whole.start(static_cast<std::size_t>(begin - whole.first));
-    result.phase = picture_row(start, reading.warp) + static_cast<double>(rows.first_row);
-  }
-  const bool agrees = agree_with_code(llr, reader.options().format);
-  for (std::ptrdiff_t k = 0; k < std::ssize(llr); ++k) {
-    double& value = llr[static_cast<std::size_t>(k)];
-    if (reading.pause && begin + k >= reading.after_pause) value = std::clamp(value, -sureness, sureness);
-    result.bits += value > 0 ? '1' : '0';
+  for (std::size_t k = run.begin; k < run.end; ++k) result.llr.push_back(seen[k]);
+  if (run.size() > 0)
+    result.phase = picture_row(whole.start(run.begin), reading.warp) + static_cast<double>(rows.first_row);
+  const bool agrees = agree_with_code(result.llr, reader.options().format);
+  for (std::size_t k = 0; k < run.size(); ++k) {
+    double& llr = result.llr[k];
+    if (run.begin + k >= pause) llr = std::clamp(llr, -sureness, sureness);
+    result.bits += llr > 0 ? '1' : '0';
   }
   result.rows_per_chip = channel.clock.rows_per_chip;
   result.rows_per_chip_std = channel.errors.rows_per_chip_std();

@@ -151,7 +151,7 @@ RowRange explained_chips(std::span<const double> llr) {
   std::vector<double> rates;
   for (const double value : llr) rates.push_back(1 / (1 + std::exp(std::abs(value))));
   const auto nearby = moving_mean(rates, kNear);
-  RowRange best;
+  RowRange best{0, llr.size()};
   std::size_t edges = 0, most = 0;
   for (std::size_t begin = 0, k = 0; k < llr.size(); ++k) {
     if (nearby[std::min(k + kNear, llr.size() - 1)] > kMaxErrorsIfEven) {
@@ -172,8 +172,9 @@ std::vector<std::span<const double>> coded_parts(std::span<const double> llr, co
   const auto preamble = preamble_chips(format.preamble);
   const auto is_preamble = [&](std::span<const double> chips) {
     const bool turned = (chips[0] > 0) != (preamble[0] != 0);
-    return std::ranges::equal(chips, preamble, {}, [](double value) { return value > 0; },
-                              [&](std::uint8_t chip) { return (chip != 0) != turned; });
+    return std::ranges::equal(
+        chips, preamble, {}, [](double value) { return value > 0; },
+        [&](std::uint8_t chip) { return (chip != 0) != turned; });
   };
   std::vector<std::span<const double>> parts;
   std::size_t begin = 0;

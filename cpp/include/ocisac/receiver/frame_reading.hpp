@@ -130,7 +130,8 @@ std::vector<double> sharpened(std::span<const double> signal, double rows);
 // exposure. Other readings as they are.
 FrameReading with_shortest_exposure(FrameReading reading, SearchEffort* effort = nullptr);
 
-// Bits of the chips that lie whole in `rows` rows.
+// The reading's chips that lie whole in `rows` rows, and their bits.
+ChipGrid whole_chips(const FrameReading& reading, std::size_t rows);
 std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t rows);
 
 }  // namespace ocisac
