@@ -165,7 +165,7 @@ RowRange explained_chips(std::span<const double> llr) {
     }
     if (most > 0 && begin == best.begin) best.end = k + 1;
   }
-  return best;
+  return best.size() < 4 * kNear ? RowRange{0, llr.size()} : best;
 }
 
 std::vector<std::span<const double>> coded_parts(std::span<const double> llr, const PacketFormat& format) {

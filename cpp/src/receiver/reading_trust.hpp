@@ -35,7 +35,7 @@ inline constexpr double kLessNoise = 0.8;             // the same, required of a
 std::vector<double> reliable_llr(const FrameReading& reading);
 
 // The run of a misfit's chips with few expected to be wrong that has most edges (darkness has none): beyond it the
-// clock may be another one, so that chips may have other numbers. All where there is none.
+// clock may be another one, so that chips may have other numbers. All where it is short.
 RowRange explained_chips(std::span<const double> llr);
 
 // Ratios by which the packet's code weighs a reading's chips. They keep sure and weak chips further apart than
