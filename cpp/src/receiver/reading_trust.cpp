@@ -147,15 +147,15 @@ std::vector<double> code_weights(const FrameReading& reading) {
 }
 
 RowRange explained_chips(std::span<const double> llr) {
-  constexpr auto kNear = static_cast<std::size_t>(kExcessChips);
+  const auto near = static_cast<std::size_t>(kExcessChips);
   std::vector<double> rates;
   for (const double value : llr) rates.push_back(1 / (1 + std::exp(std::abs(value))));
-  const auto nearby = moving_mean(rates, kNear);
+  const auto nearby = moving_mean(rates, near);
   RowRange best{0, llr.size()};
   std::size_t edges = 0, most = 0;
   for (std::size_t begin = 0, k = 0; k < llr.size(); ++k) {
-    if (nearby[std::min(k + kNear, llr.size() - 1)] > kMaxErrorsIfEven) {
-      begin = k + 2 * kNear + 1;
+    if (nearby[std::min(k + near, llr.size() - 1)] > kMaxErrorsIfEven) {
+      begin = k + 2 * near + 1;
       edges = 0;
       continue;
     }
@@ -165,7 +165,7 @@ RowRange explained_chips(std::span<const double> llr) {
     }
     if (most > 0 && begin == best.begin) best.end = k + 1;
   }
-  return best.size() < 4 * kNear ? RowRange{0, llr.size()} : best;
+  return best.size() < 4 * near ? RowRange{0, llr.size()} : best;
 }
 
 std::vector<std::span<const double>> coded_parts(std::span<const double> llr, const PacketFormat& format) {
