@@ -184,8 +184,8 @@ double LineCode::evidence(std::span<const double> llr) const {
 }
 
 double LineCode::evidence_anywhere(std::span<const double> llr) const {
-  double most = -std::numeric_limits<double>::infinity();
-  for (std::size_t skipped = 0; skipped < std::min(chips_per_word_, llr.size()); ++skipped)
+  double most = evidence(llr);
+  for (std::size_t skipped = 1; skipped < std::min(chips_per_word_, llr.size()); ++skipped)
     most = std::max(most, evidence(llr.subspan(skipped)));
   return most;
 }

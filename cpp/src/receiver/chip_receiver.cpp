@@ -40,19 +40,25 @@ constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, aft
 // A reading's chips that lie whole in the rows, and its channel.
 void describe(const FrameReading& reading, const FrameRows& rows, const RowReader& reader, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
-  std::vector<double> llr = reliable_llr(reading);
-  const bool agrees = agree_with_code(llr, reader.options().format);
+  const ChipGrid whole = whole_chips(reading, rows.signal.size());
+  const std::vector<double> all = reliable_llr(reading);
+  const auto seen = std::span(all).subspan(static_cast<std::size_t>(whole.first - reading.first), whole.count);
   const double sureness = reading.pause ? reading.pause->sureness() : std::numeric_limits<double>::infinity();
-  const ChipGrid whole = whole_chips(channel.clock, rows.signal.size());
-  for (std::size_t k = 0; k < whole.count; ++k) {
-    const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - reading.first;
-    if (at < 0 || at >= static_cast<std::ptrdiff_t>(llr.size())) continue;
-    if (result.bits.empty())
-      result.phase = picture_row(whole.start(k), reading.warp) + static_cast<double>(rows.first_row);
-    result.llr.push_back(llr[static_cast<std::size_t>(at)]);
-    if (reading.pause && at + reading.first >= reading.after_pause)
-      result.llr.back() = std::clamp(result.llr.back(), -sureness, sureness);
-    result.bits += result.llr.back() > 0 ? '1' : '0';
+  const auto before = std::clamp<std::ptrdiff_t>(reading.after_pause - whole.first, 0, std::ssize(seen));
+  const std::size_t pause = reading.pause ? static_cast<std::size_t>(before) : whole.count;
+  RowRange run{0, whole.count};
+  if (reading.trust < Trust::sure) {
+    run = explained_chips(seen);
+    if (run.begin >= pause || sureness < kSureCount) run = explained_chips(seen.first(pause));
+  }
+  for (std::size_t k = run.begin; k < run.end; ++k) result.llr.push_back(seen[k]);
+  if (run.size() > 0)
+    result.phase = picture_row(whole.start(run.begin), reading.warp) + static_cast<double>(rows.first_row);
+  const bool agrees = agree_with_code(result.llr, reader.options().format);
+  for (std::size_t k = 0; k < run.size(); ++k) {
+    double& llr = result.llr[k];
+    if (run.begin + k >= pause) llr = std::clamp(llr, -sureness, sureness);
+    result.bits += llr > 0 ? '1' : '0';
   }
   result.rows_per_chip = channel.clock.rows_per_chip;
   result.rows_per_chip_std = channel.errors.rows_per_chip_std();

@@ -166,13 +166,20 @@ std::vector<double> exposed_rows(const FrameReading& reading, std::size_t rows) 
   return warped(exposed, reading.warp);
 }
 
+ChipGrid whole_chips(const FrameReading& reading, std::size_t rows) {
+  ChipGrid whole = whole_chips(reading.channel.clock, rows);
+  const std::ptrdiff_t end =
+      std::min(whole.first + static_cast<std::ptrdiff_t>(whole.count), reading.first + std::ssize(reading.llr));
+  whole.first = std::min(std::max(whole.first, reading.first), end);
+  whole.count = static_cast<std::size_t>(end - whole.first);
+  return whole;
+}
+
 std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t rows) {
-  const ChipGrid whole = whole_chips(reading.channel.clock, rows);
+  const ChipGrid whole = whole_chips(reading, rows);
   std::vector<std::uint8_t> bits;
-  for (std::size_t k = 0; k < whole.count; ++k) {
-    const std::ptrdiff_t at = whole.first + static_cast<std::ptrdiff_t>(k) - reading.first;
-    if (at >= 0 && at < std::ssize(reading.llr)) bits.push_back(reading.llr[static_cast<std::size_t>(at)] > 0);
-  }
+  for (std::size_t k = 0; k < whole.count; ++k)
+    bits.push_back(reading.llr[static_cast<std::size_t>(whole.first - reading.first) + k] > 0);
   return bits;
 }
 

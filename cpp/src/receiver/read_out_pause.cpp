@@ -87,6 +87,7 @@ LightState RowReader::about_pause(const RowsRead& best, const FrameRows& frame) 
 }
 
 bool RowPause::loses_chips() const { return evidence[0] <= -kFrameSays; }
+bool RowPause::loses_none() const { return *std::max_element(evidence.begin() + 1, evidence.end()) <= -kFrameSays; }
 
 // Each part is read from the channel of the other where that one fits; where the pause is new, both must be sure, or
 // the light must jump there.
@@ -112,35 +113,40 @@ std::optional<FrameReading> RowReader::read_about(const RowPause& pause, const S
     first = read_with(even, before, known(*second, before.signal, state));
   const Trust least = is_new && jumps_in_middle(frame) ? Trust::misfit : Trust::sure;
   if (is_new && !(first && first->trust >= least)) return std::nullopt;
-  if (!second || second->trust < least) {
-    if (is_new) return std::nullopt;
+  RowPause now = pause;
+  bool joins = second && second->trust >= least;
+  if (is_new && !joins) return std::nullopt;
+  std::ptrdiff_t chips = 0;
+  if (joins) {
+    const double chip = first->channel.clock.rows_per_chip;
+    double to_second = second->channel.clock.phase + static_cast<double>(cut) - first->channel.clock.phase;
+    if (!first->warp.empty()) to_second += first->warp.back();
+    if (!second->warp.empty()) to_second -= second->warp.front();
+    if (is_new) now.rows = std::max(std::ceil(to_second / chip - kSamePhase) * chip - to_second, 0.0);
+    chips = static_cast<std::ptrdiff_t>(std::nearbyint((to_second + *now.rows) / chip));
+    FrameReading doubted = *second;
+    doubted.llr = reliable_llr(*second);
+    std::array<double, RowPause::kMostChips> evidence{};
+    for (std::size_t lost = 0; lost < evidence.size(); ++lost) {
+      FrameReading joined = *first;
+      joined.llr = reliable_llr(*first);
+      evidence[lost] = join(joined, doubted, chips + static_cast<std::ptrdiff_t>(lost));
+      for (double& llr : joined.llr) llr = std::clamp(llr, -kSureChip, kSureChip);
+      for (const auto part : coded_parts(joined.llr, options_.format))
+        evidence[lost] += options_.format.line_code.evidence_anywhere(part);
+    }
+    const double most = *std::ranges::max_element(evidence);
+    for (std::size_t lost = 0; lost < evidence.size(); ++lost)
+      now.evidence[lost] += std::max(evidence[lost] - most, -kFrameSays);
+    joins = evidence[now.chips()] > most - kFrameSays;  // else a part's clock is a chip off in this frame
+  }
+  if (joins) {
+    join(*first, *second, chips + static_cast<std::ptrdiff_t>(now.chips()));
+  } else {
     first->rest.insert(first->rest.end(), after.signal.begin(), after.signal.end());
     first->trust = std::min(first->trust, Trust::misfit);
-    first->pause = pause;
     first->after_pause = first->first + std::ssize(first->llr);
-    return first;
   }
-  const double chip = first->channel.clock.rows_per_chip;
-  double to_second = second->channel.clock.phase + static_cast<double>(cut) - first->channel.clock.phase;
-  if (!first->warp.empty()) to_second += first->warp.back();
-  if (!second->warp.empty()) to_second -= second->warp.front();
-  RowPause now = pause;
-  if (is_new) now.rows = std::max(std::ceil(to_second / chip - kSamePhase) * chip - to_second, 0.0);
-  const auto chips = static_cast<std::ptrdiff_t>(std::nearbyint((to_second + *now.rows) / chip));
-  FrameReading doubted = *second;
-  doubted.llr = reliable_llr(*second);
-  std::array<double, RowPause::kMostChips> evidence{};
-  for (std::size_t lost = 0; lost < evidence.size(); ++lost) {
-    FrameReading joined = *first;
-    joined.llr = reliable_llr(*first);
-    evidence[lost] = join(joined, doubted, chips + static_cast<std::ptrdiff_t>(lost));
-    for (double& llr : joined.llr) llr = std::clamp(llr, -kSureChip, kSureChip);
-    evidence[lost] += options_.format.line_code.evidence_anywhere(joined.llr);
-  }
-  const double most = *std::ranges::max_element(evidence);
-  for (std::size_t lost = 0; lost < evidence.size(); ++lost)
-    now.evidence[lost] += std::max(evidence[lost] - most, -kFrameSays);
-  join(*first, *second, chips + static_cast<std::ptrdiff_t>(now.chips()));
   first->pause = now;
   return first;
 }

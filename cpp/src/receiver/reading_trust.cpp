@@ -8,6 +8,7 @@
 #include <span>
 
 #include "chips/channel_growth.hpp"
+#include "columns/moving_mean.hpp"
 #include "core/levels.hpp"
 
 namespace ocisac {
@@ -24,15 +25,19 @@ constexpr double kExcessErrors = 5;                           // standard errors
 constexpr double kSureErrors = 0.05;                          // chips in a frame
 constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
-// Words that violate the code, at the place of words with the fewest.
-double violations(std::span<const double> llr, const LineCode& code) {
-  std::ptrdiff_t fewest = std::numeric_limits<std::ptrdiff_t>::max();
+// Words that violate the code, in each part at the place of words with the fewest.
+double violations(std::span<const std::span<const double>> parts, const LineCode& code) {
   const std::size_t chips = code.chips_per_word();
-  for (std::size_t skipped = 0; skipped < chips; ++skipped) {
-    const auto words = llr.subspan(skipped, (llr.size() - skipped) / chips * chips);
-    fewest = std::min(fewest, std::ranges::count(code.decode(words).violations, 1));
+  std::ptrdiff_t sum = 0;
+  for (const auto part : parts) {
+    std::ptrdiff_t fewest = std::ssize(part);
+    for (std::size_t skipped = 0; skipped < std::min(chips, part.size()); ++skipped) {
+      const auto words = part.subspan(skipped, (part.size() - skipped) / chips * chips);
+      fewest = std::min(fewest, std::ranges::count(code.decode(words).violations, 1));
+    }
+    sum += fewest;
   }
-  return static_cast<double>(fewest);
+  return static_cast<double>(sum);
 }
 
 // The chips that the whole exposure covers.
@@ -141,20 +146,66 @@ std::vector<double> code_weights(const FrameReading& reading) {
   return weights;
 }
 
+RowRange explained_chips(std::span<const double> llr) {
+  const auto near = static_cast<std::size_t>(kExcessChips);
+  std::vector<double> rates;
+  for (const double value : llr) rates.push_back(1 / (1 + std::exp(std::abs(value))));
+  const auto nearby = moving_mean(rates, near);
+  RowRange best{0, llr.size()};
+  std::size_t edges = 0, most = 0;
+  for (std::size_t begin = 0, k = 0; k < llr.size(); ++k) {
+    if (nearby[std::min(k + near, llr.size() - 1)] > kMaxErrorsIfEven) {
+      begin = k + 2 * near + 1;
+      edges = 0;
+      continue;
+    }
+    if (k > begin && (llr[k] > 0) != (llr[k - 1] > 0) && ++edges > most) {
+      most = edges;
+      best.begin = begin;
+    }
+    if (most > 0 && begin == best.begin) best.end = k + 1;
+  }
+  return best.size() < 4 * near ? RowRange{0, llr.size()} : best;
+}
+
+std::vector<std::span<const double>> coded_parts(std::span<const double> llr, const PacketFormat& format) {
+  const auto preamble = preamble_chips(format.preamble);
+  const auto is_preamble = [&](std::span<const double> chips) {
+    const bool turned = (chips[0] > 0) != (preamble[0] != 0);
+    return std::ranges::equal(
+        chips, preamble, {}, [](double value) { return value > 0; },
+        [&](std::uint8_t chip) { return (chip != 0) != turned; });
+  };
+  std::vector<std::span<const double>> parts;
+  std::size_t begin = 0;
+  for (std::size_t at = 0; at + preamble.size() <= llr.size(); ++at) {
+    if (at < begin || !is_preamble(llr.subspan(at, preamble.size()))) continue;
+    std::size_t end = at;
+    while (end > begin && (llr[end - 1] > 0) == (llr[at - 1] > 0)) --end;
+    parts.push_back(llr.subspan(begin, end - begin));
+    begin = at + preamble.size();
+  }
+  parts.push_back(llr.subspan(begin));
+  return parts;
+}
+
 bool agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
   const LineCode& code = format.line_code;
   const std::size_t word = code.chips_per_word();
   if (code.bits_per_word() == word || llr.size() < 2 * word) return true;
-  const std::size_t words_of_preamble = (preamble_chips(format.preamble).size() + word - 1) / word;
-  const auto per_preamble = static_cast<double>(words_of_preamble);
+  const auto of_preamble = static_cast<double>((preamble_chips(format.preamble).size() + word - 1) / word);
   const double preambles = std::ceil(static_cast<double>(llr.size()) / static_cast<double>(block_chips(format)));
   const double expected = expected_errors(llr, 1) / kWrongPerViolation;
-  const double allowed = per_preamble * preambles;
-  double seen = violations(llr, code) - allowed;
+  const auto seen_in = [&](std::span<const double> chips) {
+    const auto parts = coded_parts(chips, format);
+    const double unseen = std::max(preambles + 1 - static_cast<double>(parts.size()), 0.0);
+    return violations(parts, code) - unseen * of_preamble;
+  };
+  double seen = seen_in(llr);
   if (seen > 0) {
     std::vector<double> turned(llr.size());
     std::ranges::transform(llr, turned.begin(), std::negate{});
-    seen = std::min(seen, violations(turned, code) - allowed);  // the light may be dark for 1
+    seen = std::min(seen, seen_in(turned));  // the light may be dark for 1
   }
   if (seen <= expected + kWeak * std::sqrt(expected + 1)) return true;
   double low = 0, high = 1;

@@ -34,9 +34,17 @@ inline constexpr double kLessNoise = 0.8;             // the same, required of a
 // The factor of 6 is measured (docs/measured/field.md): chips are chosen so that little is left.
 std::vector<double> reliable_llr(const FrameReading& reading);
 
+// The run of a misfit's chips with few expected to be wrong that has most edges (darkness has none): beyond it the
+// clock may be another one, so that chips may have other numbers. All where it is short.
+RowRange explained_chips(std::span<const double> llr);
+
 // Ratios by which the packet's code weighs a reading's chips. They keep sure and weak chips further apart than
 // reliable_llr: rows whose residual is correlated by r count as (1 − r)/(1 + r) of independent ones.
 std::vector<double> code_weights(const FrameReading& reading);
+
+// Chips before, between and after the preambles that they show, without equal ones before a preamble: a sender that
+// pauses there moves the places of words.
+std::vector<std::span<const double>> coded_parts(std::span<const double> llr, const PacketFormat& format);
 
 // Scales the ratios of consecutive chips towards 0 where more words violate the line code than they admit: until they
 // expect as many wrong chips as the violations show. Chips of a preamble may violate it. Line code "none": as they are.

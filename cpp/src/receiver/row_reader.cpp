@@ -443,7 +443,7 @@ bool RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& fr
   if (!other || (refines && !model.pause && other->trust != Trust::fits)) return false;
   const bool loses_chips = other->pause && other->pause->loses_chips();
   if (best.reading && other->relative_noise > (loses_chips ? 1.0 : kLessNoise) * best.reading->relative_noise)
-    return other->trust >= Trust::sure && !loses_chips;
+    return other->trust >= Trust::sure && other->pause && other->pause->loses_none();
   const double exposure = other->channel.clock.exposure_rows * camera_.row_time;
   const auto& told = best.state.exposure;
   if (told && std::max(exposure / *told, *told / exposure) > kMaxWrongExposure) return false;

@@ -33,7 +33,8 @@ class ReceivedFrame(Result):
             searches are slow, up to seven frames in a row are skipped.
         missing: number of frames missing since the last one.
         colour: index of the colour used.
-        bits: "0" and "1" in time order, 1 = bright; chips cut by the frame's edges are excluded.
+        bits: "0" and "1" in time order, 1 = bright; chips cut by the frame's edges are excluded, and
+            those beyond chips in doubt where a frame fits no model.
         phase: row at which the first of them begins, half an exposure after the light's edge.
         rows_per_chip: length of a chip in rows.
         rows_per_chip_std: its standard error.

@@ -22,7 +22,7 @@ struct ReceivedFrame {
   FrameOutcome outcome = FrameOutcome::received;
   std::int64_t missing = 0;  // number of frames missing before this one
   std::size_t colour = 0;    // received colour
-  std::string bits;          // '0' and '1', 1 = bright; without the chips cut by the frame's edges
+  std::string bits;          // '0' and '1', 1 = bright; without the chips cut by the frame's edges, or beyond doubt
   double phase = 0;          // row at which the first chip begins; half an exposure after the light's edge
   double rows_per_chip = 0;  // rows
   double rows_per_chip_std = 0;

@@ -39,6 +39,7 @@ struct RowPause {
 
   [[nodiscard]] std::size_t chips() const;  // the most likely count
   [[nodiscard]] bool loses_chips() const;   // none lost is as unlikely as a frame can say
+  [[nodiscard]] bool loses_none() const;    // all else is
   [[nodiscard]] double sureness() const;    // nats, of a chip after it: half of the chips of a wrong count are wrong
 };
 
@@ -129,7 +130,8 @@ std::vector<double> sharpened(std::span<const double> signal, double rows);
 // exposure. Other readings as they are.
 FrameReading with_shortest_exposure(FrameReading reading, SearchEffort* effort = nullptr);
 
-// Bits of the chips that lie whole in `rows` rows.
+// The reading's chips that lie whole in `rows` rows, and their bits.
+ChipGrid whole_chips(const FrameReading& reading, std::size_t rows);
 std::vector<std::uint8_t> whole_bits(const FrameReading& reading, std::size_t rows);
 
 }  // namespace ocisac
