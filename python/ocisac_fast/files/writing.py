@@ -169,6 +169,9 @@ class _Temporary:
     so that the umask applies.
     """
 
+    folder: int  # descriptors
+    file: int
+
     def __init__(self, around: Path, name: str, suffix: str, mode: int) -> None:
         mark = hashlib.blake2b(os.fsencode(name), digest_size=8).hexdigest()
         self._own = f"new{suffix}"
@@ -196,7 +199,7 @@ class _Temporary:
 
     def _take(self, folder: Path, *, needs_lock: bool) -> None:
         """Open and lock a folder that still has its name."""
-        self._name, self.file = folder, None
+        self._name, self.file = folder, -1  # none yet
         self.folder = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         try:
             try:
@@ -215,7 +218,7 @@ class _Temporary:
             os.unlink(self._own, dir_fd=self.folder)
         with contextlib.suppress(OSError):  # moved, or not of this kind
             self._name.rmdir()
-        if self.file is not None:
+        if self.file >= 0:
             os.close(self.file)
         os.close(self.folder)
 
