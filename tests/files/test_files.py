@@ -1064,10 +1064,27 @@ def test_temporary_files_of_many_writers_of_one_name_are_their_own(tmp_path):
 
     def write(_):
         for _ in range(400):
-            path, descriptor = writing._temporary(tmp_path, "x", ".npy", 0o600)
-            assert os.path.samestat(os.fstat(descriptor), path.stat())
-            path.unlink()
-            os.close(descriptor)
+            with writing._Temporary(tmp_path, "x", ".npy", 0o600) as temporary:
+                assert os.path.samestat(os.fstat(temporary.file), temporary.path.stat())
 
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(write, range(8)))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_who_owns_the_folder_cannot_lead_an_output_elsewhere(tmp_path):
+    """The temporary's name becomes a link: what it leads to keeps bytes and mode."""
+    folder, kept = tmp_path / "out", tmp_path / "kept"
+    folder.mkdir()
+    kept.mkdir(mode=0o755)
+    (kept / "new.npy").write_bytes(b"kept")
+    (kept / "new.npy").chmod(0o600)
+    (folder / "a.npy").write_bytes(b"old")
+    with atomic_path(folder / "a.npy") as temporary:
+        (hidden,) = (entry for entry in folder.iterdir() if entry.name.startswith("."))
+        hidden.rename(folder / "moved")
+        hidden.symlink_to(kept)
+        temporary.write_bytes(b"new")
+    assert (folder / "a.npy").read_bytes() == b"new"
+    assert (kept / "new.npy").read_bytes() == b"kept"
+    assert stat.S_IMODE((kept / "new.npy").stat().st_mode) == 0o600

@@ -70,15 +70,15 @@ class _Place:
             raise self.appeared()
         return there
 
-    def temporary(self, mode: int) -> tuple[Path, int]:
-        """A new file in the folder."""
+    def temporary(self, mode: int) -> _Temporary:
+        """A new file in a folder of its own in the folder."""
         suffix = Path(self.path).suffix
         suffix = suffix if len(os.fsencode(suffix)) <= _MAX_SUFFIX else ""
         folder = next(filter(self._is_folder, (f"/proc/self/fd/{self._descriptor}", self._folder)), None)
         if folder is None:
             raise FileNotFoundError(errno.ENOENT, "its folder was moved or removed during this run", self.path)
         try:
-            return _temporary(Path(folder), self._name, suffix, mode)
+            return _Temporary(Path(folder), self._name, suffix, mode)
         except OSError as error:
             raise OSError(error.errno, error.strerror, self.path) from error
 
@@ -89,32 +89,28 @@ class _Place:
             return folder.st_nlink > 0 and os.path.samestat(os.stat(name), folder)
         return False
 
-    def publish(self, temporary: Path) -> None:
+    def publish(self, temporary: _Temporary) -> None:
         """Give a file its name, unless one that appeared has it; what is not a file gets the bytes."""
-        here: Any = {"src_dir_fd": self._descriptor, "dst_dir_fd": self._descriptor}
+        own = temporary.path.name
+        here: Any = {"src_dir_fd": temporary.folder, "dst_dir_fd": self._descriptor}
         if not self.is_file:
-            with temporary.open("rb") as whole, open(os.open(self.path, os.O_WRONLY), "wb") as sink:
+            with temporary.path.open("rb") as whole, open(os.open(self.path, os.O_WRONLY), "wb") as sink:
                 if stat.S_ISREG(os.fstat(sink.fileno()).st_mode):
                     raise self.appeared()
                 shutil.copyfileobj(whole, sink)
         elif not self.is_new:
-            os.replace(temporary.name, self._name, **here)
+            os.replace(own, self._name, **here)
         else:
             try:
                 try:
-                    os.link(temporary.name, self._name, **here)
+                    os.link(own, self._name, **here)
                 except FileExistsError:
                     raise
                 except OSError:  # a file system without links: the name is taken first
                     os.close(os.open(self._name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, dir_fd=self._descriptor))
-                    os.replace(temporary.name, self._name, **here)
+                    os.replace(own, self._name, **here)
             except FileExistsError as error:
                 raise self.appeared() from error
-        self.remove(temporary)
-
-    def remove(self, temporary: Path) -> None:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(temporary.name, dir_fd=self._descriptor)
 
     def appeared(self) -> FileExistsError:
         return FileExistsError(errno.EEXIST, "appeared during this run, and is kept", self.path)
@@ -154,48 +150,83 @@ def _written(path: str | os.PathLike[str]) -> Iterator[Path]:
         held = _places.get().get(os.fspath(path))
         place = opened.enter_context(contextlib.closing(_Place(path))) if held is None else held
         there = place.status()
-        temporary, descriptor = place.temporary(0o600 if there or not place.is_file else 0o666)
-        opened.callback(os.close, descriptor)
+        temporary = opened.enter_context(place.temporary(0o600 if there or not place.is_file else 0o666))
+        yield temporary.path
+        if there is not None:
+            with contextlib.suppress(PermissionError):
+                os.fchown(temporary.file, there.st_uid, there.st_gid)
+            os.fchmod(temporary.file, stat.S_IMODE(there.st_mode))
+        with _naming(path, None, temporary.path.name):
+            os.fsync(temporary.file)  # before its name: no crash leaves a name without its bytes
+            place.publish(temporary)
+
+
+class _Temporary:
+    """A new file in a folder that only its process writes to, locked while it is open, and removed at the end.
+
+    Whoever owns the folder around it can neither exchange the file nor put a link in its place. What a killed process
+    left on its way to the same name is removed. Names are short for any ``name``; the file is created like open() does,
+    so that the umask applies.
+    """
+
+    folder: int  # descriptors
+    file: int
+
+    def __init__(self, around: Path, name: str, suffix: str, mode: int) -> None:
+        mark = hashlib.blake2b(os.fsencode(name), digest_size=8).hexdigest()
+        self._own = f"new{suffix}"
+        with contextlib.suppress(OSError):  # none there, no locks, or its process lives
+            self._take(around / f".{mark}", needs_lock=True)
+            self.close()
+        while True:
+            folder = around / f".{mark}"
+            mark = secrets.token_hex(8)  # of the next, where another process writes the same
+            with contextlib.suppress(FileExistsError):
+                folder.mkdir(0o700)
+                with contextlib.suppress(BlockingIOError, FileNotFoundError):  # it was taken for what is left
+                    self._take(folder, needs_lock=False)
+                    break
+        held = Path(f"/proc/self/fd/{self.folder}")
+        self.path = (held if held.exists() else folder) / self._own
         try:
-            yield temporary
-            if there is not None:
-                with contextlib.suppress(PermissionError):
-                    os.chown(temporary, there.st_uid, there.st_gid)
-                temporary.chmod(stat.S_IMODE(there.st_mode))
-            with _naming(path, None, temporary.name):
-                os.fsync(descriptor)  # before its name: no crash leaves a name without its bytes
-                place.publish(temporary)
+            self.file = os.open(self._own, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode, dir_fd=self.folder)
         except BaseException:
-            place.remove(temporary)
+            self.close()
+            raise
+        if os.fstat(self.file).st_uid != os.fstat(self.folder).st_uid:
+            self.close()
+            raise PermissionError(errno.EACCES, "its temporary folder was exchanged", name)
+
+    def _take(self, folder: Path, *, needs_lock: bool) -> None:
+        """Open and lock a folder that still has its name."""
+        self._name, self.file = folder, -1  # none yet
+        self.folder = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        try:
+            try:
+                fcntl.flock(self.folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                if needs_lock or isinstance(error, BlockingIOError):
+                    raise
+            if not os.path.samestat(os.fstat(self.folder), os.stat(folder, follow_symlinks=False)):
+                raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(folder))
+        except BaseException:
+            os.close(self.folder)
             raise
 
+    def close(self) -> None:
+        with contextlib.suppress(OSError):  # it has its name
+            os.unlink(self._own, dir_fd=self.folder)
+        with contextlib.suppress(OSError):  # moved, or not of this kind
+            self._name.rmdir()
+        if self.file >= 0:
+            os.close(self.file)
+        os.close(self.folder)
 
-def _temporary(folder: Path, name: str, suffix: str, mode: int) -> tuple[Path, int]:
-    """A new file, locked while it is open. What a killed process left on its way to the same name is removed.
+    def __enter__(self) -> _Temporary:
+        return self
 
-    Its name is short for any ``name``; it is created like open() does, so that the umask applies to new files.
-    """
-    mark = hashlib.blake2b(os.fsencode(name), digest_size=8).hexdigest()
-    with contextlib.suppress(OSError):  # none there, or its process lives
-        left = os.open(folder / f".{mark}{suffix}", os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-        try:
-            fcntl.flock(left, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            there = os.stat(folder / f".{mark}{suffix}", follow_symlinks=False)
-            if os.path.samestat(os.fstat(left), there):  # else another's, made since the opened one was done with
-                (folder / f".{mark}{suffix}").unlink()
-        finally:
-            os.close(left)
-    while True:
-        path = folder / f".{mark}{suffix}"
-        mark = secrets.token_hex(8)  # of the next, where another process writes the same
-        with contextlib.suppress(FileExistsError):
-            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
-            with contextlib.suppress(OSError):  # a file system without locks
-                fcntl.flock(descriptor, fcntl.LOCK_EX)
-            own = _status(os.fspath(path))  # none, or another's: it was taken for what is left before it was locked
-            if own is not None and os.path.samestat(os.fstat(descriptor), own):
-                return path, descriptor
-            os.close(descriptor)
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
 
 def _status(path: str, folder: int | None = None) -> os.stat_result | None:
