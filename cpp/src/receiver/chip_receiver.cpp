@@ -51,7 +51,11 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
     run = explained_chips(seen);
     if (run.begin >= pause || sureness < kSureCount) run = explained_chips(seen.first(pause));
   }
-  for (std::size_t k = run.begin; k < run.end; ++k) result.llr.push_back(seen[k]);
+  // Chips beyond the run have another clock, as far as they are expected to be wrong: the run may have it, too.
+  const auto count = static_cast<double>(whole.count);
+  const double other = (1 - static_cast<double>(run.size()) / count) * expected_errors(seen) / count;
+  const double most = other > 0 ? std::log((1 - other) / other) : std::numeric_limits<double>::infinity();
+  for (std::size_t k = run.begin; k < run.end; ++k) result.llr.push_back(std::clamp(seen[k], -most, most));
   if (run.size() > 0)
     result.phase = picture_row(whole.start(run.begin), reading.warp) + static_cast<double>(rows.first_row);
   const bool agrees = agree_with_code(result.llr, reader.options().format);
