@@ -193,7 +193,8 @@ bool agree_with_code(std::vector<double>& llr, const PacketFormat& format) {
   const LineCode& code = format.line_code;
   const std::size_t word = code.chips_per_word();
   if (code.bits_per_word() == word || llr.size() < 2 * word) return true;
-  const auto of_preamble = static_cast<double>((preamble_chips(format.preamble).size() + word - 1) / word);
+  const std::size_t words_of_preamble = (preamble_chips(format.preamble).size() + word - 1) / word;
+  const auto of_preamble = static_cast<double>(words_of_preamble);
   const double preambles = std::ceil(static_cast<double>(llr.size()) / static_cast<double>(block_chips(format)));
   const double expected = expected_errors(llr, 1) / kWrongPerViolation;
   const auto seen_in = [&](std::span<const double> chips) {
