@@ -649,6 +649,13 @@ def test_a_picture_of_a_scene_is_not_replaced(run, tmp_path):
     assert (tmp_path / "sub" / "tex.png").read_bytes() == before
 
 
+@pytest.mark.parametrize("chain", ["zip://x.png::", "zip::", "tar://x.png::"])
+def test_an_archive_that_is_a_device_is_refused(run, chain):
+    """/dev/zero was read without an end."""
+    code, _, err = run("gain", f"{chain}/dev/full", *TESTBED, "--frequency", "500")
+    assert (code, err[-1].partition(", ")[2]) == (2, "allowed: an archive that is a file")
+
+
 def test_an_archive_that_is_read_is_not_replaced(run, square, tmp_path):
     import shutil
 

@@ -26,6 +26,7 @@ from hypothesis import given, settings, strategies as st
 
 from ocisac_fast.cli.outputs import read_input
 from ocisac_fast.files import FileError, FileWarning, atomic_path, open_recording, read_frames, write_frames, writing
+from ocisac_fast.files.reading import cut_recording
 
 
 def random_frames(shape, dtype, seed=0):
@@ -459,7 +460,26 @@ def damaged_files():
     absurd_png[16:24] = struct.pack(">II", 10**6, 10**6)
     absurd_png[29:33] = struct.pack(">I", zlib.crc32(bytes(absurd_png[12:29])))
     jpeg = picture_bytes(picture, "JPEG")
+    tiff, bmp, webp, bitmap = *(picture_bytes(picture, kind) for kind in ("TIFF", "BMP", "WEBP")), b"P4 8 2\n00"
+    plain, pgm = b"P2 1 2 255\n7 8\n", b"P5 1 2 255\n00"
+    further = {
+        **{f"two {kind}, {pad!r}": (grey, pad, grey) for kind, pad in (("png", b"\n"), ("png", bytes(16)))},
+        **{f"two tiff, {pad!r}": (tiff, pad, tiff) for pad in (b"", b"\n")},
+        "two webp, a byte": (webp, b"x", webp),
+        "two bmp, a byte": (bmp, b"\n", bmp),
+        "two plain pgm": (plain, plain),
+        "two bitmaps": (bitmap, bitmap),
+        "pgm, plain pgm": (pgm, plain),
+        "pgm, bitmap": (pgm, bitmap),
+        "two pgm, a byte": (pgm, b"\n", pgm),
+        "png, jpeg": (grey, jpeg),
+        "jpeg, png": (jpeg, grey),
+        "jpeg, text, jpeg": (jpeg, b"some text", jpeg),
+        "tiff, png": (tiff, grey),
+    }
     return {
+        **{name: (b"".join(pieces), "a further picture after the first") for name, pieces in further.items()},
+        "jpegs of two sizes": (jpeg + picture_bytes(picture[:50], "JPEG"), r"frame 1 is \(50, 48\) after frames of"),
         "empty": (b"", "empty"),
         "text": (b"certainly not a picture\n" * 20, "not a picture, a video or a .npy array"),
         "half a png": (grey[: len(grey) // 2], "truncated"),
@@ -884,6 +904,23 @@ def test_an_mp4_whose_index_is_before_its_frames_is_read_from_a_pipe_as_it_comes
     lines, (*rest, last), _ = piped(SUMS.replace("RAW", "None"), begin)
     assert (lines + rest, len(rest) > 80) == (whole[: 1 + len(rest)], True)
     assert last.startswith("warning: standard input: truncated or damaged video")
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mov"])
+def test_a_further_film_behind_an_mp4_is_named(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("libx264", rate=30)
+        stream.height, stream.width, stream.pix_fmt = 48, 64, "yuv420p"
+        for frame in random_frames((20, 48, 64), np.uint8):
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="gray").reformat(format="yuv420p")))
+        container.mux(stream.encode(None))
+    path.write_bytes(2 * path.read_bytes())
+    with pytest.warns(FileWarning, match="a further film after the first, which is left out"):
+        assert len(read_frames(path).frames) == 20
+    *_, last = piped(SUMS.replace("RAW", "None"), path.read_bytes())[1]
+    assert last == "warning: standard input: a further film after the first, which is left out"
+    assert cut_recording(path, 5) is None
 
 
 def overwritten(path):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import os
+import struct
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +119,50 @@ def test_a_jpeg_with_a_preview_or_a_thumbnail_is_one_picture(tmp_path: Path) -> 
         (tmp_path / "a.jpg").write_bytes(data)
         recording = read_frames(tmp_path / "a.jpg")
         assert (recording.kind, recording.frames.shape) == ("picture", (1, 48, 64, 3))
+
+
+@pytest.mark.parametrize("padding", [b"\n", b"\xff\xff", bytes(128), bytes(5000)])
+@pytest.mark.parametrize("is_pipe", [False, True])
+def test_jpegs_with_padding_between_them_are_frames(tmp_path: Path, padding: bytes, is_pipe: bool) -> None:
+    path = tmp_path / "camera"
+    if not is_pipe:
+        path.write_bytes(b"".join(jpeg(level) + padding for level in (50, 60, 70)))
+        assert len(read_frames(path).frames) == 3
+        return
+    os.mkfifo(path)
+    if (child := os.fork()) == 0:
+        with open(path, "wb", 0) as sink:
+            for level in (50, 60, 70):
+                for piece in (jpeg(level)[:-1], b"\xd9", padding[:-1], padding[-1:]):
+                    sink.write(piece)
+                    time.sleep(0.02)
+        os._exit(0)
+    with open_recording(path) as stream:
+        assert [round(float(frame.mean()), -1) for frame in stream] == [50, 60, 70]
+    os.waitpid(child, 0)
+
+
+def test_pictures_of_the_same_photograph_are_no_further_ones(tmp_path: Path) -> None:
+    first, other = jpeg(80), jpeg(90)
+
+    def noted(note: bytes) -> bytes:
+        return first[:2] + b"\xff\xe1" + struct.pack(">H", len(note) + 2) + note + first[2:]
+
+    pages = io.BytesIO()
+    image = Image.new("RGB", (64, 48), (80, 80, 80))
+    image.save(pages, "TIFF")
+    for data in (
+        noted(b"http://ns.google.com/photos/1.0/container/") + other,
+        noted(b"Exif\0\0II*\0" + 2 * jpeg(9, (16, 12))),
+        first + b"\0\0\1\x0a\x10\0\0\0DualShot_Extra_1" + other + b"SEFH\x6a\0\0\0SEFT",
+        first + np.random.default_rng(0).bytes(100_000),
+        pages.getvalue() + noted(b"Exif\0\0II*\0"),
+    ):
+        (tmp_path / "a").write_bytes(data)
+        recording = read_frames(tmp_path / "a")
+        assert (recording.kind, recording.frames.shape) == ("picture", (1, 48, 64, 3))
+    image.save(tmp_path / "a.tif", save_all=True, append_images=[image, image])  # Pillow begins each as a file
+    assert len(read_frames(tmp_path / "a.tif").frames) == 3
 
 
 def test_frames_of_a_pipe_come_one_by_one(tmp_path: Path) -> None:

@@ -30,7 +30,16 @@ _OF_FRAMES = ("PNG", "TIFF", "WEBP")  # that may hold several; further ones of a
 _PNM_HEADER = re.compile(rb"P([56])" + rb"(?:\s|#[^\n]*\n)+(\d{1,9})" * 3 + rb"\s")
 JPEG = b"\xff\xd8\xff"
 _PNG_END = b"IEND\xaeB`\x82"
-_NEXT_JPEG = re.compile(rb"\xff\xd9\0*\xff\xd8\xff")  # an end, which compressed data cannot contain, and a beginning
+_MARKER = re.compile(rb"\xff([\xc0-\xcf\xd9-\xfe])")  # of a JPEG; compressed data contains none of these
+_PADDING = re.compile(rb"[\0\s]*(?:\xff+(?=[\0\s\xff])[\0\s]*)*")  # between the JPEGs of a camera
+_OWN_PICTURES = re.compile(rb"MPF\0|ns\.google\.com/photos")  # previews, depths and gain maps of the same photograph
+_BEGINNING = re.compile(
+    rb"\xff\xd8\xff(?:[\xc0-\xdf\xfe]\0|[\xe0-\xef]..\w\w)|\x89PNG\r\n\x1a\n|RIFF....WEBP"
+    rb"|(?<!Exif\0\0)(?:II[*+]\0|MM\0[*+])|BM....\0\0\0\0....[\x0c-\x7c]\0\0\0|P[1-6]\s+(?:#[^\n]*\n\s*)*\d+\s+\d+\s",
+    re.DOTALL,
+)
+_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_PIECES = ((273, 279), (324, 325))  # offsets and sizes of strips, of tiles
 _TIFF_BITS_PER_SAMPLE = 258
 _BAND_PIXELS = 1 << 20
 _MOST_BYTES, _MOST_TIFF_BYTES = 1 << 30, 4 << 30
@@ -42,7 +51,7 @@ _KEPT_CHUNKS = (b"cHRM", b"cICP", b"gAMA", b"iCCP", b"sRGB", b"pHYs", b"eXIf")
 
 def is_picture(head: bytes) -> bool:
     """Return True if a file that begins with these bytes (12 or more) is a picture of a supported kind."""
-    starts = (b"\x89PNG\r\n", JPEG, b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"BM")
+    starts = (b"\x89PNG\r\n", JPEG, *_TIFF, b"BM")
     return (
         head.startswith(starts)
         or (head[:1] == b"P" and head[1:2] in b"123456" and head[2:3] in b" \t\r\n#")
@@ -55,20 +64,28 @@ def most_bytes(head: bytes) -> int:
     return _MOST_TIFF_BYTES if head.startswith((b"II", b"MM")) else _MOST_BYTES
 
 
-def next_jpeg(data: bytes | bytearray, start: int = 0) -> int | None:
-    """Where a JPEG ends and a further frame of a camera begins; None: nowhere, or a preview of the first (MPF)."""
-    found = _NEXT_JPEG.search(data, start)
-    return None if found is None or b"MPF\0" in data[: found.start()] else found.end() - 3
+def next_jpeg(data: bytes | bytearray, at: int = 2, is_whole: bool = False) -> tuple[int, bool, bool]:
+    """Where to go on in a JPEG as it arrives, whether that is behind its end, whether a further one begins there."""
+    while not is_whole and (found := _MARKER.search(data, at)):
+        at, is_whole = found.end(), found[1] == b"\xd9"
+        size = 0 if is_whole else int.from_bytes(data[at : at + 2], "big")  # of a segment, such as EXIF
+        if not is_whole and at + size + 1 >= len(data):
+            return found.start(), False, False
+        at += size
+    if not is_whole or (padding := _PADDING.match(data, at)) is None:
+        return max(at, len(data) - 1), False, False
+    at = padding.end()
+    return at, True, data.startswith(JPEG, at) and not _OWN_PICTURES.search(data, 0, at)
 
 
 def are_jpegs(data: bytes) -> bool:
-    """Return True if JPEGs of one size follow each other."""
-    second = next_jpeg(data) if data.startswith(JPEG) else None
-    if second is None:
+    """Return True if JPEGs follow each other; a smaller one is a preview of the first."""
+    second, _, follows = next_jpeg(data)
+    if not follows:
         return False
     with _refusals():
         first, other = (pillow().open(io.BytesIO(data[begin:]), formats=("JPEG",)).size for begin in (0, second))
-    return bool(first == other)
+    return any(other[k] >= first[k] for k in (0, 1))
 
 
 def grey_levels(path: Path, max_pixels: int) -> Frame:
@@ -93,13 +110,13 @@ def open_picture(source: Path | RemotePath | bytes) -> RecordingStream:
         return RecordingStream.of_array(frames, "picture", response)
     if data[:4] == b"\x89PNG" and b"IEND" not in data:
         raise FileError("truncated: PNG without its end")
-    if _has_another(data):
-        raise FileError("a further picture after the first, allowed: one (several of JPEG or PNM, or a TIFF of pages)")
     with _refusals():
         image = pillow().open(io.BytesIO(data), formats=FORMATS)
         form = _format(image, data)
         response = response_of_picture(image, form.chunks)
         pages = getattr(image, "n_frames", 1) if image.format in _OF_FRAMES else 1
+        _require_single(data, _end(image, data, pages))
+        image.seek(0)
     decoded = _frames(image, data, pages, form.alphas)
     return RecordingStream(decoded, "picture", response, frame_count=pages, close=image.close, picture=form)
 
@@ -125,16 +142,32 @@ def _kept_chunks(png: bytes) -> bytes:
     return kept
 
 
-def _has_another(data: bytes) -> bool:
-    """Return True if the end of a PNG, BMP or WebP is followed by a further one."""
-    end = len(data)
+def _end(image: Image, data: bytes, pages: int) -> int:
+    """Where an open picture ends, or a place close before it."""
     if data.startswith(b"\x89PNG"):
-        end = data.index(_PNG_END) + len(_PNG_END) if _PNG_END in data else end
-    elif data.startswith(b"BM"):
-        end = int.from_bytes(data[2:6], "little") or end
-    elif data.startswith(b"RIFF"):
-        end = 8 + int.from_bytes(data[4:8], "little")
-    return data[end : end + 2] == data[:2] and is_picture(data[end : end + 12])
+        return data.index(_PNG_END) + len(_PNG_END) if _PNG_END in data else len(data)
+    if data.startswith(b"BM"):
+        return int.from_bytes(data[2:6], "little") or len(data)
+    if data.startswith(b"RIFF"):
+        return 8 + int.from_bytes(data[4:8], "little")
+    if data.startswith(JPEG):
+        end, _, is_preview = next_jpeg(data)
+        is_preview &= not are_jpegs(data)
+        own = is_preview or _OWN_PICTURES.search(data, 0, end) or data.endswith(b"SEFT")  # a trailer of Samsung
+        return len(data) if own else end
+    if data.startswith(_TIFF):
+        image.seek(pages - 1)
+        tags = image.tag_v2  # type: ignore[attr-defined]
+        pieces = (piece for at, size in _PIECES for piece in zip(tags.get(at, ()), tags.get(size, ()), strict=False))
+        return max(map(sum, pieces), default=len(data))
+    return image.height * -(-image.width // 8) if data.startswith(b"P4") else 2
+
+
+def _require_single(data: bytes, end: int) -> None:
+    """FileError if a further picture begins at ``end`` or behind it; JPEGs of a TIFF may be its previews."""
+    further = (found.start() for found in _BEGINNING.finditer(data, end))
+    if any(not (data.startswith(_TIFF) and data.startswith(JPEG, start)) for start in further):
+        raise FileError("a further picture after the first, allowed: one (several of JPEG or PNM, or a TIFF of pages)")
 
 
 def _binary_pnm(data: bytes) -> tuple[Frame, LightResponse]:
@@ -146,6 +179,7 @@ def _binary_pnm(data: bytes) -> tuple[Frame, LightResponse]:
             raise FileError("PNM pictures of several sizes or largest values, allowed: one")
         frames.append(frame)
         largest = white
+    _require_single(data, end)
     return np.stack(frames), LightResponse(white_level=float(largest), stated_by="PNM header", assumed_for="PNM")
 
 

@@ -21,7 +21,6 @@ from ocisac_fast.files.videos import Prefixed, open_video
 
 STANDARD_INPUT = "-"
 _HEAD, _PIECE = 16, 1 << 16
-_MARKS = 64  # bytes that an end, padding and a beginning take together
 _FIRST_JPEGS = 64 << 20  # bytes in which a second one begins
 _MAX_BYTES = 4 << 30
 _SAMPLES, _SAMPLE_BYTES = 8, 4096  # of a file, to tell growth from another content
@@ -145,13 +144,14 @@ def _redirected(file: BinaryIO, read: int) -> Path | None:
 
 def _of_pictures(head: bytes, file: BinaryIO, name: str, colour: bool) -> RecordingStream:
     """A picture, or JPEGs one after the other, each as soon as it is complete."""
-    data, searched = bytearray(head), 0
+    data, at, is_whole, follows = bytearray(head), 2, False, False
     while piece := file.read1(_PIECE):  # type: ignore[attr-defined]
         data += piece
-        if data.startswith(JPEG) and next_jpeg(data, searched) is not None:
+        if data.startswith(JPEG):
+            at, is_whole, follows = next_jpeg(data, at, is_whole)
+        if follows:
             return open_video(Prefixed(bytes(data), file), name, colour, container=JPEGS)  # type: ignore[arg-type]
         require_at_most(most_bytes(head), len(data))
-        searched = max(len(data) - _MARKS, 0)
     return open_picture(bytes(data))
 
 

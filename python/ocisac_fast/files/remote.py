@@ -43,6 +43,9 @@ def file_system(path: str) -> tuple[Any, str]:
     """The file system of a path, and the path there."""
     if not is_remote(path):
         return fsspec().filesystem("file"), os.path.abspath(path)
+    place = local_part(path)
+    if place != path and os.path.exists(place) and not os.path.isfile(place):  # a device may have no end
+        raise FileError(f"path: got {path}, allowed: an archive that is a file")
     with _one_line_errors(path):
         options = {name: {"client_kwargs": _bounded()} for name in ("http", "https") if f"{name}://" in path}
         system, inner = fsspec().core.url_to_fs(path, **options)
