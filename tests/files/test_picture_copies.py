@@ -157,6 +157,7 @@ def test_pictures_of_the_same_photograph_are_no_further_ones(tmp_path: Path) -> 
         first + b"\0\0\1\x0a\x10\0\0\0DualShot_Extra_1" + other + b"SEFH\x6a\0\0\0SEFT",
         first + np.random.default_rng(0).bytes(100_000),
         pages.getvalue() + noted(b"Exif\0\0II*\0"),
+        pages.getvalue() + b"Nikon\0\2\x11\0\0MM\0*\0\0\0\x08",  # notes of a camera
     ):
         (tmp_path / "a").write_bytes(data)
         recording = read_frames(tmp_path / "a")

@@ -35,7 +35,8 @@ _PADDING = re.compile(rb"[\0\s]*(?:\xff+(?=[\0\s\xff])[\0\s]*)*")  # between the
 _OWN_PICTURES = re.compile(rb"MPF\0|ns\.google\.com/photos")  # previews, depths and gain maps of the same photograph
 _BEGINNING = re.compile(
     rb"\xff\xd8\xff(?:[\xc0-\xdf\xfe]\0|[\xe0-\xef]..\w\w)|\x89PNG\r\n\x1a\n|RIFF....WEBP"
-    rb"|(?<!Exif\0\0)(?:II[*+]\0|MM\0[*+])|BM....\0\0\0\0....[\x0c-\x7c]\0\0\0|P[1-6]\s+(?:#[^\n]*\n\s*)*\d+\s+\d+\s",
+    rb"|(?<!Exif\0\0)(?<!Nikon\0....)(?:II[*+]\0|MM\0[*+])|BM....\0\0\0\0....[\x0c-\x7c]\0\0\0"
+    rb"|P[1-6]\s+(?:#[^\n]*\n\s*)*\d+\s+\d+\s",
     re.DOTALL,
 )
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
