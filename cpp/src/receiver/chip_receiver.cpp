@@ -37,6 +37,22 @@ constexpr double kNoiseKept = 0.9;      // decay per frame: noise varies where t
 constexpr double kOthersEffort = 0.5;   // of a frame's: the effort for each of the other models
 constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, after which another light may appear
 
+// Chips whose numbers a reading knows: of a misfit, the run that its clock explains, if that is before a pause whose
+// count is not sure.
+RowRange known_chips(const FrameReading& reading, std::span<const double> seen, std::size_t pause, double sureness) {
+  if (reading.trust >= Trust::sure) return {0, seen.size()};
+  const RowRange run = explained_chips(seen);
+  return run.begin >= pause || sureness < kSureCount ? explained_chips(seen.first(pause)) : run;
+}
+
+// How sure a chip of a run can be, nats: the others have another clock, as far as they are expected to be wrong, and
+// the run may have it, too.
+double most_sure(std::span<const double> seen, const RowRange& run) {
+  const auto count = static_cast<double>(seen.size());
+  const double other = (1 - static_cast<double>(run.size()) / count) * expected_errors(seen) / count;
+  return other > 0 ? std::log((1 - other) / other) : std::numeric_limits<double>::infinity();
+}
+
 // A reading's chips that lie whole in the rows, and its channel.
 void describe(const FrameReading& reading, const FrameRows& rows, const RowReader& reader, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
@@ -46,15 +62,8 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   const double sureness = reading.pause ? reading.pause->sureness() : std::numeric_limits<double>::infinity();
   const auto before = std::clamp<std::ptrdiff_t>(reading.after_pause - whole.first, 0, std::ssize(seen));
   const std::size_t pause = reading.pause ? static_cast<std::size_t>(before) : whole.count;
-  RowRange run{0, whole.count};
-  if (reading.trust < Trust::sure) {
-    run = explained_chips(seen);
-    if (run.begin >= pause || sureness < kSureCount) run = explained_chips(seen.first(pause));
-  }
-  // Chips beyond the run have another clock, as far as they are expected to be wrong: the run may have it, too.
-  const auto count = static_cast<double>(whole.count);
-  const double other = (1 - static_cast<double>(run.size()) / count) * expected_errors(seen) / count;
-  const double most = other > 0 ? std::log((1 - other) / other) : std::numeric_limits<double>::infinity();
+  const RowRange run = known_chips(reading, seen, pause, sureness);
+  const double most = most_sure(seen, run);
   for (std::size_t k = run.begin; k < run.end; ++k) result.llr.push_back(std::clamp(seen[k], -most, most));
   if (run.size() > 0)
     result.phase = picture_row(whole.start(run.begin), reading.warp) + static_cast<double>(rows.first_row);
