@@ -470,6 +470,7 @@ std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std
 }
 
 std::vector<double> modes_of_light(std::span<const SlowTone> tones, std::size_t count) {
+  if (tones.empty()) return std::vector<double>(count);
   const Frames one{{}, slow_modes(kPlacesOfMode * count, count), {0}, {}, {}};
   const MatrixXd modes = predicted(one, tones).modes;
   return {modes.data(), modes.data() + modes.size()};
