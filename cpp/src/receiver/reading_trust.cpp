@@ -172,9 +172,8 @@ std::vector<std::span<const double>> coded_parts(std::span<const double> llr, co
   const auto preamble = preamble_chips(format.preamble);
   const auto is_preamble = [&](std::span<const double> chips) {
     const bool turned = (chips[0] > 0) != (preamble[0] != 0);
-    return std::ranges::equal(
-        chips, preamble, {}, [](double value) { return value > 0; },
-        [&](std::uint8_t chip) { return (chip != 0) != turned; });
+    return std::equal(chips.begin(), chips.end(), preamble.begin(),
+                      [=](double value, std::uint8_t chip) { return (value > 0) != ((chip != 0) == turned); });
   };
   std::vector<std::span<const double>> parts;
   std::size_t begin = 0;
