@@ -9,10 +9,9 @@ it is behind that of the true light divided out, the largest growth of the cast 
 or more) and of the amplitude of the row means of ln(picture/truth) along the lights' waves; and which limit is broken.
 
 A scene whose bands are longer than the frame cannot be told apart where an oracle makes one of the first three frames
-worse: these are all that is known when
-they leave. The oracle knows
-the lights' frequencies and shares, what moves in the scene and how large its shades of each size are, and fits the
-lights' waves to the means of rows. Such scenes are counted, and have a row of their own in the table.
+worse: these are all that is known when they leave. The oracle knows the lights' frequencies and shares, what moves in
+the scene and how large its shades of each size are, and fits the lights' waves to the means of rows. Such scenes are
+counted, and have a row of their own in the table.
 
 --markdown: no scenes are made; a table of those whose lines are in a file, a row for each kind.
 
@@ -135,7 +134,7 @@ def film(seed: int, largest: int, curve: str) -> tuple[dict[str, Any], Camera, A
 
 
 def coded(frames: Array, curve: str, coding: Coding) -> Array:
-    """What is decoded from a coded film of frames (frames, rows, columns, colours), of 8 bits."""
+    """Encode frames (frames, rows, columns, colours) and decode them to 8 bits."""
     pixels = "yuv420p" if coding.depth == 8 else "yuv420p10le"
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "film.mp4"

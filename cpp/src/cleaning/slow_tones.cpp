@@ -24,7 +24,8 @@ using Eigen::Vector2d;
 using Eigen::Vector4d;
 using Eigen::VectorXd;
 
-// Of a picture's modes with their order: fitted to photographs; of shades of walls and skies, tried in single frames.
+// A picture's modes fall with their order by these powers: fitted to photographs; shades of walls and skies, tried in
+// single frames.
 constexpr double kFallOfModes = 1.5, kFallOfShades = 3;
 constexpr std::size_t kSpreads = 10;  // of a picture's factor S
 constexpr double kLeastSpread = 0.004, kMostSpread = 1;

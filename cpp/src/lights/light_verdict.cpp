@@ -23,8 +23,8 @@ namespace {
 constexpr double kMostTexture = 0.24;             // of data, relative to the common swing: text has more
 constexpr double kUnseenTexture = 0.03;           // probability of a texture that resembles a light
 constexpr double kLevel = 0.003, kTilted = 0.02;  // rows per column: of a light's bars, of a texture's
-constexpr double kUnlikely =
-    1e-3;  // odds of a light of a texture's contrast; prior times probability of a cloth's clocks
+// Odds of a light that has the contrast of a texture; prior times probability of the clocks of a cloth.
+constexpr double kUnlikely = 1e-3;
 constexpr double kBand = 0.2, kFrequencies = 4.5;                   // of ln f: around a clock; of all lamps
 constexpr double kWholeRows = 3.0, kFaintPattern = 0.02;            // prior times density of depths, mean depth
 constexpr double kLargestSpread = 0.03, kLargestOwnSpread = 0.015;  // max relative standard error of a frequency
@@ -74,6 +74,7 @@ std::vector<double> terms_of_data(const RefinedLight& light, std::size_t suspect
 constexpr double kInStep = 0.003, kTextureMoves = 0.2;  // probabilities
 constexpr double kClockError = 1e-3;                    // of a frame time as stated, relative
 constexpr double kLeastStd = 0.1;                       // rad: noise that texture hides, a pixel of movement
+constexpr double kLargestStd = 1;                       // rad, of a usable phase
 constexpr std::size_t kCompared = 3;                    // frames
 
 // Up to kCompared other frames, the nearest.
@@ -92,7 +93,7 @@ double over_uniform(double angle, double std) {
 }
 
 // Odds of a light over a texture, by which prior odds are multiplied, for the tone of a box (Hz and its standard
-// error), from its changes of phase d, known to a radian, to up to three other frames, the nearest:
+// error), from its changes of phase d to up to three other frames, the nearest:
 //   light:   p·A + (1 − p)·U,   A = Π normal(d; advance, std)   p: that light and frames keep the clocks stated
 //   texture: 0.8·S + 0.2·U,     S = Π normal(d; 0, std),  U = (1/2π)^K   one texture in five moves with the camera
 // The advance is frequency × frame time. Where that is whole within its error, half of the lights are in step: (A +
@@ -115,14 +116,14 @@ double phase_odds(const SearchedFrame& in, const RefinedLight& light) {
     const ToneGain there = gain_in(other);
     const double std = std::hypot(own.gain_std[0] / own.gain[0], there.gain_std[0] / there.gain[0]);
     if ((there.gain[0] + 2 * there.gain_std[0]) * there.mean[0] < 0.5 * own.gain[0] * own.mean[0]) return 1;
-    if (!(std < 1)) continue;
+    if (!(std < kLargestStd)) continue;
     const double change = there.phase[0] - own.phase[0], noise = std::max(std, kLeastStd);
     still *= over_uniform(change, noise);
     if (!camera.frame_time) continue;
     const double time = *camera.frame_time * (static_cast<double>(other) - static_cast<double>(frame.index));
     const double unknown = kTwoPi * std::abs(time) * std::hypot(frequency_std, kClockError * frequency);
     const double error = std::hypot(noise, unknown);
-    if (!(error < 1)) continue;
+    if (!(error < kLargestStd)) continue;
     const double advance = kTwoPi * std::remainder(frequency * time, 1.0);
     advanced *= over_uniform(change - advance, error);
     stated = true, whole = whole && std::abs(advance) < 2 * error;

@@ -358,8 +358,9 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
       // Weights of each row are of its own noise, too, which passes for a tone of the frequency that they are from; an
       // even weight is not, but bent by the ends of few cycles.
       const double cycles = static_cast<double>(box.height) * frequency;
-      const std::vector<double>& rows = cycles > kLongestInner ? profile.even : profile.matched;
-      frequency = strongest_frequency(rows, lower, upper);
+      const bool is_long = cycles > kLongestInner;
+      const std::vector<double>& rows = is_long ? profile.even : profile.matched;
+      if (is_long) frequency = strongest_frequency(rows, lower, upper);
       light = refined(patch, profile, box, frequency, jackknife_std(rows, frequency, cycles));
       add_appearance(patch, swing, last, light);
     }

@@ -358,6 +358,7 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, c
   return fit->well_posed() ? fit : nullptr;
 }
 
+constexpr double kHalfStep = 0.5;         // between stored values
 constexpr std::size_t kSomeColumns = 16;  // that tell of a frame
 constexpr Flags kUnusable = flag::saturated | flag::unresolvable | flag::no_light;
 
@@ -372,9 +373,9 @@ double lost_samples(const Context& context, double off, const Pile& pile, double
                     std::size_t column) {
   const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
   const double at = counts.at[column], steps = noise / pile.step;
-  const bool may_be_off = pile.level < pile.beside && (!is_linear || pile.level <= off + 0.5 * pile.step);
+  const bool may_be_off = pile.level < pile.beside && (!is_linear || pile.level <= off + kHalfStep * pile.step);
   if (may_be_off && pile.level > 0 && counts.runs[column] < kMostly * at) return 0;
-  if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < 0.5))) return 0;
+  if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < kHalfStep))) return 0;
   if (!may_be_off || !is_linear || !(steps < 1)) return at;
   return std::min(at * std::exp(-1.0 / 8 / std::max(steps * steps - 1.0 / 12, 0.0)), counts.beside[column] / steps);
 }
@@ -439,7 +440,7 @@ bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::si
   const double noise = noise_of(result, start);
   const auto within = [noise](double x, double deviations) { return x < 0 || x < deviations * noise; };
   const double off = curve.dark_level + background_of(context, frame, column), least = result.mean[start] - depth;
-  return within(least - 0.5, kSure) || within(least + off - 0.5, kSure) ||
+  return within(least - kHalfStep, kSure) || within(least + off - kHalfStep, kSure) ||
          within(largest - off - result.mean[start] - depth, kBeyond) ||
          within(least + off - least_of_some(frames, frame, column), kBeyond);
 }
@@ -460,7 +461,7 @@ std::size_t place_of_extreme(std::span<const double> values, double sign) {
 double least_light(const AnyFramesView& frames, const Camera& camera) {
   const ToneCurve& curve = camera.tone_curve;
   if (curve.kind != ToneCurve::Kind::linear) return -std::numeric_limits<double>::infinity();
-  return curve.dark_level - (holds_integers(frames) ? 0.5 : 0);
+  return curve.dark_level - (holds_integers(frames) ? kHalfStep : 0);
 }
 
 // Clipping at either end, of samples of any type at any level, as the brightest and the darkest column show it. `tops`:

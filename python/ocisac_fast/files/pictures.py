@@ -152,8 +152,8 @@ def _end(image: Image, data: bytes, pages: int) -> int:
     if data.startswith(b"RIFF"):
         return 8 + int.from_bytes(data[4:8], "little")
     if data.startswith(JPEG):
-        end, _, is_preview = next_jpeg(data)
-        is_preview &= not are_jpegs(data)
+        end, _, follows = next_jpeg(data)
+        is_preview = follows and not are_jpegs(data)
         own = is_preview or _OWN_PICTURES.search(data, 0, end) or data.endswith(b"SEFT")  # a trailer of Samsung
         return len(data) if own else end
     if data.startswith(_TIFF):

@@ -52,7 +52,7 @@ def calibrate(
     A tone that explains the whole frame is used as :func:`find_frequency` finds it. Otherwise the frequency is that of
     the light, among those that :func:`detect_sources` finds, whose swing has the largest energy: the outline of a lamp,
     text and drawn lines bias a tone over the whole frame. ``MODEL_MISFIT`` is set where light and whole frame disagree,
-    where the light's probability is below 0.58 and its swing less than a twentieth of the picture's, where it is in
+    where a light of a probability below 0.5, or data, is in a frame without a tone, where it is in
     less than a hundredth of the columns, as text is, where a tone that explains a part of the frame, or less than three
     cycles of it, is no light (it may be an outline), and where a frame would last longer than a second (a frequency in
     kHz for one in Hz) or a row less than 0.1 µs.

@@ -9,7 +9,7 @@
 namespace ocisac {
 
 // As find_frequency, for a picture of a lamp. Its outline, text and drawn lines may resemble a tone better than its
-// stripes do. Unless a tone explains the whole frame (snr of 6), the lights that detect_sources() finds in the first
+// stripes do. Unless a tone explains the whole frame (snr of 4), the lights that detect_sources() finds in the first
 // frame are therefore taken: the one whose swing has the largest energy. The flag model_misfit marks a light that a
 // tone of the whole frame contradicts, an unlikely one or data where the frame has no tone, one in less than a
 // hundredth of the columns, as text has, and a tone without any light. Frequencies below two cycles are searched if
