@@ -231,7 +231,7 @@ def known_terms(frames: list[Lit], camera: Camera) -> Array:
 
 
 def known_gain(frames: list[Lit], camera: Camera) -> float:
-    """Least gain of PSNR, dB, of the first frames by an oracle that they are all of."""
+    """Least gain of PSNR, dB, of the first frames by an oracle that sees no others."""
     first = frames[:KNOWN_FRAMES]
     terms = known_terms(first, camera)
     return min(decibels(without(lit, terms, camera), lit.truth) - decibels(lit.stored, lit.truth) for lit in first)

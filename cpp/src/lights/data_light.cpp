@@ -182,8 +182,7 @@ std::optional<double> only_tone(std::vector<double> waveform) {
   const auto rows = static_cast<double>(waveform.size());
   const double about = strongest_tone(waveform, waveform.size(), 1 / rows, 0.5).frequency;
   const double frequency = strongest_frequency(waveform, std::max(about - 1 / rows, 0.0), about + 1 / rows);
-  std::complex<double> sum = 0;
-  for (std::size_t n = 0; n < waveform.size(); ++n) sum += waveform[n] * turned(frequency * static_cast<double>(n));
+  const std::complex<double> sum = component_at(waveform, frequency);
   for (std::size_t n = 0; n < waveform.size(); ++n)
     waveform[n] -= 2 / rows * product(std::conj(sum), turned(frequency * static_cast<double>(n))).real();
   return is_white(waveform) ? std::optional(frequency) : std::nullopt;

@@ -48,11 +48,15 @@ double jackknife_std(std::span<const double> profile, double frequency, double c
   });
 }
 
-double phase_at_start(std::span<const double> profile, double frequency, std::size_t first_row) {
+Complex component_at(std::span<const double> profile, double frequency, std::size_t first_row) {
   Complex sum = 0;
   for (std::size_t n = 0; n < profile.size(); ++n)
     sum += profile[n] * turned(frequency * static_cast<double>(first_row + n));
-  return std::arg(sum);
+  return sum;
+}
+
+double phase_at_start(std::span<const double> profile, double frequency, std::size_t first_row) {
+  return std::arg(component_at(profile, frequency, first_row));
 }
 
 }  // namespace ocisac

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -74,6 +75,9 @@ double jackknife_std(double frequency, std::size_t rows, double cycles, int step
 // The same by the energy of the harmonics below half a cycle per row in `profile`.
 double strongest_frequency(std::span<const double> profile, double lower, double upper);
 double jackknife_std(std::span<const double> profile, double frequency, double cycles);
+
+// Σ_n x(n)·e^(−j2πf(first + n)).
+std::complex<double> component_at(std::span<const double> profile, double frequency, std::size_t first_row = 0);
 
 // Phase at row 0 of the picture, rad, of the tone in `profile`, whose first row is the picture's `first_row`.
 double phase_at_start(std::span<const double> profile, double frequency, std::size_t first_row);

@@ -25,6 +25,9 @@ constexpr double kExcessErrors = 5;                           // standard errors
 constexpr double kSureErrors = 0.05;                          // chips in a frame
 constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
+// Of a chip of this log-likelihood ratio.
+double error_rate_of(double llr) { return 1 / (1 + std::exp(std::abs(llr))); }
+
 // Words that violate the code, in each part at the place of words with the fewest.
 double violations(std::span<const std::span<const double>> parts, const LineCode& code) {
   const std::size_t chips = code.chips_per_word();
@@ -101,7 +104,7 @@ bool is_correlated(const FrameReading& reading) {
 
 double expected_errors(std::span<const double> llr, double scale) {
   double sum = 0;
-  for (const double value : llr) sum += 1 / (1 + std::exp(scale * std::abs(value)));
+  for (const double value : llr) sum += error_rate_of(scale * value);
   return sum;
 }
 
@@ -149,7 +152,7 @@ std::vector<double> code_weights(const FrameReading& reading) {
 RowRange explained_chips(std::span<const double> llr) {
   const auto near = static_cast<std::size_t>(kExcessChips);
   std::vector<double> rates;
-  for (const double value : llr) rates.push_back(1 / (1 + std::exp(std::abs(value))));
+  for (const double value : llr) rates.push_back(error_rate_of(value));
   const auto nearby = moving_mean(rates, near);
   RowRange best{0, llr.size()};
   std::size_t edges = 0, most = 0;
