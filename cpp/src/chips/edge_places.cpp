@@ -85,6 +85,17 @@ class Edges {
   }
   [[nodiscard]] std::size_t count() const { return places_.size(); }
 
+  // Of each chip's edge from the clock, in standard deviations of the prior.
+  [[nodiscard]] std::vector<double> off(const KnownChips& chips) const {
+    std::vector<double> off(chips.levels.size(), 0.0);
+    for (std::size_t k = 1, edge = 0; k < off.size(); ++k)
+      if (chips.levels[k] != chips.levels[k - 1]) {
+        off[k] = (places_[edge] - on_clock_[edge]) * std::sqrt(prior_);
+        ++edge;
+      }
+    return off;
+  }
+
   // Light that their displacement adds to each row.
   [[nodiscard]] VectorXd added(std::size_t rows) const {
     VectorXd light = VectorXd::Zero(static_cast<Index>(rows));
@@ -154,7 +165,7 @@ class Edges {
 
 }  // namespace
 
-std::vector<double> place_edges(std::span<const double> signal, const KnownChips& chips, ChannelEstimate& channel) {
+PlacedEdges place_edges(std::span<const double> signal, const KnownChips& chips, ChannelEstimate& channel) {
   const std::size_t rows = signal.size(), dark = channel.dark.size(), levels = dark + channel.swing.size();
   Edges edges(chips, channel.clock);
   std::vector<double> on_clock(rows);
@@ -182,9 +193,9 @@ std::vector<double> place_edges(std::span<const double> signal, const KnownChips
       (k < dark ? channel.dark[k] : channel.swing[k - dark]) += steps(static_cast<Index>(k));
     added = edges.added(rows);
   }
-  std::vector<double> rest(signal.begin(), signal.end());
-  for (std::size_t n = 0; n < rows; ++n) rest[n] -= swing(static_cast<Index>(n)) * added(static_cast<Index>(n));
-  return rest;
+  PlacedEdges placed{{signal.begin(), signal.end()}, edges.off(chips)};
+  for (std::size_t n = 0; n < rows; ++n) placed.rest[n] -= swing(static_cast<Index>(n)) * added(static_cast<Index>(n));
+  return placed;
 }
 
 }  // namespace ocisac

@@ -28,8 +28,13 @@ class EdgeNoise {
   std::vector<double> cross_, right_;  // (edges × (2·seen + 1)), of the chips edge − seen … edge + seen; (edges)
 };
 
-// Rows as if all edges of known chips lay on the clock: least squares of their places, at most half a chip off it and
-// with the channel's edge_std as prior, and of the channel's levels, which are replaced, as is its noise.
-std::vector<double> place_edges(std::span<const double> signal, const KnownChips& chips, ChannelEstimate& channel);
+struct PlacedEdges {
+  std::vector<double> rest;  // rows as if all edges lay on the clock
+  std::vector<double> off;   // (chips) of the edge before each from the clock, in edge_std; 0 without an edge
+};
+
+// Least squares of the places of known chips' edges, at most half a chip off the clock and with the channel's edge_std
+// as prior, and of the channel's levels, which are replaced, as is its noise.
+PlacedEdges place_edges(std::span<const double> signal, const KnownChips& chips, ChannelEstimate& channel);
 
 }  // namespace ocisac

@@ -129,7 +129,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
   reading.rest.assign(signal.begin(), signal.end());
   if (beside) reading.nuisance = beside->nuisance;
   FittedBeside fitted_beside;
-  std::vector<double> placed;  // rows as if edges that lie off the clock lay on it
+  PlacedEdges edges;
   for (int round = 0; round < kMaxRounds; ++round) {
     if (!detectable(reading.rest, channel)) return std::nullopt;
     const ChipRows rows(reading.rest, channel);
@@ -142,7 +142,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     auto fitted =
         moved ? fit_channel(reading.rest, {chips, reading.first}, channel.clock, model, effort) : std::nullopt;
     if (!fitted) return std::nullopt;
-    if (channel.clock.edge_std > 0) placed = place_edges(reading.rest, {chips, reading.first}, *fitted);
+    if (channel.clock.edge_std > 0) edges = place_edges(reading.rest, {chips, reading.first}, *fitted);
     const bool stays = (is_same(channel, *fitted, signal.size()) && *moved <= kRestStays * fitted->noise) ||
                        (round + 1 >= kMinRounds && !(fitted->noise < kSettling * channel.noise));
     channel = std::move(*fitted);
@@ -154,8 +154,8 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
     if (stays) break;
   }
   reading.channel = std::move(channel);
-  if (!placed.empty()) reading.rest = std::move(placed);
-  judge(reading);
+  if (!edges.rest.empty()) reading.rest = std::move(edges.rest);
+  judge(reading, edges.off);
   return reading;
 }
 

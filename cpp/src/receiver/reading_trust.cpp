@@ -6,6 +6,7 @@
 #include <functional>
 #include <limits>
 #include <span>
+#include <utility>
 
 #include "chips/channel_growth.hpp"
 #include "columns/moving_mean.hpp"
@@ -60,9 +61,22 @@ double residual_correlation(std::span<const double> left, const FrameReading& re
   return earlier > 0 && later > 0 ? products / std::sqrt(earlier * later) : 0.0;
 }
 
+// Of the distances of edges from the clock, from one to the next: 0 where they jitter, above where the clock is wrong.
+double edge_correlation(std::span<const double> off) {
+  double squares = 0, products = 0, before = 0;
+  for (const double edge : off) {
+    if (edge == 0) continue;
+    squares += edge * edge;
+    products += edge * std::exchange(before, edge);
+  }
+  return squares > 0 ? products / squares : 0.0;
+}
+
 // Mean squares of the residual about each chip, summed over the rows that a chip changes: a multiple of those of white
-// noise, 1 where it is not significant. The variance of a log-likelihood ratio grows by as much.
-std::vector<double> residual_excess(std::span<const double> left, const FrameReading& reading) {
+// noise, 1 where it is not significant; or those of nearby edges' distances from the clock, of their variance. The
+// variance of a log-likelihood ratio grows by as much.
+std::vector<double> residual_excess(std::span<const double> left, const FrameReading& reading,
+                                    std::span<const double> off) {
   const ChannelEstimate& channel = reading.channel;
   const ChipClock& clock = channel.clock;
   std::vector<double> excess(reading.llr.size(), 1.0);
@@ -89,6 +103,15 @@ std::vector<double> residual_excess(std::span<const double> left, const FrameRea
     const double values = 1 + 1.5 * (end - begin) / static_cast<double>(width);
     if (mean > 1 + kExcessErrors * std::sqrt(2 / values)) excess[k] = mean;
   }
+  const auto chips = static_cast<std::size_t>(kExcessChips);
+  for (std::size_t k = 0; k < off.size(); ++k) {
+    double squares = 0, edges = 0;
+    for (std::size_t near = k - std::min(k, chips); near < std::min(k + chips + 1, off.size()); ++near) {
+      squares += off[near] * off[near];
+      edges += off[near] != 0 ? 1 : 0;
+    }
+    if (squares > edges + kExcessErrors * std::sqrt(2 * edges)) excess[k] = std::max(excess[k], squares / edges);
+  }
   return excess;
 }
 
@@ -108,11 +131,11 @@ double expected_errors(std::span<const double> llr, double scale) {
   return sum;
 }
 
-void judge(FrameReading& reading) {
+void judge(FrameReading& reading, std::span<const double> off) {
   const ChannelEstimate& channel = reading.channel;
   const auto left = channel_residual(reading.rest, {hard_chips(reading), reading.first}, channel);
-  reading.correlation = residual_correlation(left, reading);
-  reading.excess = residual_excess(left, reading);
+  reading.correlation = std::max(residual_correlation(left, reading), edge_correlation(off));
+  reading.excess = residual_excess(left, reading, off);
   const auto inner = inner_chips(reading.llr, channel.clock);
   reading.error_rate = inner.empty() ? 1.0 : expected_errors(inner, 1) / static_cast<double>(inner.size());
   const bool white = !is_correlated(reading);

@@ -13,7 +13,8 @@ namespace ocisac {
 // Evidence and trust from the reading's channel, chips and rows. Sound: few chips are expected to be wrong, fewer
 // still unless the channel explains all parts of the frame equally well. Sure: less than one
 // chip in twenty frames, beside those near the frame's ends that only a part of the exposure covers.
-void judge(FrameReading& reading);
+// `off`: of its edges from the clock, as in PlacedEdges; empty where none may be.
+void judge(FrameReading& reading, std::span<const double> off);
 
 // True where the clock that a reading began with need not be searched: a misfit with few errors, or a fit.
 bool keeps_clock(const FrameReading& reading);

@@ -124,7 +124,7 @@ TEST_CASE("edges of known chips are put on the clock, and the levels are found b
     channel.clock.edge_std = 0.15;
     channel.dark = {kDark + 1, 1};
     channel.swing = {kSwing - 3};
-    const auto rest = ocisac::place_edges(film.signal, {film.chips, 0}, channel);
+    const auto rest = ocisac::place_edges(film.signal, {film.chips, 0}, channel).rest;
     CHECK(channel.noise == doctest::Approx(kNoise).epsilon(0.15));
     CHECK(channel.dark[0] == doctest::Approx(kDark).epsilon(0.05));
     CHECK(channel.swing[0] == doctest::Approx(kSwing).epsilon(0.02));
@@ -144,4 +144,15 @@ TEST_CASE("a frame whose edges jitter is a misfit on the clock, and fits with ed
   REQUIRE(reading);
   CHECK(reading->trust == ocisac::Trust::fits);
   CHECK(reading->channel.noise == doctest::Approx(kNoise).epsilon(0.15));
+}
+
+TEST_CASE("a frame whose edges lie off the clock alike is a misfit with edges off it: the clock is wrong") {
+  std::size_t edge = 0;
+  const Film film(5.63, 5, [&edge](std::mt19937&, bool) { return 0.3 * std::sin(0.1 * static_cast<double>(edge++)); });
+  ocisac::ChannelEstimate loose = film.channel;
+  loose.clock.edge_std = 0.15;
+  const auto reading = ocisac::read_frame(film.signal, loose, true);
+  REQUIRE(reading);
+  CHECK(reading->trust < ocisac::Trust::fits);
+  CHECK(reading->correlation > 0.5);
 }
