@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 import ocisac_fast as ocisac
-from ocisac_fast import Camera, Flag
+from ocisac_fast import Camera, Chips, Flag, integrate_exposure
 from ocisac_fast.reference import linear_light
 
 CAMERA = Camera(row_time=1.0)
@@ -216,6 +216,19 @@ def test_columns_that_all_saturate_are_used_and_flagged():
     got = ocisac.receive(frame.as_bytes(scale=900.0), CAMERA)[0]
     assert_received(got, frame)
     assert got.flags == Flag.SATURATED
+
+
+@pytest.mark.parametrize("highest", [255, 240, 180])
+def test_light_that_is_clipped_at_any_level_is_flagged(highest):
+    random = np.random.default_rng(0)
+    chips = np.eye(4)[random.integers(0, 4, 120)].ravel()  # pulses of 4-PPM, so much too bright that they are longer
+    camera = Camera(22.2e-6, 0.9 * 2.6 * 22.2e-6)
+    light = integrate_exposure(Chips(chips, 1 / (2.6 * 22.2e-6), repeat=True), camera, 1080)[:, None]
+    for brightness, flags in ((2.9, Flag.SATURATED), (0.8, Flag(0))):
+        pixels = np.minimum(highest * (0.05 + brightness * light) + random.normal(0, 2, (1080, 80)), highest)
+        got = ocisac.receive(np.rint(np.clip(pixels, 0, None)).astype(np.uint8), camera)[0]
+        assert got.bits
+        assert got.flags & Flag.SATURATED == flags
 
 
 def test_the_channel_with_the_light_is_chosen():

@@ -83,7 +83,7 @@ LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& s
   const double rare = static_cast<double>(lit.shortest) * std::log(kNextToNone) / std::log(alike);
   const auto enough = [&](bool expected) {
     const double more = kMinDarkRuns * longest;
-    if (dark.expected) return std::min(more, rare);
+    if (dark.expected) return std::min(more, std::max(rare, longest));
     return expected ? more : std::max(more, many);
   };
   const std::size_t after = signal.size() - 1 - points[points.size() - 2], before = points[2];

@@ -16,6 +16,7 @@
 #include "receiver/colour_streams.hpp"
 #include "receiver/column_decoder.hpp"
 #include "receiver/lamp_rows.hpp"
+#include "tones/clipping.hpp"
 
 namespace ocisac {
 
@@ -141,6 +142,33 @@ bool is_common(const AnyFramesView& colour, const Received& received, const Tone
   return !contrast_slope(colour, received.frame, box, curve).is_of_texture();
 }
 
+// True if samples of lit columns pile up at their highest value by more than chance though noise spreads them over
+// several: light is clipped there, at a level below the camera's white. Noise is what second differences across the
+// columns show.
+bool piles_up(const AnyFramesView& colour, std::size_t frame, std::span<const double> weights) {
+  const auto brightest = static_cast<std::size_t>(std::ranges::max_element(weights) - weights.begin());
+  const auto pile = find_piles(colour, frame, brightest, 0).high;
+  if (!pile || weights.size() < 3) return false;
+  const PileCounts counts = count_pile(colour, frame, *pile);
+  double at = 0, beside = 0, beyond = 0;
+  for (std::size_t k = 0; k < weights.size(); ++k)
+    if (weights[k] > 0) at += counts.at[k], beside += counts.beside[k], beyond += counts.beyond[k];
+  if (!(at > beside + beyond + kSure * std::sqrt(at + beside + beyond))) return false;
+  return std::visit(
+      [&](const auto& view) {
+        const std::size_t middle = std::clamp<std::size_t>(brightest, 1, view.columns - 2);
+        double squares = 0, rows = 0;
+        for (std::size_t row = 0; row < view.rows; ++row) {
+          const auto value = [&](std::size_t k) { return static_cast<double>(view(frame, row, k)); };
+          if (!(value(middle) < pile->level)) continue;
+          squares += std::pow(value(middle - 1) - 2 * value(middle) + value(middle + 1), 2) / 6;
+          rows += 1;
+        }
+        return squares > rows * pile->step * pile->step;
+      },
+      colour);
+}
+
 // One source and its signal; `signal` is empty where decoding failed.
 struct Source {
   Received received;
@@ -170,6 +198,7 @@ Source receive_source(std::span<const AnyFramesView> colours, std::size_t frame,
       Received received{.frame = frame, .colour = colour};
       if (decode_column(column, what, camera.row_time, received)) {
         if (column.has_sides) fit_to_outline(colours[colour], column, what, received);
+        if (piles_up(colours[colour], frame, column.weights)) received.flags |= flag::saturated;
         if ((received.flags & ~flag::saturated) == 0 &&
             !is_common(colours[colour], received, camera.tone_curve, what.exposure_rows))
           received.flags |= flag::ambiguous_kind;

@@ -53,4 +53,8 @@ TEST_CASE("a lamp that fills the frame keeps all rows, and so does a frame witho
   CHECK(ocisac::lit_rows(lamp_rows(0, 0, 2), 2).rows.size() == 1000);
   CHECK(ocisac::lit_rows(std::vector<double>(1000, 5.0), 0).rows.size() == 1000);
   CHECK(ocisac::lit_rows(std::vector<double>{1.0}, 0).rows.size() == 1);
+  std::vector<double> turning(1000);  // from row to row
+  for (std::size_t n = 0; n < turning.size(); n += 2) turning[n] = 1;
+  CHECK(ocisac::lit_rows(turning, 0.02).rows.size() == 1000);
+  CHECK(ocisac::lit_rows(turning, 0.02, {0, 1000}, {.expected = true}).rows.size() == 1000);
 }
