@@ -120,7 +120,8 @@ bool takes_up_misfits(const FrameReading& reading) { return reading.channel.cloc
 
 // More is left than white noise: log-likelihood ratios count correlated rows as independent ones.
 bool is_correlated(const FrameReading& reading) {
-  return reading.correlation > kMaxCorrelation && (takes_up_misfits(reading) || reading.relative_noise > kNoResidual);
+  const bool rows_are = takes_up_misfits(reading) || reading.relative_noise > kNoResidual;
+  return (reading.correlation > kMaxCorrelation && rows_are) || reading.edge_correlation > kMaxCorrelation;
 }
 
 }  // namespace
@@ -134,7 +135,8 @@ double expected_errors(std::span<const double> llr, double scale) {
 void judge(FrameReading& reading, std::span<const double> off) {
   const ChannelEstimate& channel = reading.channel;
   const auto left = channel_residual(reading.rest, {hard_chips(reading), reading.first}, channel);
-  reading.correlation = std::max(residual_correlation(left, reading), edge_correlation(off));
+  reading.correlation = residual_correlation(left, reading);
+  reading.edge_correlation = edge_correlation(off);
   reading.excess = residual_excess(left, reading, off);
   const auto inner = inner_chips(reading.llr, channel.clock);
   reading.error_rate = inner.empty() ? 1.0 : expected_errors(inner, 1) / static_cast<double>(inner.size());
@@ -152,6 +154,10 @@ void judge(FrameReading& reading, std::span<const double> off) {
                                                                                                         : Trust::misfit;
 }
 
+bool fits_off_clock(const FrameReading& reading) {
+  return reading.trust >= Trust::misfit && takes_up_misfits(reading) && reading.correlation <= kMaxCorrelation;
+}
+
 bool keeps_clock(const FrameReading& reading) {
   return reading.trust == Trust::fits || (reading.trust != Trust::unsound && reading.error_rate < kMaxErrors);
 }
@@ -166,7 +172,8 @@ std::vector<double> reliable_llr(const FrameReading& reading) {
 }
 
 std::vector<double> code_weights(const FrameReading& reading) {
-  const double independent = is_correlated(reading) ? (1 - reading.correlation) / (1 + reading.correlation) : 1.0;
+  const double correlation = std::max(reading.correlation, reading.edge_correlation);
+  const double independent = is_correlated(reading) ? (1 - correlation) / (1 + correlation) : 1.0;
   std::vector<double> weights = reading.llr;
   for (double& value : weights) value *= independent;
   return weights;

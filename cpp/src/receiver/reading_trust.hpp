@@ -16,6 +16,9 @@ namespace ocisac {
 // `off`: of its edges from the clock, as in PlacedEdges; empty where none may be.
 void judge(FrameReading& reading, std::span<const double> off);
 
+// True where edges off the clock explain the rows, if not as jitter: the clock may be another in a part of the frame.
+bool fits_off_clock(const FrameReading& reading);
+
 // True where the clock that a reading began with need not be searched: a misfit with few errors, or a fit.
 bool keeps_clock(const FrameReading& reading);
 

@@ -91,7 +91,7 @@ std::optional<FrameReading> loosened(std::span<const double> signal, const Frame
   for (const double chips : {0.0, 0.25, -0.25}) {
     clock.phase = reading.channel.clock.phase + chips * clock.rows_per_chip;
     auto loose = read_frame(signal, start.channel, exposure_known, effort);
-    if (loose && loose->trust == Trust::fits) return loose;
+    if (loose && fits_off_clock(*loose)) return loose;
   }
   if (reading.nuisance.empty()) return std::nullopt;
   clock.phase = reading.channel.clock.phase;
@@ -440,7 +440,7 @@ bool RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& fr
     other = refine_warp(frame.signal, *best.reading, model.exposure_known, &tried.effort);
   else if (best.reading)
     other = loosened(frame.signal, *best.reading, model.exposure_known, &tried.effort);
-  if (!other || (refines && !model.pause && other->trust != Trust::fits)) return false;
+  if (!other || (refines && !model.pause && other->trust != Trust::fits && !fits_off_clock(*other))) return false;
   const bool loses_chips = other->pause && other->pause->loses_chips();
   if (best.reading && other->relative_noise > (loses_chips ? 1.0 : kLessNoise) * best.reading->relative_noise)
     return other->trust >= Trust::sure && other->pause && other->pause->loses_none();

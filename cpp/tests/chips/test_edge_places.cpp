@@ -154,5 +154,5 @@ TEST_CASE("a frame whose edges lie off the clock alike is a misfit with edges of
   const auto reading = ocisac::read_frame(film.signal, loose, true);
   REQUIRE(reading);
   CHECK(reading->trust < ocisac::Trust::fits);
-  CHECK(reading->correlation > 0.5);
+  CHECK(reading->edge_correlation > 0.5);
 }

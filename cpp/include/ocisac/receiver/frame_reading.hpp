@@ -50,8 +50,9 @@ struct FrameReading {
   std::vector<double> llr;   // (chips) ln P(bright)/P(dark), nats, for all chips that affect the rows
   std::ptrdiff_t first = 0;  // index of the first one on the channel's clock
   double error_rate = 1;  // expected, without the chips near the frame's ends that only a part of the exposure covers
-  double relative_noise = 0;  // standard deviation of a row over the swing at the middle row
-  double correlation = 0;     // of what the channel leaves, from one row or edge to the next: about 0 where it is noise
+  double relative_noise = 0;    // standard deviation of a row over the swing at the middle row
+  double correlation = 0;       // of what the channel leaves, from one row to the next: about 0 where it is noise
+  double edge_correlation = 0;  // of the distances of edges off the clock, from one to the next: the same
   std::vector<double> excess;  // (chips) of the residual about a chip over white noise: its llr is too large by as much
   std::optional<RowPause> pause{};
   std::ptrdiff_t after_pause = 0;  // its first chip
