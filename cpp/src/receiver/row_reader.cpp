@@ -468,22 +468,22 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   if (reading && !model.nuisance.empty()) model.nuisance = reading->nuisance;
   best.is_new_model = reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
   state.other_models.pass_frame();
-  const bool jumps = jumps_in_middle(frame);
+  const auto jumps = [&] { return jumps_in_middle(frame) || (reading && clock_jumps(*reading)); };
   const auto try_pause = [&] {
     Hypothesis pausing{model, frame.may_search, true};
     auto& pause = pausing.model.pause = possible_pause(frame, state);
-    if (!pause || try_hypothesis(pausing, frame, best) || !jumps || !reading || reading->pause) return;
+    if (!pause || try_hypothesis(pausing, frame, best) || !jumps() || !reading || reading->pause) return;
     const ChipClock& clock = reading->channel.clock;
     const double chips = (static_cast<double>(pause->row) - clock.phase) / clock.rows_per_chip;
     reading->after_pause = static_cast<std::ptrdiff_t>(chips);
     reading->pause = pause;  // of any number of chips
     reading->trust = std::min(reading->trust, Trust::misfit);
   };
-  if (jumps) try_pause();
+  if (jumps()) try_pause();
   if (fits() || (reading ? !state.other_models.is_due() : !frame.may_search)) return best;
   for (const Hypothesis& hypothesis : hypotheses(frame, best))
     if (!fits()) try_hypothesis(hypothesis, frame, best);
-  if (best.is_new_model && (jumps || model.warped)) try_pause();
+  if (best.is_new_model && (jumps() || model.warped)) try_pause();
   if (fits())
     state.other_models.restart();
   else
