@@ -2,6 +2,7 @@
 
 import base64
 import copy
+import dataclasses
 import io
 import itertools
 import json
@@ -327,6 +328,23 @@ def test_a_pause_of_the_read_out_in_the_middle_of_the_picture_is_found(pause):
         assert wrong < 0.01 or result.error_rate > 0.05
     assert payloads_of(results) == {b"a pause"}
     assert sum(result.flags == 0 for result in results) >= 4
+
+
+@pytest.mark.parametrize(("pause", "kind"), [(15, "rows"), (12, "curve")])
+def test_a_pause_of_the_read_out_beside_another_misfit_is_never_silent(pause, kind):
+    """The row time is 1.5 % longer than stated, or a tone curve is not: chips after the pause were of other numbers."""
+    light = Light(b"a pause", seed=30, noise=0.01, rows=1080 + pause)
+    camera = dataclasses.replace(light.camera, row_time=ROW_TIME * (0.985 if kind == "rows" else 1))
+    receiver = Receiver(camera, chip_rate=CHIP_RATE)
+    sent, lost = np.asarray(ocisac.transmit(b"a pause").chips), np.arange(540, 540 + pause)
+    for index in range(16):
+        frame = np.delete(light.frame(index), lost)
+        result = receiver.push(frame if kind == "rows" else 255 * (frame.clip(0, 255) / 255) ** 1.5)
+        bits = bits_of(result)
+        began = (light.start + index * FRAME_TIME + result.phase * ROW_TIME - light.camera.exposure / 2) * CHIP_RATE
+        index_of_chips = np.round(began) + np.arange(bits.size) + np.array([[-1], [0], [1]])
+        wrong = (bits != sent[index_of_chips.astype(int) % sent.size]).mean(axis=1).min()
+        assert wrong < 0.05 or result.error_rate > 0.01
 
 
 def edges_moved(chips, late, fine=20):
