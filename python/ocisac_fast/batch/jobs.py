@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from ocisac_fast.batch.measuring import Measurement, Start, build, start_of
-from ocisac_fast.batch.recordings import Entry, local_entry
+from ocisac_fast.batch.recordings import Entry, is_changed
 from ocisac_fast.batch.results import Results, ResultsError, rows_name
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.errors import INPUT_ERRORS, error_text
@@ -159,7 +159,7 @@ class Work:
 
 
 def _require_unchanged(entry: Entry) -> None:
-    if not is_remote(entry.path) and local_entry(entry.path).state != entry.state:
+    if is_changed(entry):
         raise FileError("changed while it was measured")
 
 
