@@ -18,7 +18,7 @@ from lamp_recordings import ROW_TIME, SHORT, lamp
 from ocisac_fast.batch import Task, measure_recordings, read_failures, read_results, summarize
 from ocisac_fast.batch.recordings import find_recordings
 from ocisac_fast.files import FileError, open_recording, read_frames
-from ocisac_fast.files.remote import modified
+from ocisac_fast.files.remote import state_of
 
 GAIN = Task("gain", {"frequency": "500Hz", "row_time": ROW_TIME})
 WORDS = ("gain", "--frequency", "500Hz", "--row-time", "22.2us")
@@ -195,8 +195,9 @@ def test_an_archive_that_changes_while_it_is_read_is_refused(kind, tmp_path):
 @pytest.mark.parametrize("name", ["Last-Modified", "modificationTime", "LastModified", "ETag", "etag", "content_md5"])
 def test_a_mark_of_change_has_a_name_of_its_file_system(name):
     """Of HTTP, WebHDFS, buckets; never the number of changes of what is said about a file."""
-    assert modified({"size": 3, "metageneration": 1, name: "now", "created": "then"}) == "now"
-    assert modified({"size": 3, "metageneration": 1, name: None}) is None
+    entry = {"size": 3, "metageneration": 1, name: "now", "created": "then"}
+    assert state_of(entry) != state_of({**entry, name: "later"})
+    assert state_of({"size": 3, "metageneration": 1, name: None}) is None
 
 
 class Server(http.server.BaseHTTPRequestHandler):

@@ -75,7 +75,7 @@ Interval bounds_of(const ExposureDomain& domain, Tones tones) {
 // rounding is included.
 Interval multiples_of(double step, const Interval& bounds) {
   require(bounds.high / step <= kMostMultiple, "step", step,
-          "0 (any exposure), or at least the longest exposure over 2^53: multiples differ from each other");
+          "at least the longest exposure over 2^53: multiples differ from each other");
   const Interval found{std::max(std::ceil(bounds.low / step * (1 - kShrink)), 1.0),
                        std::floor(bounds.high / step * (1 + kShrink))};
   if (!(found.low <= found.high))

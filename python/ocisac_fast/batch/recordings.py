@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ocisac_fast.files.remote import RemotePath, archive_state, file_system, is_remote, modified, state_of
+from ocisac_fast.files.remote import RemotePath, archive_state, file_system, is_remote, state_of
 
 
 class Entry(NamedTuple):
@@ -87,7 +87,7 @@ def _below(folder: str) -> Iterator[str]:
 
 def _like(pattern: str) -> Iterator[str]:
     """Files like a pattern, and folders in which there may be some, but that cannot be read."""
-    root = next(folder for folder in Path(pattern).parents if os.path.isdir(folder))  # False where it may not be entered
+    root = next(folder for folder in Path(pattern).parents if os.path.isdir(folder))  # unlike is_dir(): no error
     parts = Path(pattern).relative_to(root).parts
     parts = (*parts, "*") if parts[-1] == "**" else parts
     folders = {root, *(each for k in range(1, len(parts)) for each in root.glob("/".join((*parts[:k], ""))))}
@@ -106,13 +106,16 @@ def _can_be_listed(folder: Path) -> bool:
 def _remote(path: str) -> Iterator[Entry]:
     system, inner = file_system(path)
     entries: dict[str, Any] = {inner: {"size": None}}
+    archive: str | None = None
     with contextlib.suppress(Exception):  # whatever a server answers: measuring the path names the failure
-        entries = _listed(system, inner)
-    archive = archive_state(path)
+        archive, entries = archive_state(path), _listed(system, inner)
     # Listed names lack the host and the user of the path on some file systems, and the archive that they are in.
     place = next((each for each in (path.partition("::")[0], path) if each.endswith(inner)), None)
     for name, entry in entries.items():
         if entry.get("type") != "directory":
+            if "name" in entry and state_of(entry) is None:  # of a listing of http
+                with contextlib.suppress(Exception):
+                    entry.update(system.info(name))
             whole = place and place.removesuffix(inner) + name + path[len(place) :]
             yield _entry(whole or str(system.unstrip_protocol(name)), entry, archive)
 
@@ -126,18 +129,10 @@ def _listed(system: Any, path: str) -> dict[str, Any]:
     if entry and entry["type"] != "directory" and not path.endswith("/"):  # each page of http is a file
         return {path: entry}
     found = system.find(path, detail=True) if entry else system.glob(path, detail=True)
-    return {name: _stated(system, name, each) for name, each in found.items() if "/?" not in name}  # links that sort
+    return {name: each for name, each in found.items() if "/?" not in name}  # links that sort
 
 
-def _stated(system: Any, name: str, entry: dict[str, Any]) -> dict[str, Any]:
-    """An entry with the mark of change that some listings lack, as those of http."""
-    if modified(entry) is None and entry.get("type") != "directory":
-        with contextlib.suppress(Exception):  # measuring it names the failure
-            return {**entry, **system.info(name)}
-    return entry
-
-
-def _entry(path: str, status: dict[str, Any], archive: str = "") -> Entry:
+def _entry(path: str, status: dict[str, Any], archive: str | None = "") -> Entry:
     return Entry(path, status.get("size"), digest(state_of(status, archive) or os.urandom(8).hex()))
 
 

@@ -105,7 +105,7 @@ def clean(
 def _at_most(most: float, frames: Iterable[Frame]) -> Iterator[Frame]:
     for count, frame in enumerate(frames):
         if count == most:  # before the others are cleaned
-            raise click.UsageError("--marks: got a picture that holds one frame, allowed: .tif, .mkv or .npy for several")
+            raise click.UsageError("--marks: got a picture of one frame, allowed: .tif, .mkv or .npy for several")
         yield frame
 
 

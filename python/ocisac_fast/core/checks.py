@@ -57,8 +57,7 @@ def broadcast(names: str, *arrays: npt.ArrayLike) -> tuple[npt.NDArray[np.float6
     try:
         return tuple(np.broadcast_arrays(*every))
     except ValueError:
-        shapes = " and ".join(str(array.shape) for array in every)
-        raise ValueError(f"{names}: got shapes {shapes}, allowed: shapes that broadcast") from None
+        raise ValueError(f"{names}: got {[each.shape for each in every]}, allowed: shapes that broadcast") from None
 
 
 @dataclass(frozen=True)

@@ -176,8 +176,7 @@ def named(name: str) -> Iterator[None]:
 def _state(path: str | os.PathLike[str], length: int | None = None) -> Any:
     """Number, length and time of change of a file, and samples of its first ``length`` bytes; None of all else.
 
-    Samples leave out the beginning, where films have lengths that are written as they end. Of a remote file or one in
-    an archive, its state.
+    Samples leave out the beginning, where films have lengths that are written as they end; a remote file has its state.
     """
     with contextlib.suppress(OSError, ValueError):
         if is_remote(os.fspath(path)):

@@ -90,29 +90,21 @@ def _one_line_errors(url: str) -> Iterator[None]:
         raise OSError(errno.EIO, f"{type(error).__name__}: {error}", url) from error
 
 
-_MARKS = """etag lastmodified mtime modified modify modificationtime modifiedtime modifiedat servermodified updated
-    crc sha blobid md5 md5hash contentmd5 checksum digest created""".split()
+_MARKS = "etag lastmodified mtime modified modify modificationtime modifiedat updated crc sha blobid contentmd5 created"
 
 
-def modified(entry: dict[str, Any]) -> Any:
-    """The mark or time of the last change in an entry of a file system's listing; None if it has none."""
-    stated = {re.sub("[^a-z0-9]", "", name.lower()): value for name, value in entry.items() if value is not None}
-    return next((stated[name] for name in _MARKS if name in stated), None)
+def state_of(entry: dict[str, Any], archive: str | None = "") -> str | None:
+    """Text that changes with a file of a listing, or with the archive that it is in; None where no mark is stated."""
+    marks = {re.sub("[^a-z0-9]", "", name.lower()): value for name, value in entry.items() if value is not None}
+    mark = next((marks[name] for name in _MARKS.split() if name in marks), None)
+    return None if mark is None or archive is None else f"{entry.get('size')} {mark} {archive}"
 
 
-def state_of(entry: dict[str, Any], archive: str = "") -> str | None:
-    """Text that changes with a file, or with the archive that it is in; None where nothing states a change."""
-    changed = modified(entry)
-    return None if changed is None else f"{entry.get('size')} {changed}{archive}"
-
-
-def archive_state(path: str) -> str:
+def archive_state(path: str) -> str | None:
     """State of the file that a path is in, an archive whose listing may have no times; empty where it is in none."""
-    archive = path.partition("::")[2]
-    with contextlib.suppress(Exception):
-        system, inner = file_system(archive)
-        if archive and (entry := system.info(inner))["type"] != "directory":
-            return f" in {entry['size']} {modified(entry)}{archive_state(archive)}"
+    with contextlib.suppress(IsADirectoryError):
+        archive = path.partition("::")[2]
+        return RemotePath(archive).state if archive else ""
     return ""
 
 

@@ -287,11 +287,7 @@ def write_frames(
 
 
 def most_frames(path: str | os.PathLike[str]) -> float:
-    """Number of frames that a kind of file holds.
-
-    Raises:
-        FileError: no such kind.
-    """
+    """Number of frames that a kind of file holds; FileError: no such kind."""
     suffix, allowed = Path(path).suffix.lower(), (*_PICTURES, *CODECS, ".npy")
     if suffix not in allowed:
         raise FileError(f"{os.fspath(path)}: suffix: got {shown(suffix)}, allowed: {', '.join(allowed)}")

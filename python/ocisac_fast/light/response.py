@@ -25,4 +25,5 @@ def exposure_response(frequency: npt.ArrayLike, exposure: npt.ArrayLike) -> npt.
     Raises:
         ValueError: a value that is not finite, or a negative exposure.
     """
-    return np.asarray(_core.exposure_response(*broadcast("frequency, exposure", frequency, exposure)), dtype=np.complex128)
+    both = broadcast("frequency, exposure", frequency, exposure)
+    return np.asarray(_core.exposure_response(*both), dtype=np.complex128)
