@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ocisac_fast.files.remote import RemotePath, archive_state, file_system, is_remote, state_of
+from ocisac_fast.files.remote import archive_state, file_system, is_remote, state_of
 
 
 class Entry(NamedTuple):
@@ -134,11 +134,3 @@ def _listed(system: Any, path: str) -> dict[str, Any]:
 
 def _entry(path: str, status: dict[str, Any], archive: str | None = "") -> Entry:
     return Entry(path, status.get("size"), digest(state_of(status, archive) or os.urandom(8).hex()))
-
-
-def is_changed(entry: Entry) -> bool:
-    """Return True if a recording is not as it was listed; False too where nothing states a change."""
-    if not is_remote(entry.path):
-        return local_entry(entry.path).state != entry.state
-    state = RemotePath(entry.path).state
-    return state is not None and digest(state) != entry.state
