@@ -168,12 +168,16 @@ def run(directory: str | os.PathLike[str], *, force: bool = False) -> Demonstrat
 @contextlib.contextmanager
 def _placed(target: Path, force: bool) -> Iterator[Path]:
     """A path for a picture or video that becomes ``target``, unless that shows the same."""
+    is_there = not force and target.exists()
+    foreign = FileError(f"{target}: not of the demo, allowed: another --directory, or --force to replace it")
+    if is_there and not target.is_file():
+        raise foreign
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / target.name
         yield made
-        if not force and target.is_file():
+        if is_there:
             if not _show_the_same(made, target):
-                raise FileError(f"{target}: not of the demo, allowed: another --directory, or --force to replace it")
+                raise foreign
             return
         with fixed_outputs((target,), replace=force), atomic_path(target) as temporary:
             temporary.write_bytes(made.read_bytes())

@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import functools
 import http.server
 import json
 import os
@@ -10,13 +11,14 @@ import socket
 import sys
 import threading
 
-import fsspec
 import numpy as np
 import pytest
 from lamp_recordings import ROW_TIME, SHORT, lamp
 
 from ocisac_fast.batch import Task, measure_recordings, read_failures, read_results, summarize
 from ocisac_fast.batch.recordings import find_recordings
+from ocisac_fast.files import FileError, open_recording, read_frames
+from ocisac_fast.files.remote import state_of
 
 GAIN = Task("gain", {"frequency": "500Hz", "row_time": ROW_TIME})
 WORDS = ("gain", "--frequency", "500Hz", "--row-time", "22.2us")
@@ -75,6 +77,22 @@ def test_a_folder_that_cannot_be_read_is_a_failure(tmp_path, monkeypatch, patter
     done = measure_recordings(tmp_path / "r" / pattern, GAIN)
     assert set(done.table["path"].to_pylist()) == {str(wanted)}
     assert done.failures.to_pylist() == [{"path": str(closed), "message": "Permission denied"}]
+
+
+@pytest.mark.parametrize("pattern", ["x/*.npy", "**/*.npy", "*/*.npy", "x/d/*/*.npy"])
+def test_a_folder_that_may_be_listed_but_not_entered_ends_no_pattern(tmp_path, monkeypatch, pattern):
+    save(tmp_path / "x" / "a.npy")
+    save(tmp_path / "x" / "d" / "e" / "b.npy")
+    stat = os.stat
+
+    def refused(path, *rest, **options):
+        if not isinstance(path, int) and os.fspath(path).startswith(str(tmp_path / "x" / "")):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), path)
+        return stat(path, *rest, **options)
+
+    monkeypatch.setattr(os, "stat", refused)
+    with contextlib.suppress(ValueError):  # none there, which is said
+        assert {one.path for one in find_recordings(tmp_path / pattern)} >= {str(tmp_path / "x" / "a.npy")}
 
 
 def test_a_recording_may_have_the_name_of_a_command(tmp_path, monkeypatch, run, batch):
@@ -157,10 +175,29 @@ def test_recordings_in_archives(kind, tmp_path, monkeypatch):
     for seed in (1, 1):  # another array of the same size, then another archive of it
         os.utime(save(tmp_path / "in" / "a.npy", seed), (1e9, 1e9))
         shutil.make_archive(str(tmp_path / "all"), kind, tmp_path, "in")
-        fsspec.get_filesystem_class(kind).clear_instance_cache()
         (after,) = find_recordings(f"{kind}://in/a.npy::{archive}")
         assert (after.path, after.size, after.state == before.state) == (*before[:2], False)
+        assert np.array_equal(read_frames(after.path).frames, np.load(tmp_path / "in" / "a.npy"))
         before = after
+
+
+@pytest.mark.parametrize("kind", ["zip", "tar"])
+def test_an_archive_that_changes_while_it_is_read_is_refused(kind, tmp_path):
+    save(tmp_path / "in" / "a.npy")
+    archive = shutil.make_archive(str(tmp_path / "all"), kind, tmp_path, "in")
+    with open_recording(f"{kind}://in/a.npy::{archive}") as stream:
+        next(iter(stream))
+        os.utime(archive, (1e9, 1e9))
+        with pytest.raises(FileError, match="changed while it was read"):
+            list(stream)
+
+
+@pytest.mark.parametrize("name", ["Last-Modified", "modificationTime", "LastModified", "ETag", "etag", "content_md5"])
+def test_a_mark_of_change_has_a_name_of_its_file_system(name):
+    """Of HTTP, WebHDFS, buckets; never the number of changes of what is said about a file."""
+    entry = {"size": 3, "metageneration": 1, name: "now", "created": "then"}
+    assert state_of(entry) != state_of({**entry, name: "later"})
+    assert state_of({"size": 3, "metageneration": 1, name: None}) is None
 
 
 class Server(http.server.BaseHTTPRequestHandler):
@@ -237,6 +274,71 @@ def test_an_answer_without_an_end_is_a_failure(server, name, run):
     assert code == 2
     assert "an answer of more than 64 MiB" in err[-1]
     assert 64 <= Server.sent < 256
+
+
+class Folder(http.server.SimpleHTTPRequestHandler):
+    """The files of a folder, with their times unless they are hidden; ``asked`` is called before a file is sent."""
+
+    is_timed = True
+    asked = staticmethod(lambda: None)
+
+    def log_message(self, *_):
+        pass
+
+    def send_header(self, keyword, value):
+        if self.is_timed or keyword != "Last-Modified":
+            super().send_header(keyword, value)
+
+    def do_GET(self):
+        self.asked()
+        super().do_GET()
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder and its address on a server."""
+    pytest.importorskip("aiohttp")
+    place = tmp_path / "served"
+    os.utime(save(place / "d" / "a.npy"), (1e9, 1e9))
+    save(place / "d" / "below" / "b.npy")
+    monkeypatch.setattr(Folder, "is_timed", True)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Folder, directory=place)) as started:
+        threading.Thread(target=started.serve_forever, daemon=True).start()
+        yield place, f"http://127.0.0.1:{started.server_port}"
+        started.shutdown()
+
+
+@pytest.mark.parametrize("name", ["d/a.npy", "d/*.npy", "d/"])
+def test_a_recording_on_a_server_that_changed_is_measured_again(folder, tmp_path, monkeypatch, name):
+    """Raw frames and arrays of a camera have one size; where no time is stated, each is measured in each run."""
+    place, url = folder
+    count = 2 if name == "d/" else 1
+
+    def skipped():
+        done = measure_recordings(f"{url}/{name}", GAIN, output=tmp_path / "o").progress
+        assert (done.recordings, done.finished) == (count, count)
+        return done.skipped
+
+    assert (skipped(), skipped()) == (0, count)
+    before = read_results(tmp_path / "o")
+    save(place / "d" / "a.npy", 1)
+    assert skipped() == count - 1
+    after = read_results(tmp_path / "o")
+    assert after["path"][0].as_py() == f"{url}/d/a.npy"
+    assert after["gain"][0] != before["gain"][0]
+    monkeypatch.setattr(Folder, "is_timed", False)
+    assert (skipped(), skipped()) == (0, 0)
+
+
+def test_a_recording_on_a_server_that_changes_while_it_is_read_is_refused(folder, run, tmp_path, monkeypatch):
+    place, url = folder
+    monkeypatch.setattr(Folder, "asked", staticmethod(lambda: save(place / "d" / "a.npy", 1)))
+    code, _, err = run("gain", f"{url}/d/a.npy", *WORDS[1:])
+    assert (code, len(err)) == (2, 1)
+    assert "changed while it was read" in err[0]
+    os.utime(place / "d" / "a.npy", (1.1e9, 1.1e9))
+    done = measure_recordings(f"{url}/d/a.npy", GAIN, output=tmp_path / "o")
+    assert "changed while it was" in done.failures.to_pylist()[0]["message"]
 
 
 def test_a_broken_configuration_of_file_systems_is_named(tmp_path, program):

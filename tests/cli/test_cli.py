@@ -21,7 +21,7 @@ from hypothesis import given, strategies as st
 from ocisac_fast.chips import DETECTORS
 from ocisac_fast.cli.application import ocisac
 from ocisac_fast.cli.output import emit_table, plain, quantity, with_spread
-from ocisac_fast.cli.outputs import InputFile, OutputFile
+from ocisac_fast.cli.outputs import InputFile, OutputFile, OutputFolder
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures, select
 from ocisac_fast.cli.units import Quantity
 from ocisac_fast.core import Region
@@ -452,6 +452,9 @@ def test_the_demo_keeps_what_is_not_its_own(run, tmp_path, monkeypatch):
         2, [], ["ocisac: demo/video.mkv: not of the demo, allowed: another --directory, or --force to replace it"]
     )  # fmt: skip
     assert mine.read_text() == "mine"
+    os.mkdir("waiting")
+    os.mkfifo("waiting/testbed.mkv")  # whose reader would be waited for
+    assert run("demo", "--directory", "waiting")[0] == 2
     assert run("demo", "--force")[0] == 0
     before = {name: os.stat(f"demo/{name}").st_ino for name in os.listdir("demo")}
     assert (len(before), run("demo")[0]) == (6, 0)  # twice in a row
@@ -527,6 +530,8 @@ def test_what_is_read_is_never_written(run, square, tmp_path, monkeypatch, words
 TWO_OUTPUTS = {
     "marks": ("clean", "s.png", "m.png", "--marks", "m.png", *TESTBED),
     "a table": ("transmit", "--text", "hello", "-o", "t.csv", "--table", "t.csv"),
+    "a folder": ("batch", "s.png", "-o", "t.csv", "--table", "t.csv", "gain", "--frequency", "500", *TESTBED),
+    "the folder of the demo": ("demo", "--directory", "t.csv", "--table", "t.csv"),
     "another spelling": ("transmit", "--text", "hello", "-o", "t.csv", "--table", "./t.csv"),
     "a link": ("gain", "s.png", *TESTBED, "--frequency", "500", "--plot", "link.svg", "--table", "t.csv", "--force"),
 }
@@ -541,6 +546,37 @@ def test_two_outputs_are_two_files(run, square, tmp_path, monkeypatch, words):
     assert (code, out) == (2, [])
     assert re.fullmatch(r"ocisac: --\w+: got \S+, which \S+ writes too, allowed: another file", err[-1])
     assert sorted(os.listdir()) == ["link.svg", "s.png"]
+
+
+@pytest.mark.parametrize("still", [(), ("--still",)])
+@pytest.mark.parametrize("marks", ["m.png", "m.xyz"])
+def test_marks_that_no_file_holds_are_refused_before_the_work(run, tmp_path, monkeypatch, marks, still):
+    monkeypatch.chdir(tmp_path)
+    write_frames("a.mkv", np.full((3, 48, 8), 90, np.uint8))
+    code, out, (line,) = run("clean", "a.mkv", "o.mkv", "--row-time", "20us", "--marks", marks, *still)
+    assert (code, out, os.listdir()) == (2, [], ["a.mkv"])
+    assert "--marks: got" in line or "m.xyz: suffix: got" in line
+
+
+@pytest.mark.parametrize("line", [b"x\xff", b'{"light":1,"x":%s,"y":2}' % (b"9" * 400)])
+def test_a_line_of_lights_that_cannot_be_read_is_named(run, tmp_path, line):
+    (tmp_path / "lights").write_text('{"light":1,"x_m":1,"y_m":2,"z_m":3}\n')
+    (tmp_path / "seen").write_bytes(line)
+    code, _, err = run("locate", tmp_path / "lights", tmp_path / "seen", "--focal", "100", "--centre", "1,1")
+    assert (code, len(err)) == (2, 1)
+    assert err[0].startswith(f"ocisac: {tmp_path / 'seen'}: line 1: ")
+
+
+def test_a_text_of_any_bytes_is_sent(run, tmp_path):
+    (tmp_path / "text").write_bytes(b"\xff")
+    assert run("transmit", "--text", os.fsdecode(b"\xff")) == run("transmit", tmp_path / "text")
+
+
+def test_a_warning_that_is_an_error_is_one_line(program, square, tmp_path):
+    square("s.png")
+    words = ("gain", "s.png", *TESTBED, "--frequency", "500")
+    done = program(*words, cwd=tmp_path, env={**os.environ, "PYTHONWARNINGS": "error"})
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
 
 
 @pytest.mark.parametrize("has_links", [True, False])
@@ -752,7 +788,7 @@ def test_every_path_of_a_command_is_declared():
     for name in ocisac.list_commands(context):
         for param in ocisac.get_command(context, name).params:
             if isinstance(param.type, click.Path):
-                assert isinstance(param.type, (InputFile, OutputFile)) or (name, param.name) == ("demo", "directory")
+                assert isinstance(param.type, (InputFile, OutputFile, OutputFolder))
             else:
                 assert not {"file", "files", "source", "target", "recordings"} & {param.name}
 

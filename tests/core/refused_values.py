@@ -61,7 +61,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
     "camera.Camera": {
         "row_time": [0.0, NAN, "22us", 20.0, 1e-320], "exposure": [-1e-6, INF], "frame_time": [0.0, 1e300],
         "tone_curve": ["log"],
-        "gamma": [0.0], "dark_level": [NAN], "white_level": [of(dark_level=16.0, white_level=16.0)],
+        "gamma": [0.0], "dark_level": [NAN, -1e308], "white_level": [of(dark_level=16.0, white_level=16.0)],
     },
     "light.Constant": {"level": [NAN, call(lambda: TONE * INF)]},
     "light.Tone": {
@@ -92,7 +92,10 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "out": [np.zeros(4), np.zeros(9, np.float32), np.zeros(9, ">f8"), [0.0] * 9, READ_ONLY, UNALIGNED],
         "frames": [0, of(rows=1000, frames=10**6)],
     },
-    "light.exposure_response": {"frequency": [NAN, INF], "exposure": [-1.0, NAN]},
+    "light.exposure_response": {
+        "frequency": [NAN, INF], "exposure": [-1.0, NAN],
+        "frequency, exposure": [of(frequency=[[1.0, 2.0]], exposure=[])],
+    },
     "light.sample_waveform": {"times": [[0.0, NAN], ["a"]]},
     "tones.tone_gain": {
         "columns": [*NO_COLUMNS, of(columns=np.full((64, 8), 1e308), pooled=True), np.full((64, 8), 1e150),
@@ -132,7 +135,8 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         "weights": [(1, 1, 1), of(weights=(1, 1), more=[50.0]), (0, 0), (1, -1), (1, NAN), 1.0],
         "bounds": [(2e-9, 1e-9), (-0.1, 0.01), (0.0, 0.0), (0.0, INF), (0.0, 1e6), (1, 2, 3)],
         "step|bounds": [of(bounds=(1e20, 1.0000000001e20), step=1e15)],
-        "step": [0.0, -1.0, NAN, 0.02, of(bounds=(0.0101, 0.0109), step=0.001), of(method="search", step=1e-12)],
+        "step": [0.0, -1.0, NAN, 0.02, of(bounds=(0.0101, 0.0109), step=0.001), of(method="search", step=1e-12),
+                 of(method="search", step=5e-324)],
         "points": [of(method="search", points=1), of(method="search", points=-1)],
         "method": [
             "best", of(method="closed-form", bounds=(0.001, 0.01)), of(method="rounded", step=1e-5),

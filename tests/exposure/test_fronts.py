@@ -37,3 +37,8 @@ def test_ours_is_on_the_front_and_the_best_of_any_weights(noise: float) -> None:
         near = np.linspace(best.exposure * (1 - 1e-4), min(best.exposure * (1 + 1e-4), longest), 20_001)
         around = weights @ (near * np.abs(np.sinc(f[:, None] * near))) / np.sqrt(1 + near / noise)
         assert best.objective == pytest.approx(around.max(), rel=1e-9)
+
+
+def test_bounds_may_be_any_whole_numbers() -> None:
+    front, same = (exposure_front(100.0, 200.0, bounds=bounds, points=9) for bounds in ((0, 2**70), (0.0, 2.0**70)))
+    assert np.array_equal(front.exposure, same.exposure)

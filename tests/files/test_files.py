@@ -26,6 +26,7 @@ from hypothesis import given, settings, strategies as st
 
 from ocisac_fast.cli.outputs import read_input
 from ocisac_fast.files import FileError, FileWarning, atomic_path, open_recording, read_frames, write_frames, writing
+from ocisac_fast.files.parts import Ending
 from ocisac_fast.files.reading import cut_recording
 
 
@@ -922,6 +923,22 @@ def test_a_further_film_behind_an_mp4_is_named(tmp_path, suffix):
     done = subprocess.run(command, input=path.read_bytes(), capture_output=True, check=True, timeout=60)
     assert done.stdout.endswith(b"warning: standard input: a further film after the first, which is left out\n")
     assert cut_recording(path, 5) is None
+
+
+def test_many_boxes_of_an_mp4_are_read_together():
+    reads = []
+
+    class File(io.BytesIO):
+        def read(self, size=-1):
+            reads.append(size)
+            return super().read(size)
+
+    boxes, codec = 100_000, types.SimpleNamespace(codec=types.SimpleNamespace(name="h264"))
+    file = File(struct.pack(">I4s8x", 16, b"ftyp") + boxes * struct.pack(">I4s", 8, b"free"))
+    ending = Ending(None, types.SimpleNamespace(codec_context=codec), file)
+    assert not ending.has_another_film
+    assert not ending.has_another_film  # once
+    assert len(reads) < 8 * boxes / 4000
 
 
 def overwritten(path):

@@ -69,3 +69,11 @@ def test_numbers_and_texts_are_different_lights() -> None:
 def test_refuses(bad: str, message: str) -> None:
     with pytest.raises(ValueError, match=message.replace("{", "\\{")):
         merge_receptions([line(1, 0.0), bad])
+
+
+def test_payloads_of_bytes_are_merged() -> None:
+    """As of ``Payload.data``."""
+    pairs = zip("abc", (b"x", b"y", b"x"), strict=True)
+    seen = [{"light": 1, "time_s": 0.0, "receiver": name, "payload": payload} for name, payload in pairs]
+    (merged,) = merge_receptions(seen)
+    assert (merged["payload"], merged["agreement"]) == (b"x", pytest.approx(2 / 3))

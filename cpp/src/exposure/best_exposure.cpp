@@ -74,6 +74,8 @@ Interval bounds_of(const ExposureDomain& domain, Tones tones) {
 // The first and the last multiple of the step within the bounds, as whole numbers. A bound equal to a multiple up to
 // rounding is included.
 Interval multiples_of(double step, const Interval& bounds) {
+  require(bounds.high / step <= kMostMultiple, "step", step,
+          "at least the longest exposure over 2^53: multiples differ from each other");
   const Interval found{std::max(std::ceil(bounds.low / step * (1 - kShrink)), 1.0),
                        std::floor(bounds.high / step * (1 + kShrink))};
   if (!(found.low <= found.high))
@@ -177,8 +179,6 @@ class Branching {
   Branching(Tones tones, double noise_exposure, const ExposureWindow& window, std::span<double> zeros)
       : tones_(tones), noise_exposure_(noise_exposure), window_(window), zeros_(zeros) {
     if (window.step > 0) {
-      require(window.high / window.step <= kMostMultiple, "step", window.step,
-              "0 (any exposure), or at least the longest exposure over 2^53: multiples differ from each other");
       const Interval found = multiples_of(window.step, {window.low, window.high});
       first_ = found.low;
       last_ = found.high;

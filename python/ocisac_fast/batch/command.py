@@ -24,7 +24,7 @@ from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, facts_of, with_spread
-from ocisac_fast.cli.outputs import OUTPUT, InputFile
+from ocisac_fast.cli.outputs import OUTPUT, InputFile, OutputFolder
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import ParameterType
 
@@ -94,6 +94,7 @@ def batch(
     *,
     output: Annotated[
         str | None,
+        OutputFolder(readable=False),
         {"names": ["-o", "--output"], "metavar": "FOLDER"},
         "Results; what is finished there is skipped.",
     ] = None,

@@ -17,7 +17,7 @@ from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.errors import INPUT_ERRORS, error_text
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files import FileError, Part
-from ocisac_fast.files.remote import is_remote
+from ocisac_fast.files.remote import RemotePath, is_remote
 from ocisac_fast.files.videos import decoder_threads
 
 # Pictures are opened with standard error turned away, which is the process's: threads of a worker take turns.
@@ -38,6 +38,7 @@ class Job:
 
     Attributes:
         is_cut: False: the recording is measured as a whole, however long it is.
+        state: of the recording as its first job began, as one file is described: a listing may do so in other words.
     """
 
     entry: Entry
@@ -45,6 +46,7 @@ class Job:
     part: Part | None = None
     frame_count: int | None = None
     start: Start | None = None
+    state: str | None = None
 
     @property
     def name(self) -> str:
@@ -133,6 +135,7 @@ class Work:
             os.scandir(path).close()  # the reason why it was not searched
         if is_local and os.path.exists(path) and not os.path.isfile(path):
             raise FileError("a pipe, device or folder, allowed: a file")  # opening it could wait for ever
+        job = replace(job, state=job.state or (job.entry.state if is_local else RemotePath(path).state))
         if job.part is None and job.is_cut:
             cut = start_of(path, self.task, self.max_frames)
             if cut is not None:
@@ -149,18 +152,15 @@ class Work:
         return self._written(job, Measurement.of(path, self.task, part=job.part, start=job.start), results)
 
     def _written(self, job: Job, found: Measurement, results: Results | None) -> Report:
-        _require_unchanged(job.entry)
+        path = job.entry.path
+        if job.state != (RemotePath(path).state if is_remote(path) else local_entry(path).state):
+            raise FileError("changed while it was measured")
         frames = found.facts["frames"] or 0
         if results is None:
             return Report(job, frames=frames, table=found.table)
         facts = {**found.facts, "size": job.entry.size, "state": job.entry.state}
         written = {**facts.get("cleaned", {}), **results.write_rows(job.name, found.table, facts)}
         return Report(job, frames=frames, written=written)
-
-
-def _require_unchanged(entry: Entry) -> None:
-    if not is_remote(entry.path) and local_entry(entry.path).state != entry.state:
-        raise FileError("changed while it was measured")
 
 
 def _with_cleaned(table: Any, path: str) -> Any:

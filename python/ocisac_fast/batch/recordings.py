@@ -9,11 +9,11 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ocisac_fast.files.remote import file_system, is_remote, modified
+from ocisac_fast.files.remote import archive_state, file_system, is_remote, state_of
 
 
 class Entry(NamedTuple):
-    """A recording as a listing shows it; ``state`` changes with its size and its time of change."""
+    """A recording as a listing shows it; ``state`` changes with the recording, and is new where nothing states that."""
 
     path: str
     size: int | None
@@ -87,12 +87,12 @@ def _below(folder: str) -> Iterator[str]:
 
 def _like(pattern: str) -> Iterator[str]:
     """Files like a pattern, and folders in which there may be some, but that cannot be read."""
-    root = next(folder for folder in Path(pattern).parents if folder.is_dir())
+    root = next(folder for folder in Path(pattern).parents if os.path.isdir(folder))  # unlike is_dir(): no error
     parts = Path(pattern).relative_to(root).parts
     parts = (*parts, "*") if parts[-1] == "**" else parts
     folders = {root, *(each for k in range(1, len(parts)) for each in root.glob("/".join((*parts[:k], ""))))}
-    yield from (str(folder) for folder in folders if folder.is_dir() and not _can_be_listed(folder))
-    yield from (str(name) for name in root.glob("/".join(parts)) if not name.is_dir())
+    yield from (str(folder) for folder in folders if os.path.isdir(folder) and not _can_be_listed(folder))
+    yield from (str(name) for name in root.glob("/".join(parts)) if not os.path.isdir(name))
 
 
 def _can_be_listed(folder: Path) -> bool:
@@ -106,37 +106,31 @@ def _can_be_listed(folder: Path) -> bool:
 def _remote(path: str) -> Iterator[Entry]:
     system, inner = file_system(path)
     entries: dict[str, Any] = {inner: {"size": None}}
+    archive: str | None = None
     with contextlib.suppress(Exception):  # whatever a server answers: measuring the path names the failure
-        entries = _listed(system, inner)
-    archive = _archive(path)
+        archive, entries = archive_state(path), _listed(system, inner)
     # Listed names lack the host and the user of the path on some file systems, and the archive that they are in.
     place = next((each for each in (path.partition("::")[0], path) if each.endswith(inner)), None)
     for name, entry in entries.items():
         if entry.get("type") != "directory":
+            if "name" in entry and state_of(entry) is None:  # of a listing of http
+                with contextlib.suppress(Exception):
+                    entry.update(system.info(name))
             whole = place and place.removesuffix(inner) + name + path[len(place) :]
-            yield _entry(whole or str(system.unstrip_protocol(name)), {**entry, "archive": archive})
-
-
-def _archive(path: str) -> str:
-    """State of the file that a path is in, an archive whose listing may have no times; empty where it is in none."""
-    archive = path.partition("::")[2]
-    with contextlib.suppress(Exception):
-        system, inner = file_system(archive)
-        if archive and (entry := system.info(inner))["type"] != "directory":
-            return f" in {entry['size']} {modified(entry)}{_archive(archive)}"
-    return ""
+            yield _entry(whole or str(system.unstrip_protocol(name)), entry, archive)
 
 
 def _listed(system: Any, path: str) -> dict[str, Any]:
     entry = None
     with contextlib.suppress(FileNotFoundError):
         entry = system.info(path)
-    if entry is None:
-        return dict(system.glob(path, detail=True)) if _is_pattern(path) else {path: {"size": None}}
-    is_file = entry["type"] != "directory" and not path.endswith("/")  # each page of http is a file
-    return {path: entry} if is_file else dict(system.find(path, detail=True))
+    if entry is None and not _is_pattern(path):
+        return {path: {"size": None}}
+    if entry and entry["type"] != "directory" and not path.endswith("/"):  # each page of http is a file
+        return {path: entry}
+    found = system.find(path, detail=True) if entry else system.glob(path, detail=True)
+    return {name: each for name, each in found.items() if "/?" not in name}  # links that sort
 
 
-def _entry(path: str, status: dict[str, Any]) -> Entry:
-    size = status.get("size")
-    return Entry(path, size, digest(f"{size} {modified(status)}{status.get('archive', '')}"))
+def _entry(path: str, status: dict[str, Any], archive: str | None = "") -> Entry:
+    return Entry(path, status.get("size"), digest(state_of(status, archive) or os.urandom(8).hex()))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 from ocisac_fast import _core
-from ocisac_fast.core.checks import checked_class
+from ocisac_fast.core.checks import Within, checked_class
 
 
 @checked_class
@@ -26,7 +26,7 @@ class Camera:
         tone_curve: relation of stored values to light: ``"linear"``, ``"gamma"`` (power ``gamma``), ``"srgb"``
             (IEC 61966-2-1), ``"hlg"`` (ARIB STD-B67) or ``"pq"`` (SMPTE ST 2084).
         gamma: exponent from stored value to light for ``tone_curve="gamma"``; above 0.
-        dark_level: stored value (DN) of no light; 16 for limited-range luma of 8 bits.
+        dark_level: stored value (DN) of no light, -1e60 to 1e60; 16 for limited-range luma of 8 bits.
         white_level: stored value (DN) of full light; above ``dark_level``. None: the largest value of the array's
             type (255, 65535, 1.0 for floats); 235 for limited-range luma. Values from 98 % of it above dark on are
             saturated; floats are if it is given.
@@ -41,7 +41,7 @@ class Camera:
     _: KW_ONLY
     tone_curve: str = "linear"
     gamma: float = 2.2
-    dark_level: float = 0.0
+    dark_level: Annotated[float, Within(-1e60, 1e60)] = 0.0
     white_level: float | None = None
     scan_axis: Literal["y", "-y", "x", "-x"] = "y"
     _handle: _core.Camera = field(init=False, repr=False, compare=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import signal
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -21,6 +22,7 @@ from ocisac_fast.cli.pictures import PictureOptions, cropped, select, stack
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import KEPT_FRAMES, FileError, Frame, RecordingStream
 from ocisac_fast.files.video_writing import USUAL_CRF
+from ocisac_fast.files.writing import most_frames
 
 if TYPE_CHECKING:
     from ocisac_fast.cleaning import CleanedFrames, VideoCleaner
@@ -77,7 +79,8 @@ def clean(
             stream.frame_rate = float(picture.frame_rate)
             picture = dataclasses.replace(picture, frame_rate=None)  # the stream's camera has it
         cleaner = _Cleaner(picture, stream, each, marks is not None, options, stop, as_json)
-        frames = cleaner.frames(progress(stream, "cleaning", stream.frame_count))
+        most = math.inf if marks is None else most_frames(marks)
+        frames = cleaner.frames(_at_most(most, progress(stream, "cleaning", stream.frame_count)))
         if crf is None and picture.channel == "auto" and stream.video is not None and stream.video.codec in _LOSSY:
             crf = USUAL_CRF
         with contextlib.suppress(_Unchanged), _naming(source):
@@ -97,6 +100,13 @@ def clean(
         emit_summary(cleaner.summary(target), as_json)
     if stop:
         signal.raise_signal(stop[0])  # whose handler is the usual one again
+
+
+def _at_most(most: float, frames: Iterable[Frame]) -> Iterator[Frame]:
+    for count, frame in enumerate(frames):
+        if count == most:  # before the others are cleaned
+            raise click.UsageError("--marks: got a picture of one frame, allowed: .tif, .mkv or .npy for several")
+        yield frame
 
 
 class _Unchanged(Exception):

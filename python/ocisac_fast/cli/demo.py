@@ -12,13 +12,14 @@ import click
 
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_json, emit_table, facts_of, quantity
+from ocisac_fast.cli.outputs import OutputFolder
 
 
 @command
 def demo(
     *,
     directory: Annotated[
-        Path, click.Path(file_okay=False, path_type=Path), "Folder of the recordings and the picture."
+        Path, OutputFolder(file_okay=False, path_type=Path), "Folder of the recordings and the picture."
     ] = Path("demo"),
     as_json: bool,
 ) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 SOME_FAILED = 3
-INPUT_ERRORS = (click.ClickException, OSError, ValueError, ArithmeticError)
+INPUT_ERRORS = (click.ClickException, OSError, ValueError, ArithmeticError, Warning)  # the last: under `-W error`
 
 
 def error_text(error: Exception) -> str:

@@ -83,18 +83,18 @@ def locate(
 def _read(path: Path, names: tuple[str, ...]) -> dict[Any, tuple[float, ...]]:
     """Coordinates by light; the middle of a box if width and height are given."""
     result: dict[Any, tuple[float, ...]] = {}
-    for number, line in enumerate(read_input(path).decode().splitlines(), 1):
+    for number, line in enumerate(read_input(path).splitlines(), 1):
         if not line.strip():
             continue
         try:
-            record = parsed_json(line)
+            record = parsed_json(line.decode())
             light = record["light"]
             values = [float(record[name]) for name in names]
             if "width" in record and "height" in record and len(names) == 2:
                 values = [values[0] + (float(record["width"]) - 1) / 2, values[1] + (float(record["height"]) - 1) / 2]
             if light in result:
                 raise ValueError(f"light {light!r} twice")
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             wanted = ", ".join(("light", *names))
             raise ValueError(
                 f"{path}: line {number}: {error}, allowed: an object of its own light with {wanted}"

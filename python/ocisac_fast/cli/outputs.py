@@ -29,6 +29,10 @@ class OutputFile(click.Path):
     """A file that a command writes."""
 
 
+class OutputFolder(click.Path):
+    """A folder that a command writes into."""
+
+
 PLOTS = "PNG, PDF or SVG"
 INPUT, OUTPUT = InputFile(readable=False), OutputFile(dir_okay=False, readable=False)
 
@@ -54,8 +58,9 @@ def checked_outputs(force: bool) -> Iterator[None]:
     context = click.get_current_context()
     every = [(param, path) for param, path in _paths(context, OutputFile) if path != _STANDARD]
     outputs = [(param, path) for param, path in every if os.path.isfile(path) or not os.path.exists(path)]
+    folders = list(_paths(context, OutputFolder))
     for k, (param, path) in enumerate(outputs):
-        _check(param, path, outputs[:k], context, force)
+        _check(param, path, [*folders, *outputs[:k]], context, force)
     with fixed_outputs([path for _, path in every], replace=force):
         yield
 

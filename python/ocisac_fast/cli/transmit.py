@@ -116,5 +116,5 @@ def _payload(file: str | None, text: str | None) -> bytes:
     if (file is None) == (text is None):
         raise click.UsageError("needs FILE or --text, and not both")
     if text is not None:
-        return text.encode()
+        return text.encode(errors="surrogateescape")  # as it was given
     return read_input(str(file))

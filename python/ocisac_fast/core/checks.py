@@ -51,6 +51,15 @@ def count(name: str, value: Any, minimum: int, maximum: int = 255) -> int:
     return int(value)
 
 
+def broadcast(names: str, *arrays: npt.ArrayLike) -> tuple[npt.NDArray[np.float64], ...]:
+    """The arrays in one shape, else ValueError."""
+    every = [np.asarray(array, dtype=np.float64) for array in arrays]
+    try:
+        return tuple(np.broadcast_arrays(*every))
+    except ValueError:
+        raise ValueError(f"{names}: got {[each.shape for each in every]}, allowed: shapes that broadcast") from None
+
+
 @dataclass(frozen=True)
 class Within:
     """The range of a number, for annotations that :func:`checked` reads; an infinite end is not within it.

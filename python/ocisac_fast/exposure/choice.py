@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ocisac_fast import _core
 from ocisac_fast.core.arrays import Float64s
-from ocisac_fast.core.checks import Within, checked
+from ocisac_fast.core.checks import Within, broadcast, checked
 from ocisac_fast.core.results import Result
 
 
@@ -104,7 +104,7 @@ def exposure_objective(
 
 def _problems(*arrays: npt.ArrayLike) -> tuple[Float64s, tuple[int, ...]]:
     """Return (problems, tones) and the broadcast shape of the arrays."""
-    values = np.broadcast_arrays(*(np.asarray(array, dtype=np.float64) for array in arrays))
+    values = broadcast("frequencies", *arrays)
     return np.stack(values, axis=-1).reshape(-1, len(values)), values[0].shape
 
 

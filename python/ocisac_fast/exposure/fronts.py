@@ -50,7 +50,7 @@ def exposure_front(
         noise_exposure: T_n in s, above 0; infinite: noise does not depend on the exposure.
         points: 2 to 10 million, equally spaced.
     """
-    low, high = (0.0, 1.0 / min(f_comm, f_sense)) if bounds is None else bounds
+    low, high = (0.0, 1.0 / min(f_comm, f_sense)) if bounds is None else map(float, bounds)
     if not (0.0 <= low < high < math.inf):
         raise ValueError(f"bounds: got {low} to {high}, allowed: 0 <= shortest < longest (s)")
     if not noise_exposure > 0.0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 import os
@@ -141,19 +142,23 @@ class Ending:
 
     def is_early(self, count: int, end: Any) -> bool:
         """Return True if frames are missing after ``count`` of them, the last one at ``end``, s."""
-        if self.has_another_film() or self._cut or (self._codec in _FRAME_A_PACKET and self._frames < self._packets):
+        if self.has_another_film or self._cut or (self._codec in _FRAME_A_PACKET and self._frames < self._packets):
             return True
         if self._stream.frames:
             return bool(count < self._stream.frames)
         return self._is_file_cut() or self._is_short(end)
 
+    @functools.cached_property
     def has_another_film(self) -> bool:
-        """Return True if a further film follows that of an MP4, whose index FFmpeg does not read."""
+        """True if a further film follows that of an MP4, whose index FFmpeg does not read."""
         at, films, end = 0, 0, self._size() if self._file.seekable() and self._head()[4:8] == b"ftyp" else 0
+        piece, begin = b"", 0
         while films < 2 and at + 16 <= end:
-            head = self._at(at, os.SEEK_SET, self._file.read)
+            if at + 16 > begin + len(piece):
+                piece, begin = self._at(at, os.SEEK_SET, self._file.read), at
+            head = piece[at - begin : at - begin + 16]
             size = int.from_bytes(head[:4], "big")  # of a box: ISO 14496-12
-            size = int.from_bytes(head[8:16], "big") if size == 1 else size or end
+            size = int.from_bytes(head[8:], "big") if size == 1 else size or end
             films += head[4:8] == b"ftyp"
             at += max(size, 8)
         return films > 1

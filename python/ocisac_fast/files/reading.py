@@ -176,9 +176,11 @@ def named(name: str) -> Iterator[None]:
 def _state(path: str | os.PathLike[str], length: int | None = None) -> Any:
     """Number, length and time of change of a file, and samples of its first ``length`` bytes; None of all else.
 
-    Samples leave out the beginning, where films have lengths that are written as they end.
+    Samples leave out the beginning, where films have lengths that are written as they end; a remote file has its state.
     """
     with contextlib.suppress(OSError, ValueError):
+        if is_remote(os.fspath(path)):
+            return 0, 0, RemotePath(os.fspath(path)).state, []
         place = sys.stdin.buffer.fileno() if os.fspath(path) == STANDARD_INPUT else path
         if stat.S_ISREG(os.stat(place).st_mode):  # opening a pipe could wait
             with open(place, "rb", 0, closefd=isinstance(place, (str, os.PathLike))) as file:

@@ -49,6 +49,7 @@ def file_system(path: str) -> tuple[Any, str]:
     with _one_line_errors(path):
         options = {name: {"client_kwargs": _bounded()} for name in ("http", "https") if f"{name}://" in path}
         system, inner = fsspec().core.url_to_fs(path, **options)
+        system.invalidate_cache()  # of listings: others change what is there
         return system, inner
 
 
@@ -66,6 +67,9 @@ def _bounded() -> dict[str, Any]:
                     self.close()
                     raise OSError(errno.EFBIG, f"an answer of more than {_WHOLE >> 20} MiB", str(self.url))
             return bytes(data)
+
+        async def text(self, encoding: str | None = None, errors: str = "strict") -> str:
+            return (await self.read()).decode(encoding or self.charset or "utf-8", errors)
 
     return {"response_class": Response}
 
@@ -86,10 +90,22 @@ def _one_line_errors(url: str) -> Iterator[None]:
         raise OSError(errno.EIO, f"{type(error).__name__}: {error}", url) from error
 
 
-def modified(entry: dict[str, Any]) -> Any:
-    """The time or mark of the last change in an entry of a file system's listing; None if it has none."""
-    names = ("mtime", "LastModified", "last_modified", "modified", "modify", "ETag", "etag", "created", "CRC")
-    return next((entry[name] for name in names if entry.get(name) is not None), None)
+_MARKS = "etag lastmodified mtime modified modify modificationtime modifiedat updated crc sha blobid contentmd5 created"
+
+
+def state_of(entry: dict[str, Any], archive: str | None = "") -> str | None:
+    """Text that changes with a file of a listing, or with the archive that it is in; None where no mark is stated."""
+    marks = {re.sub("[^a-z0-9]", "", name.lower()): value for name, value in entry.items() if value is not None}
+    mark = next((marks[name] for name in _MARKS.split() if name in marks), None)
+    return None if mark is None or archive is None else f"{entry.get('size')} {mark} {archive}"
+
+
+def archive_state(path: str) -> str | None:
+    """State of the file that a path is in, an archive whose listing may have no times; empty where it is in none."""
+    with contextlib.suppress(IsADirectoryError):
+        archive = path.partition("::")[2]
+        return RemotePath(archive).state if archive else ""
+    return ""
 
 
 class RemotePath:
@@ -102,12 +118,13 @@ class RemotePath:
             self._entry = self._system.info(self._path)
         if self._entry["type"] == "directory":
             raise IsADirectoryError(21, "Is a directory", url)
+        self.state = state_of(self._entry, archive_state(url))
 
     def open(self, mode: str = "rb") -> BinaryIO:
         size = self._entry.get("size")
         with _one_line_errors(self.url):
             if size is not None and size <= _WHOLE:
-                return io.BytesIO(_fetched(self._system, self._path, size, str(modified(self._entry))))
+                return io.BytesIO(_fetched(self._system, self._path, self.state or os.urandom(8)))
             opened = self._system.open(self._path, mode, block_size=_PIECE, cache_type="readahead")
             if size is not None:
                 return io.BufferedReader(_Ranges(opened, self))
@@ -152,5 +169,5 @@ class _Ranges(io.RawIOBase):
 
 
 @functools.lru_cache(maxsize=1)  # a recording is read several times in a row: its kind, its hash, its frames
-def _fetched(system: Any, path: str, size: int, changed: str) -> bytes:
+def _fetched(system: Any, path: str, state: object) -> bytes:
     return bytes(system.cat_file(path))

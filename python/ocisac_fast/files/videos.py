@@ -304,7 +304,7 @@ def _frames(
     if damaged or ending.is_early(count, end):
         announced = f" of {stream.frames}" if stream.frames else ""
         message = f"{name}: truncated or damaged video: {count}{announced} frames are whole"
-        if ending.has_another_film():
+        if ending.has_another_film:
             message = f"{name}: a further film after the first, which is left out"
         warnings.warn(message, FileWarning, stacklevel=2)
 

@@ -7,6 +7,7 @@ import errno
 import fcntl
 import hashlib
 import itertools
+import math
 import os
 import secrets
 import shutil
@@ -270,10 +271,11 @@ def write_frames(
     if single:
         frames = [np.asarray(frames)]
     with _written(path) as temporary, _naming(path, str(temporary)):
+        most = most_frames(path)
         if suffix in CODECS:
             write_video(temporary, frames, frame_rate, like, crf)
-        elif suffix in (*_PICTURES, ".npy"):
-            every = _alike(frames, {"PNG": 1, "JPEG": 1}.get(_PICTURES.get(suffix, "")))
+        else:
+            every = _alike(frames, most)
             with _naming(path, None):
                 if suffix == ".npy":
                     with temporary.open("wb") as file:
@@ -282,9 +284,14 @@ def write_frames(
                         np.save(as_stream, every[0] if single else np.stack(every), allow_pickle=False)
                 else:
                     _write_picture(temporary, every, _PICTURES[suffix], None if like is None else like.picture)
-        else:
-            allowed = ", ".join([*_PICTURES, *CODECS, ".npy"])
-            raise FileError(f"suffix: got {shown(suffix)}, allowed: {allowed}")
+
+
+def most_frames(path: str | os.PathLike[str]) -> float:
+    """Number of frames that a kind of file holds; FileError: no such kind."""
+    suffix, allowed = Path(path).suffix.lower(), (*_PICTURES, *CODECS, ".npy")
+    if suffix not in allowed:
+        raise FileError(f"{os.fspath(path)}: suffix: got {shown(suffix)}, allowed: {', '.join(allowed)}")
+    return 1 if _PICTURES.get(suffix) in ("PNG", "JPEG") else math.inf
 
 
 @contextlib.contextmanager
@@ -301,7 +308,7 @@ def _naming(path: str | os.PathLike[str], *found: str | None) -> Iterator[None]:
         raise OSError(error.errno or errno.EIO, error.strerror or str(error), os.fspath(path)) from error
 
 
-def _alike(frames: Iterable[Frame], most: int | None) -> list[Frame]:
+def _alike(frames: Iterable[Frame], most: float) -> list[Frame]:
     every: list[Frame] = []
     for frame in frames:
         if len(every) == most:  # before the others are made

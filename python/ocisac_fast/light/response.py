@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import broadcast, checked
 
 
 @checked
@@ -25,4 +25,5 @@ def exposure_response(frequency: npt.ArrayLike, exposure: npt.ArrayLike) -> npt.
     Raises:
         ValueError: a value that is not finite, or a negative exposure.
     """
-    return np.asarray(_core.exposure_response(frequency, exposure), dtype=np.complex128)
+    both = broadcast("frequency, exposure", frequency, exposure)
+    return np.asarray(_core.exposure_response(*both), dtype=np.complex128)

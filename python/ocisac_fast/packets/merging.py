@@ -75,7 +75,7 @@ def _merged(moment: list[dict[str, Any]]) -> dict[str, Any]:
     texts: dict[str, Any] = {}
     for record, weight in zip(moment, weights, strict=True):
         if record.get("payload") is not None:
-            key = json.dumps(record["payload"], sort_keys=True)
+            key = json.dumps(record["payload"], sort_keys=True, default=repr)  # of bytes
             texts[key] = record["payload"]
             votes[key] = votes.get(key, 0.0) + weight
     best = max(votes, key=lambda key: votes[key]) if votes else None
