@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -17,13 +16,6 @@ from ocisac_fast.scene.terms import Moving
 Table = npt.NDArray[np.float32]
 
 
-class Signal(Protocol):
-    """Row integrals of a part in one frame."""
-
-    def table(self, camera: Camera, start: float, frame: int) -> Table:
-        """(height, phases) mean light over each row's exposure."""
-
-
 def _integrate(waveform: Waveform, camera: Camera, rows: npt.NDArray[np.int64], start: float, frame: int) -> Array:
     frames = [frame] if frame else None
     return np.ravel(integrate_exposure(waveform, camera, rows, start=start, frames=frames))
@@ -31,34 +23,26 @@ def _integrate(waveform: Waveform, camera: Camera, rows: npt.NDArray[np.int64], 
 
 @dataclass(frozen=True)
 class RowSignal:
-    """One row integral for all pixels of a row: a source, or light on a static surface."""
+    """One row integral for all pixels of a row: a source, or light on a static surface.
+
+    With a ``rate`` it is that of waveform * cos(2 pi rate t), or of its sine: the moving part of a cosine pattern.
+    """
 
     waveform: Waveform
     top: int
     height: int
+    rate: float = 0.0
+    sine: bool = False
 
     def table(self, camera: Camera, start: float, frame: int) -> Table:
+        """(height, 1) mean light over each row's exposure."""
         rows = np.arange(self.top, self.top + self.height)
-        return _integrate(self.waveform, camera, rows, start, frame).astype(np.float32)[:, np.newaxis]
-
-
-@dataclass(frozen=True)
-class LineSignal:
-    """Mean of waveform * cos(2 pi rate t), or of its sine: the moving part of a cosine pattern."""
-
-    waveform: Waveform
-    rate: float
-    sine: bool
-    top: int
-    height: int
-
-    def table(self, camera: Camera, start: float, frame: int) -> Table:
-        rows = np.arange(self.top, self.top + self.height)
-        tone = Tone(abs(self.rate), phase=-np.pi / 2 if self.sine else 0.0)
-        # cos = 2 * (1/2 + cos/2) - 1
-        light = 2 * _integrate(Product([self.waveform, tone]), camera, rows, start, frame)
-        light -= _integrate(self.waveform, camera, rows, start, frame)
-        return ((-light if self.sine and self.rate < 0 else light).astype(np.float32))[:, np.newaxis]
+        light = _integrate(self.waveform, camera, rows, start, frame)
+        if self.rate:
+            tone = Tone(abs(self.rate), phase=-np.pi / 2 if self.sine else 0.0)
+            # cos = 2 * (1/2 + cos/2) - 1
+            light = 2 * _integrate(Product([self.waveform, tone]), camera, rows, start, frame) - light
+        return (-light if self.sine and self.rate < 0 else light).astype(np.float32)[:, np.newaxis]
 
 
 @dataclass(frozen=True)
@@ -74,6 +58,7 @@ class ProfileTable:
     height: int
 
     def table(self, camera: Camera, start: float, frame: int) -> Table:
+        """(height, lines * phases) mean light over each row's exposure."""
         lines = len(self.profile.levels)
         phase = np.tile((np.arange(self.phases) + 0.5) / self.phases, lines)
         line = np.repeat(np.arange(lines), self.phases)

@@ -23,7 +23,7 @@ from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, Squar
 from ocisac_fast.scene.description import Ambient, Sensor
 from ocisac_fast.scene.geometry import Disc, Pinhole, Pose, Rectangle, Ring
 from ocisac_fast.scene.objects import Cosine, Grating, Mask, PathLoss, Picture, Plain, Source, Surface
-from ocisac_fast.scene.scene import Scene
+from ocisac_fast.scene.plan import Scene
 
 Kinds = Mapping[str, Callable[..., Any]]
 Keys = tuple[str | int, ...]
@@ -65,8 +65,8 @@ _KEY_TOKEN = re.compile(r"""#[^\n]*|"(?:[^"\\\n]|\\.)*"|'[^'\n]*'|[.,\[\]{}=\n]"
 _MAX_KEY_PARTS = 100
 
 
-def _check_keys(text: str) -> None:
-    """Reject dotted keys of absurd length: the parser's time grows with the square of their parts."""
+def _document(text: str) -> dict[str, Any]:
+    """Parse; dotted keys of absurd length are rejected: the parser's time grows with the square of their parts."""
     parts = 1
     for token in _KEY_TOKEN.finditer(text):
         if token[0] == ".":
@@ -76,6 +76,7 @@ def _check_keys(text: str) -> None:
         if parts > _MAX_KEY_PARTS:
             line = text.count("\n", 0, token.start()) + 1
             raise _BadKey((), f"line {line}: a key of more than {_MAX_KEY_PARTS} parts")
+    return tomllib.loads(text)
 
 
 class _BadKey(ValueError):
@@ -105,8 +106,7 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
             raise SceneFileError(f"{os.fspath(path)}: {error}") from error
     try:
         text = data.decode("utf-8")
-        _check_keys(text)
-        return _scene(tomllib.loads(text), _Folder(Path(path).parent, any_folder))
+        return _scene(_document(text), _Folder(Path(path).parent, any_folder))
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise SceneFileError(f"{os.fspath(path)}:{line}: byte {data[error.start]:#x}, allowed: UTF-8") from error
@@ -132,9 +132,8 @@ def pictures_of(path: str | os.PathLike[str]) -> list[Path]:
         return []
     try:
         with open(path, "rb") as file:
-            text = read_whole(file).decode()
-        _check_keys(text)
-        return [Path(path).parent / name for name in names(tomllib.loads(text)) if isinstance(name, str)]
+            found = names(_document(read_whole(file).decode()))
+        return [Path(path).parent / name for name in found if isinstance(name, str)]
     except (OSError, ValueError, RecursionError):
         return []
 
