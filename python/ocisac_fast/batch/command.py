@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import click
 
-from ocisac_fast.batch.campaign import MAX_FRAMES, Outcome, Progress, measure_recordings
+from ocisac_fast.batch.campaign import MAX_FRAMES, Progress, measure_recordings
 from ocisac_fast.batch.engines import cluster
 from ocisac_fast.batch.fields import FIELDS
 from ocisac_fast.batch.jobs import ClusterError, VersionError
@@ -23,7 +23,7 @@ from ocisac_fast.batch.summary import Summary, summarize
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import SOME_FAILED
-from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, facts_of, with_spread
+from ocisac_fast.cli.output import emit, emit_facts, emit_json, emit_table, facts_of, with_spread
 from ocisac_fast.cli.outputs import OUTPUT, InputFile
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import ParameterType
@@ -137,7 +137,9 @@ def batch(
     except KeyboardInterrupt:
         click.echo(f"ocisac: interrupted; {output} keeps what is finished, the same command goes on", err=True)
         raise
-    _emit(done, output, as_json)
+    facts = facts_of(done.progress, "recordings finished skipped failed frames")
+    lines = {"results": output, **{name: str(value) for name, value in facts.items()}}
+    emit(as_json, {"output": output, **facts}, lines)
     if done.progress.failed:
         raise click.exceptions.Exit(SOME_FAILED)
 
@@ -164,15 +166,6 @@ def _shown() -> Iterator[Any]:
                 console.print(one_line(f"ocisac: failed: {path}: {message}"), markup=False)
 
         yield report
-
-
-def _emit(done: Outcome, output: str, as_json: bool) -> None:
-    progress = done.progress
-    facts = facts_of(progress, "recordings finished skipped failed frames")
-    if as_json:
-        emit_json({"output": output, **facts})
-        return
-    emit_facts("", {"results": output, **{name: str(value) for name, value in facts.items()}})
 
 
 def _is_drawn(path: str) -> bool:

@@ -149,18 +149,14 @@ class Work:
         return self._written(job, Measurement.of(path, self.task, part=job.part, start=job.start), results)
 
     def _written(self, job: Job, found: Measurement, results: Results | None) -> Report:
-        _require_unchanged(job.entry)
+        if not is_remote(job.entry.path) and local_entry(job.entry.path).state != job.entry.state:
+            raise FileError("changed while it was measured")
         frames = found.facts["frames"] or 0
         if results is None:
             return Report(job, frames=frames, table=found.table)
         facts = {**found.facts, "size": job.entry.size, "state": job.entry.state}
         written = {**facts.get("cleaned", {}), **results.write_rows(job.name, found.table, facts)}
         return Report(job, frames=frames, written=written)
-
-
-def _require_unchanged(entry: Entry) -> None:
-    if not is_remote(entry.path) and local_entry(entry.path).state != entry.state:
-        raise FileError("changed while it was measured")
 
 
 def _with_cleaned(table: Any, path: str) -> Any:

@@ -72,7 +72,8 @@ class Results:
         self.folder = os.fspath(folder)
         self._system, self._root = file_system(self.folder)
         self.locks: tuple[int, ...] = ()
-        self.is_local = "file" in _protocols(self._system)
+        protocol = self._system.protocol  # one name, or several
+        self.is_local = "file" in ((protocol,) if isinstance(protocol, str) else protocol)
         self._lengths: dict[str, int] = {}  # of the manifest
         self._next_save = 0.0
         self._held: dict[str, int] = {}  # of the manifest, that which this run wrote or found whole
@@ -527,10 +528,6 @@ def _facts(rows: Any) -> dict[str, Any]:
     """The facts beside the rows in a schema's metadata; empty where another program wrote it."""
     found = parsed_json((rows.metadata or {}).get(_METADATA, b"{}"))
     return found if isinstance(found, dict) else {}
-
-
-def _protocols(system: Any) -> tuple[str, ...]:
-    return (system.protocol,) if isinstance(system.protocol, str) else tuple(system.protocol)
 
 
 def _difference(there: dict[str, Any], wanted: dict[str, Any]) -> str:

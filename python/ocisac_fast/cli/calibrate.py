@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Annotated, Any
+from typing import Annotated
 
 import click
 import numpy as np
@@ -13,7 +13,7 @@ from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cli.columns import frequency_waveform, one_colour, some_columns
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.doubts import warn_of_calibration, warn_of_texture
-from ocisac_fast.cli.output import emit_facts, emit_json, facts_of, flag_names, number, quantity, with_spread
+from ocisac_fast.cli.output import emit, facts_of, flag_names, number, quantity, with_spread
 from ocisac_fast.cli.outputs import INPUT
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures
 from ocisac_fast.cli.units import FREQUENCY, SHARES, Quantity
@@ -61,13 +61,11 @@ def calibrate(
     if not still and Flag.MODEL_MISFIT in result.flags:
         warn_of_calibration(result.row_time * columns.shape[1])
     cycles = found.cycles_per_row * columns.shape[1]
-    if as_json:
-        facts = {**facts_of(result, "row_time_s row_time_std_s probability"), "frames": len(columns), "scan_axis": axis}
-        facts |= {"rows": columns.shape[1], "columns": int(found.columns.used.sum()), "cycles": cycles}
-        emit_json({**facts, "flags": flags})
-        return
-    emit_facts(
-        "",
+    facts = {**facts_of(result, "row_time_s row_time_std_s probability"), "frames": len(columns), "scan_axis": axis}
+    facts |= {"rows": columns.shape[1], "columns": int(found.columns.used.sum()), "cycles": cycles}
+    emit(
+        as_json,
+        {**facts, "flags": flags},
         {
             "row time": with_spread(result.row_time, result.row_time_std, "s"),
             "cycles per row": with_spread(found.cycles_per_row, found.cycles_per_row_std, ""),
@@ -92,32 +90,23 @@ def _calibrate_pulses(
     if len(files) != len(duties):
         raise click.UsageError(f"--pulses: got {len(duties)} duties, allowed: one for each of {len(files)} files")
     result = calibrate_pulses([pulse_bands(_row_light(file, picture)) for file in files], frequency, duties)
-    if as_json:
-        emit_json(
-            {
-                **facts_of(result, _PULSE_KEYS),
-                "ramp_misfit": result.misfit,
-                "pulses": [
-                    {"file": file, "duty": duty, "lit_rows": rows, "pulse_width_s": width, "bands": bands.whole.size}
-                    | {"split_bands": bands.split.size}
-                    for file, duty, rows, width, bands in zip(
-                        files, duties, result.rows, result.pulse_widths, result.bands, strict=True
-                    )
-                ],
-                "flags": result.flags,
-            }
-        )
-        return
-    facts: dict[str, Any] = {
+    every = list(zip(files, duties, result.rows, result.pulse_widths, result.bands, strict=True))
+    facts = {**facts_of(result, _PULSE_KEYS), "ramp_misfit": result.misfit, "flags": result.flags}
+    facts["pulses"] = [
+        {"file": file, "duty": duty, "lit_rows": rows, "pulse_width_s": width}
+        | {"bands": bands.whole.size, "split_bands": bands.split.size}
+        for file, duty, rows, width, bands in every
+    ]
+    lines = {
         "row time": with_spread(result.row_time, result.row_time_std, "s"),
         "period of the lamp": with_spread(result.period_rows, result.period_rows_std, "rows", 5),
         "exposure": with_spread(result.exposure, result.exposure_std, "s", 4),
         "offset of pulses": with_spread(result.offset, result.offset_std, "s", 4),
         "flags": ", ".join(result.flags) or "none",
     }
-    for file, rows, width in zip(files, result.rows, result.pulse_widths, strict=True):
-        facts[file] = f"{quantity(rows, '', 5)} rows lit, pulses of {quantity(width, 's', 5)}"
-    emit_facts("", facts)
+    for file, _, rows, width, _ in every:
+        lines[file] = f"{quantity(rows, '', 5)} rows lit, pulses of {quantity(width, 's', 5)}"
+    emit(as_json, facts, lines)
 
 
 def _row_light(file: str, picture: PictureOptions) -> npt.NDArray[np.float64]:

@@ -76,7 +76,8 @@ def clean(
         if picture.frame_rate is not None:
             stream.frame_rate = float(picture.frame_rate)
             picture = dataclasses.replace(picture, frame_rate=None)  # the stream's camera has it
-        cleaner = _Cleaner(picture, stream, each, marks is not None, options, stop, as_json)
+        is_carried = not each and not still and stream.frame_count not in (1, 2)
+        cleaner = _Cleaner(picture, stream, is_carried, marks is not None, options, stop, as_json)
         frames = cleaner.frames(progress(stream, "cleaning", stream.frame_count))
         if crf is None and picture.channel == "auto" and stream.video is not None and stream.video.codec in _LOSSY:
             crf = USUAL_CRF
@@ -128,34 +129,24 @@ def _stopping(keep_partial: bool) -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
+@dataclasses.dataclass
 class _Cleaner:
     """Cleans frames in stored order; collects the results."""
 
-    def __init__(
-        self,
-        picture: PictureOptions,
-        stream: RecordingStream,
-        each: bool,
-        mark: bool,
-        options: dict[str, Any],
-        stop: list[int],
-        as_json: bool,
-    ) -> None:
-        """``each``: the light is not carried from frame to frame; ``stop``: not empty where the rest is left out."""
-        self.facts: list[dict[str, Any]] = []
-        self.marks: list[Frame] = []
-        self.reasons: Counter[str] = Counter()
-        self.lost: OSError | None = None  # lines of JSON
-        self._picture = picture
-        self._stream = stream
-        self._is_carried = not each and not options["still"] and stream.frame_count not in (1, 2)
-        self._mark = mark
-        self._options = options
-        self._stop = stop
-        self._as_json = as_json
-        self._video: VideoCleaner | None = None
-        self._read = 0
-        self._unsure: list[tuple[int, Frame, CleanedFrames]] = []
+    _picture: PictureOptions
+    _stream: RecordingStream
+    _is_carried: bool  # the light, from frame to frame
+    _mark: bool
+    _options: dict[str, Any]
+    _stop: list[int]  # not empty where the rest is left out
+    _as_json: bool
+    facts: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    marks: list[Frame] = dataclasses.field(default_factory=list)
+    reasons: Counter[str] = dataclasses.field(default_factory=Counter)
+    lost: OSError | None = None  # lines of JSON
+    _video: VideoCleaner | None = None
+    _read: int = 0
+    _unsure: list[tuple[int, Frame, CleanedFrames]] = dataclasses.field(default_factory=list)
 
     def frames(self, stored: Iterable[Frame]) -> Iterator[Frame]:
         camera: Camera | None = None

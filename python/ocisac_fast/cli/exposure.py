@@ -8,7 +8,7 @@ import click
 
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.lights import LIGHTS_TO_AVOID, light_name
-from ocisac_fast.cli.output import emit_facts, emit_json, quantity
+from ocisac_fast.cli.output import emit, quantity
 from ocisac_fast.cli.outputs import OUTPUT, PLOTS
 from ocisac_fast.cli.units import RATE, SHARE, TIME, Quantity, Several
 
@@ -77,11 +77,8 @@ def exposure(
         for path, draw in ((plot, plot_exposure), (front, plot_front)):
             if path is not None:
                 draw(comm, sense, path=path, **shared)
-    if as_json:
-        emit_json({"exposure_s": exposure_time, "objective": objective, "method": method})
-        return
-    facts = {"exposure": quantity(exposure_time, "s", 7), "objective": quantity(objective, "s", 7), "method": method}
-    emit_facts("", facts)
+    lines = {"exposure": quantity(exposure_time, "s", 7), "objective": quantity(objective, "s", 7), "method": method}
+    emit(as_json, {"exposure_s": exposure_time, "objective": objective, "method": method}, lines)
 
 
 def _draw_avoiding(
@@ -101,17 +98,14 @@ def _report(found: FlickerFreeExposure, avoid: tuple[FlickeringLight, ...], as_j
     facts: dict[str, Any] = {"exposure_s": found.exposure, "modulation": found.modulation, "holds": found.holds}
     optional = {"null_s": found.null, "gain": found.gain, "objective": found.objective}
     facts |= {name: value for name, value in optional.items() if value == value}
-    if as_json:
-        lights = [
-            {"frequency_hz": light.frequency, "frequency_uncertainty_hz": light.uncertainty, "duty": light.duty}
-            | {"modulation": left}
-            for light, left in zip(avoid, found.modulations, strict=True)
-        ]
-        emit_json(facts | {"lights": lights})
-        return
+    lights = [
+        {"frequency_hz": light.frequency, "frequency_uncertainty_hz": light.uncertainty, "duty": light.duty}
+        | {"modulation": left}
+        for light, left in zip(avoid, found.modulations, strict=True)
+    ]
     lines = {"exposure": quantity(found.exposure, "s", 7), "holds": "yes" if found.holds else "no: the best there is"}
     lines |= {f"left of {light_name(light)}": f"{m:.3%}" for light, m in zip(avoid, found.modulations, strict=True)}
     lines |= {name: quantity(facts[name], "" if name == "gain" else "s", 7) for name in optional if name in facts}
     if "null_s" in lines:
         lines["least beside it, at a null"] = lines.pop("null_s")
-    emit_facts("", lines)
+    emit(as_json, facts | {"lights": lights}, lines)

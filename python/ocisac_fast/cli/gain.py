@@ -20,8 +20,7 @@ from ocisac_fast.cli.doubts import is_unmeasured, warn_of_gain, warn_of_other_li
 from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import (
     decibels,
-    emit_facts,
-    emit_json,
+    emit,
     flag_names,
     number,
     plain,
@@ -66,7 +65,7 @@ def gain(
     where that is larger. Frames that differ by a tenth, as of a cut, have the flag model_misfit.
     Without a gain the exit code is 3.
     """
-    options: dict[str, Any] = {"method": method, "background": background or 0.0, "threads": threads}
+    options = tone_options(picture, method=method, background=background, threads=threads)
     measured = frame_gains(file, picture, frequency, options, per_column=per_column is not None)
     light, mean = measured.light, measured.mean()
     if per_column is not None:
@@ -84,24 +83,13 @@ def gain(
         )
     facts = {**measured.facts(mean, background is not None), "frames": measured.frame_count}
     doubtful = warn_of_gain(facts, measured.camera.row_period, picture.region is None) or math.isnan(light.frequency)
-    options |= {"waveform": picture.waveform, "duty": picture.duty}
     if not doubtful and not warn_of_other_light(measured.columns, measured.camera, light.frequency, options):
         is_texture = warn_of_texture(measured.columns[np.newaxis], measured.camera, light.frequency)
         if not is_texture and picture.waveform == "tone" and method == "fit":
             warn_of_waveform(measured.columns, measured.camera, light.frequency, options)
-    unmeasured, facts = is_unmeasured(facts), picture.in_units(facts)
-    if as_json:
-        emit_json(facts)
-    else:
-        _show(facts, measured, picture)
-    if unmeasured:
-        raise click.exceptions.Exit(SOME_FAILED)
-
-
-def _show(facts: dict[str, Any], measured: FrameGains, picture: PictureOptions) -> None:
-    light, mean = measured.light, measured.mean()
-    emit_facts(
-        "",
+    emit(
+        as_json,
+        picture.in_units(facts),
         {
             "frequency": rate(light.frequency, light.frequency_std, picture.in_hertz),
             picture.gain_name: with_spread(mean["gain"], mean["gain_std"], "", 5),
@@ -114,6 +102,8 @@ def _show(facts: dict[str, Any], measured: FrameGains, picture: PictureOptions) 
             "flags": ", ".join(facts["flags"]) or "none",
         },
     )
+    if is_unmeasured(facts):
+        raise click.exceptions.Exit(SOME_FAILED)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -246,6 +236,14 @@ _FRAME_VALUES = ("gain", "gain_std", "phase", "mean", "snr", "flags")
 _BYTES_AT_ONCE = 1 << 21  # a frame of 1080p: copies stay in the cache, and their memory is used again
 
 
+def tone_options(
+    picture: PictureOptions, *, method: str, background: float | None, threads: int, **_: Any
+) -> dict[str, Any]:
+    """Options of ``tone_gain``, of the arguments of the command."""
+    shape = {"waveform": picture.waveform, "duty": picture.duty}
+    return {"method": method, "background": background or 0.0, "threads": threads, **shape}
+
+
 def frame_gains(
     file: str,
     picture: PictureOptions,
@@ -262,7 +260,6 @@ def frame_gains(
     """
     from ocisac_fast.tones import tone_gain
 
-    options = {**options, "waveform": picture.waveform, "duty": picture.duty}
     with open_pictures(file, picture, part) as pictures:
         camera, batches = pictures.camera.in_time_order, pictures.row_batches(_BYTES_AT_ONCE)
         first = next(batches)
@@ -292,7 +289,6 @@ def _joined(gains: list[Any]) -> dict[str, npt.NDArray[Any]]:
 
 def find_light(file: str, picture: PictureOptions, frequency: Quantity | str, options: dict[str, Any]) -> Light:
     """Estimate the light from the first frames, as ``frame_gains`` does."""
-    options = {**options, "waveform": picture.waveform, "duty": picture.duty}
     with open_pictures(file, picture) as pictures:
         return _find_light(next(pictures.row_batches()), pictures.camera, picture, frequency, options)
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
+import numpy as np
+
 from ocisac_fast.cli.command import command
-from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, quantity
+from ocisac_fast.cli.output import emit, emit_table, quantity
 from ocisac_fast.cli.outputs import OUTPUT, PLOTS
 from ocisac_fast.cli.units import FREQUENCY, SHARE, TIMES, Quantity, Several
 
@@ -39,26 +41,23 @@ def lamp(
         from ocisac_fast.plots import plot_lamp
 
         plot_lamp(exposures, below, span, path=plot)
-    if as_json:
-        emit_json(facts)
-        return
-    plain = {name: value for name, value in facts.items() if name not in _IN_TABLE}
     lines = {
-        _LABELS.get(name, name): quantity(value, "Hz" if name.endswith("_hz") else "") for name, value in plain.items()
+        _LABELS.get(name, name): quantity(value, "Hz" if name.endswith("_hz") else "")
+        for name, value in facts.items()
+        if not isinstance(value, (dict, np.ndarray))
     }
     if frequency is None:
-        intervals = [tuple(map(_hertz, pair)) for pair in facts["frequencies_hz"]]
-        shown = [(low, high, _hertz(best)) for (low, high), best in zip(intervals, facts["best_hz"], strict=True)]
-        if facts["holds"]:
+        ranges = np.column_stack([facts["frequencies_hz"], facts["best_hz"]])
+        shown = [[_hertz(value) for value in one] for one in ranges]
+        if facts["holds"] and not as_json:
             emit_table("without bands", ("from", "to", "least at"), shown[:_MOST_ROWS])
         if len(shown) > _MOST_ROWS:
             lines["more"] = f"{len(shown) - _MOST_ROWS} further ranges (--json has all)"
         lines[_LABELS["holds"]] = _verdict(facts, shown[0])
     rates = facts.get("chip_rates_from_hz", {})
-    emit_facts("", lines | {f"no bands of {code} from": _hertz(rate) for code, rate in rates.items()})
+    emit(as_json, facts, lines | {f"no bands of {code} from": _hertz(rate) for code, rate in rates.items()})
 
 
-_IN_TABLE = ("frequencies_hz", "best_hz", "chip_rates_from_hz")
 _LABELS = {
     "modulation": "bands at most",
     "holds": "found",
@@ -72,7 +71,7 @@ def _hertz(value: float) -> str:
     return quantity(value, "Hz")
 
 
-def _verdict(facts: dict[str, Any], first: tuple[str, str, str]) -> str:
+def _verdict(facts: dict[str, Any], first: list[str]) -> str:
     if facts["holds"]:
         return "yes"
     if first[0] != first[1]:

@@ -135,6 +135,14 @@ def emit_note(text: str) -> None:
         click.echo(f"ocisac: {text}", err=True)
 
 
+def emit(as_json: bool, facts: Mapping[str, Any], lines: Mapping[str, str]) -> None:
+    """Print a command's one result: its JSON object, or a table of names and values."""
+    if as_json:
+        emit_json(facts)
+    else:
+        emit_facts("", lines)
+
+
 def emit_facts(title: str, facts: Mapping[str, str]) -> None:
     """Print a table of names and values."""
     emit_table(title, ["", ""], [[name, value] for name, value in facts.items()], header=False)

@@ -64,7 +64,7 @@ def receive(
         stopped = True
     if not as_json:
         header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER, *([] if stream is None else ["payload"])]
-        table = [_row(facts, picture.in_hertz) + _payload_cell(facts, stream is not None) for facts in every]
+        table = [_row(facts, picture.in_hertz, stream is not None) for facts in every]
         axis = stream.scan_axis if stream is not None else every[0]["scan_axis"] if every else "y"
         title = f"scan axis {axis}" if picture.names(axis) else ""
         emit_table(title, header, table, left=("flags", "bits", "payload"), spare=("rows per chip",))
@@ -141,7 +141,8 @@ def _facts(result: Any, first_frame: int, shape: tuple[int, ...], camera: Camera
     }
 
 
-def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
+def _row(facts: dict[str, Any], in_hertz: bool, packets: bool) -> list[str]:
+    payload = f"packet {facts['packet']}: {one_line(facts['payload'])}" if "payload" in facts else ""
     if in_hertz:
         rate = quantity(facts.get("chip_rate_hz", facts.get("tone_hz")), "Hz")
     elif "tone_cycles_per_row" in facts:
@@ -158,10 +159,5 @@ def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
         number(facts["snr_db"], "dB", 3),
         ", ".join(facts["flags"]) or "none",
         facts["bits"] or "no bits",
+        *([payload] if packets else []),
     ]
-
-
-def _payload_cell(facts: dict[str, Any], packets: bool) -> list[str]:
-    if not packets:
-        return []
-    return [f"packet {facts['packet']}: {one_line(facts['payload'])}" if "payload" in facts else ""]
