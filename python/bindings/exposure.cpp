@@ -141,9 +141,7 @@ py::array_t<double> run_exposure_modulation(const Doubles& lights, const Doubles
 py::array_t<double> run_flicker_free_intervals(const Doubles& lights, double below,
                                                const std::pair<double, double>& bounds) {
   const auto all = flickering_lights(lights);
-  const auto found = unlocked([&] {
-    return flicker_free_intervals(all, below, {{bounds.first, bounds.second}});
-  });
+  const auto found = unlocked([&] { return flicker_free_intervals(all, below, {{bounds.first, bounds.second}}); });
   py::array_t<double> result({static_cast<py::ssize_t>(found.size()), py::ssize_t{2}});
   double* place = result.mutable_data();
   for (const Interval& interval : found) *place++ = interval.low, *place++ = interval.high;

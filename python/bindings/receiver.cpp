@@ -12,14 +12,13 @@ namespace {
 using py::literals::operator""_a;
 
 py::dict as_dict(const Received& received) {
-  return py::dict("frame"_a = received.frame, "source"_a = received.source, "colour"_a = received.colour,
-                  "bits"_a = received.bits, "rows_per_chip"_a = received.rows_per_chip,
-                  "rows_per_chip_std"_a = received.rows_per_chip_std, "phase"_a = received.phase,
-                  "snr"_a = received.snr, "dark"_a = array_of(received.detection.dark),
-                  "bright"_a = array_of(received.detection.bright),
-                  "relative_levels"_a = array_of(received.detection.relative_levels),
-                  "weights"_a = array_of(received.weights), "flags"_a = received.flags,
-                  "colour_weights"_a = array_of(received.colour_weights));
+  return py::dict(
+      "frame"_a = received.frame, "source"_a = received.source, "colour"_a = received.colour, "bits"_a = received.bits,
+      "rows_per_chip"_a = received.rows_per_chip, "rows_per_chip_std"_a = received.rows_per_chip_std,
+      "phase"_a = received.phase, "snr"_a = received.snr, "dark"_a = array_of(received.detection.dark),
+      "bright"_a = array_of(received.detection.bright),
+      "relative_levels"_a = array_of(received.detection.relative_levels), "weights"_a = array_of(received.weights),
+      "flags"_a = received.flags, "colour_weights"_a = array_of(received.colour_weights));
 }
 
 py::list receive_list(const std::vector<py::array>& colours, const Camera& camera, std::optional<double> chip_rate) {
@@ -90,7 +89,7 @@ py::list push(Shared<Receiver>& receiver, const std::vector<py::array>& colours,
 }
 
 py::dict push_fsk(Shared<FskReceiver>& receiver, const std::vector<py::array>& colours,
-                   std::optional<std::int64_t> frame) {
+                  std::optional<std::int64_t> frame) {
   const auto views = views_of(colours);
   const FskFrame result = receiver.call([&](FskReceiver& alone) { return alone.push(views, frame); });
   py::object symbol = py::none();
