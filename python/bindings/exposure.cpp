@@ -176,8 +176,8 @@ void register_exposure(py::module_& module) {
              arg("bounds"), arg("step"), arg("f_comm"), arg("f_sense"), arg("min_gain"), arg("weights"));
   py::class_<Shared<ExposureController>>(module, "ExposureController")
       .def(py::init(&make_controller), arg("shortest"), arg("longest"), arg("step"), arg("lowest_gain"),
-           arg("highest_gain"), arg("comm_weight"), arg("sense_weight"), arg("hysteresis"), arg("level_floor"),
-           arg("level_aim"), arg("level_ceiling"), arg("max_saturated"), arg("min_snr"), arg("noise_level"))
+           arg("highest_gain"), arg("comm_weight"), arg("sense_weight"), arg("hysteresis"), arg("floor"), arg("aim"),
+           arg("ceiling"), arg("max_saturated"), arg("min_snr"), arg("noise_level"))
       .def("update", &update, arg("tones"), arg("exposure"), arg("gain"), arg("level"), arg("peak"), arg("saturated"))
       .def("reset", [](Shared<ExposureController>& controller) {
         controller.call([](ExposureController& alone) { alone.reset(); });

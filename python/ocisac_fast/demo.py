@@ -146,7 +146,7 @@ def run(directory: str | os.PathLike[str], *, force: bool = False) -> Demonstrat
     """
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
-    light = Chips(MARKER + to_bits(MESSAGE), CHIP_RATE, repeat=True)
+    light = Chips(MARKER + "".join(f"{code:08b}" for code in MESSAGE.encode("ascii")), CHIP_RATE, repeat=True)
     recordings: dict[str, tuple[Iterable[npt.NDArray[Any]], dict[str, Any]]] = {
         "testbed.mkv": (_testbed_frames(), {"frame_rate": 1 / FRAME_TIME}),
         "chips.png": (_simulated(light, CHIP_CAMERA, start=1.7e-3), {}),
@@ -236,11 +236,6 @@ def _measure(setting: Setting, frame: npt.NDArray[Any]) -> Measurement:
     result = tone_gain(frame, setting.camera, setting.frequency, waveform="square", pooled=True)
     values = (float(value) for value in (result.gain, result.gain_std, result.mean, result.phase))
     return Measurement(setting, *values)
-
-
-def to_bits(text: str) -> str:
-    """Eight bits per character, most significant first."""
-    return "".join(f"{code:08b}" for code in text.encode("ascii"))
 
 
 def message_in(bits: str) -> tuple[str, int]:

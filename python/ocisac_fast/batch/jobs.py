@@ -124,7 +124,8 @@ class Work:
         except Exception as error:  # whatever a recording provokes, the others are measured
             if results is not None:
                 results.remove([job.name])  # whose cleaned file has no name
-            return Report(job, failure=_message(error, job.entry.path))
+            text = error_text(error) if isinstance(error, INPUT_ERRORS) else f"{type(error).__name__}: {error}"
+            return Report(job, failure=one_line(text.removeprefix(f"{job.entry.path}: ")))
 
     def _measured(self, job: Job, results: Results | None) -> Report:
         path = job.entry.path
@@ -165,8 +166,3 @@ def _with_cleaned(table: Any, path: str) -> Any:
     place = table.schema.get_field_index("cleaned")
     values = pyarrow().array([path] * len(table), table.schema.field(place).type)
     return table.set_column(place, table.schema.field(place), values)
-
-
-def _message(error: Exception, path: str) -> str:
-    text = error_text(error) if isinstance(error, INPUT_ERRORS) else f"{type(error).__name__}: {error}"
-    return one_line(text.removeprefix(f"{path}: "))

@@ -339,8 +339,8 @@ class Results:
         with contextlib.ExitStack() as after:
             folder = self._path("cleaned") if self.is_local else after.enter_context(tempfile.TemporaryDirectory())
             temporary = f"{folder}/.{entry.key}{suffix}"
-            _unlink(temporary)  # of a run that was killed
-            after.callback(_unlink, temporary)
+            Path(temporary).unlink(missing_ok=True)  # of a run that was killed
+            after.callback(Path(temporary).unlink, missing_ok=True)
             try:
                 yield temporary, name, place if self.is_local else self._system.unstrip_protocol(place)
             except OSError as error:
@@ -517,11 +517,6 @@ def _place(name: str) -> str:
 
 def _length_of(entry: Mapping[str, Any]) -> int | None:
     return None if entry.get("islink") or entry.get("type") == _NO_FILE else entry.get("size")
-
-
-def _unlink(place: str) -> None:
-    with contextlib.suppress(FileNotFoundError):
-        os.unlink(place)
 
 
 def _facts(rows: Any) -> dict[str, Any]:

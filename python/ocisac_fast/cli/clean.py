@@ -156,7 +156,9 @@ class _Cleaner:
                 if not self.facts:
                     raise _Unchanged
                 break
-            self._crop_opacity()
+            form, region = self._stream.picture, self._picture.region
+            if form is not None and region is not None and form.alphas[-1] is not None:
+                form.alphas[-1] = cropped(form.alphas[-1], region)
             camera = camera or self._picture.camera_for(self._stream, raw, usual={"PNG": "srgb"})
             view = select(raw, self._picture)
             if view.dtype.kind == "f" and raw.dtype.kind == "u":  # channel y
@@ -171,11 +173,6 @@ class _Cleaner:
             yield from self._together(waiting, camera)
         if self._is_source:
             raise _Unchanged
-
-    def _crop_opacity(self) -> None:
-        form, region = self._stream.picture, self._picture.region
-        if form is not None and region is not None and form.alphas[-1] is not None:
-            form.alphas[-1] = cropped(form.alphas[-1], region)
 
     @property
     def _is_source(self) -> bool:

@@ -33,8 +33,12 @@ def lamp(
     rates from which a line code shows no bands; with --frequency, the duties instead.
     """
     span = float(bounds[0]), float(bounds[1])
+    facts: dict[str, Any]
     if frequency is not None:
-        facts = _duties(exposures, below, float(frequency))
+        from ocisac_fast.exposure import smallest_flicker_free_duty
+
+        facts = {"no_bands_from_duty": smallest_flicker_free_duty(frequency, exposures, below)}
+        facts["no_missed_pulse_from_duty"] = max(0.0, 1.0 - frequency * min(exposures))
     else:
         facts = _frequencies(exposures, below, duty, span, spread)
     if plot is not None:
@@ -102,13 +106,4 @@ def _frequencies(
             code: flicker_free_chip_rate(shortest, below, digital_sum_span=span)
             for code, span in DIGITAL_SUM_SPANS.items()
         },
-    }
-
-
-def _duties(exposures: tuple[float, ...], below: float, frequency: float) -> dict[str, Any]:
-    from ocisac_fast.exposure import smallest_flicker_free_duty
-
-    return {
-        "no_bands_from_duty": smallest_flicker_free_duty(frequency, exposures, below),
-        "no_missed_pulse_from_duty": max(0.0, 1.0 - frequency * min(exposures)),
     }
