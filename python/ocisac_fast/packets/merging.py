@@ -37,7 +37,7 @@ def merge_receptions(lines: Iterable[str | Mapping[str, Any]], *, window: NotNeg
     for record in sorted(records, key=lambda r: (float(r["time_s"]), str(r["light"]))):
         key = (type(record["light"]).__name__, record["light"])
         moment = open_moments.get(key)
-        seen_by = {other.get("receiver") for other in moment or ()} - {None}
+        seen_by = [other["receiver"] for other in moment or () if other.get("receiver") is not None]
         if moment is None or record["time_s"] - moment[0]["time_s"] > window or record.get("receiver") in seen_by:
             moment = open_moments[key] = []
             moments.append(moment)
