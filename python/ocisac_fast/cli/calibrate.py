@@ -91,12 +91,13 @@ def _calibrate_pulses(
         raise click.UsageError(f"--pulses: got {len(duties)} duties, allowed: one for each of {len(files)} files")
     result = calibrate_pulses([pulse_bands(_row_light(file, picture)) for file in files], frequency, duties)
     every = list(zip(files, duties, result.rows, result.pulse_widths, result.bands, strict=True))
-    facts = {**facts_of(result, _PULSE_KEYS), "ramp_misfit": result.misfit, "flags": result.flags}
+    facts = {**facts_of(result, _PULSE_KEYS), "ramp_misfit": result.misfit}
     facts["pulses"] = [
         {"file": file, "duty": duty, "lit_rows": rows, "pulse_width_s": width}
         | {"bands": bands.whole.size, "split_bands": bands.split.size}
         for file, duty, rows, width, bands in every
     ]
+    facts["flags"] = result.flags
     lines = {
         "row time": with_spread(result.row_time, result.row_time_std, "s"),
         "period of the lamp": with_spread(result.period_rows, result.period_rows_std, "rows", 5),

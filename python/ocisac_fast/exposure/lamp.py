@@ -67,7 +67,7 @@ def flicker_free_frequencies(
         raise ValueError(f"bounds: got {low} to {high}, allowed: 0 < lowest <= highest (Hz)")
     # f and T_e interchange
     shutters = table_of(dataclasses.replace(one_second, frequency=t, uncertainty=exposure_spread * t) for t in times)
-    found = _core.flicker_free_intervals(shutters, below, bounds)
+    found = _core.flicker_free_intervals(shutters, below, (low, high))
     left = float(_core.exposure_modulation(shutters, found[0, 0]))
     holds = left <= below * (1.0 + 1e-12)  # rounding
     if not holds and list(found[0]) != [low, high]:
