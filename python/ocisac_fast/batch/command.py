@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from typing import Annotated, Any
 
 import click
+import numpy as np
 
 from ocisac_fast.batch.campaign import MAX_FRAMES, Progress, measure_recordings
 from ocisac_fast.batch.engines import cluster
@@ -24,7 +25,7 @@ from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import emit, emit_facts, emit_json, emit_table, facts_of, with_spread
-from ocisac_fast.cli.outputs import OUTPUT, InputFile
+from ocisac_fast.cli.outputs import OUTPUT, InputFile, draw
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import ParameterType
 
@@ -208,12 +209,8 @@ def _summarize(folder: str, plot: str | None, as_json: bool) -> None:
 
 
 def _draw(found: Summary, path: str) -> None:
-    import numpy as np
-
-    from ocisac_fast.plots import plot_recordings
-
     values, spreads = (np.array([getattr(one, name) for one in found.recordings]) for name in ("value", "spread"))
-    plot_recordings(values, spreads, path=path, label=found.label, flags=found.flags)
+    draw(path, "plot_recordings", values, spreads, label=found.label, flags=found.flags)
 
 
 def _value(value: float, spread: float) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_json, emit_table, facts_of, number, progress, quantity, rate
-from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.pictures import PictureOptions, grey_of, open_pictures
 from ocisac_fast.files import Part
 
@@ -98,10 +98,8 @@ def detected_lights(
         count = pictures.frame_count
         greys = (grey_of(frame) for frame in progress(pictures.frames, "detecting", count))
         for seen in watch_lights(greys, pictures.camera, search_every, group, **options):
-            if plot is not None and first + seen.frame == 0:
-                from ocisac_fast.plots import plot_sources
-
-                plot_sources(seen.pixels, pictures.camera, path=plot, sources=seen.sources)
+            if first + seen.frame == 0:
+                draw(plot, "plot_sources", seen.pixels, pictures.camera, sources=seen.sources)
             yield {
                 "frame": first + seen.frame,
                 "frames": count,

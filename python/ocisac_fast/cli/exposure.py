@@ -9,7 +9,7 @@ import click
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.lights import LIGHTS_TO_AVOID, light_name
 from ocisac_fast.cli.output import emit, quantity
-from ocisac_fast.cli.outputs import OUTPUT, PLOTS
+from ocisac_fast.cli.outputs import OUTPUT, PLOTS, draw
 from ocisac_fast.cli.units import RATE, SHARE, TIME, Quantity, Several
 
 if TYPE_CHECKING:
@@ -56,7 +56,8 @@ def exposure(
 
         more = {"near": near, "step": step, "f_comm": comm, "f_sense": sense, "min_gain": keep}
         found = flicker_free_exposure(avoid, below, **more, **shared)  # type: ignore[arg-type]
-        _draw_avoiding(avoid, below, comm, {"plot": plot, "front": front}, {"found": found, "bounds": bounds})
+        draw(plot, "plot_modulation", avoid, below, found=found, bounds=bounds)
+        draw(front, "plot_flicker_front", comm, avoid, below, found=found, bounds=bounds)
         _report(found, avoid, as_json)
         return
     from ocisac_fast.exposure import best_exposure
@@ -71,27 +72,10 @@ def exposure(
     assert sense is not None
     best = best_exposure(comm, sense, method=method, step=step, **shared)
     exposure_time, objective = float(best.exposure), float(best.objective)
-    if plot is not None or front is not None:
-        from ocisac_fast.plots import plot_exposure, plot_front
-
-        for path, draw in ((plot, plot_exposure), (front, plot_front)):
-            if path is not None:
-                draw(comm, sense, path=path, **shared)
+    draw(plot, "plot_exposure", comm, sense, **shared)
+    draw(front, "plot_front", comm, sense, **shared)
     lines = {"exposure": quantity(exposure_time, "s", 7), "objective": quantity(objective, "s", 7), "method": method}
     emit(as_json, {"exposure_s": exposure_time, "objective": objective, "method": method}, lines)
-
-
-def _draw_avoiding(
-    avoid: Any, below: float, comm: Quantity | None, paths: dict[str, Any], found: dict[str, Any]
-) -> None:
-    if paths["plot"] is not None:
-        from ocisac_fast.plots import plot_modulation
-
-        plot_modulation(avoid, below, path=paths["plot"], **found)
-    if paths["front"] is not None and comm is not None:
-        from ocisac_fast.plots import plot_flicker_front
-
-        plot_flicker_front(comm, avoid, below, path=paths["front"], **found)
 
 
 def _report(found: FlickerFreeExposure, avoid: tuple[FlickeringLight, ...], as_json: bool) -> None:

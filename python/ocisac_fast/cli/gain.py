@@ -29,7 +29,7 @@ from ocisac_fast.cli.output import (
     rate,
     with_spread,
 )
-from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures
 from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
 from ocisac_fast.core.flags import Flag
@@ -70,17 +70,8 @@ def gain(
     light, mean = measured.light, measured.mean()
     if per_column is not None:
         write_csv(per_column, measured.every_column(picture))
-    if plot is not None:
-        from ocisac_fast.plots import plot_gain
-
-        plot_gain(
-            measured.columns,
-            measured.camera,
-            path=plot,
-            frequency=light.frequency,
-            gain=mean["gain"],
-            waveform=picture.waveform,
-        )
+    shown = {"frequency": light.frequency, "gain": mean["gain"], "waveform": picture.waveform}
+    draw(plot, "plot_gain", measured.columns, measured.camera, **shown)
     facts = {**measured.facts(mean, background is not None), "frames": measured.frame_count}
     doubtful = warn_of_gain(facts, measured.camera.row_period, picture.region is None) or math.isnan(light.frequency)
     if not doubtful and not warn_of_other_light(measured.columns, measured.camera, light.frequency, options):

@@ -8,7 +8,7 @@ import numpy as np
 
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit, emit_table, quantity
-from ocisac_fast.cli.outputs import OUTPUT, PLOTS
+from ocisac_fast.cli.outputs import OUTPUT, PLOTS, draw
 from ocisac_fast.cli.units import FREQUENCY, SHARE, TIMES, Quantity, Several
 
 
@@ -41,10 +41,7 @@ def lamp(
         facts["no_missed_pulse_from_duty"] = max(0.0, 1.0 - frequency * min(exposures))
     else:
         facts = _frequencies(exposures, below, duty, span, spread)
-    if plot is not None:
-        from ocisac_fast.plots import plot_lamp
-
-        plot_lamp(exposures, below, span, path=plot)
+    draw(plot, "plot_lamp", exposures, below, span)
     lines = {
         _LABELS.get(name, name): quantity(value, "Hz" if name.endswith("_hz") else "")
         for name, value in facts.items()

@@ -12,7 +12,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, facts_of, number, progress, quantity
-from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures, rows_and_columns
 from ocisac_fast.cli.sent_files import ErrorCount
@@ -121,10 +121,9 @@ def _in_runs(frames: Iterator[Frame]) -> Iterator[Frame]:
 
 
 def _plot_first(plot: str, frames: Any, camera: Any, rate: float | None) -> None:
-    from ocisac_fast.plots import plot_received
     from ocisac_fast.receiver import receive as receive_frames
 
-    plot_received(frames[0], camera, path=plot, received=receive_frames(frames, camera, chip_rate=rate)[0])
+    draw(plot, "plot_received", frames[0], camera, received=receive_frames(frames, camera, chip_rate=rate)[0])
 
 
 def _facts(result: Any, first_frame: int, shape: tuple[int, ...], camera: Camera) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from ocisac_fast.cli.output import (
     rate,
     with_spread,
 )
-from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.pictures import PictureOptions, grey_of, open_pictures, rows_and_columns, with_colours
 from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
 from ocisac_fast.core.regions import Region
@@ -91,10 +91,7 @@ def sense(
         kept = gathered((found.part.cut(frame) for frame in itertools.chain(first, greys)), count)
     regions = found.measure(kept) if len(kept) > len(first) else found.regions
     camera = found.camera
-    if plot is not None:
-        from ocisac_fast.plots import plot_regions
-
-        plot_regions(first[0], camera, path=plot, regions=regions)
+    draw(plot, "plot_regions", first[0], camera, regions=regions)
     facts = [_facts(region, picture) for region in regions]
     axis = camera.scan_axis
     if as_json:
