@@ -17,6 +17,7 @@ from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.errors import INPUT_ERRORS, error_text
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files import FileError, Part
+from ocisac_fast.files.extras import pyarrow
 from ocisac_fast.files.remote import is_remote
 from ocisac_fast.files.videos import decoder_threads
 
@@ -161,8 +162,6 @@ class Work:
 
 
 def _with_cleaned(table: Any, path: str) -> Any:
-    from ocisac_fast.files.extras import pyarrow
-
     place = table.schema.get_field_index("cleaned")
     values = pyarrow().array([path] * len(table), table.schema.field(place).type)
     return table.set_column(place, table.schema.field(place), values)

@@ -15,6 +15,8 @@ from ocisac_fast import __version__, _core
 from ocisac_fast.batch.fields import columns, table
 from ocisac_fast.batch.task import IN_STRETCHES, Task
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cli.detect import detected_lights
+from ocisac_fast.cli.gain import find_light, frame_gains, tone_options
 from ocisac_fast.cli.output import collected_objects, plain
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures
 from ocisac_fast.files import FileWarning, Part, cut_recording, open_recording
@@ -103,8 +105,6 @@ def start_of(path: str, task: Task, max_frames: int) -> tuple[list[Part], Start]
     if task.command == "detect":
         with open_pictures(path, picture) as pictures:
             return parts, Start(None, pictures.camera.scan_axis, content_hash(path))
-    from ocisac_fast.cli.gain import find_light, tone_options
-
     light = find_light(path, picture, arguments["frequency"], tone_options(picture, **arguments))
     return None if math.isnan(light.frequency) else (parts, Start(light, light.scan_axis, content_hash(path)))
 
@@ -140,15 +140,11 @@ def _rows(
 
 
 def _detected(path: str, arguments: dict[str, Any], picture: PictureOptions, part: Part | None) -> Any:
-    from ocisac_fast.cli.detect import detected_lights
-
     options = {name: arguments[name] for name in ("false_alarms", "min_cycles")}
     return detected_lights(path, picture, options, part=part, group=1)  # each by itself: the same in any stretch
 
 
 def _gains(path: str, arguments: dict[str, Any], picture: PictureOptions, part: Part | None, light: Any) -> Any:
-    from ocisac_fast.cli.gain import frame_gains, tone_options
-
     gains = frame_gains(path, picture, arguments["frequency"], tone_options(picture, **arguments), part, light)
     first = 0 if part is None else part.first
     return (picture.in_units(row) for row in gains.every_frame(first, arguments["background"] is not None))

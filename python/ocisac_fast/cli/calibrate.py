@@ -18,7 +18,9 @@ from ocisac_fast.cli.outputs import INPUT
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures
 from ocisac_fast.cli.units import FREQUENCY, SHARES, Quantity
 from ocisac_fast.core.flags import Flag
+from ocisac_fast.exposure import calibrate_pulses, pulse_bands
 from ocisac_fast.files.recording import FileError
+from ocisac_fast.lights import calibrate as measure
 
 
 @command
@@ -44,8 +46,6 @@ def calibrate(
         return
     if len(files) > 1:
         raise click.UsageError(f"FILE: got {len(files)}, allowed: one without --pulses")
-    from ocisac_fast.lights import calibrate as measure
-
     with open_pictures(files[0], unknown) as pictures:
         axis, camera, frames = pictures.camera.scan_axis, pictures.camera.in_time_order, next(pictures.row_batches())
     waveform = frequency_waveform(picture)
@@ -85,8 +85,6 @@ _PULSE_KEYS = "row_time_s row_time_std_s period_rows period_rows_std exposure_s 
 def _calibrate_pulses(
     files: tuple[str, ...], frequency: float, duties: tuple[float, ...], picture: PictureOptions, as_json: bool
 ) -> None:
-    from ocisac_fast.exposure import calibrate_pulses, pulse_bands
-
     if len(files) != len(duties):
         raise click.UsageError(f"--pulses: got {len(duties)} duties, allowed: one for each of {len(files)} files")
     result = calibrate_pulses([pulse_bands(_row_light(file, picture)) for file in files], frequency, duties)

@@ -8,12 +8,13 @@ import signal
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cleaning import CleanedFrames, CleaningOptions, Mark, VideoCleaner, remove_bands
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, number, progress, rate
 from ocisac_fast.cli.outputs import INPUT, OUTPUT
@@ -21,9 +22,6 @@ from ocisac_fast.cli.pictures import PictureOptions, cropped, select, stack
 from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import KEPT_FRAMES, FileError, Frame, RecordingStream
 from ocisac_fast.files.video_writing import USUAL_CRF
-
-if TYPE_CHECKING:
-    from ocisac_fast.cleaning import CleanedFrames, VideoCleaner
 
 _LOSSY = ("h264", "hevc")
 _WAITING = KEPT_FRAMES - 1  # unchanged frames that wait for what the next ones show
@@ -65,8 +63,6 @@ def clean(
     written. The last column gives the reason, and bands that are left. The light is carried from frame to
     frame; a video written as a video keeps its sound, time stamps and turn for display, and HEVC stays HEVC.
     """
-    from ocisac_fast.cleaning import CleaningOptions
-
     options: dict[str, Any] = {"keep": keep, "model": model, "level": level, "still": still}
     options["options"] = CleaningOptions(max_gain=max_gain, fill=fill, toe=toe)
     with (
@@ -189,8 +185,6 @@ class _Cleaner:
 
     def _carried(self, view: Frame, camera: Camera) -> Iterator[Frame]:
         """The next frame of a film; unchanged ones wait for some frames, which may show a slow light."""
-        from ocisac_fast.cleaning import VideoCleaner
-
         options = {name: value for name, value in self._options.items() if name != "still"}
         video = self._video = self._video or VideoCleaner(camera, **options)
         time, rate = self._stream.time_of(self._read), self._stream.frame_rate
@@ -214,13 +208,9 @@ class _Cleaner:
             yield from self._results([view], rejected if done.unchanged[0] else done, camera)
 
     def _together(self, views: list[Frame], camera: Camera) -> Iterator[Frame]:
-        from ocisac_fast.cleaning import remove_bands
-
         yield from self._results(views, remove_bands(stack(views), camera, **self._options), camera)
 
     def _results(self, views: list[Frame], done: CleanedFrames, camera: Camera) -> Iterator[Frame]:
-        from ocisac_fast.cleaning import Mark
-
         for k, (frame, marks) in enumerate(zip(done.frames, done.marks, strict=True)):
             facts = self._picture.in_units(
                 {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import click
 import numpy as np
@@ -15,9 +15,8 @@ from ocisac_fast.cli.output import emit_json, emit_table, facts_of, number, prog
 from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.pictures import PictureOptions, grey_of, open_pictures
 from ocisac_fast.files import Part
-
-if TYPE_CHECKING:
-    from ocisac_fast.lights import LightSource
+from ocisac_fast.lights import LightSource
+from ocisac_fast.lights.watch import watch_lights
 
 _HEADER = ("light", "x", "y", "width", "height", "probability", "frequency", "gain", "SNR", "data", "remark")
 
@@ -91,8 +90,6 @@ def detected_lights(
     group: int = 4,
 ) -> Iterator[dict[str, Any]]:
     """The JSON object of each frame, of all frames or of a part, as ``watch_lights`` sees them."""
-    from ocisac_fast.lights.watch import watch_lights
-
     first = 0 if part is None else part.first
     with open_pictures(file, picture, part) as pictures:
         count = pictures.frame_count

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import click
 
@@ -11,9 +11,7 @@ from ocisac_fast.cli.lights import LIGHTS_TO_AVOID, light_name
 from ocisac_fast.cli.output import emit, quantity
 from ocisac_fast.cli.outputs import OUTPUT, PLOTS, draw
 from ocisac_fast.cli.units import RATE, SHARE, TIME, Quantity, Several
-
-if TYPE_CHECKING:
-    from ocisac_fast.exposure import FlickerFreeExposure, FlickeringLight
+from ocisac_fast.exposure import FlickerFreeExposure, FlickeringLight, best_exposure, flicker_free_exposure
 
 
 @command
@@ -52,16 +50,12 @@ def exposure(
             raise click.UsageError(f"--method: got {method}, allowed: exact with --avoid")
         if comm is None and (sense, keep, front) != (None, None, None):
             raise click.UsageError("--comm: needed by --sense, --keep and --front")
-        from ocisac_fast.exposure import flicker_free_exposure
-
         more = {"near": near, "step": step, "f_comm": comm, "f_sense": sense, "min_gain": keep}
         found = flicker_free_exposure(avoid, below, **more, **shared)  # type: ignore[arg-type]
         draw(plot, "plot_modulation", avoid, below, found=found, bounds=bounds)
         draw(front, "plot_flicker_front", comm, avoid, below, found=found, bounds=bounds)
         _report(found, avoid, as_json)
         return
-    from ocisac_fast.exposure import best_exposure
-
     for name, value in (("--comm", comm), ("--sense", sense)):
         if value is None:
             raise click.UsageError(f"Missing option '{name}'.")

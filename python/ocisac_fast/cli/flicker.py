@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -11,9 +11,7 @@ from ocisac_fast.cli.lights import LIGHTS, light_name
 from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, quantity
 from ocisac_fast.cli.outputs import OUTPUT, PLOTS, draw
 from ocisac_fast.cli.units import SHARE, TIMES
-
-if TYPE_CHECKING:
-    from ocisac_fast.exposure import FlickeringLight
+from ocisac_fast.exposure import FlickeringLight, flicker_indices
 
 _NAMES = ("modulation_index", "detection_index", "mitigation_probability", "missed")
 
@@ -32,8 +30,6 @@ def flicker(
     """Compute flicker modulation index, flicker detection index and modulation mitigation probability of every lamp at
     every exposure, over all phases, in closed form. A range of frequencies or duties is five values; :N makes it N.
     """
-    from ocisac_fast.exposure import flicker_indices
-
     settings = {"background": background, "contrast": contrast, "tolerance": tolerance}
     rows: list[tuple[FlickeringLight, float, list[float]]] = []
     for light in lights:

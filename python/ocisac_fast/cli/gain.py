@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_colour, some_columns
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.csv_files import write_csv
@@ -37,6 +38,7 @@ from ocisac_fast.core.statistics import do_differ, inverse_variance_weights, mea
 from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
 from ocisac_fast.light.response import exposure_response
+from ocisac_fast.tones import find_frequency, tone_gain, varying_tone_gain
 
 
 @command
@@ -249,8 +251,6 @@ def frame_gains(
     The light is estimated from the first batch of frames unless it is given; the gain of a frame depends on no other
     frame.
     """
-    from ocisac_fast.tones import tone_gain
-
     with open_pictures(file, picture, part) as pictures:
         camera, batches = pictures.camera.in_time_order, pictures.row_batches(_BYTES_AT_ONCE)
         first = next(batches)
@@ -287,8 +287,6 @@ def find_light(file: str, picture: PictureOptions, frequency: Quantity | str, op
 def _find_light(
     frames: Frame, stored: Camera, picture: PictureOptions, frequency: Quantity | str, options: dict[str, Any]
 ) -> Light:
-    from ocisac_fast.tones import find_frequency
-
     given = picture.check_frequency("--frequency", frequency)
     camera, waveform = stored.in_time_order, frequency_waveform(picture)
     columns, colour = one_colour(frames, camera, waveform)
@@ -309,9 +307,6 @@ def _find_light(
 
 def _misfit(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> int:
     """MODEL_MISFIT if the mean column of a frame varies, against the assumption of ``tone_gain``; else 0."""
-    from ocisac_fast.camera.linear_light import linear_light
-    from ocisac_fast.tones import varying_tone_gain
-
     column = linear_light(columns, camera).mean(axis=-1)
     names = ("waveform", "duty", "background")
     found = varying_tone_gain(column, Camera(camera.row_time), frequency, **{name: options[name] for name in names})

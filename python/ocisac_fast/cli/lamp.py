@@ -10,6 +10,13 @@ from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit, emit_table, quantity
 from ocisac_fast.cli.outputs import OUTPUT, PLOTS, draw
 from ocisac_fast.cli.units import FREQUENCY, SHARE, TIMES, Quantity, Several
+from ocisac_fast.exposure import (
+    DIGITAL_SUM_SPANS,
+    flicker_free_chip_rate,
+    flicker_free_frequencies,
+    smallest_flicker_free_duty,
+    unmissed_frequency,
+)
 
 
 @command
@@ -35,8 +42,6 @@ def lamp(
     span = float(bounds[0]), float(bounds[1])
     facts: dict[str, Any]
     if frequency is not None:
-        from ocisac_fast.exposure import smallest_flicker_free_duty
-
         facts = {"no_bands_from_duty": smallest_flicker_free_duty(frequency, exposures, below)}
         facts["no_missed_pulse_from_duty"] = max(0.0, 1.0 - frequency * min(exposures))
     else:
@@ -83,13 +88,6 @@ def _verdict(facts: dict[str, Any], first: list[str]) -> str:
 def _frequencies(
     exposures: tuple[float, ...], below: float, duty: float | None, bounds: tuple[float, float], spread: float
 ) -> dict[str, Any]:
-    from ocisac_fast.exposure import (
-        DIGITAL_SUM_SPANS,
-        flicker_free_chip_rate,
-        flicker_free_frequencies,
-        unmissed_frequency,
-    )
-
     found = flicker_free_frequencies(exposures, below, bounds, duty=duty, exposure_spread=spread)
     shortest = [min(exposures) * (1.0 - spread)]
     return {

@@ -12,6 +12,7 @@ from ocisac_fast.cli.output import emit
 from ocisac_fast.cli.outputs import InputFile, read_input
 from ocisac_fast.cli.units import Parsed
 from ocisac_fast.core.checks import parsed_json
+from ocisac_fast.lights import locate_camera
 
 _File = InputFile(exists=True, dir_okay=False, path_type=Path)
 
@@ -38,8 +39,6 @@ def locate(
     Both files are JSON lines. LIGHTS: light (its ID), x_m, y_m, z_m. SEEN: light, x, y in pixels; with width and height
     (output of detect) x, y are the top left corner of a box. IDs that are in only one file are ignored.
     """
-    from ocisac_fast.lights import locate_camera
-
     if len(focal) not in (1, 2):
         raise click.UsageError(f"--focal: got {len(focal)} numbers, allowed: one or X,Y")
     if inside is not None and len(inside) != 6:

@@ -18,6 +18,7 @@ from ocisac_fast.cli.pictures import PictureOptions, open_pictures, rows_and_col
 from ocisac_fast.cli.sent_files import ErrorCount
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files.recording import Frame
+from ocisac_fast.receiver import receive as receive_frames
 
 
 @command
@@ -85,8 +86,6 @@ def _received(
     file: str, picture: PictureOptions, plot: str | None, rate: float | None, stream: PacketStream | None
 ) -> Iterator[dict[str, Any]]:
     """The JSON objects of a file, generated as its frames are read."""
-    from ocisac_fast.receiver import receive as receive_frames
-
     with open_pictures(file, picture) as pictures:
         if stream is not None:  # frame by frame, so that a payload of a live stream is printed at once
             announced = pictures.frame_count
@@ -121,8 +120,6 @@ def _in_runs(frames: Iterator[Frame]) -> Iterator[Frame]:
 
 
 def _plot_first(plot: str, frames: Any, camera: Any, rate: float | None) -> None:
-    from ocisac_fast.receiver import receive as receive_frames
-
     draw(plot, "plot_received", frames[0], camera, received=receive_frames(frames, camera, chip_rate=rate)[0])
 
 

@@ -21,8 +21,10 @@ from ocisac_fast.cli.outputs import OUTPUT, InputFile
 from ocisac_fast.cli.units import FREQUENCY, RATE, ROW_TIME, TIME, Parsed, Quantity
 from ocisac_fast.files import RecordingStream, write_frames
 from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, TriangleWave, Waveform
+from ocisac_fast.scene import load_scene, render
 from ocisac_fast.scene.effects import EFFECTS
 from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
+from ocisac_fast.scene.toml import pictures_of
 
 _CLIPPED = "noise of dark rows is clipped at 0, which biases gains; give both commands a --dark-level of 5 times it"
 _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
@@ -38,8 +40,6 @@ def _effect(word: str) -> tuple[str, float]:
 
 class _Scene(InputFile):
     def files(self, path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
-        from ocisac_fast.scene.toml import pictures_of
-
         return (path, *pictures_of(path))
 
 
@@ -145,8 +145,6 @@ def _write(
 def _simulate_scene(
     path: str, as_json: bool, output: str, tolerance: float, noise_off: bool, options: RecordingOptions
 ) -> None:
-    from ocisac_fast.scene import load_scene, render
-
     scene = load_scene(path)
     plan = scene.plan(tolerance=tolerance, frames=options.frames, start=float(options.start))
     frames = render(plan, noise=scene.sensor.noisy and not noise_off, seed=options.seed)

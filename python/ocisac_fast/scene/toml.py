@@ -17,7 +17,8 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import checked, shown
-from ocisac_fast.files import FileError
+from ocisac_fast.files import FileError, atomic_path
+from ocisac_fast.files.pictures import grey_levels
 from ocisac_fast.files.raw import read_whole
 from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, TriangleWave
 from ocisac_fast.scene.description import Ambient, Sensor
@@ -147,8 +148,6 @@ def save_scene(path: str | os.PathLike[str], scene: Scene) -> None:
         OSError: the file cannot be written.
     """
     import tomli_w
-
-    from ocisac_fast.files import atomic_path
 
     tables = {name: _plain(getattr(scene, name)) for name in _TABLES}
     lists = {name: [_plain(item) for item in getattr(scene, name)] for name in _LISTS}
@@ -288,8 +287,6 @@ def _choice(name: str, table: Any, keys: Keys, folder: _Folder) -> Any:
 
 def _picture(name: Any, keys: Keys, folder: _Folder) -> Any:
     """Grey levels, 0 to 1, of a picture file of the scene."""
-    from ocisac_fast.files.pictures import grey_levels
-
     if not isinstance(name, str):
         raise _BadKey(keys, f"got {shown(name)}, allowed: the name of a picture")
     path = Path(os.path.realpath(folder.path / name))
