@@ -18,7 +18,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.detect import detected_lights
 from ocisac_fast.cli.gain import find_light, frame_gains, tone_options
 from ocisac_fast.cli.output import collected_objects, plain
-from ocisac_fast.cli.pictures import PictureOptions, open_pictures
+from ocisac_fast.cli.pictures import open_pictures
 from ocisac_fast.files import FileWarning, Part, cut_recording, open_recording
 from ocisac_fast.files.remote import RemotePath, is_remote
 
@@ -133,21 +133,13 @@ def _rows(
         picture = replace(picture, scan_axis=start.scan_axis)
     with collected_objects():  # without progress
         if task.command == "gain":
-            found = _gains(path, arguments, picture, part, None if start is None else start.light)
-        else:
-            found = _detected(path, arguments, picture, part)
-        return [plain(row) for row in found]
-
-
-def _detected(path: str, arguments: dict[str, Any], picture: PictureOptions, part: Part | None) -> Any:
-    options = {name: arguments[name] for name in ("false_alarms", "min_cycles")}
-    return detected_lights(path, picture, options, part=part, group=1)  # each by itself: the same in any stretch
-
-
-def _gains(path: str, arguments: dict[str, Any], picture: PictureOptions, part: Part | None, light: Any) -> Any:
-    gains = frame_gains(path, picture, arguments["frequency"], tone_options(picture, **arguments), part, light)
-    first = 0 if part is None else part.first
-    return (picture.in_units(row) for row in gains.every_frame(first, arguments["background"] is not None))
+            light, first = None if start is None else start.light, 0 if part is None else part.first
+            gains = frame_gains(path, picture, arguments["frequency"], tone_options(picture, **arguments), part, light)
+            every = gains.every_frame(first, arguments["background"] is not None)
+            return [plain(picture.in_units(row)) for row in every]
+        options = {name: arguments[name] for name in ("false_alarms", "min_cycles")}
+        # each frame by itself: the same in any stretch
+        return [plain(row) for row in detected_lights(path, picture, options, part=part, group=1)]
 
 
 def _frame_count(command: str, rows: list[Mapping[str, Any]]) -> int | None:
