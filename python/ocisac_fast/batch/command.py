@@ -20,7 +20,7 @@ from ocisac_fast.batch.fields import FIELDS
 from ocisac_fast.batch.jobs import ClusterError, VersionError
 from ocisac_fast.batch.recordings import find_recordings
 from ocisac_fast.batch.results import Results
-from ocisac_fast.batch.summary import Summary, summarize
+from ocisac_fast.batch.summary import summarize
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import SOME_FAILED
@@ -184,7 +184,8 @@ def _summarize(folder: str, plot: str | None, as_json: bool) -> None:
     if path is not None:
         if plot is None and os.path.lexists(path) and not _is_drawn(path):
             raise click.UsageError(f"--summary: got {path}, which is no picture of it, allowed: --plot FILE")
-        _draw(found, path)
+        values, spreads = (np.array([getattr(one, name) for one in found.recordings]) for name in ("value", "spread"))
+        draw(path, "plot_recordings", values, spreads, label=found.label, flags=found.flags)
     if as_json:
         for one in found.recordings:
             value = {"of": found.label, "value": one.value, "value_std": one.spread}
@@ -206,11 +207,6 @@ def _summarize(folder: str, plot: str | None, as_json: bool) -> None:
     if found.failures:
         emit_table("", ("failed", "message"), found.failures[:_MAX_LINES], left=("message",))
         _more(len(found.failures))
-
-
-def _draw(found: Summary, path: str) -> None:
-    values, spreads = (np.array([getattr(one, name) for one in found.recordings]) for name in ("value", "spread"))
-    draw(path, "plot_recordings", values, spreads, label=found.label, flags=found.flags)
 
 
 def _value(value: float, spread: float) -> str:
