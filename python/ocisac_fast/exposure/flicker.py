@@ -199,7 +199,9 @@ def flicker_front(
         raise ValueError("lights: got none, allowed: at least one")
     if any(abs(f_comm - light.frequency) <= light.uncertainty for light in lights):
         raise ValueError(f"f_comm: got {f_comm}, allowed: none of the lights to avoid")
-    low, high = _checked_bounds(bounds)
+    low, high = (0.0, LONGEST_EXPOSURE) if bounds is None else bounds
+    if not (0.0 <= low <= high < math.inf and high > 0.0):
+        raise ValueError(f"bounds: got {low} to {high}, allowed: 0 <= shortest <= longest, above 0 (s)")
     nulls = [np.arange(1.0, math.floor(light.frequency * high) + 1.0) / light.frequency for light in lights]
     exposure = np.unique(np.concatenate([np.linspace(low, high, points), *nulls]))
     exposure = exposure[(exposure > 0.0) & (exposure >= low) & (exposure <= high)]
@@ -212,10 +214,3 @@ def table_of(lights: Iterable[FlickeringLight]) -> Float64s:
     """(lights, 4) of frequency, uncertainty, duty (NaN: a raised cosine), depth."""
     rows = [(x.frequency, x.uncertainty, math.nan if x.duty is None else x.duty, x.depth) for x in lights]
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
-
-
-def _checked_bounds(bounds: tuple[float, float] | None) -> tuple[float, float]:
-    low, high = (0.0, LONGEST_EXPOSURE) if bounds is None else bounds
-    if not (0.0 <= low <= high < math.inf and high > 0.0):
-        raise ValueError(f"bounds: got {low} to {high}, allowed: 0 <= shortest <= longest, above 0 (s)")
-    return low, high

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +11,7 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.light.waveforms import Product, Tone, Waveform, integrate_exposure
 from ocisac_fast.scene.geometry import Array
-from ocisac_fast.scene.profile import Light, Profile, cycles, expose_profile
+from ocisac_fast.scene.profile import Light, Profile, expose_profile
 from ocisac_fast.scene.terms import Moving
 
 Table = npt.NDArray[np.float32]
@@ -106,7 +107,8 @@ def _expose(
     phase: Array,
 ) -> Array:
     assert camera.exposure is not None
-    shift = cycles(part.rate, camera.frame_time or 0.0, frame, start)
+    passed = Fraction(part.rate) * (Fraction(start) + frame * Fraction(camera.frame_time or 0.0))
+    shift = float(passed % 1)  # of the periods that have passed at the end of the frame's row 0
     light = Light(part.waveform, camera, int(rows.max()) + 1, part.steps, start, frame)
     ends = np.multiply(rows, camera.row_period, dtype=np.float64)
     return expose_profile(part.profile, line, phase, shift, part.rate, ends, camera.exposure, light)
