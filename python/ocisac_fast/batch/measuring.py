@@ -15,8 +15,7 @@ from ocisac_fast import __version__, _core
 from ocisac_fast.batch.fields import columns, table
 from ocisac_fast.batch.task import IN_STRETCHES, Task
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.cli.detect import detected_lights
-from ocisac_fast.cli.gain import find_light, frame_gains, tone_options
+from ocisac_fast.cli import detect, gain
 from ocisac_fast.cli.output import collected_objects, plain
 from ocisac_fast.cli.pictures import open_pictures
 from ocisac_fast.files import FileWarning, Part, cut_recording, open_recording
@@ -105,7 +104,7 @@ def start_of(path: str, task: Task, max_frames: int) -> tuple[list[Part], Start]
     if task.command == "detect":
         with open_pictures(path, picture) as pictures:
             return parts, Start(None, pictures.camera.scan_axis, content_hash(path))
-    light = find_light(path, picture, arguments["frequency"], tone_options(picture, **arguments))
+    light = gain.find_light(path, picture, arguments["frequency"], gain.tone_options(picture, **arguments))
     return None if math.isnan(light.frequency) else (parts, Start(light, light.scan_axis, content_hash(path)))
 
 
@@ -134,12 +133,13 @@ def _rows(
     with collected_objects():  # without progress
         if task.command == "gain":
             light, first = None if start is None else start.light, 0 if part is None else part.first
-            gains = frame_gains(path, picture, arguments["frequency"], tone_options(picture, **arguments), part, light)
+            options = gain.tone_options(picture, **arguments)
+            gains = gain.frame_gains(path, picture, arguments["frequency"], options, part, light)
             every = gains.every_frame(first, arguments["background"] is not None)
             return [plain(picture.in_units(row)) for row in every]
         options = {name: arguments[name] for name in ("false_alarms", "min_cycles")}
         # each frame by itself: the same in any stretch
-        return [plain(row) for row in detected_lights(path, picture, options, part=part, group=1)]
+        return [plain(row) for row in detect.detected_lights(path, picture, options, part=part, group=1)]
 
 
 def _frame_count(command: str, rows: list[Mapping[str, Any]]) -> int | None:
