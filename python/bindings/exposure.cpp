@@ -138,9 +138,10 @@ py::array_t<double> run_exposure_modulation(const Doubles& lights, const Doubles
 }
 
 // (intervals, 2)
-py::array_t<double> run_cycles_below(const Doubles& light, double below, double most) {
-  const auto one = flickering_lights(light).at(0);
-  const auto found = unlocked([&] { return cycles_below(one, below, most); });
+py::array_t<double> run_flicker_free_intervals(const Doubles& lights, double below,
+                                               const std::pair<double, double>& bounds) {
+  const auto all = flickering_lights(lights);
+  const auto found = unlocked([&] { return flicker_free_intervals(all, below, {{bounds.first, bounds.second}}); });
   py::array_t<double> result({static_cast<py::ssize_t>(found.size()), py::ssize_t{2}});
   double* place = result.mutable_data();
   for (const Interval& interval : found) *place++ = interval.low, *place++ = interval.high;
@@ -170,13 +171,13 @@ void register_exposure(py::module_& module) {
   module.def("best_noisy_exposure", &run_best_noisy_exposure, arg("frequencies"), arg("weights"), arg("noise_exposure"),
              arg("low"), arg("high"), arg("step"));
   module.def("exposure_modulation", &run_exposure_modulation, arg("lights"), arg("exposure"));
-  module.def("cycles_below", &run_cycles_below, arg("light"), arg("below"), arg("most"));
+  module.def("flicker_free_intervals", &run_flicker_free_intervals, arg("lights"), arg("below"), arg("bounds"));
   module.def("flicker_free_exposure", &run_flicker_free_exposure, arg("lights"), arg("below"), arg("near"),
              arg("bounds"), arg("step"), arg("f_comm"), arg("f_sense"), arg("min_gain"), arg("weights"));
   py::class_<Shared<ExposureController>>(module, "ExposureController")
       .def(py::init(&make_controller), arg("shortest"), arg("longest"), arg("step"), arg("lowest_gain"),
-           arg("highest_gain"), arg("comm_weight"), arg("sense_weight"), arg("hysteresis"), arg("level_floor"),
-           arg("level_aim"), arg("level_ceiling"), arg("max_saturated"), arg("min_snr"), arg("noise_level"))
+           arg("highest_gain"), arg("comm_weight"), arg("sense_weight"), arg("hysteresis"), arg("floor"), arg("aim"),
+           arg("ceiling"), arg("max_saturated"), arg("min_snr"), arg("noise_level"))
       .def("update", &update, arg("tones"), arg("exposure"), arg("gain"), arg("level"), arg("peak"), arg("saturated"))
       .def("reset", [](Shared<ExposureController>& controller) {
         controller.call([](ExposureController& alone) { alone.reset(); });

@@ -9,31 +9,42 @@ namespace ocisac::bindings {
 
 namespace {
 
-// In the order of ocisac_fast.receiver.Received.
-py::tuple as_tuple(const Received& received) {
-  return py::make_tuple(received.frame, received.source, received.colour, received.bits, received.rows_per_chip,
-                        received.rows_per_chip_std, received.phase, received.snr, array_of(received.detection.dark),
-                        array_of(received.detection.bright), array_of(received.detection.relative_levels),
-                        array_of(received.weights), received.flags, array_of(received.colour_weights));
+using py::literals::operator""_a;
+
+py::dict as_dict(const Received& received) {
+  return py::dict(
+      "frame"_a = received.frame, "source"_a = received.source, "colour"_a = received.colour, "bits"_a = received.bits,
+      "rows_per_chip"_a = received.rows_per_chip, "rows_per_chip_std"_a = received.rows_per_chip_std,
+      "phase"_a = received.phase, "snr"_a = received.snr, "dark"_a = array_of(received.detection.dark),
+      "bright"_a = array_of(received.detection.bright),
+      "relative_levels"_a = array_of(received.detection.relative_levels), "weights"_a = array_of(received.weights),
+      "flags"_a = received.flags, "colour_weights"_a = array_of(received.colour_weights));
 }
 
 py::list receive_list(const std::vector<py::array>& colours, const Camera& camera, std::optional<double> chip_rate) {
   const auto views = views_of(colours);
   const auto results = unlocked([&] { return receive(views, camera, {chip_rate}); });
   py::list list;
-  for (const auto& received : results) list.append(as_tuple(received));
+  for (const auto& received : results) list.append(as_dict(received));
   return list;
 }
 
-// In the order of ocisac_fast.receiver.ReceivedFrame.
-py::object as_tuple(const std::optional<ReceivedFrame>& frame) {
-  if (!frame) return py::none();
+// What frames of all receivers have.
+template <typename Frame>
+py::dict common_dict(const Frame& frame) {
   py::object stretch = py::none();
-  if (frame->stretch) stretch = stretch_tuple(*frame->stretch);
-  return py::make_tuple(frame->frame, std::string(outcome_name(frame->outcome)), frame->missing, frame->colour,
-                        frame->bits, frame->phase, frame->rows_per_chip, frame->rows_per_chip_std, frame->exposure,
-                        frame->exposure_std, frame->snr, frame->error_rate, array_of(frame->llr), stretch,
-                        frame->flags);
+  if (frame.stretch) stretch = stretch_tuple(*frame.stretch);
+  return py::dict("frame"_a = frame.frame, "outcome"_a = std::string(outcome_name(frame.outcome)),
+                  "missing"_a = frame.missing, "colour"_a = frame.colour, "stretch"_a = stretch,
+                  "flags"_a = frame.flags);
+}
+
+py::object as_dict(const std::optional<ReceivedFrame>& frame) {
+  if (!frame) return py::none();
+  return py::dict("bits"_a = frame->bits, "phase"_a = frame->phase, "rows_per_chip"_a = frame->rows_per_chip,
+                  "rows_per_chip_std"_a = frame->rows_per_chip_std, "exposure"_a = frame->exposure,
+                  "exposure_std"_a = frame->exposure_std, "snr"_a = frame->snr, "error_rate"_a = frame->error_rate,
+                  "llr"_a = array_of(frame->llr), **common_dict(*frame));
 }
 
 // In the order of ocisac_fast.receiver.LightGain.
@@ -71,20 +82,19 @@ py::list push(Shared<Receiver>& receiver, const std::vector<py::array>& colours,
   const auto results = receiver.call([&](Receiver& alone) { return alone.push(views, stamp); });
   py::list list;
   for (const auto& light : results)
-    list.append(py::make_tuple(light.frame, light.source, light.region, light.searched, as_tuple(light.received),
-                               as_tuple(light.gain), as_tuple(light.suggestion)));
+    list.append(py::dict("frame"_a = light.frame, "source"_a = light.source, "region"_a = light.region,
+                         "searched"_a = light.searched, "received"_a = as_dict(light.received),
+                         "gain"_a = as_tuple(light.gain), "suggestion"_a = as_tuple(light.suggestion)));
   return list;
 }
 
-py::tuple push_fsk(Shared<FskReceiver>& receiver, const std::vector<py::array>& colours,
-                   std::optional<std::int64_t> frame) {
+py::dict push_fsk(Shared<FskReceiver>& receiver, const std::vector<py::array>& colours,
+                  std::optional<std::int64_t> frame) {
   const auto views = views_of(colours);
   const FskFrame result = receiver.call([&](FskReceiver& alone) { return alone.push(views, frame); });
-  py::object symbol = py::none(), stretch = py::none();
+  py::object symbol = py::none();
   if (result.symbol) symbol = symbol_tuple(*result.symbol);
-  if (result.stretch) stretch = stretch_tuple(*result.stretch);
-  return py::make_tuple(result.frame, std::string(outcome_name(result.outcome)), result.missing, result.colour, symbol,
-                        stretch, result.flags);
+  return py::dict("symbol"_a = symbol, **common_dict(result));
 }
 
 }  // namespace

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast import plots
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.results import Result
 from ocisac_fast.files import FileError, RecordingStream, atomic_path, read_frames, write_frames
@@ -146,7 +147,7 @@ def run(directory: str | os.PathLike[str], *, force: bool = False) -> Demonstrat
     """
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
-    light = Chips(MARKER + to_bits(MESSAGE), CHIP_RATE, repeat=True)
+    light = Chips(MARKER + "".join(f"{code:08b}" for code in MESSAGE.encode("ascii")), CHIP_RATE, repeat=True)
     recordings: dict[str, tuple[Iterable[npt.NDArray[Any]], dict[str, Any]]] = {
         "testbed.mkv": (_testbed_frames(), {"frame_rate": 1 / FRAME_TIME}),
         "chips.png": (_simulated(light, CHIP_CAMERA, start=1.7e-3), {}),
@@ -242,11 +243,6 @@ def _measure(setting: Setting, frame: npt.NDArray[Any]) -> Measurement:
     return Measurement(setting, *values)
 
 
-def to_bits(text: str) -> str:
-    """Eight bits per character, most significant first."""
-    return "".join(f"{code:08b}" for code in text.encode("ascii"))
-
-
 def message_in(bits: str) -> tuple[str, int]:
     """Characters after the first marker with a complete message, and index of the first chip; else "" and 0."""
     length = 8 * len(MESSAGE)
@@ -266,8 +262,6 @@ def model_rows(measurement: Measurement) -> npt.NDArray[np.float64]:
 
 def draw(demonstration: Demonstration, path: str | os.PathLike[str], *, force: bool = False) -> None:
     """Draw the demo: strips of the recording, a column with its fit, gains and theory, received bits."""
-    from ocisac_fast import plots
-
     with _placed(Path(path), force) as made, plots.picture(made, 11.0, 7.6) as figure:
         axes = figure.subplots(2, 2, width_ratios=(1.0, 1.25))
         _draw_strips(axes[0, 0], demonstration)
@@ -294,8 +288,6 @@ def _draw_strips(axes: Any, demonstration: Demonstration) -> None:
 
 
 def _draw_gains(axes: Any, measurements: list[Measurement]) -> None:
-    from ocisac_fast import plots
-
     x = np.linspace(0.0, 4.6, 1000)
     axes.plot(x, np.abs(np.sinc(x)), color=plots.BLACK, lw=1.1, label="theory |sinc(f Tₑ)|")
     for kind, marker, colour in (("communication", "o", plots.BLUE), ("sensing", "s", plots.ORANGE)):
@@ -325,8 +317,6 @@ def _draw_gains(axes: Any, measurements: list[Measurement]) -> None:
 
 
 def _draw_column(axes: Any, demonstration: Demonstration) -> None:
-    from ocisac_fast import plots
-
     time = np.arange(ROWS) * ROW_TIME * 1e3
     for k, colour in zip(_shown(demonstration)[:3:2], (plots.BLUE, plots.RED), strict=True):
         measured = demonstration.measurements[k]
@@ -344,8 +334,6 @@ def _draw_column(axes: Any, demonstration: Demonstration) -> None:
 
 
 def _draw_bits(axes: Any, demonstration: Demonstration) -> None:
-    from ocisac_fast import plots
-
     received = demonstration.received
     begin = received.phase + demonstration.text_at * received.rows_per_chip
     shown = 24 * received.rows_per_chip

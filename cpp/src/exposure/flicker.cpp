@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <numbers>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "core/check_interrupt.hpp"
@@ -55,22 +55,6 @@ Intervals all_below(std::span<const FlickeringLight> lights, double below, Inter
     if (!every.empty())
       every = intersection(every, exposures_below(light, below, every.front().low, every.back().high));
   return every;
-}
-
-// Those at `below`, or else those at the smallest level that has any.
-Intervals smallest_level(double below, const std::function<Intervals(double)>& found_at) {
-  if (Intervals found = found_at(below); !found.empty()) return found;
-  double fails = below, holds = 1;
-  Intervals found = found_at(1);
-  while (holds - fails > 1e-12 * holds) {
-    check_interrupt();
-    const double middle = 0.5 * (fails + holds);
-    if (Intervals some = found_at(middle); some.empty())
-      fails = middle;
-    else
-      holds = middle, found = std::move(some);
-  }
-  return found;
 }
 
 std::vector<double> multiples(const Intervals& every, double step) {
@@ -174,13 +158,29 @@ void check(std::span<const FlickeringLight> lights, const FlickerFreeRequest& re
 
 }  // namespace
 
+std::vector<Interval> flicker_free_intervals(std::span<const FlickeringLight> lights, double below,
+                                             const std::vector<Interval>& within) {
+  Intervals found = all_below(lights, below, within);
+  if (!found.empty()) return found;
+  double fails = below, holds = 1;
+  found = all_below(lights, holds, within);
+  while (holds - fails > 1e-12 * holds) {
+    check_interrupt();
+    const double middle = 0.5 * (fails + holds);
+    if (Intervals some = all_below(lights, middle, within); some.empty())
+      fails = middle;
+    else
+      holds = middle, found = std::move(some);
+  }
+  return found;
+}
+
 FlickerFreeExposure flicker_free_exposure(std::span<const FlickeringLight> lights, const FlickerFreeRequest& request) {
   check(lights, request);
   Intervals kept{request.bounds};
   if (request.min_gain) kept = keeping(*request.f_comm, *request.min_gain, kept, request.step);
-  const Intervals allowed =
-      request.step ? multiples_allowed(lights, request.below, kept, *request.step)
-                   : smallest_level(request.below, [&](double level) { return all_below(lights, level, kept); });
+  const Intervals allowed = request.step ? multiples_allowed(lights, request.below, kept, *request.step)
+                                         : flicker_free_intervals(lights, request.below, kept);
   FlickerFreeExposure result;
   if (!request.near && request.f_comm && (!request.min_gain || request.f_sense)) {
     std::vector<double> tones{*request.f_comm}, weights{request.f_sense ? request.comm_weight : 1};

@@ -118,31 +118,29 @@ class _Recording:
     is_spoilt: bool = False
 
 
+@dataclass
 class _Campaign:
-    def __init__(
-        self,
-        entries: list[Entry],
-        task: Task,
-        results: Results | None,
-        max_frames: int,
-        report: Callable[[Progress], object] | None,
-    ) -> None:
-        self._task, self._results, self._max_frames, self._report = task, results, max_frames, report
-        self._count = len(entries)
-        self._waiting: deque[Entry] = deque()
-        self._stretches: deque[Job] = deque()
-        self._open: dict[str, _Recording] = {}
-        self._tables: dict[str, Any] = {}
-        self._failures: dict[str, str] = {}
-        self._untold: list[tuple[str, str]] = []
-        self._failed_before: set[str] = set()
-        self._present: dict[str, list[str]] = {}  # files of rows of unfinished recordings, by key
-        self._finished = self._skipped = self._frames = 0
-        self._group = 1
-        self._look_at_results(entries)
+    _entries: list[Entry]
+    _task: Task
+    _results: Results | None
+    _max_frames: int
+    _report: Callable[[Progress], object] | None
+    _waiting: deque[Entry] = field(default_factory=deque)
+    _stretches: deque[Job] = field(default_factory=deque)
+    _open: dict[str, _Recording] = field(default_factory=dict)
+    _tables: dict[str, Any] = field(default_factory=dict)
+    _failures: dict[str, str] = field(default_factory=dict)
+    _untold: list[tuple[str, str]] = field(default_factory=list)
+    _failed_before: set[str] = field(default_factory=set)
+    _present: dict[str, list[str]] = field(default_factory=dict)  # files of rows of unfinished recordings, by key
+    _finished: int = 0
+    _skipped: int = 0
+    _frames: int = 0
+    _group: int = 1
 
     def run(self, client: Any) -> Outcome:
         """Measure what is not finished."""
+        self._look_at_results()
         folder = None if self._results is None else self._results.folder
         locks = () if self._results is None else self._results.locks
         work = Work(self._task, folder, self._max_frames, build(), client is not None, locks)
@@ -163,10 +161,10 @@ class _Campaign:
         self._group = group_size(len(self._waiting), thread_count(client))
         return on_cluster(client, work, self._next_jobs)
 
-    def _look_at_results(self, entries: list[Entry]) -> None:
+    def _look_at_results(self) -> None:
         """Skip what is finished; remove rows of files that changed since."""
         if self._results is None:
-            self._waiting.extend(entries)
+            self._waiting.extend(self._entries)
             return
         self._failed_before = set(self._results.names("failures"))
         rows = self._results.checked_names(self._task)
@@ -174,7 +172,7 @@ class _Campaign:
         for name in rows:
             by_key.setdefault(key_of(name), []).append(name)
         stale = []
-        for entry in entries:
+        for entry in self._entries:
             names = by_key.pop(entry.key, [])
             present = [name for name in names if is_of(name, entry) and rows[name]]
             whole = rows_name(entry, None, None)
@@ -272,7 +270,7 @@ class _Campaign:
 
     def _progress(self) -> Progress:
         failed = len(self._failures)
-        return Progress(self._count, self._finished, self._skipped, self._frames, failed, tuple(self._untold))
+        return Progress(len(self._entries), self._finished, self._skipped, self._frames, failed, tuple(self._untold))
 
     def _outcome(self) -> Outcome:
         rows = None

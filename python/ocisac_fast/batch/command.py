@@ -12,19 +12,20 @@ from collections.abc import Iterator, Sequence
 from typing import Annotated, Any
 
 import click
+import numpy as np
 
-from ocisac_fast.batch.campaign import MAX_FRAMES, Outcome, Progress, measure_recordings
+from ocisac_fast.batch.campaign import MAX_FRAMES, Progress, measure_recordings
 from ocisac_fast.batch.engines import cluster
 from ocisac_fast.batch.fields import FIELDS
 from ocisac_fast.batch.jobs import ClusterError, VersionError
 from ocisac_fast.batch.recordings import find_recordings
 from ocisac_fast.batch.results import Results
-from ocisac_fast.batch.summary import Summary, summarize
+from ocisac_fast.batch.summary import summarize
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import SOME_FAILED
-from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, facts_of, with_spread
-from ocisac_fast.cli.outputs import OUTPUT, InputFile, OutputFolder
+from ocisac_fast.cli.output import emit, emit_facts, emit_json, emit_table, facts_of, with_spread
+from ocisac_fast.cli.outputs import OUTPUT, InputFile, OutputFolder, draw
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import ParameterType
 
@@ -138,7 +139,9 @@ def batch(
     except KeyboardInterrupt:
         click.echo(f"ocisac: interrupted; {output} keeps what is finished, the same command goes on", err=True)
         raise
-    _emit(done, output, as_json)
+    facts = facts_of(done.progress, "recordings finished skipped failed frames")
+    lines = {"results": output, **{name: str(value) for name, value in facts.items()}}
+    emit(as_json, {"output": output, **facts}, lines)
     if done.progress.failed:
         raise click.exceptions.Exit(SOME_FAILED)
 
@@ -167,15 +170,6 @@ def _shown() -> Iterator[Any]:
         yield report
 
 
-def _emit(done: Outcome, output: str, as_json: bool) -> None:
-    progress = done.progress
-    facts = facts_of(progress, "recordings finished skipped failed frames")
-    if as_json:
-        emit_json({"output": output, **facts})
-        return
-    emit_facts("", {"results": output, **{name: str(value) for name, value in facts.items()}})
-
-
 def _is_drawn(path: str) -> bool:
     """True for a file that may be an earlier picture of a summary."""
     if os.path.islink(path) or not os.path.isfile(path):
@@ -191,7 +185,8 @@ def _summarize(folder: str, plot: str | None, as_json: bool) -> None:
     if path is not None:
         if plot is None and os.path.lexists(path) and not _is_drawn(path):
             raise click.UsageError(f"--summary: got {path}, which is no picture of it, allowed: --plot FILE")
-        _draw(found, path)
+        values, spreads = (np.array([getattr(one, name) for one in found.recordings]) for name in ("value", "spread"))
+        draw(path, "plot_recordings", values, spreads, label=found.label, flags=found.flags)
     if as_json:
         for one in found.recordings:
             value = {"of": found.label, "value": one.value, "value_std": one.spread}
@@ -213,15 +208,6 @@ def _summarize(folder: str, plot: str | None, as_json: bool) -> None:
     if found.failures:
         emit_table("", ("failed", "message"), found.failures[:_MAX_LINES], left=("message",))
         _more(len(found.failures))
-
-
-def _draw(found: Summary, path: str) -> None:
-    import numpy as np
-
-    from ocisac_fast.plots import plot_recordings
-
-    values, spreads = (np.array([getattr(one, name) for one in found.recordings]) for name in ("value", "spread"))
-    plot_recordings(values, spreads, path=path, label=found.label, flags=found.flags)
 
 
 def _value(value: float, spread: float) -> str:

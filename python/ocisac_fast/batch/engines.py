@@ -156,7 +156,8 @@ def cluster(*, scheduler: str | None = None, workers: int | None = None) -> Iter
         ClusterError: no such scheduler, or Dask is not installed.
     """
     if scheduler is None:
-        count = _processors() if workers is None else workers
+        available = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else range(os.cpu_count() or 1)
+        count = len(available) if workers is None else workers
         yield Workers(count) if count > (1 if workers is None else 0) else None
         return
     try:
@@ -173,8 +174,3 @@ def cluster(*, scheduler: str | None = None, workers: int | None = None) -> Iter
         raise ClusterError(f"scheduler {scheduler}: not there ({type(error).__name__})") from error
     with client:
         yield client
-
-
-def _processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -27,14 +27,11 @@ def _tone(prefix: str = "") -> tuple[Field, ...]:
     )
 
 
-_BOX = tuple(
-    Field(name, "int64", "px", text)
-    for name, text in (
-        ("x", "left edge in the stored picture"),
-        ("y", "top edge in the stored picture"),
-        ("width", "width"),
-        ("height", "height"),
-    )
+_BOX = (
+    Field("x", "int64", "px", "left edge in the stored picture"),
+    Field("y", "int64", "px", "top edge in the stored picture"),
+    Field("width", "int64", "px", "width"),
+    Field("height", "int64", "px", "height"),
 )
 _SNR = Field("snr_db", "float64", "dB", "signal-to-noise ratio")
 _MEAN = Field("mean", "float64", "DN", "mean light above dark and background")

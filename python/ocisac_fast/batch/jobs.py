@@ -17,6 +17,7 @@ from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.errors import INPUT_ERRORS, error_text
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files import FileError, Part
+from ocisac_fast.files.extras import pyarrow
 from ocisac_fast.files.remote import RemotePath, is_remote
 from ocisac_fast.files.videos import decoder_threads
 
@@ -126,7 +127,8 @@ class Work:
         except Exception as error:  # whatever a recording provokes, the others are measured
             if results is not None:
                 results.remove([job.name])  # whose cleaned file has no name
-            return Report(job, failure=_message(error, job.entry.path))
+            text = error_text(error) if isinstance(error, INPUT_ERRORS) else f"{type(error).__name__}: {error}"
+            return Report(job, failure=one_line(text.removeprefix(f"{job.entry.path}: ")))
 
     def _measured(self, job: Job, results: Results | None) -> Report:
         path = job.entry.path
@@ -164,13 +166,6 @@ class Work:
 
 
 def _with_cleaned(table: Any, path: str) -> Any:
-    from ocisac_fast.files.extras import pyarrow
-
     place = table.schema.get_field_index("cleaned")
     values = pyarrow().array([path] * len(table), table.schema.field(place).type)
     return table.set_column(place, table.schema.field(place), values)
-
-
-def _message(error: Exception, path: str) -> str:
-    text = error_text(error) if isinstance(error, INPUT_ERRORS) else f"{type(error).__name__}: {error}"
-    return one_line(text.removeprefix(f"{path}: "))

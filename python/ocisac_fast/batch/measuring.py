@@ -15,8 +15,9 @@ from ocisac_fast import __version__, _core
 from ocisac_fast.batch.fields import columns, table
 from ocisac_fast.batch.task import IN_STRETCHES, Task
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cli import detect, gain
 from ocisac_fast.cli.output import collected_objects, plain
-from ocisac_fast.cli.pictures import PictureOptions
+from ocisac_fast.cli.pictures import open_pictures
 from ocisac_fast.files import FileWarning, Part, cut_recording, open_recording
 from ocisac_fast.files.remote import RemotePath, is_remote
 
@@ -74,6 +75,8 @@ class Measurement:
             warnings.simplefilter("always")
             rows = _rows(path, task, part, start, cleaned)
         picture = task.picture
+        with open_recording(path, raw=picture.raw) as stream:
+            camera = picture.camera(stream)
         is_cleaned = cleaned is not None and os.path.exists(cleaned)  # else every frame stays as it is
         names = plain({"path": path, **({"cleaned": cleaned} if is_cleaned else {})})
         named = [{**names, **row} for row in rows]
@@ -83,7 +86,7 @@ class Measurement:
             "frames": _frame_count(task.command, rows),
             "part": None if part is None else [part.first, part.stop],
             "warnings": [str(each.message) for each in caught if issubclass(each.category, FileWarning)],
-            "camera": _camera_facts(path, picture),
+            "camera": {one.name: getattr(camera, one.name) for one in fields(Camera) if one.init},
             "task": task.facts(),
             "build": build(),
         }
@@ -99,10 +102,9 @@ def start_of(path: str, task: Task, max_frames: int) -> tuple[list[Part], Start]
     if parts is None:
         return None
     if task.command == "detect":
-        return parts, Start(None, _scan_axis(path, picture), content_hash(path))
-    from ocisac_fast.cli.gain import find_light
-
-    light = find_light(path, picture, arguments["frequency"], _gain_options(arguments))
+        with open_pictures(path, picture) as pictures:
+            return parts, Start(None, pictures.camera.scan_axis, content_hash(path))
+    light = gain.find_light(path, picture, arguments["frequency"], gain.tone_options(picture, **arguments))
     return None if math.isnan(light.frequency) else (parts, Start(light, light.scan_axis, content_hash(path)))
 
 
@@ -130,30 +132,14 @@ def _rows(
         picture = replace(picture, scan_axis=start.scan_axis)
     with collected_objects():  # without progress
         if task.command == "gain":
-            found = _gains(path, arguments, picture, part, None if start is None else start.light)
-        else:
-            found = _detected(path, arguments, picture, part)
-        return [plain(row) for row in found]
-
-
-def _detected(path: str, arguments: dict[str, Any], picture: PictureOptions, part: Part | None) -> Any:
-    from ocisac_fast.cli.detect import detected_lights
-
-    options = {name: arguments[name] for name in ("false_alarms", "min_cycles")}
-    return detected_lights(path, picture, options, part=part, group=1)  # each by itself: the same in any stretch
-
-
-def _gains(path: str, arguments: dict[str, Any], picture: PictureOptions, part: Part | None, light: Any) -> Any:
-    from ocisac_fast.cli.gain import frame_gains
-
-    gains = frame_gains(path, picture, arguments["frequency"], _gain_options(arguments), part, light)
-    first = 0 if part is None else part.first
-    return (picture.in_units(row) for row in gains.every_frame(first, arguments["background"] is not None))
-
-
-def _gain_options(arguments: dict[str, Any]) -> dict[str, Any]:
-    background = arguments["background"] or 0.0
-    return {"method": arguments["method"], "background": background, "threads": arguments["threads"]}
+            light, first = None if start is None else start.light, 0 if part is None else part.first
+            options = gain.tone_options(picture, **arguments)
+            gains = gain.frame_gains(path, picture, arguments["frequency"], options, part, light)
+            every = gains.every_frame(first, arguments["background"] is not None)
+            return [plain(picture.in_units(row)) for row in every]
+        options = {name: arguments[name] for name in ("false_alarms", "min_cycles")}
+        # each frame by itself: the same in any stretch
+        return [plain(row) for row in detect.detected_lights(path, picture, options, part=part, group=1)]
 
 
 def _frame_count(command: str, rows: list[Mapping[str, Any]]) -> int | None:
@@ -161,16 +147,3 @@ def _frame_count(command: str, rows: list[Mapping[str, Any]]) -> int | None:
     if command in ("sense", "calibrate"):
         return sum(int(row["frames"]) for row in rows)
     return len({row["frame"] for row in rows if row["frame"] is not None})
-
-
-def _scan_axis(path: str, picture: PictureOptions) -> str:
-    from ocisac_fast.cli.pictures import open_pictures
-
-    with open_pictures(path, picture) as pictures:
-        return pictures.camera.scan_axis
-
-
-def _camera_facts(path: str, picture: PictureOptions) -> dict[str, Any]:
-    with open_recording(path, raw=picture.raw) as stream:
-        camera = picture.camera(stream)
-    return {one.name: getattr(camera, one.name) for one in fields(Camera) if one.init}

@@ -72,7 +72,8 @@ class Results:
         self.folder = os.fspath(folder)
         self._system, self._root = file_system(self.folder)
         self.locks: tuple[int, ...] = ()
-        self.is_local = "file" in _protocols(self._system)
+        protocol = self._system.protocol  # one name, or several
+        self.is_local = "file" in ((protocol,) if isinstance(protocol, str) else protocol)
         self._lengths: dict[str, int] = {}  # of the manifest
         self._next_save = 0.0
         self._held: dict[str, int] = {}  # of the manifest, that which this run wrote or found whole
@@ -338,8 +339,8 @@ class Results:
         with contextlib.ExitStack() as after:
             folder = self._path("cleaned") if self.is_local else after.enter_context(tempfile.TemporaryDirectory())
             temporary = f"{folder}/.{entry.key}{suffix}"
-            _unlink(temporary)  # of a run that was killed
-            after.callback(_unlink, temporary)
+            Path(temporary).unlink(missing_ok=True)  # of a run that was killed
+            after.callback(Path(temporary).unlink, missing_ok=True)
             try:
                 yield temporary, name, place if self.is_local else self._system.unstrip_protocol(place)
             except OSError as error:
@@ -518,19 +519,10 @@ def _length_of(entry: Mapping[str, Any]) -> int | None:
     return None if entry.get("islink") or entry.get("type") == _NO_FILE else entry.get("size")
 
 
-def _unlink(place: str) -> None:
-    with contextlib.suppress(FileNotFoundError):
-        os.unlink(place)
-
-
 def _facts(rows: Any) -> dict[str, Any]:
     """The facts beside the rows in a schema's metadata; empty where another program wrote it."""
     found = parsed_json((rows.metadata or {}).get(_METADATA, b"{}"))
     return found if isinstance(found, dict) else {}
-
-
-def _protocols(system: Any) -> tuple[str, ...]:
-    return (system.protocol,) if isinstance(system.protocol, str) else tuple(system.protocol)
 
 
 def _difference(there: dict[str, Any], wanted: dict[str, Any]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any, NamedTuple
@@ -67,13 +67,10 @@ def summarize(folder: str | os.PathLike[str]) -> Summary:
     results = Results(folder)
     command = results.task_facts()["command"]
     label, value_of = _VALUES[command]
-    recordings = [_summary(path, list(parts), value_of) for path, parts in _by_path(results)]
+    by_path = groupby(results.every_part(), key=lambda part: str(part[0]["path"]))
+    recordings = [_summary(path, list(parts), value_of) for path, parts in by_path]
     failures = [(row["path"], row["message"]) for row in read_failures(folder).to_pylist()]
     return Summary(command, label, sorted(recordings, key=lambda one: one.path), failures)
-
-
-def _by_path(results: Results) -> Iterator[tuple[str, Iterator[Any]]]:
-    return groupby(results.every_part(), key=lambda part: str(part[0]["path"]))
 
 
 def _summary(path: str, parts: list[Any], value_of: Callable[[list[Any]], tuple[float, float]]) -> RecordingSummary:
@@ -93,11 +90,6 @@ def _numbers(rows: list[Any], name: str) -> Any:
     return np.array([math.nan if row[name] is None else row[name] for row in rows], np.float64)
 
 
-def _gain(rows: list[Any]) -> tuple[float, float]:
-    """Mean weighted by inverse variance, as of `ocisac gain`."""
-    return mean_and_std(_numbers(rows, "gain"), _numbers(rows, "gain_std"))
-
-
 def _mean_of(name: str) -> Callable[[list[Any]], tuple[float, float]]:
     def value(rows: list[Any]) -> tuple[float, float]:
         found = _numbers(rows, name)
@@ -111,15 +103,14 @@ def _number_of(name: str) -> Callable[[list[Any]], tuple[float, float]]:
     return lambda rows: (sum(len(row[name]) for row in rows) / len(rows) if rows else math.nan, math.nan)
 
 
-def _row_time(rows: list[Any]) -> tuple[float, float]:
-    return float(_numbers(rows, "row_time_s")[0]), float(_numbers(rows, "row_time_std_s")[0])
-
-
 _VALUES: dict[str, tuple[str, Callable[[list[Any]], tuple[float, float]]]] = {
-    "gain": ("gain", _gain),
+    "gain": ("gain", lambda rows: mean_and_std(_numbers(rows, "gain"), _numbers(rows, "gain_std"))),
     "receive": ("SNR / dB", _mean_of("snr_db")),
     "detect": ("lights per frame", _number_of("sources")),
     "sense": ("regions", _number_of("regions")),
-    "calibrate": ("row time / s", _row_time),
+    "calibrate": (
+        "row time / s",
+        lambda rows: (float(_numbers(rows, "row_time_s")[0]), float(_numbers(rows, "row_time_std_s")[0])),
+    ),
     "clean": ("share", _mean_of("share")),
 }

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast._core import CleaningVerdict, ModelledLight, SceneLight, StoredScene
+from ocisac_fast._core import ModelledLight, SceneLight, StoredScene
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light, saturation_level, stored_values
 from ocisac_fast.cleaning.stored import BlockShares, lowered
@@ -180,13 +180,13 @@ def remove_bands(
 
 def _without_lines(done: list[Done], stack: npt.NDArray[Any], camera: Camera, task: Task) -> list[Done]:
     """The frames, each of its own, as they are if what was taken for chips stands still in them."""
-    lights = [one.facts.lights[0][0] for one in done]
+    lights = [one.light.lights[0][0] for one in done]
     if any(own.model != "chips" for own in lights):
         return done
     lines = _core.objection_to_chips([own.light.tolist() for own in lights])
     if not lines:
         return done
-    return [_left_alone(stack[k : k + 1], one.facts, lines, camera, task) for k, one in enumerate(done)]
+    return [_left_alone(stack[k : k + 1], one.light, one.toe, lines, camera, task) for k, one in enumerate(done)]
 
 
 def _joined(arrays: list[npt.NDArray[Any]]) -> npt.NDArray[Any]:
@@ -198,8 +198,8 @@ def collected(done: list[Done], camera: Camera, dimensions: int) -> CleanedFrame
     pictures, marks, shares = (
         _joined(list(each)) for each in zip(*((one.pictures, one.marks, one.shares) for one in done), strict=True)
     )
-    found = [of_frame for one in done for of_frame in one.facts.lights]
-    verdicts = [verdict for one in done for verdict in one.facts.verdicts]
+    found = [of_frame for one in done for of_frame in one.light.lights]
+    verdicts = [verdict for one in done for verdict in one.light.verdicts]
     rows = np.stack([np.stack([own.light for own in of_frame], axis=-1) for of_frame in found])
     return CleanedFrames(
         frames=_as_given(pictures, camera.scan_axis, dimensions),
@@ -208,7 +208,7 @@ def collected(done: list[Done], camera: Camera, dimensions: int) -> CleanedFrame
         share=_as_given(shares, camera.scan_axis, dimensions),
         model=tuple(of_frame[0].model for of_frame in found),
         frequency=np.array([of_frame[0].frequency / camera.row_period for of_frame in found]),
-        toe=np.concatenate([np.full(len(one.pictures), one.facts.toe) for one in done]),
+        toe=np.concatenate([np.full(len(one.pictures), one.toe) for one in done]),
         light_left=np.array([verdict.light_left for verdict in verdicts]),
         texture_change=np.array([verdict.texture_change for verdict in verdicts]),
         slow_bands=np.array([verdict.slow_bands for verdict in verdicts]),
@@ -255,7 +255,7 @@ def subtract_still(
 
 
 def _mean_of_others(light: Float64s, index: int, neighbours: int) -> Float64s:
-    others = sorted((k for k in range(len(light)) if k != index), key=lambda k: (abs(k - index), k))
+    others = sorted(set(range(len(light))) - {index}, key=lambda k: (abs(k - index), k))
     return np.asarray(light[others[:neighbours]].mean(axis=0))
 
 
@@ -299,24 +299,17 @@ def _given_light(
     return values / common, float((values / common).max())
 
 
-class Facts(NamedTuple):
-    """Lights of each frame and colour, toe, and the verdict on each frame."""
-
-    lights: list[list[ModelledLight]]
-    toe: float
-    verdicts: list[CleaningVerdict]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Done:
-    """Frames of one scene: pictures, marks and shares (frames, rows, columns, colours), what was found in them, and why
-    all are left as they were, or "".
+    """Frames of one scene: pictures, marks and shares (frames, rows, columns, colours), their light, the toe of the
+    tone curve, and why all are left as they were, or "".
     """
 
     pictures: npt.NDArray[Any]
     marks: npt.NDArray[np.uint8]
     shares: npt.NDArray[np.float32]
-    facts: Facts
+    light: SceneLight
+    toe: float
     unchanged: str
 
 
@@ -355,9 +348,8 @@ def _estimated(
 def finished(found: Estimate, camera: Camera, task: Task) -> Done:
     """Restore every frame and colour."""
     stack, light = found.stack, found.light
-    facts = Facts(light.lights, found.scene.toe, light.verdicts)
     if light.unchanged:
-        return _left_alone(stack, facts, light.unchanged, camera, task)
+        return _left_alone(stack, light, found.scene.toe, light.unchanged, camera, task)
     pictures, marks = np.empty_like(stack), _planes(stack.shape, np.uint8)
     is_one = all(np.ptp(own.share) == 0 for own in found.shares)
     shares = (
@@ -368,7 +360,7 @@ def finished(found: Estimate, camera: Camera, task: Task) -> Done:
             each = None if is_one else shares[k, ..., colour]
             out = Restored(pictures[k, ..., colour], marks[k, ..., colour], each)
             _restore(found, k, colour, own, of_frame[colour], camera, task, out)
-    return Done(pictures, marks, shares, facts, light.unchanged)
+    return Done(pictures, marks, shares, light, found.scene.toe, light.unchanged)
 
 
 def _planes(shape: tuple[int, ...], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
@@ -381,14 +373,16 @@ def _of_colours(shares: list[float], stack: npt.NDArray[Any]) -> npt.NDArray[np.
     return np.broadcast_to(np.array(shares, np.float32), stack.shape)
 
 
-def _left_alone(stack: npt.NDArray[Any], facts: Facts, reason: str, camera: Camera, task: Task) -> Done:
+def _left_alone(
+    stack: npt.NDArray[Any], light: SceneLight, toe: float, reason: str, camera: Camera, task: Task
+) -> Done:
     """The frames as they are, without a light."""
     saturated = stack >= saturation_level(camera, stack.dtype)
     if task.keep == "picture":
         pictures = stack.copy()
     else:
         pictures = np.broadcast_to(stored_values(np.zeros(1), camera, stack.dtype), stack.shape).copy()
-    return Done(pictures, saturated.view(np.uint8), _of_colours([0.0] * stack.shape[3], stack), facts, reason)
+    return Done(pictures, saturated.view(np.uint8), _of_colours([0.0] * stack.shape[3], stack), light, toe, reason)
 
 
 class Restored(NamedTuple):

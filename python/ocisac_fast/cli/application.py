@@ -14,6 +14,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem, shell_complete
 
+from ocisac_fast import __version__
 from ocisac_fast.cli.errors import INPUT_ERRORS, error_text
 from ocisac_fast.cli.text import one_line, write_any_text
 from ocisac_fast.core.checks import shown
@@ -82,8 +83,6 @@ class _LazyGroup(click.Group):
 
 def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
     if asked:
-        from ocisac_fast import __version__
-
         click.echo(f"ocisac {__version__}")
         ctx.exit()
 

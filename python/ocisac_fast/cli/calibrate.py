@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Annotated, Any
+from typing import Annotated
 
 import click
 import numpy as np
@@ -13,12 +13,14 @@ from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cli.columns import frequency_waveform, one_colour, some_columns
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.doubts import warn_of_calibration, warn_of_texture
-from ocisac_fast.cli.output import emit_facts, emit_json, facts_of, flag_names, number, quantity, with_spread
+from ocisac_fast.cli.output import emit, facts_of, flag_names, number, quantity, with_spread
 from ocisac_fast.cli.outputs import INPUT
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures
 from ocisac_fast.cli.units import FREQUENCY, SHARES, Quantity
 from ocisac_fast.core.flags import Flag
+from ocisac_fast.exposure import calibrate_pulses, pulse_bands
 from ocisac_fast.files.recording import FileError
+from ocisac_fast.lights import calibrate as measure
 
 
 @command
@@ -44,8 +46,6 @@ def calibrate(
         return
     if len(files) > 1:
         raise click.UsageError(f"FILE: got {len(files)}, allowed: one without --pulses")
-    from ocisac_fast.lights import calibrate as measure
-
     with open_pictures(files[0], unknown) as pictures:
         axis, camera, frames = pictures.camera.scan_axis, pictures.camera.in_time_order, next(pictures.row_batches())
     waveform = frequency_waveform(picture)
@@ -61,13 +61,11 @@ def calibrate(
     if not still and Flag.MODEL_MISFIT in result.flags:
         warn_of_calibration(result.row_time * columns.shape[1])
     cycles = found.cycles_per_row * columns.shape[1]
-    if as_json:
-        facts = {**facts_of(result, "row_time_s row_time_std_s probability"), "frames": len(columns), "scan_axis": axis}
-        facts |= {"rows": columns.shape[1], "columns": int(found.columns.used.sum()), "cycles": cycles}
-        emit_json({**facts, "flags": flags})
-        return
-    emit_facts(
-        "",
+    facts = {**facts_of(result, "row_time_s row_time_std_s probability"), "frames": len(columns), "scan_axis": axis}
+    facts |= {"rows": columns.shape[1], "columns": int(found.columns.used.sum()), "cycles": cycles}
+    emit(
+        as_json,
+        {**facts, "flags": flags},
         {
             "row time": with_spread(result.row_time, result.row_time_std, "s"),
             "cycles per row": with_spread(found.cycles_per_row, found.cycles_per_row_std, ""),
@@ -87,37 +85,27 @@ _PULSE_KEYS = "row_time_s row_time_std_s period_rows period_rows_std exposure_s 
 def _calibrate_pulses(
     files: tuple[str, ...], frequency: float, duties: tuple[float, ...], picture: PictureOptions, as_json: bool
 ) -> None:
-    from ocisac_fast.exposure import calibrate_pulses, pulse_bands
-
     if len(files) != len(duties):
         raise click.UsageError(f"--pulses: got {len(duties)} duties, allowed: one for each of {len(files)} files")
     result = calibrate_pulses([pulse_bands(_row_light(file, picture)) for file in files], frequency, duties)
-    if as_json:
-        emit_json(
-            {
-                **facts_of(result, _PULSE_KEYS),
-                "ramp_misfit": result.misfit,
-                "pulses": [
-                    {"file": file, "duty": duty, "lit_rows": rows, "pulse_width_s": width, "bands": bands.whole.size}
-                    | {"split_bands": bands.split.size}
-                    for file, duty, rows, width, bands in zip(
-                        files, duties, result.rows, result.pulse_widths, result.bands, strict=True
-                    )
-                ],
-                "flags": result.flags,
-            }
-        )
-        return
-    facts: dict[str, Any] = {
+    every = list(zip(files, duties, result.rows, result.pulse_widths, result.bands, strict=True))
+    facts = {**facts_of(result, _PULSE_KEYS), "ramp_misfit": result.misfit}
+    facts["pulses"] = [
+        {"file": file, "duty": duty, "lit_rows": rows, "pulse_width_s": width}
+        | {"bands": bands.whole.size, "split_bands": bands.split.size}
+        for file, duty, rows, width, bands in every
+    ]
+    facts["flags"] = result.flags
+    lines = {
         "row time": with_spread(result.row_time, result.row_time_std, "s"),
         "period of the lamp": with_spread(result.period_rows, result.period_rows_std, "rows", 5),
         "exposure": with_spread(result.exposure, result.exposure_std, "s", 4),
         "offset of pulses": with_spread(result.offset, result.offset_std, "s", 4),
         "flags": ", ".join(result.flags) or "none",
     }
-    for file, rows, width in zip(files, result.rows, result.pulse_widths, strict=True):
-        facts[file] = f"{quantity(rows, '', 5)} rows lit, pulses of {quantity(width, 's', 5)}"
-    emit_facts("", facts)
+    for file, _, rows, width, _ in every:
+        lines[file] = f"{quantity(rows, '', 5)} rows lit, pulses of {quantity(width, 's', 5)}"
+    emit(as_json, facts, lines)
 
 
 def _row_light(file: str, picture: PictureOptions) -> npt.NDArray[np.float64]:

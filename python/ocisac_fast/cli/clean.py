@@ -9,12 +9,13 @@ import signal
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cleaning import CleanedFrames, CleaningOptions, Mark, VideoCleaner, remove_bands
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, number, progress, rate
 from ocisac_fast.cli.outputs import INPUT, OUTPUT
@@ -23,9 +24,6 @@ from ocisac_fast.files import open_recording, write_frames
 from ocisac_fast.files.recording import KEPT_FRAMES, FileError, Frame, RecordingStream
 from ocisac_fast.files.video_writing import USUAL_CRF
 from ocisac_fast.files.writing import most_frames
-
-if TYPE_CHECKING:
-    from ocisac_fast.cleaning import CleanedFrames, VideoCleaner
 
 _LOSSY = ("h264", "hevc")
 _WAITING = KEPT_FRAMES - 1  # unchanged frames that wait for what the next ones show
@@ -67,8 +65,6 @@ def clean(
     written. The last column gives the reason, and bands that are left. The light is carried from frame to
     frame; a video written as a video keeps its sound, time stamps and turn for display, and HEVC stays HEVC.
     """
-    from ocisac_fast.cleaning import CleaningOptions
-
     options: dict[str, Any] = {"keep": keep, "model": model, "level": level, "still": still}
     options["options"] = CleaningOptions(max_gain=max_gain, fill=fill, toe=toe)
     with (
@@ -78,7 +74,8 @@ def clean(
         if picture.frame_rate is not None:
             stream.frame_rate = float(picture.frame_rate)
             picture = dataclasses.replace(picture, frame_rate=None)  # the stream's camera has it
-        cleaner = _Cleaner(picture, stream, each, marks is not None, options, stop, as_json)
+        is_carried = not each and not still and stream.frame_count not in (1, 2)
+        cleaner = _Cleaner(picture, stream, is_carried, marks is not None, options, stop, as_json)
         most = math.inf if marks is None else most_frames(marks)
         frames = cleaner.frames(_at_most(most, progress(stream, "cleaning", stream.frame_count)))
         if crf is None and picture.channel == "auto" and stream.video is not None and stream.video.codec in _LOSSY:
@@ -138,34 +135,24 @@ def _stopping(keep_partial: bool) -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
+@dataclasses.dataclass
 class _Cleaner:
     """Cleans frames in stored order; collects the results."""
 
-    def __init__(
-        self,
-        picture: PictureOptions,
-        stream: RecordingStream,
-        each: bool,
-        mark: bool,
-        options: dict[str, Any],
-        stop: list[int],
-        as_json: bool,
-    ) -> None:
-        """``each``: the light is not carried from frame to frame; ``stop``: not empty where the rest is left out."""
-        self.facts: list[dict[str, Any]] = []
-        self.marks: list[Frame] = []
-        self.reasons: Counter[str] = Counter()
-        self.lost: OSError | None = None  # lines of JSON
-        self._picture = picture
-        self._stream = stream
-        self._is_carried = not each and not options["still"] and stream.frame_count not in (1, 2)
-        self._mark = mark
-        self._options = options
-        self._stop = stop
-        self._as_json = as_json
-        self._video: VideoCleaner | None = None
-        self._read = 0
-        self._unsure: list[tuple[int, Frame, CleanedFrames]] = []
+    _picture: PictureOptions
+    _stream: RecordingStream
+    _is_carried: bool  # the light, from frame to frame
+    _mark: bool
+    _options: dict[str, Any]
+    _stop: list[int]  # not empty where the rest is left out
+    _as_json: bool
+    facts: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    marks: list[Frame] = dataclasses.field(default_factory=list)
+    reasons: Counter[str] = dataclasses.field(default_factory=Counter)
+    lost: OSError | None = None  # lines of JSON
+    _video: VideoCleaner | None = None
+    _read: int = 0
+    _unsure: list[tuple[int, Frame, CleanedFrames]] = dataclasses.field(default_factory=list)
 
     def frames(self, stored: Iterable[Frame]) -> Iterator[Frame]:
         camera: Camera | None = None
@@ -175,7 +162,9 @@ class _Cleaner:
                 if not self.facts:
                     raise _Unchanged
                 break
-            self._crop_opacity()
+            form, region = self._stream.picture, self._picture.region
+            if form is not None and region is not None and form.alphas[-1] is not None:
+                form.alphas[-1] = cropped(form.alphas[-1], region)
             camera = camera or self._picture.camera_for(self._stream, raw, usual={"PNG": "srgb"})
             view = select(raw, self._picture)
             if view.dtype.kind == "f" and raw.dtype.kind == "u":  # channel y
@@ -190,11 +179,6 @@ class _Cleaner:
             yield from self._together(waiting, camera)
         if self._is_source:
             raise _Unchanged
-
-    def _crop_opacity(self) -> None:
-        form, region = self._stream.picture, self._picture.region
-        if form is not None and region is not None and form.alphas[-1] is not None:
-            form.alphas[-1] = cropped(form.alphas[-1], region)
 
     @property
     def _is_source(self) -> bool:
@@ -211,8 +195,6 @@ class _Cleaner:
 
     def _carried(self, view: Frame, camera: Camera) -> Iterator[Frame]:
         """The next frame of a film; unchanged ones wait for some frames, which may show a slow light."""
-        from ocisac_fast.cleaning import VideoCleaner
-
         options = {name: value for name, value in self._options.items() if name != "still"}
         video = self._video = self._video or VideoCleaner(camera, **options)
         time, rate = self._stream.time_of(self._read), self._stream.frame_rate
@@ -236,13 +218,9 @@ class _Cleaner:
             yield from self._results([view], rejected if done.unchanged[0] else done, camera)
 
     def _together(self, views: list[Frame], camera: Camera) -> Iterator[Frame]:
-        from ocisac_fast.cleaning import remove_bands
-
         yield from self._results(views, remove_bands(stack(views), camera, **self._options), camera)
 
     def _results(self, views: list[Frame], done: CleanedFrames, camera: Camera) -> Iterator[Frame]:
-        from ocisac_fast.cleaning import Mark
-
         for k, (frame, marks) in enumerate(zip(done.frames, done.marks, strict=True)):
             facts = self._picture.in_units(
                 {

@@ -8,6 +8,8 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.pictures import PictureOptions
 from ocisac_fast.files.recording import Frame
+from ocisac_fast.lights import pick_colour
+from ocisac_fast.tones import tone_columns
 
 
 def frequency_waveform(picture: PictureOptions) -> str:
@@ -21,8 +23,6 @@ def one_colour(frames: Frame, camera: Camera, waveform: str) -> tuple[Frame, int
     Returns:
         (frames, rows, columns) and the colour's index; None: there is only one.
     """
-    from ocisac_fast.lights import pick_colour
-
     if frames.shape[-1] == 1:
         return frames[..., 0], None
     colour = int(pick_colour(list(np.moveaxis(frames, -1, 0)), camera, waveform=waveform))
@@ -31,8 +31,6 @@ def one_colour(frames: Frame, camera: Camera, waveform: str) -> tuple[Frame, int
 
 def lit_columns(frames: Frame, camera: Camera, frequency: float) -> npt.NDArray[np.bool_]:
     """(columns,) True if the column shows the light of this frequency; all True if none does."""
-    from ocisac_fast.tones import tone_columns
-
     cycles = abs((frequency * camera.row_period + 0.5) % 1.0 - 0.5)  # alias of the frequency
     if not cycles > 0.0:
         return np.ones(frames.shape[-1], bool)

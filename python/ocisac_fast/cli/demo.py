@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import click
 
+from ocisac_fast import demo as testbed
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_json, emit_table, facts_of, quantity
 from ocisac_fast.cli.outputs import OutputFolder
@@ -24,8 +25,6 @@ def demo(
     as_json: bool,
 ) -> None:
     """Record the paper's testbed (simulated, as video), read it back, and compare gains with theory and bits."""
-    from ocisac_fast import demo as testbed
-
     picture = directory / "demo.png"
     force = click.get_current_context().params["force"]
     result = testbed.run(directory, force=force)

@@ -5,19 +5,18 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import click
 import numpy as np
 
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_json, emit_table, facts_of, number, progress, quantity, rate
-from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.pictures import PictureOptions, grey_of, open_pictures
 from ocisac_fast.files import Part
-
-if TYPE_CHECKING:
-    from ocisac_fast.lights import LightSource
+from ocisac_fast.lights import LightSource
+from ocisac_fast.lights.watch import watch_lights
 
 _HEADER = ("light", "x", "y", "width", "height", "probability", "frequency", "gain", "SNR", "data", "remark")
 
@@ -91,17 +90,13 @@ def detected_lights(
     group: int = 4,
 ) -> Iterator[dict[str, Any]]:
     """The JSON object of each frame, of all frames or of a part, as ``watch_lights`` sees them."""
-    from ocisac_fast.lights.watch import watch_lights
-
     first = 0 if part is None else part.first
     with open_pictures(file, picture, part) as pictures:
         count = pictures.frame_count
         greys = (grey_of(frame) for frame in progress(pictures.frames, "detecting", count))
         for seen in watch_lights(greys, pictures.camera, search_every, group, **options):
-            if plot is not None and first + seen.frame == 0:
-                from ocisac_fast.plots import plot_sources
-
-                plot_sources(seen.pixels, pictures.camera, path=plot, sources=seen.sources)
+            if first + seen.frame == 0:
+                draw(plot, "plot_sources", seen.pixels, pictures.camera, sources=seen.sources)
             yield {
                 "frame": first + seen.frame,
                 "frames": count,

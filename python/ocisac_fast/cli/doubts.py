@@ -10,7 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.files.recording import Frame
+from ocisac_fast.tones import tone_gain
 
 _SIGNIFICANT = 5.0  # standard errors; the phase is then known to 0.2 rad
 _FEWEST_COLUMNS = 8
@@ -32,8 +34,6 @@ def warn_of_texture(frames: Frame, camera: Camera, frequency: float, advance: fl
     A light has one phase in all columns of a frame, and another phase in the next frame unless its period divides the
     frame time; a texture has neither.
     """
-    from ocisac_fast.tones import tone_gain
-
     found = tone_gain(frames[:1], camera, frequency)
     significant = found.gain > _SIGNIFICANT * found.gain_std
     amplitude = (found.gain * found.mean)[significant]
@@ -100,9 +100,6 @@ def warn_of_other_light(columns: Frame, camera: Camera, frequency: float, option
 
 def warn_of_waveform(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> bool:
     """Warn if a square wave fits (rows, columns) better than the tone of ``options``, and return True then."""
-    from ocisac_fast.camera.linear_light import linear_light
-    from ocisac_fast.tones import tone_gain
-
     column, seen = linear_light(columns, camera).mean(axis=-1), Camera(camera.row_time, camera.exposure)
     as_waves = [{**options, "waveform": waveform} for waveform in ("tone", "square")]
     tone, square = (float(np.squeeze(tone_gain(column, seen, frequency, **each).snr)) for each in as_waves)
@@ -120,8 +117,6 @@ def other_light(
     A lamp that does not light all columns alike tells this: amplitudes over means are a line, through the origin if all
     light is the lamp's. Light of other origin, or a dark level, moves it to the right.
     """
-    from ocisac_fast.tones import tone_gain
-
     found = tone_gain(columns, camera, frequency, **{**options, "pooled": False})
     used = np.isfinite(found.gain_std) & (found.gain_std > 0.0) & (found.mean > 0.0)
     if used.sum() < _FEWEST_COLUMNS or np.ptp(found.mean[used]) < _LEAST_SPREAD * found.mean[used].max():

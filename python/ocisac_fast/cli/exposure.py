@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import click
 
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.lights import LIGHTS_TO_AVOID, light_name
-from ocisac_fast.cli.output import emit_facts, emit_json, quantity
-from ocisac_fast.cli.outputs import OUTPUT, PLOTS
+from ocisac_fast.cli.output import emit, quantity
+from ocisac_fast.cli.outputs import OUTPUT, PLOTS, draw
 from ocisac_fast.cli.units import RATE, SHARE, TIME, Quantity, Several
-
-if TYPE_CHECKING:
-    from ocisac_fast.exposure import FlickerFreeExposure, FlickeringLight
+from ocisac_fast.exposure import FlickerFreeExposure, FlickeringLight, best_exposure, flicker_free_exposure
 
 
 @command
@@ -52,15 +50,12 @@ def exposure(
             raise click.UsageError(f"--method: got {method}, allowed: exact with --avoid")
         if comm is None and (sense, keep, front) != (None, None, None):
             raise click.UsageError("--comm: needed by --sense, --keep and --front")
-        from ocisac_fast.exposure import flicker_free_exposure
-
         more = {"near": near, "step": step, "f_comm": comm, "f_sense": sense, "min_gain": keep}
         found = flicker_free_exposure(avoid, below, **more, **shared)  # type: ignore[arg-type]
-        _draw_avoiding(avoid, below, comm, {"plot": plot, "front": front}, {"found": found, "bounds": bounds})
+        draw(plot, "plot_modulation", avoid, below, found=found, bounds=bounds)
+        draw(front, "plot_flicker_front", comm, avoid, below, found=found, bounds=bounds)
         _report(found, avoid, as_json)
         return
-    from ocisac_fast.exposure import best_exposure
-
     for name, value in (("--comm", comm), ("--sense", sense)):
         if value is None:
             raise click.UsageError(f"Missing option '{name}'.")
@@ -71,47 +66,24 @@ def exposure(
     assert sense is not None
     best = best_exposure(comm, sense, method=method, step=step, **shared)
     exposure_time, objective = float(best.exposure), float(best.objective)
-    if plot is not None or front is not None:
-        from ocisac_fast.plots import plot_exposure, plot_front
-
-        for path, draw in ((plot, plot_exposure), (front, plot_front)):
-            if path is not None:
-                draw(comm, sense, path=path, **shared)
-    if as_json:
-        emit_json({"exposure_s": exposure_time, "objective": objective, "method": method})
-        return
-    facts = {"exposure": quantity(exposure_time, "s", 7), "objective": quantity(objective, "s", 7), "method": method}
-    emit_facts("", facts)
-
-
-def _draw_avoiding(
-    avoid: Any, below: float, comm: Quantity | None, paths: dict[str, Any], found: dict[str, Any]
-) -> None:
-    if paths["plot"] is not None:
-        from ocisac_fast.plots import plot_modulation
-
-        plot_modulation(avoid, below, path=paths["plot"], **found)
-    if paths["front"] is not None and comm is not None:
-        from ocisac_fast.plots import plot_flicker_front
-
-        plot_flicker_front(comm, avoid, below, path=paths["front"], **found)
+    draw(plot, "plot_exposure", comm, sense, **shared)
+    draw(front, "plot_front", comm, sense, **shared)
+    lines = {"exposure": quantity(exposure_time, "s", 7), "objective": quantity(objective, "s", 7), "method": method}
+    emit(as_json, {"exposure_s": exposure_time, "objective": objective, "method": method}, lines)
 
 
 def _report(found: FlickerFreeExposure, avoid: tuple[FlickeringLight, ...], as_json: bool) -> None:
     facts: dict[str, Any] = {"exposure_s": found.exposure, "modulation": found.modulation, "holds": found.holds}
     optional = {"null_s": found.null, "gain": found.gain, "objective": found.objective}
     facts |= {name: value for name, value in optional.items() if value == value}
-    if as_json:
-        lights = [
-            {"frequency_hz": light.frequency, "frequency_uncertainty_hz": light.uncertainty, "duty": light.duty}
-            | {"modulation": left}
-            for light, left in zip(avoid, found.modulations, strict=True)
-        ]
-        emit_json(facts | {"lights": lights})
-        return
+    lights = [
+        {"frequency_hz": light.frequency, "frequency_uncertainty_hz": light.uncertainty, "duty": light.duty}
+        | {"modulation": left}
+        for light, left in zip(avoid, found.modulations, strict=True)
+    ]
     lines = {"exposure": quantity(found.exposure, "s", 7), "holds": "yes" if found.holds else "no: the best there is"}
     lines |= {f"left of {light_name(light)}": f"{m:.3%}" for light, m in zip(avoid, found.modulations, strict=True)}
     lines |= {name: quantity(facts[name], "" if name == "gain" else "s", 7) for name in optional if name in facts}
     if "null_s" in lines:
         lines["least beside it, at a null"] = lines.pop("null_s")
-    emit_facts("", lines)
+    emit(as_json, facts | {"lights": lights}, lines)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.lights import LIGHTS, light_name
 from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, quantity
-from ocisac_fast.cli.outputs import OUTPUT, PLOTS
+from ocisac_fast.cli.outputs import OUTPUT, PLOTS, draw
 from ocisac_fast.cli.units import SHARE, TIMES
-
-if TYPE_CHECKING:
-    from ocisac_fast.exposure import FlickeringLight
+from ocisac_fast.exposure import FlickeringLight, flicker_indices
 
 _NAMES = ("modulation_index", "detection_index", "mitigation_probability", "missed")
 
@@ -32,18 +30,13 @@ def flicker(
     """Compute flicker modulation index, flicker detection index and modulation mitigation probability of every lamp at
     every exposure, over all phases, in closed form. A range of frequencies or duties is five values; :N makes it N.
     """
-    from ocisac_fast.exposure import flicker_indices
-
     settings = {"background": background, "contrast": contrast, "tolerance": tolerance}
     rows: list[tuple[FlickeringLight, float, list[float]]] = []
     for light in lights:
         found = flicker_indices(light, exposures, **settings)
         values = np.array([getattr(found, name) for name in _NAMES])
         rows += [(light, time, each) for time, each in zip(exposures, values.T.tolist(), strict=True)]
-    if plot is not None:
-        from ocisac_fast.plots import plot_flicker_indices
-
-        plot_flicker_indices(lights, exposures, path=plot, **settings)  # type: ignore[arg-type]
+    draw(plot, "plot_flicker_indices", lights, exposures, **settings)
     if not as_json:
         header = ["lamp", "exposure", "FMI", "FDI", "MMP", "missed"]
         table = [[light_name(light), quantity(time, "s"), *(f"{v:.4f}" for v in each)] for light, time, each in rows]

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_colour, some_columns
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.csv_files import write_csv
@@ -20,8 +21,7 @@ from ocisac_fast.cli.doubts import is_unmeasured, warn_of_gain, warn_of_other_li
 from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import (
     decibels,
-    emit_facts,
-    emit_json,
+    emit,
     flag_names,
     number,
     plain,
@@ -30,7 +30,7 @@ from ocisac_fast.cli.output import (
     rate,
     with_spread,
 )
-from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures
 from ocisac_fast.cli.units import FREQUENCY_OR_AUTO, Quantity
 from ocisac_fast.core.flags import Flag
@@ -38,6 +38,7 @@ from ocisac_fast.core.statistics import do_differ, inverse_variance_weights, mea
 from ocisac_fast.files import Part
 from ocisac_fast.files.recording import Frame
 from ocisac_fast.light.response import exposure_response
+from ocisac_fast.tones import find_frequency, tone_gain, varying_tone_gain
 
 
 @command
@@ -66,42 +67,22 @@ def gain(
     where that is larger. Frames that differ by a tenth, as of a cut, have the flag model_misfit.
     Without a gain the exit code is 3.
     """
-    options: dict[str, Any] = {"method": method, "background": background or 0.0, "threads": threads}
+    options = tone_options(picture, method=method, background=background, threads=threads)
     measured = frame_gains(file, picture, frequency, options, per_column=per_column is not None)
     light, mean = measured.light, measured.mean()
     if per_column is not None:
         write_csv(per_column, measured.every_column(picture))
-    if plot is not None:
-        from ocisac_fast.plots import plot_gain
-
-        plot_gain(
-            measured.columns,
-            measured.camera,
-            path=plot,
-            frequency=light.frequency,
-            gain=mean["gain"],
-            waveform=picture.waveform,
-        )
+    shown = {"frequency": light.frequency, "gain": mean["gain"], "waveform": picture.waveform}
+    draw(plot, "plot_gain", measured.columns, measured.camera, **shown)
     facts = {**measured.facts(mean, background is not None), "frames": measured.frame_count}
     doubtful = warn_of_gain(facts, measured.camera.row_period, picture.region is None) or math.isnan(light.frequency)
-    options |= {"waveform": picture.waveform, "duty": picture.duty}
     if not doubtful and not warn_of_other_light(measured.columns, measured.camera, light.frequency, options):
         is_texture = warn_of_texture(measured.columns[np.newaxis], measured.camera, light.frequency)
         if not is_texture and picture.waveform == "tone" and method == "fit":
             warn_of_waveform(measured.columns, measured.camera, light.frequency, options)
-    unmeasured, facts = is_unmeasured(facts), picture.in_units(facts)
-    if as_json:
-        emit_json(facts)
-    else:
-        _show(facts, measured, picture)
-    if unmeasured:
-        raise click.exceptions.Exit(SOME_FAILED)
-
-
-def _show(facts: dict[str, Any], measured: FrameGains, picture: PictureOptions) -> None:
-    light, mean = measured.light, measured.mean()
-    emit_facts(
-        "",
+    emit(
+        as_json,
+        picture.in_units(facts),
         {
             "frequency": rate(light.frequency, light.frequency_std, picture.in_hertz),
             picture.gain_name: with_spread(mean["gain"], mean["gain_std"], "", 5),
@@ -114,6 +95,8 @@ def _show(facts: dict[str, Any], measured: FrameGains, picture: PictureOptions) 
             "flags": ", ".join(facts["flags"]) or "none",
         },
     )
+    if is_unmeasured(facts):
+        raise click.exceptions.Exit(SOME_FAILED)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -246,6 +229,14 @@ _FRAME_VALUES = ("gain", "gain_std", "phase", "mean", "snr", "flags")
 _BYTES_AT_ONCE = 1 << 21  # a frame of 1080p: copies stay in the cache, and their memory is used again
 
 
+def tone_options(
+    picture: PictureOptions, *, method: str, background: float | None, threads: int, **_: Any
+) -> dict[str, Any]:
+    """Options of ``tone_gain``, of the arguments of the command."""
+    shape = {"waveform": picture.waveform, "duty": picture.duty}
+    return {"method": method, "background": background or 0.0, "threads": threads, **shape}
+
+
 def frame_gains(
     file: str,
     picture: PictureOptions,
@@ -260,9 +251,6 @@ def frame_gains(
     The light is estimated from the first batch of frames unless it is given; the gain of a frame depends on no other
     frame.
     """
-    from ocisac_fast.tones import tone_gain
-
-    options = {**options, "waveform": picture.waveform, "duty": picture.duty}
     with open_pictures(file, picture, part) as pictures:
         camera, batches = pictures.camera.in_time_order, pictures.row_batches(_BYTES_AT_ONCE)
         first = next(batches)
@@ -292,7 +280,6 @@ def _joined(gains: list[Any]) -> dict[str, npt.NDArray[Any]]:
 
 def find_light(file: str, picture: PictureOptions, frequency: Quantity | str, options: dict[str, Any]) -> Light:
     """Estimate the light from the first frames, as ``frame_gains`` does."""
-    options = {**options, "waveform": picture.waveform, "duty": picture.duty}
     with open_pictures(file, picture) as pictures:
         return _find_light(next(pictures.row_batches()), pictures.camera, picture, frequency, options)
 
@@ -300,8 +287,6 @@ def find_light(file: str, picture: PictureOptions, frequency: Quantity | str, op
 def _find_light(
     frames: Frame, stored: Camera, picture: PictureOptions, frequency: Quantity | str, options: dict[str, Any]
 ) -> Light:
-    from ocisac_fast.tones import find_frequency
-
     given = picture.check_frequency("--frequency", frequency)
     camera, waveform = stored.in_time_order, frequency_waveform(picture)
     columns, colour = one_colour(frames, camera, waveform)
@@ -322,9 +307,6 @@ def _find_light(
 
 def _misfit(columns: Frame, camera: Camera, frequency: float, options: dict[str, Any]) -> int:
     """MODEL_MISFIT if the mean column of a frame varies, against the assumption of ``tone_gain``; else 0."""
-    from ocisac_fast.camera.linear_light import linear_light
-    from ocisac_fast.tones import varying_tone_gain
-
     column = linear_light(columns, camera).mean(axis=-1)
     names = ("waveform", "duty", "background")
     found = varying_tone_gain(column, Camera(camera.row_time), frequency, **{name: options[name] for name in names})

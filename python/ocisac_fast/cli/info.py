@@ -10,7 +10,7 @@ import numpy as np
 from ocisac_fast import __version__, _core
 from ocisac_fast.chips import DETECTORS
 from ocisac_fast.cli.command import command
-from ocisac_fast.cli.output import emit_facts, emit_json
+from ocisac_fast.cli.output import emit
 
 _LIBRARIES = ("numpy", "pillow", "av", "matplotlib", "click", "rich")
 
@@ -18,19 +18,8 @@ _LIBRARIES = ("numpy", "pillow", "av", "matplotlib", "click", "rich")
 @command
 def info(*, as_json: bool) -> None:
     """Show the data for a problem report: versions, build of the core, SIMD target in use."""
-    facts = _facts()
-    if as_json:
-        emit_json(facts)
-        return
-    libraries = facts.pop("libraries")
-    assert isinstance(libraries, dict)
-    facts |= {"simd_targets": ", ".join(_core.simd_targets()), "detectors": ", ".join(DETECTORS)}
-    lines = {name.replace("_", " "): str(value) for name, value in facts.items()}
-    emit_facts("", {**lines, **{name: version or "not installed" for name, version in libraries.items()}})
-
-
-def _facts() -> dict[str, object]:
-    return {
+    libraries = {name: _version(name) for name in _LIBRARIES}
+    facts: dict[str, str | list[str]] = {
         "version": __version__,
         "commit": _core.commit(),
         "compiler": _core.compiler(),
@@ -40,8 +29,12 @@ def _facts() -> dict[str, object]:
         "detectors": list(DETECTORS),
         "python": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
-        "libraries": {name: _version(name) for name in _LIBRARIES},
     }
+    lines = {
+        name.replace("_", " "): value if isinstance(value, str) else ", ".join(value) for name, value in facts.items()
+    }
+    lines |= {name: version or "not installed" for name, version in libraries.items()}
+    emit(as_json, {**facts, "libraries": libraries}, lines)
 
 
 def _version(name: str) -> str | None:

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
+import numpy as np
+
 from ocisac_fast.cli.command import command
-from ocisac_fast.cli.output import emit_facts, emit_json, emit_table, quantity
-from ocisac_fast.cli.outputs import OUTPUT, PLOTS
+from ocisac_fast.cli.output import emit, emit_table, quantity
+from ocisac_fast.cli.outputs import OUTPUT, PLOTS, draw
 from ocisac_fast.cli.units import FREQUENCY, SHARE, TIMES, Quantity, Several
+from ocisac_fast.exposure import (
+    DIGITAL_SUM_SPANS,
+    flicker_free_chip_rate,
+    flicker_free_frequencies,
+    smallest_flicker_free_duty,
+    unmissed_frequency,
+)
 
 
 @command
@@ -31,34 +40,30 @@ def lamp(
     rates from which a line code shows no bands; with --frequency, the duties instead.
     """
     span = float(bounds[0]), float(bounds[1])
+    facts: dict[str, Any]
     if frequency is not None:
-        facts = _duties(exposures, below, float(frequency))
+        facts = {"no_bands_from_duty": smallest_flicker_free_duty(frequency, exposures, below)}
+        facts["no_missed_pulse_from_duty"] = max(0.0, 1.0 - frequency * min(exposures))
     else:
         facts = _frequencies(exposures, below, duty, span, spread)
-    if plot is not None:
-        from ocisac_fast.plots import plot_lamp
-
-        plot_lamp(exposures, below, span, path=plot)
-    if as_json:
-        emit_json(facts)
-        return
-    plain = {name: value for name, value in facts.items() if name not in _IN_TABLE}
+    draw(plot, "plot_lamp", exposures, below, span)
     lines = {
-        _LABELS.get(name, name): quantity(value, "Hz" if name.endswith("_hz") else "") for name, value in plain.items()
+        _LABELS.get(name, name): quantity(value, "Hz" if name.endswith("_hz") else "")
+        for name, value in facts.items()
+        if not isinstance(value, (dict, np.ndarray))
     }
     if frequency is None:
-        intervals = [tuple(map(_hertz, pair)) for pair in facts["frequencies_hz"]]
-        shown = [(low, high, _hertz(best)) for (low, high), best in zip(intervals, facts["best_hz"], strict=True)]
-        if facts["holds"]:
+        ranges = np.column_stack([facts["frequencies_hz"], facts["best_hz"]])
+        shown = [[_hertz(value) for value in one] for one in ranges]
+        if facts["holds"] and not as_json:
             emit_table("without bands", ("from", "to", "least at"), shown[:_MOST_ROWS])
         if len(shown) > _MOST_ROWS:
             lines["more"] = f"{len(shown) - _MOST_ROWS} further ranges (--json has all)"
         lines[_LABELS["holds"]] = _verdict(facts, shown[0])
     rates = facts.get("chip_rates_from_hz", {})
-    emit_facts("", lines | {f"no bands of {code} from": _hertz(rate) for code, rate in rates.items()})
+    emit(as_json, facts, lines | {f"no bands of {code} from": _hertz(rate) for code, rate in rates.items()})
 
 
-_IN_TABLE = ("frequencies_hz", "best_hz", "chip_rates_from_hz")
 _LABELS = {
     "modulation": "bands at most",
     "holds": "found",
@@ -72,7 +77,7 @@ def _hertz(value: float) -> str:
     return quantity(value, "Hz")
 
 
-def _verdict(facts: dict[str, Any], first: tuple[str, str, str]) -> str:
+def _verdict(facts: dict[str, Any], first: list[str]) -> str:
     if facts["holds"]:
         return "yes"
     if first[0] != first[1]:
@@ -83,13 +88,6 @@ def _verdict(facts: dict[str, Any], first: tuple[str, str, str]) -> str:
 def _frequencies(
     exposures: tuple[float, ...], below: float, duty: float | None, bounds: tuple[float, float], spread: float
 ) -> dict[str, Any]:
-    from ocisac_fast.exposure import (
-        DIGITAL_SUM_SPANS,
-        flicker_free_chip_rate,
-        flicker_free_frequencies,
-        unmissed_frequency,
-    )
-
     found = flicker_free_frequencies(exposures, below, bounds, duty=duty, exposure_spread=spread)
     shortest = [min(exposures) * (1.0 - spread)]
     return {
@@ -103,13 +101,4 @@ def _frequencies(
             code: flicker_free_chip_rate(shortest, below, digital_sum_span=span)
             for code, span in DIGITAL_SUM_SPANS.items()
         },
-    }
-
-
-def _duties(exposures: tuple[float, ...], below: float, frequency: float) -> dict[str, Any]:
-    from ocisac_fast.exposure import smallest_flicker_free_duty
-
-    return {
-        "no_bands_from_duty": smallest_flicker_free_duty(frequency, exposures, below),
-        "no_missed_pulse_from_duty": max(0.0, 1.0 - frequency * min(exposures)),
     }

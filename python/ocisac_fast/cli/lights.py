@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from ocisac_fast.cli.units import ParameterType, Quantity, share, spread_over
 from ocisac_fast.core.checks import shown
-
-if TYPE_CHECKING:
-    from ocisac_fast.exposure import FlickeringLight
+from ocisac_fast.exposure import FlickeringLight, mains_lights
 
 _MAINS = {"mains": (50.0, 60.0), "mains50": (50.0,), "mains60": (60.0,)}
 _VALUES = 5  # of a range without a count
@@ -32,8 +30,6 @@ class _Lights(ParameterType):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
-        from ocisac_fast.exposure import mains_lights
-
         lights: list[FlickeringLight] = []
         for part in str(value).split(","):
             text = part.strip()
@@ -46,8 +42,6 @@ class _Lights(ParameterType):
 
     def _lights(self, text: str) -> list[FlickeringLight]:
         """Lights of one text: a frequency or a range, then a duty or a range, each with a count where one is given."""
-        from ocisac_fast.exposure import FlickeringLight
-
         tone, *more = text.split(":")
         count = more.pop(0) if ".." in tone and more and more[0].isdecimal() else ""
         shape, duties = [*more, "", ""][:2]

@@ -8,10 +8,11 @@ from typing import Annotated, Any
 import click
 
 from ocisac_fast.cli.command import command
-from ocisac_fast.cli.output import emit_facts, emit_json
+from ocisac_fast.cli.output import emit
 from ocisac_fast.cli.outputs import InputFile, read_input
 from ocisac_fast.cli.units import Parsed
 from ocisac_fast.core.checks import parsed_json
+from ocisac_fast.lights import locate_camera
 
 _File = InputFile(exists=True, dir_okay=False, path_type=Path)
 
@@ -38,8 +39,6 @@ def locate(
     Both files are JSON lines. LIGHTS: light (its ID), x_m, y_m, z_m. SEEN: light, x, y in pixels; with width and height
     (output of detect) x, y are the top left corner of a box. IDs that are in only one file are ignored.
     """
-    from ocisac_fast.lights import locate_camera
-
     if len(focal) not in (1, 2):
         raise click.UsageError(f"--focal: got {len(focal)} numbers, allowed: one or X,Y")
     if inside is not None and len(inside) != 6:
@@ -68,16 +67,13 @@ def locate(
         "reason": found.reason,
         "alternatives_m": found.alternatives,
     }
-    if as_json:
-        emit_json(facts)
-        return
     coordinates = zip("xyz", found.position, found.position_std, strict=True)
     table = {name: f"{value:.4f} m ± {std:.4f} m" for name, value, std in coordinates}
     table |= {"lights": str(len(both)), "residual": f"{found.residual:.2f} pixels", "status": found.status}
     table |= {"reason": found.reason} if found.reason else {}
     also = [", ".join(f"{value:.4f}" for value in place) + " m" for place in found.alternatives]
     table |= {f"or at ({k})": place for k, place in enumerate(also, 1)}
-    emit_facts("", table)
+    emit(as_json, facts, table)
 
 
 def _read(path: Path, names: tuple[str, ...]) -> dict[Any, tuple[float, ...]]:

@@ -29,10 +29,6 @@ _csv: ContextVar[list[Any] | None] = ContextVar("csv", default=None)
 _printed: ContextVar[bool] = ContextVar("printed", default=True)
 
 
-def _escaped(character: re.Match[str]) -> str:
-    return f"\\x{ord(character[0]) & 0xFF:02x}"
-
-
 def plain(value: Any) -> Any:
     """Convert a value to JSON types: NumPy types to Python's, numbers that are not finite to None.
 
@@ -45,7 +41,8 @@ def plain(value: Any) -> Any:
     if kind in _AS_THEY_ARE:
         return value
     if kind is str:
-        return value if value.isascii() and "\\x" not in value else _ESCAPED.sub(_escaped, value)
+        is_plain = value.isascii() and "\\x" not in value
+        return value if is_plain else _ESCAPED.sub(lambda found: f"\\x{ord(found[0]) & 0xFF:02x}", value)
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         return plain(value.item())
     if isinstance(value, Mapping):
@@ -133,6 +130,14 @@ def emit_note(text: str) -> None:
     if text not in notes:
         notes.add(text)
         click.echo(f"ocisac: {text}", err=True)
+
+
+def emit(as_json: bool, facts: Mapping[str, Any], lines: Mapping[str, str]) -> None:
+    """Print a command's one result: its JSON object, or a table of names and values."""
+    if as_json:
+        emit_json(facts)
+    else:
+        emit_facts("", lines)
 
 
 def emit_facts(title: str, facts: Mapping[str, str]) -> None:

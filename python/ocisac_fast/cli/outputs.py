@@ -48,6 +48,14 @@ def read_input(path: str | os.PathLike[str]) -> bytes:
         return read_whole(standard_input() if is_standard else opened.enter_context(open(path, "rb")))
 
 
+def draw(path: str | None, plot: str, *given: Any, **options: Any) -> None:
+    """Draw a plot of ``ocisac_fast.plots`` to a file; nothing is imported where none is asked for."""
+    if path is not None:
+        from ocisac_fast import plots
+
+        getattr(plots, plot)(*given, path=path, **options)
+
+
 @contextlib.contextmanager
 def checked_outputs(force: bool) -> Iterator[None]:
     """Inside, the present command may write its outputs; those that exist only with ``force``.

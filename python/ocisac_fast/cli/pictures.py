@@ -22,6 +22,7 @@ from ocisac_fast.core.arrays import as_frames
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files import Part, RecordingStream, open_recording
 from ocisac_fast.files.recording import Frame, gathered
+from ocisac_fast.lights import find_scan_axis
 
 _RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
 _LUMA_WEIGHTS = (0.299, 0.587, 0.114)  # ITU-R BT.601
@@ -136,8 +137,6 @@ class PictureOptions:
         stated = self.scan_axis != "auto"
         if stated and is_collected():
             return camera
-        from ocisac_fast.lights import find_scan_axis
-
         found = find_scan_axis(grey_of(select(frame, self)), Camera(row_time=1.0, dark_level=camera.dark_level))
         other = "xy"[found.axis == "x"]
         if stated:

@@ -12,12 +12,13 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, facts_of, number, progress, quantity
-from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures, rows_and_columns
 from ocisac_fast.cli.sent_files import ErrorCount
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files.recording import Frame
+from ocisac_fast.receiver import receive as receive_frames
 
 
 @command
@@ -64,7 +65,7 @@ def receive(
         stopped = True
     if not as_json:
         header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER, *([] if stream is None else ["payload"])]
-        table = [_row(facts, picture.in_hertz) + _payload_cell(facts, stream is not None) for facts in every]
+        table = [_row(facts, picture.in_hertz, stream is not None) for facts in every]
         axis = stream.scan_axis if stream is not None else every[0]["scan_axis"] if every else "y"
         title = f"scan axis {axis}" if picture.names(axis) else ""
         emit_table(title, header, table, left=("flags", "bits", "payload"), spare=("rows per chip",))
@@ -85,8 +86,6 @@ def _received(
     file: str, picture: PictureOptions, plot: str | None, rate: float | None, stream: PacketStream | None
 ) -> Iterator[dict[str, Any]]:
     """The JSON objects of a file, generated as its frames are read."""
-    from ocisac_fast.receiver import receive as receive_frames
-
     with open_pictures(file, picture) as pictures:
         if stream is not None:  # frame by frame, so that a payload of a live stream is printed at once
             announced = pictures.frame_count
@@ -121,10 +120,7 @@ def _in_runs(frames: Iterator[Frame]) -> Iterator[Frame]:
 
 
 def _plot_first(plot: str, frames: Any, camera: Any, rate: float | None) -> None:
-    from ocisac_fast.plots import plot_received
-    from ocisac_fast.receiver import receive as receive_frames
-
-    plot_received(frames[0], camera, path=plot, received=receive_frames(frames, camera, chip_rate=rate)[0])
+    draw(plot, "plot_received", frames[0], camera, received=receive_frames(frames, camera, chip_rate=rate)[0])
 
 
 def _facts(result: Any, first_frame: int, shape: tuple[int, ...], camera: Camera) -> dict[str, Any]:
@@ -141,7 +137,8 @@ def _facts(result: Any, first_frame: int, shape: tuple[int, ...], camera: Camera
     }
 
 
-def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
+def _row(facts: dict[str, Any], in_hertz: bool, packets: bool) -> list[str]:
+    payload = f"packet {facts['packet']}: {one_line(facts['payload'])}" if "payload" in facts else ""
     if in_hertz:
         rate = quantity(facts.get("chip_rate_hz", facts.get("tone_hz")), "Hz")
     elif "tone_cycles_per_row" in facts:
@@ -158,10 +155,5 @@ def _row(facts: dict[str, Any], in_hertz: bool) -> list[str]:
         number(facts["snr_db"], "dB", 3),
         ", ".join(facts["flags"]) or "none",
         facts["bits"] or "no bits",
+        *([payload] if packets else []),
     ]
-
-
-def _payload_cell(facts: dict[str, Any], packets: bool) -> list[str]:
-    if not packets:
-        return []
-    return [f"packet {facts['packet']}: {one_line(facts['payload'])}" if "payload" in facts else ""]

@@ -7,7 +7,7 @@ import itertools
 import math
 import warnings
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import click
 
@@ -24,14 +24,16 @@ from ocisac_fast.cli.output import (
     rate,
     with_spread,
 )
-from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.pictures import PictureOptions, grey_of, open_pictures, rows_and_columns, with_colours
 from ocisac_fast.cli.units import FREQUENCY, LENGTH, Quantity
+from ocisac_fast.core import Flag
 from ocisac_fast.core.regions import Region
 from ocisac_fast.files.recording import Frame, gathered
-
-if TYPE_CHECKING:
-    from ocisac_fast.sensing import SensedRegion
+from ocisac_fast.sensing import KnownMotion, SensedRegion, background_light, sense_region
+from ocisac_fast.sensing.kind import step_allowance
+from ocisac_fast.sensing.picture import SEARCHED, find_periodic
+from ocisac_fast.sensing.region import Request
 
 _BOX = ("x", "y", "width", "height")
 _HEADER = ("region", "kind", *_BOX, "frequency", "f_x v", "gain", "theory", "speed", "SNR", "flags")
@@ -80,8 +82,6 @@ def sense(
     """
     if picture.row_time is None and options.speed is not None:
         raise click.UsageError("--speed: needs --row-time")
-    from ocisac_fast.sensing.picture import SEARCHED
-
     with open_pictures(file, picture, axis_of_light=False) as pictures:
         greys = (grey_of(frame) for frame in itertools.islice(pictures.frames, frames))
         count = min(frames, pictures.frame_count or frames)
@@ -91,10 +91,7 @@ def sense(
         kept = gathered((found.part.cut(frame) for frame in itertools.chain(first, greys)), count)
     regions = found.measure(kept) if len(kept) > len(first) else found.regions
     camera = found.camera
-    if plot is not None:
-        from ocisac_fast.plots import plot_regions
-
-        plot_regions(first[0], camera, path=plot, regions=regions)
+    draw(plot, "plot_regions", first[0], camera, regions=regions)
     facts = [_facts(region, picture) for region in regions]
     axis = camera.scan_axis
     if as_json:
@@ -166,9 +163,6 @@ def _along_best_axis(
 
 def _axis_evidence(found: _Found) -> float:
     """Logarithm of 1 over the probability that the phase of the clearest region in step is a coincidence."""
-    from ocisac_fast.sensing import KnownMotion
-    from ocisac_fast.sensing.kind import step_allowance
-
     tolerance, least = KnownMotion().timing_tolerance, 1.0
     frame_time = math.nan if found.camera.frame_time is None else found.camera.frame_time
     for one in filter(_in_step, found.regions):
@@ -179,18 +173,12 @@ def _axis_evidence(found: _Found) -> float:
 
 def _in_step(region: SensedRegion) -> bool:
     """True if the phase advances from frame to frame as it does from row to row: a light, or motion across the rows."""
-    from ocisac_fast.core import Flag
-
     if region.flags & (Flag.AMBIGUOUS_KIND | Flag.AMBIGUOUS_MOTION):
         return False
     return region.kind == "light" or math.isclose(region.motion_frequency, region.frequency)
 
 
 def _found(first: Frame, camera: Camera, picture: PictureOptions, options: SenseOptions, dark: Frame | None) -> _Found:
-    from ocisac_fast.sensing import KnownMotion, background_light, sense_region
-    from ocisac_fast.sensing.picture import find_periodic
-    from ocisac_fast.sensing.region import Request
-
     frequency, beside = picture.check_frequency("--frequency", options.frequency), options.beside
     unlit = None if dark is None else with_colours(dark)
     motion = KnownMotion(

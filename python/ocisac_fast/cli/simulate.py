@@ -16,13 +16,15 @@ from click.core import ParameterSource
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.command import command
-from ocisac_fast.cli.output import emit_facts, emit_json, progress, quantity
+from ocisac_fast.cli.output import emit, progress, quantity
 from ocisac_fast.cli.outputs import OUTPUT, InputFile
 from ocisac_fast.cli.units import FREQUENCY, RATE, ROW_TIME, TIME, Parsed, Quantity
 from ocisac_fast.files import RecordingStream, write_frames
 from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, TriangleWave, Waveform
+from ocisac_fast.scene import load_scene, render
 from ocisac_fast.scene.effects import EFFECTS
 from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
+from ocisac_fast.scene.toml import pictures_of
 
 _CLIPPED = "noise of dark rows is clipped at 0, which biases gains; give both commands a --dark-level of 5 times it"
 _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
@@ -38,8 +40,6 @@ def _effect(word: str) -> tuple[str, float]:
 
 class _Scene(InputFile):
     def files(self, path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
-        from ocisac_fast.scene.toml import pictures_of
-
         return (path, *pictures_of(path))
 
 
@@ -130,11 +130,8 @@ def simulate(
     if dtype != "float32" and options.dark_level < 3.0 * options.noise:
         warnings.warn(_CLIPPED, stacklevel=1)
     _write(output, progress(frames, "simulating", options.frames), options.frames, frame_rate, RecordingStream.linear())
-    facts = {name: getattr(options, name) for name in ("frames", "rows", "columns")}
-    if as_json:
-        emit_json({"file": output, **facts, "dtype": dtype, "row_time_s": row_time, "exposure_s": exposure})
-        return
-    _emit(output, facts, dtype, row_time, exposure)
+    size = {name: getattr(options, name) for name in ("frames", "rows", "columns")}
+    _emit(as_json, {"file": output, **size, "dtype": dtype, "row_time_s": row_time, "exposure_s": exposure})
 
 
 def _write(
@@ -148,28 +145,24 @@ def _write(
 def _simulate_scene(
     path: str, as_json: bool, output: str, tolerance: float, noise_off: bool, options: RecordingOptions
 ) -> None:
-    from ocisac_fast.scene import load_scene, render
-
     scene = load_scene(path)
     plan = scene.plan(tolerance=tolerance, frames=options.frames, start=float(options.start))
     frames = render(plan, noise=scene.sensor.noisy and not noise_off, seed=options.seed)
     rate = 1 / scene.camera.frame_time if scene.camera.frame_time else 30.0
     _write(output, progress(frames, "rendering", options.frames), options.frames, rate)
-    facts = {"frames": options.frames, "rows": scene.lens.rows, "columns": scene.lens.columns}
+    size = {"frames": options.frames, "rows": scene.lens.rows, "columns": scene.lens.columns}
     bits = scene.sensor.bit_depth
     dtype = "float32" if bits is None else "uint8" if bits <= 8 else "uint16"
     times = {"row_time_s": scene.camera.row_time, "exposure_s": scene.exposure}
-    if as_json:
-        emit_json({"file": output, **facts, "dtype": dtype, **times, "error_bound_dn": plan.bound})
-        return
-    _emit(output, facts, dtype, scene.camera.row_period, scene.exposure)
-    click.echo(str(plan))
+    _emit(as_json, {"file": output, **size, "dtype": dtype, **times, "error_bound_dn": plan.bound})
+    if not as_json:
+        click.echo(str(plan))
 
 
-def _emit(output: str, facts: dict[str, Any], dtype: str, row_time: float, exposure: float) -> None:
-    size = " × ".join(map(str, facts.values()))
-    times = {"row time": quantity(row_time, "s"), "exposure": quantity(exposure, "s")}
-    emit_facts("", {"file": output, "frames × rows × columns": f"{size} {dtype}", **times})
+def _emit(as_json: bool, facts: dict[str, Any]) -> None:
+    size = f"{facts['frames']} × {facts['rows']} × {facts['columns']} {facts['dtype']}"
+    times = {name: quantity(facts[f"{name.replace(' ', '_')}_s"], "s") for name in ("row time", "exposure")}
+    emit(as_json, facts, {"file": facts["file"], "frames × rows × columns": size, **times})
 
 
 def _surroundings(options: RecordingOptions) -> dict[str, Any]:

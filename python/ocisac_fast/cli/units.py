@@ -61,14 +61,10 @@ class Quantity(float):
         prefix = written[: -len(unit)]
         if not written.lower().endswith(unit.lower()) or prefix not in _PREFIXES:
             raise ValueError(f"unit {written!r}")
-        quantity = cls(_scaled(value, _PREFIXES[prefix]))
+        factor = _PREFIXES[prefix]  # a fractional one divides: 622us is the number nearest to 622e-6
+        quantity = cls(value * factor if factor >= 1.0 else value / round(1.0 / factor))
         quantity.has_unit = True
         return quantity
-
-
-def _scaled(value: float, factor: float) -> float:
-    """Scale; divide by the reciprocal of a fractional factor, so that 622us is the number nearest to 622e-6."""
-    return value * factor if factor >= 1.0 else value / round(1.0 / factor)
 
 
 class QuantityType(ParameterType):

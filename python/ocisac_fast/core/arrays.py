@@ -88,7 +88,8 @@ def as_frames(frames: npt.ArrayLike, name: str = "frames", scan_axis: str = "y",
     """
     array = np.asarray(frames)
     shape = array.shape
-    if single and (array.ndim > 4 or (array.ndim == 4 and shape[0] != 1) or (array.ndim == 3 and not _one(shape))):
+    is_several = (array.ndim == 4 and shape[0] != 1) or (array.ndim == 3 and shape[2] > _COLOURS and shape[0] != 1)
+    if single and (array.ndim > 4 or is_several):
         raise ValueError(
             f"{name}: got shape {shape}, allowed: one frame, (rows,), (rows, columns) or (rows, columns, colours)"
         )
@@ -105,7 +106,8 @@ def as_frames(frames: npt.ArrayLike, name: str = "frames", scan_axis: str = "y",
         if array.dtype.kind not in "buif":
             as_columns(array[0], name=name)  # refuses it
         read_type = _read_type(array)
-        if read_type != array.dtype or not array.flags.aligned or not _whole_strides(array):
+        has_whole_strides = all(stride % array.itemsize == 0 for stride in array.strides)
+        if read_type != array.dtype or not array.flags.aligned or not has_whole_strides:
             array = np.array(array, dtype=read_type)
     else:
         array = as_columns(array, name=name)
@@ -169,11 +171,3 @@ def box_in_time_order(box: Region, shape: tuple[int, ...], scan_axis: str) -> Re
     """The inverse of :func:`stored_box`; ``shape`` is in time order too."""
     x, y, width, height = (box[1], box[0], box[3], box[2]) if scan_axis.endswith("x") else box
     return Region(x, shape[0] - y - height if scan_axis.startswith("-") else y, width, height)
-
-
-def _one(shape: tuple[int, ...]) -> bool:
-    return shape[2] <= _COLOURS or shape[0] == 1
-
-
-def _whole_strides(array: Columns) -> bool:
-    return all(stride % array.itemsize == 0 for stride in array.strides)

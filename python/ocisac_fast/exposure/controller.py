@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, asdict, dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -210,7 +210,6 @@ class ExposureController:
         min_snr: float = 1.0,
         noise_level: float | None = None,
     ) -> None:
-        targets = levels or LevelTargets()
         self._controller = _core.ExposureController(
             shortest=exposures[0],
             longest=exposures[1],
@@ -220,10 +219,7 @@ class ExposureController:
             comm_weight=weights[0],
             sense_weight=weights[1],
             hysteresis=hysteresis,
-            level_floor=targets.floor,
-            level_aim=targets.aim,
-            level_ceiling=targets.ceiling,
-            max_saturated=targets.max_saturated,
+            **asdict(levels or LevelTargets()),
             min_snr=min_snr,
             noise_level=math.inf if noise_level is None else noise_level,
         )

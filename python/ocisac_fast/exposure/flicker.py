@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
@@ -100,7 +100,7 @@ def exposure_modulation(light: FlickeringLight, exposure: npt.ArrayLike) -> Floa
     Returns:
         float64 of the shape of ``exposure``, 0 to 1.
     """
-    return _core.exposure_modulation(_table([light]), np.asarray(exposure, dtype=np.float64))
+    return _core.exposure_modulation(table_of([light]), np.asarray(exposure, dtype=np.float64))
 
 
 @checked
@@ -141,7 +141,7 @@ def flicker_free_exposure(
     domain = (0.0, LONGEST_EXPOSURE) if bounds is None else bounds
     found = FlickerFreeExposure(
         *_core.flicker_free_exposure(
-            _table(lights), below, near, domain, step, f_comm, f_sense, min_gain, (weights[0], weights[1])
+            table_of(lights), below, near, domain, step, f_comm, f_sense, min_gain, (weights[0], weights[1])
         )
     )
     return dataclasses.replace(found, null=_null_beside(found, lights, below, domain)) if found.holds else found
@@ -156,7 +156,7 @@ def _null_beside(
     nulls = [round(found.exposure * light.frequency) / light.frequency for light in lights]
     inside = [null for null in nulls if bounds[0] < null <= bounds[1]]
     between = np.linspace(found.exposure, inside, _BETWEEN)  # (exposures, nulls)
-    modulation = _core.exposure_modulation(_table(lights), between)
+    modulation = _core.exposure_modulation(table_of(lights), between)
     better = (modulation.max(axis=0) <= below * (1.0 + 1e-9)) & (modulation[-1] < found.modulation * (1.0 - 1e-9))
     best = int(np.argmin(np.where(better, modulation[-1], np.inf))) if better.any() else None
     return math.nan if best is None else inside[best]
@@ -199,28 +199,18 @@ def flicker_front(
         raise ValueError("lights: got none, allowed: at least one")
     if any(abs(f_comm - light.frequency) <= light.uncertainty for light in lights):
         raise ValueError(f"f_comm: got {f_comm}, allowed: none of the lights to avoid")
-    low, high = _checked_bounds(bounds)
+    low, high = (0.0, LONGEST_EXPOSURE) if bounds is None else bounds
+    if not (0.0 <= low <= high < math.inf and high > 0.0):
+        raise ValueError(f"bounds: got {low} to {high}, allowed: 0 <= shortest <= longest, above 0 (s)")
     nulls = [np.arange(1.0, math.floor(light.frequency * high) + 1.0) / light.frequency for light in lights]
     exposure = np.unique(np.concatenate([np.linspace(low, high, points), *nulls]))
     exposure = exposure[(exposure > 0.0) & (exposure >= low) & (exposure <= high)]
     gain = np.abs(np.sinc(f_comm * exposure))
-    modulation = _core.exposure_modulation(_table(lights), exposure)
+    modulation = _core.exposure_modulation(table_of(lights), exposure)
     return FlickerFront(exposure, gain, modulation, efficient_points(gain, -modulation))
 
 
-def cycles_below(light: FlickeringLight, below: float, most: float) -> Float64s:
-    """(intervals, 2) of cycles up to ``most``, ascending, in which the modulation is at most ``below``."""
-    return _core.cycles_below(_table([light]), below, most)
-
-
-def _table(lights: Sequence[FlickeringLight]) -> Float64s:
+def table_of(lights: Iterable[FlickeringLight]) -> Float64s:
     """(lights, 4) of frequency, uncertainty, duty (NaN: a raised cosine), depth."""
     rows = [(x.frequency, x.uncertainty, math.nan if x.duty is None else x.duty, x.depth) for x in lights]
     return np.array(rows, dtype=np.float64).reshape(-1, 4)
-
-
-def _checked_bounds(bounds: tuple[float, float] | None) -> tuple[float, float]:
-    low, high = (0.0, LONGEST_EXPOSURE) if bounds is None else bounds
-    if not (0.0 <= low <= high < math.inf and high > 0.0):
-        raise ValueError(f"bounds: got {low} to {high}, allowed: 0 <= shortest <= longest, above 0 (s)")
-    return low, high

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
-import numpy.typing as npt
 
+from ocisac_fast import _core
 from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.checks import InnerShare, ShareBelowOne, Within, checked, shown
 from ocisac_fast.core.results import Result
-from ocisac_fast.exposure.flicker import (
-    FlickeringLight,
-    cycles_below,
-    exposure_modulation,
-)
+from ocisac_fast.exposure.flicker import FlickeringLight, exposure_modulation, table_of
 
 DIGITAL_SUM_SPANS = {"manchester": 2, "4b6b": 4, "8b10b": 6}  # largest - smallest running sum of chips as +-1
 _HALVINGS = 60
 _MOST_NULLS = 1000  # of one exposure in an interval that are tried
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclasses.dataclass(frozen=True, slots=True, repr=False)
 class LampFrequencies(Result):
     """Result of :func:`flicker_free_frequencies`; Hz.
 
@@ -65,42 +61,29 @@ def flicker_free_frequencies(
         exposure_spread: relative tolerance of each exposure, +-, 0 to below 1.
     """
     times = _checked_exposures(exposures)
-    light = FlickeringLight(1.0, uncertainty=0.0, duty=duty, depth=depth)
+    one_second = FlickeringLight(1.0, duty=duty, depth=depth)
     low, high = bounds
     if not 0.0 < low <= high < math.inf:
         raise ValueError(f"bounds: got {low} to {high}, allowed: 0 < lowest <= highest (Hz)")
-    shorter, longer = 1.0 - exposure_spread, 1.0 + exposure_spread
-
-    def frequencies_at(level: float) -> Float64s:
-        found = np.array([[low, high]])
-        for time in times:
-            if found.size:
-                cycles = cycles_below(light, level, longer * time * high)
-                found = _intersection(found, _clipped(cycles / [shorter * time, longer * time], low, high))
-        return found
-
-    holds, found = _smallest_level(below, frequencies_at)
-    shutters = [
-        FlickeringLight(time, uncertainty=exposure_spread * time, duty=duty, depth=depth) for time in times
-    ]  # f and T_e interchange
-
-    def modulation_at(frequency: npt.ArrayLike) -> Float64s:
-        return np.asarray(np.max([exposure_modulation(shutter, frequency) for shutter in shutters], axis=0))
-
+    # f and T_e interchange
+    shutters = table_of(dataclasses.replace(one_second, frequency=t, uncertainty=exposure_spread * t) for t in times)
+    found = _core.flicker_free_intervals(shutters, below, (low, high))
+    left = float(_core.exposure_modulation(shutters, found[0, 0]))
+    holds = left <= below * (1.0 + 1e-12)  # rounding
     if not holds and list(found[0]) != [low, high]:
         found = np.repeat(found[:1, :1], 2, axis=1)
-    left = float(modulation_at(found[0, 0]))
-    settled = cycles_below(light, below, 1.0 / below + 2.0)[-1, 0]  # the maxima decrease as 1/(2n + 1) or faster
-    best = np.array([_best_within(interval, times, modulation_at) for interval in found])
-    return LampFrequencies(found, best, left, holds, float(settled / (shorter * times.min())))
+    # The maxima decrease as 1/(2n + 1) or faster.
+    settled = _core.flicker_free_intervals(table_of([one_second]), below, (0.0, 1.0 / below + 2.0))[-1, 0]
+    best = np.array([_best_within(interval, times, shutters) for interval in found])
+    return LampFrequencies(found, best, left, holds, float(settled / ((1.0 - exposure_spread) * times.min())))
 
 
-def _best_within(interval: Float64s, times: Float64s, modulation_at: Callable[[Float64s], Float64s]) -> float:
+def _best_within(interval: Float64s, times: Float64s, shutters: Float64s) -> float:
     """The frequency of an interval with the least modulation: a null of one of the exposures, or an end."""
     low, high = interval
     nulls = [np.arange(np.ceil(time * low), min(time * high, _MOST_NULLS + time * low)) / time for time in times]
     tried = np.unique(np.clip(np.concatenate([interval, *nulls]), low, high))
-    return float(tried[np.argmin(modulation_at(tried))])
+    return float(tried[np.argmin(_core.exposure_modulation(shutters, tried))])
 
 
 @checked
@@ -152,35 +135,6 @@ def flicker_free_chip_rate(
         digital_sum_span: of the line code, as in ``DIGITAL_SUM_SPANS``; 1 or above.
     """
     return digital_sum_span / below / float(_checked_exposures(exposures).min())
-
-
-def _intersection(first: Float64s, second: Float64s) -> Float64s:
-    """(intervals, 2) of the intersection of two ascending lists of disjoint intervals."""
-    begin = np.searchsorted(second[:, 1], first[:, 0], side="left")
-    count = np.maximum(np.searchsorted(second[:, 0], first[:, 1], side="right") - begin, 0)
-    which = np.repeat(np.arange(len(first)), count)
-    other = np.repeat(begin, count) + np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    a, b = first[which], second[other]
-    return np.column_stack([np.maximum(a[:, 0], b[:, 0]), np.minimum(a[:, 1], b[:, 1])])
-
-
-def _clipped(intervals: Float64s, low: float, high: float) -> Float64s:
-    """Intersect the intervals with ``low`` .. ``high``."""
-    kept = np.column_stack([np.maximum(intervals[:, 0], low), np.minimum(intervals[:, 1], high)])
-    return kept[kept[:, 0] <= kept[:, 1]]
-
-
-def _smallest_level(below: float, found_at: Callable[[float], Float64s]) -> tuple[bool, Float64s]:
-    """Return True and the items found at ``below``, or False and those at the smallest level that has any."""
-    found = found_at(below)
-    if found.size:
-        return True, found
-    fails, holds, found = below, 1.0, found_at(1.0)
-    while holds - fails > 1e-12 * holds:
-        middle = 0.5 * (fails + holds)
-        some = found_at(middle)
-        fails, holds, found = (fails, middle, some) if some.size else (middle, holds, found)
-    return False, found
 
 
 def _checked_exposures(exposures: Sequence[float]) -> Float64s:

@@ -37,7 +37,8 @@ def merge_receptions(lines: Iterable[str | Mapping[str, Any]], *, window: NotNeg
     for record in sorted(records, key=lambda r: (float(r["time_s"]), str(r["light"]))):
         key = (type(record["light"]).__name__, record["light"])
         moment = open_moments.get(key)
-        if moment is None or record["time_s"] - moment[0]["time_s"] > window or _seen_by(record, moment):
+        seen_by = [other["receiver"] for other in moment or () if other.get("receiver") is not None]
+        if moment is None or record["time_s"] - moment[0]["time_s"] > window or record.get("receiver") in seen_by:
             moment = open_moments[key] = []
             moments.append(moment)
         moment.append(record)
@@ -60,11 +61,6 @@ def _read(line: str | Mapping[str, Any], number: int) -> dict[str, Any]:
     if snr is not None and abs(snr) > 300.0:
         raise ValueError(f"line {number}: snr_db: got {shown(snr)}, allowed: -300 to 300")
     return record
-
-
-def _seen_by(record: Mapping[str, Any], moment: list[dict[str, Any]]) -> bool:
-    name = record.get("receiver")
-    return name is not None and any(other.get("receiver") == name for other in moment)
 
 
 def _merged(moment: list[dict[str, Any]]) -> dict[str, Any]:

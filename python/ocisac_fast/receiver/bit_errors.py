@@ -117,7 +117,8 @@ def _compared(bits: npt.NDArray[np.int8], sent: npt.NDArray[np.int8], repeat: bo
     best = int(np.argmax(np.abs(scores)))
     inverted, overlap = bool(scores[best] < 0.0), int(overlaps[best])
     right = int(overlap - matches[best] if inverted else matches[best])
-    chance = -math.expm1(2.0 * shifts.size * _log1p_negative(_tail_at_half(right, overlap)))
+    by_chance = _tail_at_half(right, overlap)
+    chance = 1.0 if by_chance >= 1.0 else -math.expm1(2.0 * shifts.size * math.log1p(-by_chance))
     places = shifts[best] + np.arange(bits.size)
     if chance <= _MAX_CHANCE:
         places = places + _slips(bits ^ inverted, sent, places, repeat)
@@ -187,10 +188,6 @@ def _log_choose(count: int) -> Float64s:
 def _tail_at_half(right: int, count: int) -> float:
     """Probability of ``right`` or more of ``count`` equal bits by chance."""
     return float(min(1.0, np.exp(_log_choose(count)[right:] - count * math.log(2.0)).sum()))
-
-
-def _log1p_negative(share: float) -> float:
-    return math.log1p(-share) if share < 1.0 else -math.inf
 
 
 def _clopper_pearson(errors: int, count: int) -> tuple[float, float]:

@@ -103,27 +103,16 @@ def receive(
         camera=camera._handle,
         chip_rate=rate,
     )
-    return [_received(values, camera, 0 if colour is None else colour) for values in results]
+    return [_received(camera, 0 if colour is None else colour, **values) for values in results]
 
 
-def _received(values: tuple[Any, ...], camera: Camera, first_colour: int) -> Received:
-    frame, source, colour, bits, rows, rows_std, phase, snr, dark, bright, relative, weights, flags, mixed = values
-    rate = 1 / (rows * camera.row_period)
+def _received(camera: Camera, first_colour: int, colour: int, dark: Float64s, bright: Float64s, **own: Any) -> Received:
+    rate = 1 / (own["rows_per_chip"] * camera.row_period)
     return Received(
-        frame=frame,
-        source=source,
         colour=colour + first_colour,
-        bits=bits,
-        rows_per_chip=rows,
-        rows_per_chip_std=rows_std,
         chip_rate=rate,
-        chip_rate_std=rate * rows_std / rows,
-        phase=phase,
-        snr=snr,
+        chip_rate_std=rate * own["rows_per_chip_std"] / own["rows_per_chip"],
         levels=np.stack([dark, bright]),
-        relative_levels=relative,
-        weights=weights,
-        columns=np.flatnonzero(weights),
-        flags=Flag(flags),
-        colour_weights=mixed,
+        columns=np.flatnonzero(own["weights"]),
+        **own | {"flags": Flag(own["flags"])},
     )

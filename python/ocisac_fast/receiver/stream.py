@@ -143,10 +143,9 @@ class Receiver:
             ValueError: a wrong shape or type; a number that is not whole; a value outside its range.
         """
         colours = frame_colours(frame, self._camera, self._colour)
-        lights = sorted(
-            self._handle.push(colours, frame_number(number), time, exposure, gain), key=lambda light: light[1]
-        )
-        first, *others = (_received_frame(light[4], self._camera.row_period, self._colour) for light in lights)
+        lights = self._handle.push(colours, frame_number(number), time, exposure, gain)
+        lights.sort(key=lambda light: light["source"])
+        first, *others = (_received_frame(light["received"], self._camera, self._colour) for light in lights)
         return replace(first, streams=tuple(others)) if others else first
 
 
@@ -289,19 +288,14 @@ class MultiReceiver:
             self._handle = self._make(regions=[_turned(region, shape, axis) for region in self._regions])
             self._regions = []
         lights = self._handle.push(colours, frame_number(number), time, exposure, gain)
-        return [self._source_frame(stored_box(light[2], shape, axis), light) for light in lights]
+        return [self._source_frame(**light | {"region": stored_box(light["region"], shape, axis)}) for light in lights]
 
-    def _source_frame(self, region: Region, values: tuple[Any, ...]) -> SourceFrame:
-        frame, source, _, searched, received, gain, suggestion = values
-        row_time = self._camera.row_period
+    def _source_frame(self, received: Any, gain: Any, suggestion: Any, **values: Any) -> SourceFrame:
         return SourceFrame(
-            frame=frame,
-            source=source,
-            region=region,
-            searched=searched,
-            received=None if received is None else _received_frame(received, row_time, self._colour),
+            received=None if received is None else _received_frame(received, self._camera, self._colour),
             gain=None if gain is None else LightGain(*(*gain[:-1], Flag(gain[-1]))),
             suggestion=None if suggestion is None else BestExposure(*suggestion),
+            **values,
         )
 
 
@@ -345,24 +339,13 @@ def frame_colours(frame: npt.ArrayLike, camera: Camera, colour: int | None) -> l
     return split_colours(as_frames(frame, "frame", camera.scan_axis, single=True), colour)
 
 
-def _received_frame(values: tuple[Any, ...], row_time: float, colour_asked: int | None) -> ReceivedFrame:
-    index, outcome, missing, colour, bits, phase, rows, rows_std, exposure, exposure_std, *rest = values
-    snr, error_rate, llr, stretch, flags = rest
-    return ReceivedFrame(
-        frame=index,
-        outcome=outcome,
-        missing=missing,
-        colour=colour if colour_asked is None else colour_asked,
-        bits=bits,
-        phase=phase,
-        rows_per_chip=rows,
-        rows_per_chip_std=rows_std,
-        chip_rate=1.0 / (rows * row_time),
-        exposure=exposure,
-        exposure_std=exposure_std,
-        snr=snr,
-        error_rate=error_rate,
-        llr=llr,
-        stretch=None if stretch is None else Stretch._of(stretch),
-        flags=Flag(flags),
-    )
+def frame_values(values: dict[str, Any], colour_asked: int | None) -> dict[str, Any]:
+    """The core's values of a frame as results have them; ``colour_asked``: the only one that it got."""
+    stretch = None if values["stretch"] is None else Stretch._of(values["stretch"])
+    colour = values["colour"] if colour_asked is None else colour_asked
+    return values | {"stretch": stretch, "colour": colour, "flags": Flag(values["flags"])}
+
+
+def _received_frame(values: dict[str, Any], camera: Camera, colour: int | None) -> ReceivedFrame:
+    rate = 1.0 / (values["rows_per_chip"] * camera.row_period)
+    return ReceivedFrame(chip_rate=rate, **frame_values(values, colour))

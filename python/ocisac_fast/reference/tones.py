@@ -44,7 +44,7 @@ def tone_gain(
     tones = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
     estimate = _dft if method == "dft" else _fit
     ratio = 1.0 if waveform == "tone" else 2 * np.sinc(duty)
-    harmonics_of = _only_fundamental if waveform == "tone" else _square_harmonics(duty)
+    harmonics_of = (lambda _: [1]) if waveform == "tone" else _square_harmonics(duty)
     results = []
     for frame, b, s in zip(light, ambient, saturated, strict=True):
         fits = zip(tones, estimate(frame, tones * camera.row_period, harmonics_of), strict=True)
@@ -72,10 +72,6 @@ def _pool(
     weights = weights / weights.sum(axis=1, keepdims=True)
     column = np.einsum("jnc,jc->jn", light, weights)[:, :, None]
     return column, (weights * ambient).sum(axis=1, keepdims=True), only_saturated[:, None]
-
-
-def _only_fundamental(_cycles_per_row: float) -> list[int]:
-    return [1]
 
 
 def _square_harmonics(duty: float) -> Any:

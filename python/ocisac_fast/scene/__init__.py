@@ -3,9 +3,8 @@
 from ocisac_fast.scene.description import Ambient, Sensor, Voxels
 from ocisac_fast.scene.geometry import Disc, Pinhole, Pose, Rectangle, Ring
 from ocisac_fast.scene.objects import Cosine, Grating, Mask, PathLoss, Picture, Plain, Source, Surface
-from ocisac_fast.scene.plan import Part, Plan
+from ocisac_fast.scene.plan import Part, Plan, Scene
 from ocisac_fast.scene.rendering import render
-from ocisac_fast.scene.scene import Scene
 from ocisac_fast.scene.toml import SceneFileError, load_scene, save_scene
 
 __all__ = [

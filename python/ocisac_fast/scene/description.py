@@ -111,17 +111,13 @@ class SceneDescription:
         if self.camera.exposure is None or self.camera.exposure <= 0:
             raise ValueError(f"exposure: got {self.camera.exposure}, allowed: above 0")
         for name in ("sources", "surfaces", "masks"):
-            self._take(name, tuple(getattr(self, name)))
-
-    def _take(self, name: str, items: tuple[Source | Surface | Mask, ...]) -> None:
-        for index, item in enumerate(items):
-            depth = self.lens.pose.to_object(item.pose.position)[2]
-            if not depth > 0:
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+            for index, item in enumerate(getattr(self, name)):
                 place = item.pose.position
-                raise ValueError(
-                    f"{name}[{index}].position: got {place}, allowed: before the camera (depth {depth:g} m)"
-                )
-        object.__setattr__(self, name, items)
+                depth = self.lens.pose.to_object(place)[2]
+                if not depth > 0:
+                    where = f"{name}[{index}].position"
+                    raise ValueError(f"{where}: got {place}, allowed: before the camera (depth {depth:g} m)")
 
     @property
     def exposure(self) -> float:

@@ -1,4 +1,4 @@
-"""Selection of the terms of a scene that are computed: `Plan`.
+"""Selection of the terms of a scene that are computed: `Scene.plan`.
 
 Every light on a patch of pixels (a term) is computed, or replaced by a cheaper one with a bounded error. A waveform of
 cosines a_i at f_i contributes |a_i| * |sinc(f_i T_e)| of each after the exposure; a waveform of range [low, high] is
@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
+from ocisac_fast.core.checks import Count, Finite, Positive, checked, checked_class
 from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Constant, Waveform
 from ocisac_fast.scene.blur import left_out, spread, widened
@@ -26,7 +26,7 @@ from ocisac_fast.scene.geometry import Array
 from ocisac_fast.scene.objects import Cosine
 from ocisac_fast.scene.patches import Patch, lens_at, patches
 from ocisac_fast.scene.profile import Profile
-from ocisac_fast.scene.signals import LineSignal, PixelProfile, ProfileTable, RowSignal, Signal
+from ocisac_fast.scene.signals import PixelProfile, ProfileTable, RowSignal
 from ocisac_fast.scene.terms import Moving, Term, levels_at, terms
 
 _DROPPING_SHARE = 0.7  # of the tolerance, for replaced terms; the rest is for tables
@@ -83,7 +83,7 @@ class Plan(Result):
     frames: int
     start: float
     _base: npt.NDArray[np.float32] | None = field(repr=False)  # steady light (DN above dark); None: none
-    _kept: tuple[tuple[_core.ScenePart, Signal], ...] = field(repr=False)
+    _kept: tuple[tuple[_core.ScenePart, RowSignal | ProfileTable], ...] = field(repr=False)
     _by_pixel: tuple[PixelProfile, ...] = field(repr=False)
 
     def __str__(self) -> str:
@@ -113,18 +113,32 @@ class _Drawing:
     middle: float  # s, of the time span of the plan
     half: float  # s, from its middle to its ends
     base: npt.NDArray[np.float32] | None = None
-    kept: list[tuple[_core.ScenePart, Signal]] = field(default_factory=list)
+    kept: list[tuple[_core.ScenePart, RowSignal | ProfileTable]] = field(default_factory=list)
     by_pixel: list[PixelProfile] = field(default_factory=list)
 
 
-def make_plan(
-    scene: SceneDescription, tolerance: float, unit: Literal["DN", "noise"], frames: int, start: float
-) -> Plan:
-    """`Scene.plan`."""
-    if frames > 1 and scene.camera.frame_time is None:
-        raise ValueError("frame_time: got None, allowed: the frame time of the camera in seconds, needed for frames")
-    span = tolerance * _noise(scene) if unit == "noise" else float(tolerance)
-    return plan_at(scene, span, frames, start, 0)
+@checked_class
+@dataclass(frozen=True)
+class Scene(SceneDescription):
+    __doc__ = SceneDescription.__doc__
+
+    @checked
+    def plan(
+        self, *, tolerance: Positive = 0.5, unit: Literal["DN", "noise"] = "DN", frames: Count = 1, start: Finite = 0.0
+    ) -> Plan:
+        """Select the terms to compute so that every pixel is within ``tolerance`` of the full model.
+
+        Args:
+            tolerance: largest error of linear light v, before saturation, tone curve and rounding; above 0.
+            unit: of the tolerance: ``"DN"``, or ``"noise"``: standard deviations of the noise in the dark.
+            frames: number of frames that the plan covers.
+            start: end of the exposure of row 0 of frame 0, s.
+        """
+        if frames > 1 and self.camera.frame_time is None:
+            message = "frame_time: got None, allowed: the frame time of the camera in seconds, needed for frames"
+            raise ValueError(message)
+        span = tolerance * _noise(self) if unit == "noise" else float(tolerance)
+        return plan_at(self, span, frames, start, 0)
 
 
 def plan_at(scene: SceneDescription, tolerance: float, frames: int, start: float, frame: int) -> Plan:
@@ -270,7 +284,7 @@ def _keep(drawing: _Drawing, patch: Patch, term: Term, option: _Option, share: f
     if not isinstance(option.waveform, Waveform):
         _add_base(drawing, patch, gains * option.waveform)
     elif option.moving is None:
-        _add_rows(drawing, patch, gains, partial(RowSignal, option.waveform))
+        _add_rows(drawing, patch, gains, option.waveform)
         kept = "one row integral times a gain map" if np.ptp(gains[patch.inside]) else "one row integral"
     elif isinstance(option.moving.pattern, Cosine):
         _add_cosine(drawing, patch, gains, option.waveform, option.moving, option.moving.pattern)
@@ -300,11 +314,13 @@ def _on_sensor(drawing: _Drawing, patch: Patch, light: Array) -> tuple[Array, np
     return seen, np.ones(seen.shape, np.bool_), top, left
 
 
-def _add_rows(drawing: _Drawing, patch: Patch, gains: Array, signal: Callable[[int, int], Signal]) -> None:
-    """Add a gain map times a row integral; ``signal`` is called with the first row and the number of rows."""
+def _add_rows(
+    drawing: _Drawing, patch: Patch, gains: Array, waveform: Waveform, rate: float = 0.0, sine: bool = False
+) -> None:
+    """Add a gain map times a row integral."""
     seen, inside, top, left = _on_sensor(drawing, patch, gains)
     if seen.size:
-        _add_part(drawing, seen, inside, top, left, signal(top, seen.shape[0]))
+        _add_part(drawing, seen, inside, top, left, RowSignal(waveform, top, seen.shape[0], rate, sine))
 
 
 def _add_part(
@@ -313,7 +329,7 @@ def _add_part(
     inside: npt.NDArray[np.bool_],
     top: int,
     left: int,
-    signal: Signal,
+    signal: RowSignal | ProfileTable,
     phases: int = 1,
     phase: npt.NDArray[np.uint16] | None = None,
 ) -> None:
@@ -355,10 +371,10 @@ def _add_cosine(
     if isinstance(waveform, Constant):
         _add_base(drawing, patch, gains * mean * waveform.level)
     else:
-        _add_rows(drawing, patch, gains * mean, partial(RowSignal, waveform))
+        _add_rows(drawing, patch, gains * mean, waveform)
     angle = 2 * np.pi * (moving.periods - np.floor(moving.periods))
     for sine, wave in ((False, np.cos(angle)), (True, np.sin(angle))):
-        _add_rows(drawing, patch, gains * half * wave, partial(LineSignal, waveform, moving.rate, sine))
+        _add_rows(drawing, patch, gains * half * wave, waveform, moving.rate, sine)
 
 
 def _steps(light: Course, exposure: float, weight: float, error: float) -> tuple[int, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
@@ -15,12 +14,6 @@ from ocisac_fast.scene.geometry import Array
 from ocisac_fast.scene.objects import Grating, Picture
 
 _FEW_CELLS = 8.0
-
-
-def cycles(rate: float, frame_time: float, frame: int, start: float) -> float:
-    """Fractional part of the periods that have passed at the end of a frame's row 0."""
-    passed = Fraction(rate) * (Fraction(start) + frame * Fraction(frame_time))
-    return float(passed % 1)
 
 
 @dataclass(frozen=True)
@@ -59,9 +52,6 @@ class Profile:
         """Range of the antiderivative of level - mean, in periods; maximum over the lines."""
         sums = np.cumsum((self.levels - self.means[:, np.newaxis]) * np.diff(self.edges), axis=1)
         return float(np.ptp(np.concatenate([np.zeros((len(sums), 1)), sums], axis=1), axis=1).max())
-
-    def mirrored(self) -> Profile:
-        return Profile(1 - self.edges[::-1], self.levels[:, ::-1], 0.0)
 
     def cell_of(self, place: Array) -> npt.NDArray[np.int64]:
         """Cell indices from the pattern's edge 0, counted across whole periods."""
@@ -125,7 +115,7 @@ def expose_profile(
     line, phase, end = np.broadcast_arrays(line, phase + (profile.offset - shift), end)
     speed = abs(rate)
     place = -phase if rate > 0 else phase
-    turned = profile.mirrored() if rate > 0 else profile
+    turned = Profile(1 - profile.edges[::-1], profile.levels[:, ::-1], 0.0) if rate > 0 else profile
     if light.level is not None and speed * exposure * len(turned.edges) > _FEW_CELLS:
         first, last = place + speed * (end - exposure), place + speed * end
         return np.asarray(light.level * (_area(turned, line, last) - _area(turned, line, first)) / (speed * exposure))

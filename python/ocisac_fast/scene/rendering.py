@@ -57,7 +57,8 @@ def _frame(plan: Plan, number: int, noise: bool, seed: int, threads: int) -> Fra
     scene, sensor = plan.scene, plan.scene.sensor
     random = np.random.default_rng([seed, number]) if noise else None
     shape = (scene.lens.rows, scene.lens.columns)
-    dark, late = scene.camera.dark_level, frame_delay(scene, number, seed)
+    dark, jitter = scene.camera.dark_level, sensor.frame_jitter
+    late = float(np.random.default_rng([seed, number, 1]).uniform(-jitter, jitter)) if jitter else 0.0
     direct = random is None and scene.camera.tone_curve == "linear"
     if direct and sensor.bit_depth is not None:
         frame = np.empty(shape, np.uint8 if sensor.bit_depth <= 8 else np.uint16)
@@ -66,12 +67,6 @@ def _frame(plan: Plan, number: int, noise: bool, seed: int, threads: int) -> Fra
     light = np.empty(shape, np.float32)
     _fill(plan, number, late, 0.0, scene.white_level, threads, light)
     return respond(scene, light, random)
-
-
-def frame_delay(scene: SceneDescription, number: int, seed: int) -> float:
-    """Seconds by which a frame starts late."""
-    jitter = scene.sensor.frame_jitter
-    return float(np.random.default_rng([seed, number, 1]).uniform(-jitter, jitter)) if jitter else 0.0
 
 
 def _fill(plan: Plan, number: int, late: float, dark: float, white: float, threads: int, out: Frame) -> None:

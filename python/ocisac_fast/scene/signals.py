@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
@@ -11,17 +11,10 @@ import numpy.typing as npt
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.light.waveforms import Product, Tone, Waveform, integrate_exposure
 from ocisac_fast.scene.geometry import Array
-from ocisac_fast.scene.profile import Light, Profile, cycles, expose_profile
+from ocisac_fast.scene.profile import Light, Profile, expose_profile
 from ocisac_fast.scene.terms import Moving
 
 Table = npt.NDArray[np.float32]
-
-
-class Signal(Protocol):
-    """Row integrals of a part in one frame."""
-
-    def table(self, camera: Camera, start: float, frame: int) -> Table:
-        """(height, phases) mean light over each row's exposure."""
 
 
 def _integrate(waveform: Waveform, camera: Camera, rows: npt.NDArray[np.int64], start: float, frame: int) -> Array:
@@ -31,34 +24,26 @@ def _integrate(waveform: Waveform, camera: Camera, rows: npt.NDArray[np.int64], 
 
 @dataclass(frozen=True)
 class RowSignal:
-    """One row integral for all pixels of a row: a source, or light on a static surface."""
+    """One row integral for all pixels of a row: a source, or light on a static surface.
+
+    With a ``rate`` it is that of waveform * cos(2 pi rate t), or of its sine: the moving part of a cosine pattern.
+    """
 
     waveform: Waveform
     top: int
     height: int
+    rate: float = 0.0
+    sine: bool = False
 
     def table(self, camera: Camera, start: float, frame: int) -> Table:
+        """(height, 1) mean light over each row's exposure."""
         rows = np.arange(self.top, self.top + self.height)
-        return _integrate(self.waveform, camera, rows, start, frame).astype(np.float32)[:, np.newaxis]
-
-
-@dataclass(frozen=True)
-class LineSignal:
-    """Mean of waveform * cos(2 pi rate t), or of its sine: the moving part of a cosine pattern."""
-
-    waveform: Waveform
-    rate: float
-    sine: bool
-    top: int
-    height: int
-
-    def table(self, camera: Camera, start: float, frame: int) -> Table:
-        rows = np.arange(self.top, self.top + self.height)
-        tone = Tone(abs(self.rate), phase=-np.pi / 2 if self.sine else 0.0)
-        # cos = 2 * (1/2 + cos/2) - 1
-        light = 2 * _integrate(Product([self.waveform, tone]), camera, rows, start, frame)
-        light -= _integrate(self.waveform, camera, rows, start, frame)
-        return ((-light if self.sine and self.rate < 0 else light).astype(np.float32))[:, np.newaxis]
+        light = _integrate(self.waveform, camera, rows, start, frame)
+        if self.rate:
+            tone = Tone(abs(self.rate), phase=-np.pi / 2 if self.sine else 0.0)
+            # cos = 2 * (1/2 + cos/2) - 1
+            light = 2 * _integrate(Product([self.waveform, tone]), camera, rows, start, frame) - light
+        return (-light if self.sine and self.rate < 0 else light).astype(np.float32)[:, np.newaxis]
 
 
 @dataclass(frozen=True)
@@ -74,6 +59,7 @@ class ProfileTable:
     height: int
 
     def table(self, camera: Camera, start: float, frame: int) -> Table:
+        """(height, lines * phases) mean light over each row's exposure."""
         lines = len(self.profile.levels)
         phase = np.tile((np.arange(self.phases) + 0.5) / self.phases, lines)
         line = np.repeat(np.arange(lines), self.phases)
@@ -121,7 +107,8 @@ def _expose(
     phase: Array,
 ) -> Array:
     assert camera.exposure is not None
-    shift = cycles(part.rate, camera.frame_time or 0.0, frame, start)
+    passed = Fraction(part.rate) * (Fraction(start) + frame * Fraction(camera.frame_time or 0.0))
+    shift = float(passed % 1)  # of the periods that have passed at the end of the frame's row 0
     light = Light(part.waveform, camera, int(rows.max()) + 1, part.steps, start, frame)
     ends = np.multiply(rows, camera.row_period, dtype=np.float64)
     return expose_profile(part.profile, line, phase, shift, part.rate, ends, camera.exposure, light)

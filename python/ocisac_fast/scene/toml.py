@@ -17,13 +17,14 @@ import numpy as np
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.checks import checked, shown
-from ocisac_fast.files import FileError
+from ocisac_fast.files import FileError, atomic_path
+from ocisac_fast.files.pictures import grey_levels
 from ocisac_fast.files.raw import read_whole
 from ocisac_fast.light.waveforms import Chips, Constant, Product, Samples, SquareWave, Sum, Tone, TriangleWave
 from ocisac_fast.scene.description import Ambient, Sensor
 from ocisac_fast.scene.geometry import Disc, Pinhole, Pose, Rectangle, Ring
 from ocisac_fast.scene.objects import Cosine, Grating, Mask, PathLoss, Picture, Plain, Source, Surface
-from ocisac_fast.scene.scene import Scene
+from ocisac_fast.scene.plan import Scene
 
 Kinds = Mapping[str, Callable[..., Any]]
 Keys = tuple[str | int, ...]
@@ -65,8 +66,8 @@ _KEY_TOKEN = re.compile(r"""#[^\n]*|"(?:[^"\\\n]|\\.)*"|'[^'\n]*'|[.,\[\]{}=\n]"
 _MAX_KEY_PARTS = 100
 
 
-def _check_keys(text: str) -> None:
-    """Reject dotted keys of absurd length: the parser's time grows with the square of their parts."""
+def _document(text: str) -> dict[str, Any]:
+    """Parse; dotted keys of absurd length are rejected: the parser's time grows with the square of their parts."""
     parts = 1
     for token in _KEY_TOKEN.finditer(text):
         if token[0] == ".":
@@ -76,6 +77,7 @@ def _check_keys(text: str) -> None:
         if parts > _MAX_KEY_PARTS:
             line = text.count("\n", 0, token.start()) + 1
             raise _BadKey((), f"line {line}: a key of more than {_MAX_KEY_PARTS} parts")
+    return tomllib.loads(text)
 
 
 class _BadKey(ValueError):
@@ -105,8 +107,7 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
             raise SceneFileError(f"{os.fspath(path)}: {error}") from error
     try:
         text = data.decode("utf-8")
-        _check_keys(text)
-        return _scene(tomllib.loads(text), _Folder(Path(path).parent, any_folder))
+        return _scene(_document(text), _Folder(Path(path).parent, any_folder))
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise SceneFileError(f"{os.fspath(path)}:{line}: byte {data[error.start]:#x}, allowed: UTF-8") from error
@@ -132,9 +133,8 @@ def pictures_of(path: str | os.PathLike[str]) -> list[Path]:
         return []
     try:
         with open(path, "rb") as file:
-            text = read_whole(file).decode()
-        _check_keys(text)
-        return [Path(path).parent / name for name in names(tomllib.loads(text)) if isinstance(name, str)]
+            found = names(_document(read_whole(file).decode()))
+        return [Path(path).parent / name for name in found if isinstance(name, str)]
     except (OSError, ValueError, RecursionError):
         return []
 
@@ -148,8 +148,6 @@ def save_scene(path: str | os.PathLike[str], scene: Scene) -> None:
         OSError: the file cannot be written.
     """
     import tomli_w
-
-    from ocisac_fast.files import atomic_path
 
     tables = {name: _plain(getattr(scene, name)) for name in _TABLES}
     lists = {name: [_plain(item) for item in getattr(scene, name)] for name in _LISTS}
@@ -289,8 +287,6 @@ def _choice(name: str, table: Any, keys: Keys, folder: _Folder) -> Any:
 
 def _picture(name: Any, keys: Keys, folder: _Folder) -> Any:
     """Grey levels, 0 to 1, of a picture file of the scene."""
-    from ocisac_fast.files.pictures import grey_levels
-
     if not isinstance(name, str):
         raise _BadKey(keys, f"got {shown(name)}, allowed: the name of a picture")
     path = Path(os.path.realpath(folder.path / name))

@@ -17,7 +17,7 @@ from ocisac_fast.core.arrays import as_grey_frames, box_in_time_order, in_stored
 from ocisac_fast.core.checks import checked
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.regions import Region
-from ocisac_fast.lights.sources import LightSource, detect_sources
+from ocisac_fast.lights.sources import detect_sources
 from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.sensing.region import BackgroundLight, Request, SensedRegion, background_light, check_size, measure
 from ocisac_fast.sensing.search import PeriodicRegion, periodic_regions, without_repeats
@@ -126,17 +126,13 @@ def find_periodic(frames: npt.ArrayLike, camera: Camera) -> FoundPeriodic:
     check_size(pictures)
     in_order = camera.in_time_order
     lights = [
-        PeriodicRegion(one.region, *_per_row(one, in_order))
+        PeriodicRegion(one.region, one.frequency * camera.row_period, one.frequency_std * camera.row_period)
         for one in detect_sources(pictures, in_order, frame=0)
         if one.reflection_of is None
     ]
     textures = periodic_regions(_changing(pictures, in_order), still=len(pictures) == 1)
     height, width = in_stored_order(pictures, camera.scan_axis).shape[1:]
     return FoundPeriodic(camera, Region(0, 0, width, height), without_repeats([*lights, *textures]))
-
-
-def _per_row(light: LightSource, camera: Camera) -> tuple[float, float]:
-    return light.frequency * camera.row_period, light.frequency_std * camera.row_period
 
 
 def _changing(pictures: npt.NDArray[Any], camera: Camera) -> npt.NDArray[np.float64]:

@@ -109,17 +109,14 @@ def _joined(tiles: list[PeriodicRegion]) -> list[PeriodicRegion]:
         touching = [group for group in groups if any(_alike(tile, other) for other in group)]
         groups = [group for group in groups if group not in touching]
         groups.append([tile, *(other for group in touching for other in group)])
-    return [_around(group) for group in groups]
+    boxes = (functools.reduce(Region.hull, (tile.region for tile in group)) for group in groups)
+    cycles = (float(np.median([tile.cycles for tile in group])) for group in groups)
+    return list(map(PeriodicRegion, boxes, cycles))
 
 
 def _alike(a: PeriodicRegion, b: PeriodicRegion, cycles: float = 0.5) -> bool:
     rows = min(a.region.height, b.region.height)
     return a.region.touches(b.region) and abs(a.cycles - b.cycles) * rows < cycles
-
-
-def _around(group: list[PeriodicRegion]) -> PeriodicRegion:
-    region = functools.reduce(Region.hull, (box.region for box in group))
-    return PeriodicRegion(region, float(np.median([box.cycles for box in group])))
 
 
 def _trimmed(light: Float64s, box: PeriodicRegion) -> PeriodicRegion:

@@ -32,6 +32,11 @@ struct FlickerFreeExposure {
   double gain = kNaN;               // |sinc(f_comm·exposure)|; NaN without a data light
 };
 
+// Exposures in s within ascending intervals at which no light's modulation exceeds `below`; if there are none, those at
+// the smallest bound that has any. Exposures and frequencies interchange.
+std::vector<Interval> flicker_free_intervals(std::span<const FlickeringLight> lights, double below,
+                                             const std::vector<Interval>& within);
+
 // The nearest, the shortest, or the exposure of largest Y (with f_sense, or f_comm without min_gain) at which no
 // light's modulation exceeds the bound. If there is none: the smallest modulation among the exposures that keep the
 // data light's gain; if none keeps it, the smallest of all. Throws std::invalid_argument, also where every exposure
