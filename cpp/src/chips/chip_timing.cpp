@@ -7,12 +7,13 @@
 #include <complex>
 #include <limits>
 #include <numbers>
-#include <numeric>
 
 #include "chips/channel_equations.hpp"
 #include "columns/moving_mean.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 #include "core/spectrum.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/chips/preamble.hpp"
 #include "ocisac/core/constants.hpp"
 #include "rows/fit.hpp"
@@ -28,7 +29,6 @@ constexpr std::size_t kAround = 12;  // turning points to either side with a com
 constexpr std::array<std::size_t, 3> kSmoothing{0, 2, 8};  // reach of the moving mean, rows
 constexpr std::size_t kMinEdges = 4;
 constexpr std::size_t kCandidates = 16;
-constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kMaxDuty = 0.2;       // chips, in the search; the bound after the fit is slightly larger
 constexpr double kMaxResidual = 0.17;  // chips; edges at random places have 1/√12 = 0.29
 
@@ -63,7 +63,7 @@ std::array<std::vector<std::complex<double>>, 2> edge_spectra(const Edges& edges
   std::vector<double> parts(4 * length);  // of rising edges: real, imaginary; of falling ones
   for (std::size_t edge = 0; edge < edges.rows.size(); ++edge) {
     const double turns = middle * edges.rows[edge];
-    const auto weight = std::polar(1.0, -kTurn * (turns - std::floor(turns)));
+    const auto weight = std::polar(1.0, -kTwoPi * (turns - std::floor(turns)));
     const double place = edges.rows[edge] * step * cycles, nearest = std::nearbyint(place);
     double* const real = &parts[edges.rising[edge] ? 0 : 2 * length];
     for (int i = -kReach; i <= kReach; ++i) {
@@ -94,9 +94,9 @@ std::vector<Coherence> coherence(const Edges& edges, double lowest, double step,
   const auto [up, down] = edge_spectra(edges, lowest, step, count);
   std::vector<Coherence> result(count);
   for (std::size_t k = 0; k < count; ++k) {
-    const double duty = std::clamp(std::arg(down[k] * std::conj(up[k])) / kTurn, -kMaxDuty, kMaxDuty);
-    const auto total = up[k] + down[k] * std::polar(1.0, -kTurn * duty);
-    result[k] = {std::abs(total) / static_cast<double>(edges.rows.size()), -duty, -std::arg(total) / kTurn};
+    const double duty = std::clamp(std::arg(down[k] * std::conj(up[k])) / kTwoPi, -kMaxDuty, kMaxDuty);
+    const auto total = up[k] + down[k] * std::polar(1.0, -kTwoPi * duty);
+    result[k] = {std::abs(total) / static_cast<double>(edges.rows.size()), -duty, -std::arg(total) / kTwoPi};
   }
   return result;
 }
@@ -181,7 +181,7 @@ double description_length(const ChipLattice& lattice, std::span<const double> di
     if (used[k]) squares += distance[k] * distance[k], inside += 1;
   const double chip = lattice.clock.rows_per_chip, duty = lattice.duty_offset / chip;
   return (inside - 3) * std::log(std::max(std::sqrt(squares / inside), 0.05)) +
-         (edges - inside) * std::log(chip / std::sqrt(kTurn * std::numbers::e)) +  // anywhere in a chip, not normal
+         (edges - inside) * std::log(chip / std::sqrt(kTwoPi * std::numbers::e)) +  // anywhere in a chip, not normal
          entropy_of(runs[0][1], runs[0][0]) + entropy_of(runs[1][1], runs[1][0]) + 4 * static_cast<double>(collisions) +
          8 * edges * duty * duty          // prefers the threshold with equal runs of both levels
          - 0.3 * edges * std::log(chip);  // prefers the slower lattice
@@ -210,7 +210,7 @@ std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
   }
   if (10 * collisions > chips.size() || std::abs(lattice.duty_offset) > 1.5 * kMaxDuty * lattice.clock.rows_per_chip)
     return std::nullopt;
-  const double squares = std::inner_product(distance.begin(), distance.end(), distance.begin(), 0.0);
+  const double squares = scalar_product(distance, distance);
   const double residual = std::sqrt(squares / static_cast<double>(distance.size()));
   return ChipTiming{centred(lattice),
                     residual,
@@ -260,8 +260,8 @@ namespace {
 // of the lamp, and few edges may have one of several places by chance.
 bool quarters_differ(const Edges& edges, const ChipLattice& lattice, std::size_t chips) {
   constexpr std::size_t kQuarters = 4;
-  constexpr double kWandering = 0.08, kDeviations = 4, kAgreed = 0.8, kScattered = 0.65;  // chips; of means; resultants
-  const double fewest = 2 * static_cast<double>(chips) + 1;                               // edges
+  constexpr double kWandering = 0.08, kAgreed = 0.8, kScattered = 0.65;  // chips; of means; resultants
+  const double fewest = 2 * static_cast<double>(chips) + 1;              // edges
   struct Quarter {
     std::complex<double> sum;
     double count = 0;
@@ -271,7 +271,7 @@ bool quarters_differ(const Edges& edges, const ChipLattice& lattice, std::size_t
   for (std::size_t k = 1; k + 1 < edges.rows.size(); ++k) {
     const double place = (edges.rows[k] - place_on(lattice, 0, !edges.rising[k])) / lattice.clock.rows_per_chip;
     Quarter& quarter = quarters[static_cast<std::size_t>((edges.rows[k] - first) / span * kQuarters)];
-    quarter.sum += std::polar(1.0, 2 * std::numbers::pi * place / static_cast<double>(chips));
+    quarter.sum += std::polar(1.0, kTwoPi * place / static_cast<double>(chips));
     quarter.count += 1;
   }
   const auto is_scattered = [&](const Quarter& of) {
@@ -287,9 +287,7 @@ bool quarters_differ(const Edges& edges, const ChipLattice& lattice, std::size_t
     for (const Quarter& b : quarters) {
       if (!agrees(a) || !agrees(b)) continue;
       const double apart = std::abs(std::arg(a.sum * std::conj(b.sum)));
-      if (apart > 2 * std::numbers::pi * kWandering &&
-          apart > kDeviations * std::sqrt(variance * (1 / a.count + 1 / b.count)))
-        return true;
+      if (apart > kTwoPi * kWandering && apart > kSure * std::sqrt(variance * (1 / a.count + 1 / b.count))) return true;
     }
   return false;
 }

@@ -55,7 +55,6 @@ Matrix2 measured_covariance(const ClockErrors& errors) {
 
 constexpr double kMaxJitteredCount = 1;  // chips, standard error of the count where starts jitter
 constexpr double kSmallJump = 0.25;      // chips; the count of chips stays sure
-constexpr double kJitterKept = 0.9;      // of the variance learned, from update to update
 constexpr double kSteadyKept = 0.3;      // where the clock is as steady as it is measured
 constexpr int kSteady = 2;               // updates; jumps that follow each other closer are jitter
 
@@ -153,7 +152,7 @@ bool ClockTracker::update(double frame, const ChipClock& clock, const ClockError
   if (jitter_variance_ > 0) {
     const double unexpected = squared - (expected(0, 0) - jitter_variance_);
     jitter_variance_ = steady ? kSteadyKept * jitter_variance_
-                              : std::max(kJitterKept * jitter_variance_ + (1 - kJitterKept) * unexpected, 0.0);
+                              : std::max(kNearlyAll * jitter_variance_ + (1 - kNearlyAll) * unexpected, 0.0);
   }
   const Eigen::Matrix<double, 3, 2> gain = here.covariance.leftCols<2>() * expected.inverse();
   Eigen::Map<Vector3d>(state_.data()) = here.mean + gain * innovation;

@@ -60,7 +60,7 @@ std::optional<ChannelEstimate> first_channel(std::span<const double> signal, Row
   // Variance of the mean of L random chips: 1/(4L) for whole ones, reduced by the ramps of one chip.
   const double chips = clock.exposure_rows / clock.rows_per_chip;
   const double shrink = chips < 1 ? 1 - chips / 3 : (1 - 1 / (3 * chips)) / chips;
-  const double variance = squares_about_mean(rows) / static_cast<double>(rows.size());
+  const double variance = variance_of(rows);
   const double swing = 2 * std::sqrt(variance / std::max(shrink, 1e-3));
   if (!(swing > 0)) return std::nullopt;
   return ChannelEstimate{clock, {}, {mean_of(rows) - 0.5 * swing}, {swing}, kFirstNoise * swing, part, false};

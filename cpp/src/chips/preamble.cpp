@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
 #include "rows/exposed_chips.hpp"
@@ -16,7 +17,6 @@ constexpr double kPhaseSlack = 0.2;      // max error of the grid of rates at th
 constexpr double kPlaceStep = 0.3;       // chips, step of the grid of positions; at most a row
 constexpr std::size_t kCandidates = 12;  // positions for fits of the channel
 constexpr double kToleranceError = 0.5;  // standard error of a rate uniformly within the tolerance
-constexpr double kMaxExplained = 1 - 1e-9;
 
 // Sliding sums of the rows: residual squares about a mean and a slope.
 class WindowSums {
@@ -38,26 +38,11 @@ class WindowSums {
   std::vector<std::array<double, 3>> sums_;  // of values, moments and squares
 };
 
-std::vector<double> without_mean(std::span<const double> signal) {
-  const double mean = mean_of(signal);
-  std::vector<double> rest(signal.begin(), signal.end());
-  for (double& value : rest) value -= mean;
-  return rest;
-}
-
 // Removes mean and slope and normalises to unit length; empty where nothing remains.
 std::vector<double> as_direction(std::vector<double> shape) {
-  const auto count = static_cast<double>(shape.size());
-  const double middle = 0.5 * (count - 1);
-  double mean = 0, slope = 0, square = 0;
-  for (double value : shape) mean += value / count;
-  for (std::size_t n = 0; n < shape.size(); ++n)
-    slope += (static_cast<double>(n) - middle) * shape[n] * 12 / (count * (count * count - 1));
-  for (std::size_t n = 0; n < shape.size(); ++n) {
-    shape[n] -= mean + slope * (static_cast<double>(n) - middle);
-    square += shape[n] * shape[n];
-  }
-  if (square < 1e-9 * count) return {};
+  remove_line(shape);
+  const double square = scalar_product(shape, shape);
+  if (square < kEqual * static_cast<double>(shape.size())) return {};
   for (double& value : shape) value /= std::sqrt(square);
   return shape;
 }
@@ -68,7 +53,7 @@ struct Candidate {
 };
 
 double gain_of(double explained, double count) {
-  return -0.5 * count * std::log(1 - std::clamp(explained, 0.0, kMaxExplained));
+  return -0.5 * count * std::log(1 - std::clamp(explained, 0.0, 1 - kEqual));
 }
 
 // Best correlation for each position, in bins of a chip, with the preamble as it appears in the rows that depend on it

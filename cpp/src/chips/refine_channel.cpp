@@ -38,7 +38,6 @@ constexpr double kWindowChips = 30;   // length of a part, beside the exposure
 constexpr double kUnsureFrame = 0.3;  // chips; max standard error at the frame's ends without a comparison of clocks
 constexpr double kMinMove = 0.25;     // chips at the rows' ends
 constexpr double kReach = 20;         // max cost above the best clock, nats
-constexpr double kAlike = 0.12;       // chips, at the rows' ends and of exposure: closer clocks are equal
 
 // Degrees of dark and swing that minimise Schwarz's criterion at a fixed clock. In a part of the frame, at most lines.
 ChannelModel choose_levels(const IterationContext& context, const KnownChips& chips, const ChipClock& clock,
@@ -315,7 +314,7 @@ double chips_apart(const ChipClock& a, const ChipClock& b, double row) {
 
 bool are_alike(const ChipClock& a, const ChipClock& b, RowRange rows) {
   return std::max({chips_apart(a, b, static_cast<double>(rows.begin)), chips_apart(a, b, static_cast<double>(rows.end)),
-                   std::abs(a.exposure_rows - b.exposure_rows) / a.rows_per_chip}) < kAlike;
+                   std::abs(a.exposure_rows - b.exposure_rows) / a.rows_per_chip}) < kSmallShare;
 }
 
 // The most likely of the distinct clocks, the best first.

@@ -3,8 +3,6 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <numeric>
 
 #include "cleaning/quantile.hpp"
 #include "cleaning/row_basis.hpp"

@@ -171,7 +171,7 @@ std::vector<std::vector<std::size_t>> alike_colours(std::span<const BandedPictur
     check(colour, Values(colours.front().rows, 1.0));
     Values& swing = swings.emplace_back(row_means(colour));
     remove_slow_changes(swing);
-    energy.push_back(std::inner_product(swing.begin(), swing.end(), swing.begin(), 0.0));
+    energy.push_back(scalar_product(swing, swing));
   }
   std::vector<std::size_t> order(colours.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
@@ -189,14 +189,8 @@ std::vector<std::vector<std::size_t>> alike_colours(std::span<const BandedPictur
 }
 
 double correlation(std::span<const double> a, std::span<const double> b) {
-  const double mean_a = mean_of(a), mean_b = mean_of(b);
-  double aa = 0, ab = 0, bb = 0;
-  for (std::size_t n = 0; n < a.size(); ++n) {
-    aa += (a[n] - mean_a) * (a[n] - mean_a);
-    ab += (a[n] - mean_a) * (b[n] - mean_b);
-    bb += (b[n] - mean_b) * (b[n] - mean_b);
-  }
-  return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
+  const double energy = squares_about_mean(a) * squares_about_mean(b);
+  return energy > 0 ? scalar_product(without_mean(a), without_mean(b)) / std::sqrt(energy) : 0;
 }
 
 std::vector<double> fully_modulated_rows(std::span<const double> rows) {

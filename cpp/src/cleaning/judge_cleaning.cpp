@@ -47,9 +47,7 @@ std::array<Values, 2> course_of(std::span<const double> row_light) {
   for (std::size_t n = 0; n <= last; ++n)
     course[1][n] = row_light[std::min(n + 1, last)] - row_light[n == 0 ? 0 : n - 1];
   for (Values& term : course) {
-    const auto count = static_cast<double>(term.size());
-    const double mean = mean_of(term);
-    const double deviation = std::sqrt(squares_about_mean(term) / count);
+    const double mean = mean_of(term), deviation = std::sqrt(variance_of(term));
     for (double& value : term) value = deviation > 0 ? (value - mean) / deviation : 0;
   }
   return course;

@@ -255,10 +255,7 @@ std::size_t comparison_lag(std::span<const double> row_light, std::size_t rows) 
             (row_light[first + n + lag] - row_light[first + n]) * (row_light[first + n + lag] - row_light[first + n]);
     return count > 0 ? sum / static_cast<double>(count) : 0;
   };
-  const double count = static_cast<double>(row_light.size());
-  const double mean = mean_of(row_light);
-  double variance = 0;
-  for (const double value : row_light) variance += (value - mean) * (value - mean) / count;
+  const double variance = variance_of(row_light);
   const std::size_t most = std::clamp<std::size_t>(rows / 4, 1, 64);
   std::size_t lag = 1;
   while (lag < most && mean_square_change(lag) < 0.7 * variance) ++lag;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
 #include "cleaning/block_shares.hpp"
 #include "cleaning/chip_light.hpp"

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
 #include "cleaning/cleaned_picture.hpp"
 #include "core/check_interrupt.hpp"
@@ -30,8 +29,8 @@ constexpr double kFallOfModes = 1.5, kFallOfShades = 3;
 constexpr std::size_t kSpreads = 10;  // of a picture's factor S
 constexpr double kLeastSpread = 0.004, kMostSpread = 1;
 constexpr std::array<double, 4> kFloors{0, 0.01, 0.03, 0.1};  // standard deviation that texture adds to every mode
-constexpr double kUsualSpread = 0.1, kLogSpread = 1;          // median of S; standard deviation of its logarithm
-constexpr std::size_t kChanges = 4;                           // of S of what changes from frame to frame
+constexpr double kUsualSpread = 0.1;  // median of S, whose logarithm has a standard deviation of 1
+constexpr std::size_t kChanges = 4;   // of S of what changes from frame to frame
 constexpr double kLeastChange = 0.001, kMostChange = 0.2;
 constexpr std::array<double, 4> kTrends{0.5, 0.5, 0.1, 0.05};  // standard deviations of a linear to quartic course:
                                                                // vignettes, skies
@@ -157,7 +156,7 @@ Frames frames_of(std::span<const CommonCourse> courses) {
     const VectorXd fall = falling(exponent);
     for (const double spread : ladder(kLeastSpread, kMostSpread, kSpreads))
       for (const double floor : kFloors) {
-        const double away = std::log(spread / kUsualSpread) / kLogSpread;
+        const double away = std::log(spread / kUsualSpread);
         const VectorXd all = spread * spread * fall + shared * variance / static_cast<double>(number);
         frames.still.push_back(spread_of(all.array() + floor * floor, trend, -0.5 * away * away));
       }

@@ -17,8 +17,7 @@ using Eigen::Index;
 
 constexpr double kVariation = 20;  // λ, in log likelihood: equals the evidence of 10 pixels for a change of 1 in share
 constexpr int kSteps = 4;          // of reweighting
-constexpr double kMinSlope = 1e-3;                        // ε, per pixel
-constexpr double kMinWeight = 1e-3;                       // regularises pixels without evidence
+constexpr double kRegular = 1e-3;  // ε per pixel; the weight of a pixel without evidence
 constexpr std::array<int, 4> kIterations{4, 12, 20, 40};  // per level, from the finest; last value for the coarsest
 constexpr Index kMinSide = 8;                             // of a level that is reduced further
 
@@ -108,7 +107,7 @@ void couple(const ArrayXd& share, Level& level) {
     slope[next] += difference * difference;
   });
   visit([&](Index i, Index next, ArrayXd& coupling) {
-    coupling[i] = kVariation / std::sqrt(kMinSlope * kMinSlope + 0.25 * (slope[i] + slope[next]));
+    coupling[i] = kVariation / std::sqrt(kRegular * kRegular + 0.25 * (slope[i] + slope[next]));
   });
 }
 
@@ -122,7 +121,7 @@ void step(const ShareEvidence& evidence, std::vector<Level>& levels, Eigen::Map<
   finest.weight.setZero();
   finest.apply(share, finest.product);
   finest.right = array_of(evidence.pull) - finest.product;
-  finest.weight = array_of(evidence.weight) + kMinWeight;
+  finest.weight = array_of(evidence.weight) + kRegular;
   for (std::size_t k = 1; k < levels.size(); ++k) levels[k].take_from(levels[k - 1]);
   levels.back().change.setZero();
   for (std::size_t k = levels.size(); k-- > 0;) {

@@ -12,5 +12,6 @@ inline constexpr int kManyIterations = 40;                 // of small steps
 inline constexpr double kWeak = 3, kSure = 4;              // standard errors: chance below 1 %; noise does not reach
 inline constexpr double kSmallShare = 0.1, kMostly = 0.5;  // of a light, of a correlation
 inline constexpr double kNextToNone = 0.01;                // of rows, of a frame
+inline constexpr double kNearlyAll = 0.9;                  // the same; of a correlation
 
 }  // namespace ocisac

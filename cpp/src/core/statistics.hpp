@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <numeric>
 #include <span>
+#include <vector>
 
 namespace ocisac {
 
@@ -12,11 +13,33 @@ inline double mean_of(std::span<const double> values) {
   return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
+inline std::vector<double> without_mean(std::span<const double> values) {
+  const double mean = mean_of(values);
+  std::vector<double> rest(values.begin(), values.end());
+  for (double& value : rest) value -= mean;
+  return rest;
+}
+
 inline double squares_about_mean(std::span<const double> values) {
   const double mean = mean_of(values);
   double squares = 0;
   for (const double value : values) squares += (value - mean) * (value - mean);
   return squares;
+}
+
+inline double variance_of(std::span<const double> values) {
+  return squares_about_mean(values) / static_cast<double>(values.size());
+}
+
+inline double scalar_product(std::span<const double> a, std::span<const double> b) {
+  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
+}
+
+// a − b.
+inline std::vector<double> difference(std::span<const double> a, std::span<const double> b) {
+  std::vector<double> result(a.begin(), a.end());
+  for (std::size_t n = 0; n < result.size(); ++n) result[n] -= b[n];
+  return result;
 }
 
 // Leaves the residual of the least-squares straight line.

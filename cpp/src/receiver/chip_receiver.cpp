@@ -8,6 +8,7 @@
 
 #include "chips/chip_period.hpp"
 #include "chips/lit_rows.hpp"
+#include "core/levels.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/receiver/receive.hpp"
 #include "ocisac/rows/chip_clock.hpp"
@@ -33,7 +34,6 @@ constexpr double kUnknownJump = 2;      // chips; standard error of the count wh
 constexpr double kAnyJump = 1e6;        // the same where frames may be missing
 constexpr int kAlternating = 2;         // frames in a row
 constexpr double kSureCount = 8;        // nats, of a chip after a pause
-constexpr double kNoiseKept = 0.9;      // decay per frame: noise varies where the light fills only some of the rows
 constexpr double kOthersEffort = 0.5;   // of a frame's: the effort for each of the other models
 constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, after which another light may appear
 
@@ -349,7 +349,7 @@ void ChipReceiver::place(ChipFrame& frame) {
   if (state_.model.pause) state_.model.pause = reading.pause;
   if (!state_.model.nuisance.empty()) state_.model.nuisance = reading.nuisance;
   if (state_.model.exposure_rows) state_.model.exposure_rows = reading.channel.clock.exposure_rows;
-  state_.relative_noise = std::max(reading.relative_noise, kNoiseKept * state_.relative_noise);
+  state_.relative_noise = std::max(reading.relative_noise, kNearlyAll * state_.relative_noise);
   if (state_.fits) state_.rows_per_chip = reading.channel.clock.rows_per_chip;
   lost_ = 0;
   search_.restart();

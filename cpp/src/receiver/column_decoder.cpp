@@ -28,7 +28,6 @@ namespace {
 
 constexpr double kLongestChip = 64, kShortestChip = 2;  // rows
 constexpr double kRateTolerance = 0.03;
-constexpr double kNearlyAll = 0.9;                        // of the runs
 constexpr std::size_t kFew = 12, kSureWithRate = 4;       // edges: of a part of the given rate, of the rate itself
 constexpr double kWeakPart = 4;                           // signal-to-noise ratio of some chips: 2 % of them are wrong
 constexpr std::size_t kPart = 16;                         // chips
@@ -36,11 +35,9 @@ constexpr double kMinSnr = 2;                             // noise divided at it
 constexpr std::size_t kMostAtOnce = 4;                    // rows of a group
 constexpr double kLowestTone = 300, kHighestTone = 3000;  // Hz
 constexpr double kMinHumCycles = 1, kMinToneCycles = 8;   // in the frame
-constexpr int kSquareRounds = 3;
-constexpr std::size_t kEnds = 8;                    // of the rows make an end
-constexpr double kMinShare = 0.3, kMaxShare = 1.5;  // of the light beside the lamp in its columns
-constexpr double kMostNoise = 0.1;                  // of the light's swing, where its own is measured
-constexpr double kVaries = 2;                       // times the noise
+constexpr std::size_t kEnds = 8;                          // of the rows make an end
+constexpr double kMinShare = 0.3, kMaxShare = 1.5;        // of the light beside the lamp in its columns
+constexpr double kVaries = 2;                             // times the noise
 
 // A decoded signal: timing and decisions.
 struct Decoded {
@@ -117,10 +114,10 @@ std::vector<std::uint8_t> carried_over(std::span<const std::uint8_t> bits, const
 }
 
 // Detects, refits the lattice to the edges at the detected levels, and detects again.
-std::optional<Decoded> detect_and_refine(std::span<const double> signal, const ChipTiming& timing,
+std::optional<Decoded> detect_and_refine(std::span<const double> signal, const ChipLattice& first, const Edges& found,
                                          std::optional<double> exposure_rows) {
-  Decoded decoded{whole_chips(timing.lattice.clock, signal.size()), {}, timing.lattice.rows_per_chip_std};
-  auto detected = slice(signal, decoded.grid, exposure_rows, bits_between(timing.edges, decoded.grid));
+  Decoded decoded{whole_chips(first.clock, signal.size()), {}, first.rows_per_chip_std};
+  auto detected = slice(signal, decoded.grid, exposure_rows, bits_between(found, decoded.grid));
   if (!detected) return std::nullopt;
   decoded.detection = std::move(*detected);
   const auto [edges, chips] = edges_of(signal, decoded.grid, decoded.detection);
@@ -135,7 +132,7 @@ std::optional<Decoded> detect_and_refine(std::span<const double> signal, const C
 
 // Chips that are n > 1 times as long. `delayed`: falling edges are not on the lattice of the rising ones.
 struct Slower {
-  ChipTiming timing;
+  ChipLattice lattice;
   bool delayed = false;
 };
 
@@ -161,7 +158,7 @@ double excess_of(const std::vector<std::size_t>& sorted, std::size_t shared) {
 // are, while bright and dark runs are not and differ among themselves, unlike pulses of one length, the light is
 // clipped: all bright runs are longer by a part of a chip, and dark ones shorter, or the other way round. Absent where
 // n is 1, or beyond `slowest` rows a chip if delayed, or there are too few edges.
-std::optional<Slower> slower_timing(const Decoded& decoded, const ChipTiming& timing, double slowest) {
+std::optional<Slower> slower_chips(const Decoded& decoded, double slowest) {
   std::vector<std::size_t> edges;
   const auto& bits = decoded.detection.bits;
   for (std::size_t k = 1; k < bits.size(); ++k)
@@ -181,15 +178,15 @@ std::optional<Slower> slower_timing(const Decoded& decoded, const ChipTiming& ti
   auto shared = static_cast<std::size_t>(kLongestChip / chip);
   while (shared > 1 && !is_shared(shared, 1) && !is_delayed(shared)) --shared;
   if (shared < 2) return std::nullopt;
-  Slower slower{timing, !is_shared(shared, 1)};
+  Slower slower{{}, !is_shared(shared, 1)};
   std::vector<std::size_t> places(shared);
   for (std::size_t k = 0; k < edges.size(); k += slower.delayed ? 2 : 1) ++places[edges[k] % shared];
   const auto place = std::ranges::max_element(places) - places.begin();
-  ChipLattice& lattice = slower.timing.lattice;
-  lattice.clock.rows_per_chip = static_cast<double>(shared) * chip;
-  lattice.clock.phase = decoded.grid.start(static_cast<std::size_t>(place));
-  if (slower.delayed) lattice.clock.phase += 0.5 * excess_of(runs[1], shared) * chip;  // of the runs that begin there
-  lattice.rows_per_chip_std = static_cast<double>(shared) * decoded.rows_per_chip_std;
+  ChipClock& clock = slower.lattice.clock;
+  clock.rows_per_chip = static_cast<double>(shared) * chip;
+  clock.phase = decoded.grid.start(static_cast<std::size_t>(place));
+  if (slower.delayed) clock.phase += 0.5 * excess_of(runs[1], shared) * chip;  // of the runs that begin there
+  slower.lattice.rows_per_chip_std = static_cast<double>(shared) * decoded.rows_per_chip_std;
   return slower;
 }
 
@@ -322,10 +319,11 @@ std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& 
   const auto search = find_lit_timing(column, lit.rows, begin, what.range);
   edges = search.edges;
   if (!search.timing) return std::nullopt;
-  auto decoded = detect_and_refine(signal, *search.timing, what.exposure_rows);
-  const auto slower = decoded ? slower_timing(*decoded, *search.timing, 1 / what.range.lowest) : std::nullopt;
+  const Edges& found = search.timing->edges;
+  auto decoded = detect_and_refine(signal, search.timing->lattice, found, what.exposure_rows);
+  const auto slower = decoded ? slower_chips(*decoded, 1 / what.range.lowest) : std::nullopt;
   if (slower)
-    if (auto again = detect_and_refine(signal, slower->timing, what.exposure_rows)) {
+    if (auto again = detect_and_refine(signal, slower->lattice, found, what.exposure_rows)) {
       decoded = std::move(again);
       decoded->slowed = true;
       decoded->uneven |= slower->delayed;
@@ -354,7 +352,7 @@ bool decode(const CombinedColumn& column, const ColumnSearch& what, Received& re
     // Rows beyond the lamp that are no more uneven than its light is.
     const auto fewer =
         lit_rows(column.signal, column.noise, all,
-                 {.texture = texture_of(decoded->detection), .most_noise = kMostNoise, .expected = column.has_sides});
+                 {.texture = texture_of(decoded->detection), .most_noise = kSmallShare, .expected = column.has_sides});
     std::size_t of_fewer = 0;
     if (is_part(fewer, lit))
       if (auto within = decode_rows(column, fewer, what, of_fewer); within && ends_sharply(within->detection)) {
@@ -380,12 +378,6 @@ bool decode(const CombinedColumn& column, const ColumnSearch& what, Received& re
 
 StrongestTone other_tone(std::span<const double> signal, double row_time) {
   return strongest_tone(signal, signal.size(), kLowestTone * row_time, std::min(kHighestTone * row_time, 0.25));
-}
-
-std::vector<double> difference(std::span<const double> a, std::span<const double> b) {
-  std::vector<double> result(a.begin(), a.end());
-  for (std::size_t n = 0; n < result.size(); ++n) result[n] -= b[n];
-  return result;
 }
 
 // Adds light that was removed before detection: reported levels are those of the pixels.
@@ -418,7 +410,7 @@ std::optional<std::vector<double>> light_of(const Received& received, std::span<
 // Estimates the square wave beside the received chips, in whose company it was estimated before, and decodes again.
 void refine_square(const CombinedColumn& column, const ColumnSearch& what, double frequency, std::vector<double>& rest,
                    Received& received) {
-  for (int round = 0; round < kSquareRounds; ++round) {
+  for (int round = 0; round < kMaxIterations; ++round) {
     const auto light = light_of(received, rest, what.exposure_rows);
     if (!light) return;
     const auto beside = difference(column.signal, *light);
@@ -442,27 +434,15 @@ bool repeats_with(double frequency, const Received& received) {
   return static_cast<double>(changed) <= kSmallShare * static_cast<double>(count - cycle);
 }
 
-double deviation(std::span<const double> values) {
-  return std::sqrt(squares_about_mean(values) / static_cast<double>(values.size()));
-}
-
 struct Share {
   double share = 0, rest = 0;
 };
 
 // Least-squares share of the light beside a lamp in rows of its columns, and the standard deviation of the rest.
 Share share_of(std::span<const double> beside, std::span<const double> signal) {
-  const auto count = static_cast<double>(signal.size());
-  const double mean = mean_of(signal), mean_beside = mean_of(beside);
-  double square = 0, product = 0, power = 0;
-  for (std::size_t n = 0; n < signal.size(); ++n) {
-    const double s = signal[n] - mean, b = beside[n] - mean_beside;
-    square += s * s;
-    product += s * b;
-    power += b * b;
-  }
+  const double product = scalar_product(without_mean(signal), without_mean(beside)), power = squares_about_mean(beside);
   const double share = power > 0 ? product / power : 0.0;
-  return {share, std::sqrt(std::max(square - share * product, 0.0) / count)};
+  return {share, std::sqrt(std::max(variance_of(signal) - share * product / static_cast<double>(signal.size()), 0.0))};
 }
 
 // The column without the light that columns beside the lamp show, by its share in rows at an end of the frame, where
@@ -474,7 +454,8 @@ std::optional<CombinedColumn> without_light_beside(const CombinedColumn& column)
   const Share first = share_of(beside.first(window), signal.first(window));
   const Share last = share_of(beside.last(window), signal.last(window));
   const auto [share, rest] = first.rest < last.rest ? first : last;
-  if (share < kMinShare || share > kMaxShare || share * deviation(beside) < kVaries * rest) return std::nullopt;
+  if (share < kMinShare || share > kMaxShare || share * std::sqrt(variance_of(beside)) < kVaries * rest)
+    return std::nullopt;
   CombinedColumn own = column;
   for (std::size_t n = 0; n < rows; ++n) own.signal[n] -= share * beside[n];
   own.noise = std::fmax(column.noise, rest);
@@ -487,7 +468,7 @@ bool decode_within(const CombinedColumn& column, const LitRows& lit, const Colum
   const auto own = without_light_beside(column);
   if (!own) return false;
   const RowRange all{0, own->signal.size()};
-  const DarkRows dark{.least_departure = 0, .most_noise = kMostNoise, .expected = true};
+  const DarkRows dark{.least_departure = 0, .most_noise = kSmallShare, .expected = true};
   if (!is_part(lit_rows(own->signal, own->noise, all, dark), lit)) return false;
   Received tried{.frame = received.frame, .colour = received.colour};
   if (!decode(*own, what, tried, dark) || !ends_sharply(tried.detection)) return false;

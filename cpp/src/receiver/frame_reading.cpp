@@ -1,14 +1,13 @@
 #include "ocisac/receiver/frame_reading.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
 #include <string_view>
 #include <utility>
 
 #include "chips/chip_period.hpp"
 #include "chips/edge_places.hpp"
+#include "core/levels.hpp"
 #include "ocisac/chips/detect_chips.hpp"
 #include "ocisac/chips/preamble.hpp"
 #include "ocisac/chips/refine_channel.hpp"
@@ -18,13 +17,11 @@ namespace ocisac {
 
 namespace {
 
-constexpr int kMinRounds = 3, kMaxRounds = 10;  // of detection, until the channel stays
-constexpr double kSettling = 0.98;       // ratio of the residual to that of the round before, for more than three
-constexpr double kClockStays = 0.02;     // chips, at either end of the frame
-constexpr double kExposureStays = 0.01;  // relative
-constexpr double kVainStep = 0.02;       // standard errors
-constexpr double kLevelsStay = 0.03;     // relative to the swing
-constexpr double kRestStays = 0.3;       // relative to the noise, of the rows less slow light and tones
+constexpr int kMinRounds = 3;       // of detection, until the channel stays
+constexpr double kSettling = 0.98;  // ratio of the residual to that of the round before, for more than three
+constexpr double kStays = 0.02;     // chips at either end of the frame; of the exposure; levels relative to the swing
+constexpr double kVainStep = 0.02;  // standard errors
+constexpr double kRestStays = 0.3;  // relative to the noise, of the rows less slow light and tones
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
 
@@ -74,9 +71,9 @@ bool is_same(const ChannelEstimate& a, const ChannelEstimate& b, std::size_t row
     return std::max(std::abs(dark + 0.5 * taller), spread * std::abs(taller)) / swing;
   };
   const double middle = 0.5 * last;
-  return chips_off(0) < kClockStays && chips_off(last) < kClockStays &&
-         std::abs(a.clock.exposure_rows - b.clock.exposure_rows) <= kExposureStays * b.clock.exposure_rows &&
-         std::max({levels_off(0), levels_off(middle), levels_off(last)}) < kLevelsStay;
+  return chips_off(0) < kStays && chips_off(last) < kStays &&
+         std::abs(a.clock.exposure_rows - b.clock.exposure_rows) <= kStays * b.clock.exposure_rows &&
+         std::max({levels_off(0), levels_off(middle), levels_off(last)}) < kStays;
 }
 
 // Slow light and tones, fitted beside the chips of a round of detection and removed from a reading's rows.
@@ -130,7 +127,7 @@ std::optional<FrameReading> read_frame(std::span<const double> signal, const Cha
   if (beside) reading.nuisance = beside->nuisance;
   FittedBeside fitted_beside;
   PlacedEdges edges;
-  for (int round = 0; round < kMaxRounds; ++round) {
+  for (int round = 0; round < kMaxIterations; ++round) {
     if (!detectable(reading.rest, channel)) return std::nullopt;
     const ChipRows rows(reading.rest, channel);
     const ChipQuestion question = rows.question();

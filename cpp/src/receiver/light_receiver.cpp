@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <string_view>
 #include <utility>
 
+#include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/chips/slicer.hpp"
@@ -18,15 +18,11 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kMinWeight = 0.1;  // of the largest weight: columns below are outside of the light
-
-constexpr double kSameWeights = 0.9;  // cosine between the weights of two frames
-
 double first_of(const std::vector<double>& values) { return values.empty() ? kNaN : values.front(); }
 
 // Offset in columns from the centre of the region to the centroid of the weights.
 double offset_of(std::span<const double> weights) {
-  const double least = kMinWeight * *std::ranges::max_element(weights);
+  const double least = kSmallShare * *std::ranges::max_element(weights);
   double sum = 0, moment = 0;
   for (std::size_t column = 0; column < weights.size(); ++column) {
     if (!(weights[column] >= least)) continue;
@@ -36,13 +32,9 @@ double offset_of(std::span<const double> weights) {
   return sum > 0 ? moment / sum - 0.5 * static_cast<double>(weights.size() - 1) : 0.0;
 }
 
-double scalar_product(std::span<const double> a, std::span<const double> b) {
-  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
-}
-
 bool are_alike(const ColourStream& a, const ColourStream& b) {
   const double lengths = std::sqrt(scalar_product(a.weights, a.weights) * scalar_product(b.weights, b.weights));
-  return scalar_product(a.weights, b.weights) > kSameWeights * lengths;
+  return scalar_product(a.weights, b.weights) > kNearlyAll * lengths;
 }
 
 // Agreement of a stream's chips with bits, −1 to 1.

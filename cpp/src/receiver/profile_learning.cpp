@@ -107,10 +107,7 @@ std::vector<std::vector<double>> changes(const std::deque<KeptFrame>& frames) {
   for (const KeptFrame& kept : frames)
     for (std::size_t n = 0; n < mean.size(); ++n) mean[n] += kept.signal[n] / static_cast<double>(frames.size());
   std::vector<std::vector<double>> changes;
-  for (const KeptFrame& kept : frames) {
-    changes.push_back(kept.signal);
-    for (std::size_t n = 0; n < mean.size(); ++n) changes.back()[n] -= mean[n];
-  }
+  for (const KeptFrame& kept : frames) changes.push_back(difference(kept.signal, mean));
   return changes;
 }
 
@@ -331,9 +328,7 @@ std::vector<double> rows_before(const KeptFrame& kept, const std::optional<Learn
   const auto seen = std::span(kept.before).subspan(rows.begin, rows.size());
   std::vector<double> before =
       learned ? without_profile(kept.before, learned->profile, rows) : std::vector<double>(seen.begin(), seen.end());
-  const double mean = mean_of(before);
-  for (double& row : before) row -= mean;
-  return before;
+  return without_mean(before);
 }
 
 std::vector<std::span<const double>> FrameHistory::rows_of_all(std::size_t begin, std::size_t rows) const {

@@ -1,24 +1,24 @@
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
 
+#include "core/levels.hpp"
 #include "ocisac/receiver/frame_reading.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 
 namespace {
 
-constexpr int kRounds = 6;                 // of nuisance, two exposures and the light's shape
-constexpr double kNuisanceSettled = 0.95;  // relative to the noise of the last round
-constexpr int kGoldenSteps = 8;
+constexpr double kNuisanceSettled = 0.95;                     // relative to the noise of the last round
 constexpr double kMostOctaves = 4;                            // of the longer over the shorter of two exposures
 constexpr double kSlowest = 2;                                // chips, of rise and fall
 constexpr double kShapeStep = 0.02, kLargestShapeMove = 0.5;  // chips
 constexpr double kMinShapeGain = 1e-3;                        // relative fall of the noise, for another step
-constexpr int kShapeHalvings = 3, kShapeRounds = 4;
 constexpr double kWarpMean = 0.25, kWarpSlope = 1.5;  // of a warp, rows and rows per frame, over its root mean square
-constexpr int kWarpRounds = 25, kWarpPatience = 4;    // rounds without a gain, while more than noise is left
+constexpr int kWarpPatience = 4;                      // rounds without a gain, while more than noise is left
 constexpr double kWarpSettled = 0.99;                 // ratio of the noise to the best so far
 constexpr double kMaxWarpLeft = 0.8;                  // of the residual's squares, for a warp to be believed
 
@@ -30,7 +30,7 @@ static double least_between(double low, double high, const LeftAt& left_at) {
   constexpr double kGolden = 0.6180339887498949;
   double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
   double at_a = left_at(a), at_b = left_at(b);
-  for (int step = 0; step < kGoldenSteps; ++step) {
+  for (int step = 0; step < kMaxIterations; ++step) {
     if (at_a < at_b) {
       high = std::exchange(b, a);
       at_b = at_a;
@@ -57,7 +57,7 @@ static void move_tone(std::span<const double> signal, std::span<const double> ex
 
 std::optional<FrameReading> refine_nuisance(std::span<const double> signal, FrameReading reading, RowNuisance nuisance,
                                             bool exposure_known, SearchEffort* effort) {
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kMaxIterations; ++round) {
     const auto exposed = exposed_rows(reading, signal.size());
     for (double& tone : nuisance.tones) move_tone(signal, exposed, nuisance, tone);
     const auto fit = remove_nuisance(signal, nuisance, exposed);
@@ -100,7 +100,7 @@ std::optional<FrameReading> refine_turns(std::span<const double> signal, const F
   const double farthest = static_cast<double>(reach), step = 0.25 * clock.rows_per_chip, half = kMostOctaves / 8;
   double later = scan(-farthest, farthest, step, [&](double at) { return left_at(0.5 * kMostOctaves, at); });
   double octaves = scan(half, kMostOctaves, half, [&](double at) { return left_at(at, later); });
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kMaxIterations; ++round) {
     later = least_between(later - step, later + step, [&](double at) { return left_at(octaves, at); });
     octaves = least_between(octaves - half, octaves + half, [&](double at) { return left_at(at, later); });
   }
@@ -119,27 +119,25 @@ static ChannelEstimate fit_shape(std::span<const double> signal, const KnownChip
     clock.fall = std::clamp(fall, 0.0, kSlowest);
     return fit_channel(signal, chips, clock, model);
   };
-  for (int step = 0; step < kRounds; ++step) {
+  for (int step = 0; step < kMaxIterations; ++step) {
     const double rise = best.clock.rise, fall = best.clock.fall;
     const auto riser = fitted_at(rise + kShapeStep, fall), faller = fitted_at(rise, fall + kShapeStep);
     if (!riser || !faller) break;
     const auto left = channel_residual(signal, chips, best), left_riser = channel_residual(signal, chips, *riser),
                left_faller = channel_residual(signal, chips, *faller);
-    double rr = 0, rf = 0, ff = 0, r = 0, f = 0;
+    Eigen::Matrix2d normal = Eigen::Matrix2d::Zero();
+    Eigen::Vector2d right = Eigen::Vector2d::Zero();
     for (std::size_t n = best.rows.begin; n < best.rows.end; ++n) {
-      const double by_rise = (left_riser[n] - left[n]) / kShapeStep, by_fall = (left_faller[n] - left[n]) / kShapeStep;
-      rr += by_rise * by_rise;
-      rf += by_rise * by_fall;
-      ff += by_fall * by_fall;
-      r -= by_rise * left[n];
-      f -= by_fall * left[n];
+      const Eigen::Vector2d slope(left_riser[n] - left[n], left_faller[n] - left[n]);
+      normal += slope * slope.transpose();
+      right -= left[n] * slope;
     }
-    const double determinant = rr * ff - rf * rf;
-    if (!(determinant > 0)) break;
-    const double to_rise = (ff * r - rf * f) / determinant, to_fall = (rr * f - rf * r) / determinant;
+    const auto solved = solve_normal(normal, right);
+    if (!solved) break;
+    const double to_rise = kShapeStep * solved->values[0], to_fall = kShapeStep * solved->values[1];
     double share = std::min(1.0, kLargestShapeMove / std::max({std::abs(to_rise), std::abs(to_fall), 1e-12}));
     const double before = best.noise;
-    for (int halving = 0; halving < kShapeHalvings && !(best.noise < before); ++halving, share *= 0.5)
+    for (int halving = 0; halving < kMaxIterations && !(best.noise < before); ++halving, share *= 0.5)
       if (auto moved = fitted_at(rise + share * to_rise, fall + share * to_fall); moved && moved->noise < best.noise)
         best = std::move(*moved);
     if (!(best.noise < (1 - kMinShapeGain) * before)) break;
@@ -156,7 +154,7 @@ std::vector<double> sharpened(std::span<const double> signal, double rows) {
 std::optional<FrameReading> refine_shape(std::span<const double> signal, FrameReading reading, bool exposure_known,
                                          SearchEffort* effort) {
   bool better = false;
-  for (int round = 0; round < kShapeRounds; ++round) {
+  for (int round = 0; round < kMaxIterations; ++round) {
     const auto chips = hard_chips(reading);
     const ChannelEstimate moved = fit_shape(signal, {chips, reading.first}, reading.channel, exposure_known);
     auto again = read_frame(signal, moved, exposure_known, effort);
@@ -184,7 +182,7 @@ FrameReading refine_warp(std::span<const double> signal, FrameReading reading, b
   if (reading.trust == Trust::fits) return reading;
   FrameReading best = reading;
   std::optional<FrameReading> now = reading;
-  for (int round = 0, vain = 0; round < kWarpRounds && vain < (best.trust != Trust::fits ? kWarpPatience : 1);
+  for (int round = 0, vain = 0; round < kManyIterations && vain < (best.trust != Trust::fits ? kWarpPatience : 1);
        ++round) {
     const auto chips = hard_chips(*now);
     auto warp = fit_warp(unwarped(signal, now->warp), now->warp, {chips, now->first}, now->channel, vain == 0);

@@ -4,13 +4,13 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
-#include <limits>
 #include <span>
 #include <utility>
 
 #include "chips/channel_growth.hpp"
 #include "columns/moving_mean.hpp"
 #include "core/levels.hpp"
+#include "core/statistics.hpp"
 
 namespace ocisac {
 
@@ -52,13 +52,9 @@ std::span<const double> inner_chips(std::span<const double> llr, const ChipClock
 
 // Correlation of the residual from row to row, −1 to 1.
 double residual_correlation(std::span<const double> left, const FrameReading& reading) {
-  double earlier = 0, later = 0, products = 0;
-  for (std::size_t n = reading.channel.rows.begin + 1; n < reading.channel.rows.end; ++n) {
-    earlier += left[n - 1] * left[n - 1];
-    later += left[n] * left[n];
-    products += left[n] * left[n - 1];
-  }
-  return earlier > 0 && later > 0 ? products / std::sqrt(earlier * later) : 0.0;
+  const auto rows = left.subspan(reading.channel.rows.begin, reading.channel.rows.size());
+  const double energy = product_at_lag(rows, 0);
+  return energy > 0 ? product_at_lag(rows, 1) / energy : 0.0;
 }
 
 // Of the distances of edges from the clock, from one to the next: 0 where they jitter, above where the clock is wrong.

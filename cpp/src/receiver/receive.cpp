@@ -10,6 +10,7 @@
 #include "columns/contrast_slope.hpp"
 #include "columns/lamp_slope.hpp"
 #include "core/levels.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/require.hpp"
@@ -22,9 +23,6 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kSameLight = 0.9;  // cosine between the swings of a signal and of a light
-constexpr int kMaxShears = 3;
-constexpr double kCommon = 0.9;        // of the expected correlation of a light's columns
 constexpr double kDarkShare = 0.25;    // of a bright chip of the lamp's width there
 constexpr double kInterpolated = 0.1;  // of the second differences of the other rows
 constexpr double kSameClock = 0.005,
@@ -96,10 +94,6 @@ void fit_to_outline(const AnyFramesView& colour, const CombinedColumn& column, c
   rate_chips(received);
 }
 
-double product_of(const std::vector<double>& a, const std::vector<double>& b) {
-  return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
-}
-
 // Correlation of the changes from chip to chip between two halves of the columns, by weight; 1 for a single column.
 double agreement_of_halves(const AnyFramesView& colour, const Received& received, std::optional<double> exposure_rows) {
   const ChipGrid grid = grid_of(received);
@@ -123,8 +117,8 @@ double agreement_of_halves(const AnyFramesView& colour, const Received& received
     std::adjacent_difference(changes[half].begin(), changes[half].end(), changes[half].begin());
     changes[half].front() = 0;
   }
-  const double energy = product_of(changes[0], changes[0]) * product_of(changes[1], changes[1]);
-  return energy > 0 ? product_of(changes[0], changes[1]) / std::sqrt(energy) : 1.0;
+  const double energy = scalar_product(changes[0], changes[0]) * scalar_product(changes[1], changes[1]);
+  return energy > 0 ? scalar_product(changes[0], changes[1]) / std::sqrt(energy) : 1.0;
 }
 
 // True if the columns share the chips: all but noise, of which each half has twice that of all, 1/snr of the chips'
@@ -132,7 +126,7 @@ double agreement_of_halves(const AnyFramesView& colour, const Received& received
 bool is_common(const AnyFramesView& colour, const Received& received, const ToneCurve& curve,
                std::optional<double> exposure_rows) {
   const double expected = 1 / (1 + 2 / received.snr);
-  if (!(agreement_of_halves(colour, received, exposure_rows) > kCommon * expected)) return false;
+  if (!(agreement_of_halves(colour, received, exposure_rows) > kNearlyAll * expected)) return false;
   const auto lit = [](double weight) { return weight != 0; };
   const auto first = std::ranges::find_if(received.weights, lit);
   const auto last = std::find_if(received.weights.rbegin(), received.weights.rend(), lit).base();
@@ -313,7 +307,7 @@ bool is_one_lamp(const Received& a, const Received& b) {
 std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
                                     const ColumnSearch& what, int shears) {
   Source whole = receive_source(colours, frame, camera, what, {});
-  if (whole.slope != 0 && shears < kMaxShears)
+  if (whole.slope != 0 && shears < kMaxIterations)
     if (auto upright = receive_upright(colours, frame, camera, what, whole, shears + 1); !upright.empty())
       return upright;
   auto sources = receive_above(colours, frame, camera, what, whole.best, shears);
@@ -322,7 +316,7 @@ std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std:
     const auto lights = light_groups(colours[whole.received.colour], frame, camera.tone_curve);
     std::vector<Received> periodic;
     for (const auto& light : lights) {
-      const bool seen = is_clean(whole) && agreement(whole.signal, light) >= kSameLight;
+      const bool seen = is_clean(whole) && agreement(whole.signal, light) >= kNearlyAll;
       Source source = receive_source(colours, frame, camera, what, light.columns);
       const auto is_same = [&](const Received& other) { return is_one_lamp(other, source.received); };
       const bool is_part = std::ranges::any_of(sources, is_same) || std::ranges::any_of(periodic, is_same);
@@ -375,7 +369,7 @@ bool stands_still(const AnyFramesView& colour, const Received& source, std::size
   const auto is_same = [&](const Received& one) { return one.frame == other && is_one_lamp(source, one); };
   if (std::ranges::any_of(received, is_same)) return true;
   const auto own = changes_of(colour, source.frame, source), same = changes_of(colour, other, source);
-  const double energy = product_of(own, own) * product_of(same, same), common = product_of(own, same);
+  const double energy = scalar_product(own, own) * scalar_product(same, same), common = scalar_product(own, same);
   return common > 0 && energy - common * common < energy / source.snr;
 }
 

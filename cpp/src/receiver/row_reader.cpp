@@ -17,17 +17,13 @@ namespace ocisac {
 namespace {
 
 constexpr double kFrameTimeError = 1e-4;   // relative standard error of a nominal frame time
-constexpr double kSurePrediction = 0.15;   // chips; max standard error at which a predicted phase is used alone
-constexpr double kSameExposure = 0.1;      // chips; a change by which a predicted phase is not sure
 constexpr double kLittleNoise = 0.06;      // relative to the swing: excludes a lost clock in any part
 constexpr double kNarrowTolerance = 2e-3;  // relative, of a rate estimated from frames
 constexpr double kWideTolerance = 0.02;    // relative, of a nominal rate
-constexpr double kBrighter = 0.08;         // relative, of the mean from frame to frame: exposure or gain changed
 constexpr double kMinVariance = 0.25;      // of a frame's rows over that of the last one with the same light
 constexpr double kMaxNoiseRatio = 2;       // ratio to the last frame
 constexpr double kMaxWrongExposure = 2;    // ratio; a stated one is believed so far
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 7000;
-constexpr double kMaxSearchRows = 2048;      // rows that count for the bound of the search
 constexpr double kPreambleShare = 0.3;       // of the effort, for an exposure that a preamble shows
 constexpr std::size_t kPhases = 6;           // tried per chip without a prediction
 constexpr double kMinChips = 12;             // in a frame
@@ -42,10 +38,6 @@ constexpr double kSteep = 10;        // the difference of rows in a part of an e
 constexpr double kLongExposure = 6;  // rows, beyond which a single row shows no light of its own
 
 constexpr double kMinCorrelatedRows = 2;  // of a chip or an exposure: shorter light may be as white as noise
-
-double variance_of(std::span<const double> signal) {
-  return squares_about_mean(signal) / static_cast<double>(signal.size());
-}
 
 // True where single rows hold most of the differences from those beside them: the kurtosis is far from that of noise.
 bool has_spikes(std::span<const double> signal) {
@@ -183,7 +175,7 @@ LightState RowReader::with_exposure(LightState state, std::optional<double> expo
 
 SearchEffort RowReader::effort(const LightState& state, std::size_t rows) const {
   const double passes = options_.search_passes.value_or(state.exposure ? kSearchPasses : kSearchPassesUnknownExposure);
-  return {.rows = passes * std::min(static_cast<double>(rows), kMaxSearchRows)};
+  return {.rows = passes * static_cast<double>(rows)};
 }
 
 void LightState::accept(const FrameReading& reading, std::span<const double> signal) {
@@ -253,15 +245,15 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
   if (model.exposure_rows) start.clock.exposure_rows = *model.exposure_rows;
   const double chip = start.clock.rows_per_chip;
   const double longer = (start.clock.exposure_rows - state.channel->clock.exposure_rows) / chip;
-  const bool sure =
-      predicted && predicted->errors.phase_std(0) < kSurePrediction * chip && std::abs(longer) < kSameExposure;
+  const bool sure = predicted && predicted->errors.phase_std(0) < kSmallShare * chip && std::abs(longer) < kSmallShare;
   start.clock.phase += 0.5 * longer * chip;  // the phase is in the middle of the exposure
   const double brighter = state.brightness_ratio(signal);
   const double change = state.mean != 0 ? mean_of(signal) - state.mean : 0;  // of other light, where it is not the gain
-  if (std::abs(brighter - 1) > kBrighter && variance_of(signal) > kMinVariance * brighter * brighter * state.variance) {
+  if (std::abs(brighter - 1) > kSmallShare &&
+      variance_of(signal) > kMinVariance * brighter * brighter * state.variance) {
     for (auto* levels : {&start.dark, &start.swing})
       for (double& level : *levels) level *= brighter;
-  } else if (std::abs(change) > kBrighter * start.swing[0] && variance_of(signal) > kMinVariance * state.variance) {
+  } else if (std::abs(change) > kSmallShare * start.swing[0] && variance_of(signal) > kMinVariance * state.variance) {
     start.dark[0] += change;
   }
   const auto has_rate = [&](const std::optional<FrameReading>& reading) {

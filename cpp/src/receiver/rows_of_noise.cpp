@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <utility>
 
 #include "core/levels.hpp"
@@ -15,13 +14,6 @@ namespace ocisac {
 namespace {
 
 constexpr double kSlowTerms = 4;  // cosines along the frame
-constexpr double kOfMean = 0.05;  // of the squares: other chips leave 0.75
-
-std::vector<double> difference(std::span<const double> a, std::span<const double> b) {
-  std::vector<double> rows(a.size());
-  std::ranges::transform(a, b, rows.begin(), std::minus{});
-  return rows;
-}
 
 // Median of the squares between a frame and all but the one before it.
 double usual_squares(std::span<const std::span<const double>> frames, std::size_t frame) {
@@ -36,9 +28,8 @@ double usual_squares(std::span<const std::span<const double>> frames, std::size_
 bool is_noise(std::span<const double> signal) {
   const auto fit = remove_nuisance(signal, {0.5 * kSlowTerms / static_cast<double>(signal.size()), {}});
   if (!fit) return false;
-  std::vector<double> rest = fit->rest;
-  const double mean = mean_of(rest);
-  for (double& value : rest) value -= mean;
+  const double mean = mean_of(fit->rest);
+  const auto rest = without_mean(fit->rest);
   const auto varies = [&](double value) { return std::abs(value) > kEqual * std::abs(mean); };
   return std::ranges::none_of(rest, varies) || is_white(rest);
 }
@@ -47,7 +38,7 @@ bool is_mean(std::span<const double> before, std::span<const double> frame, std:
   const auto apart = difference(after, before);
   auto rest = difference(frame, before);
   for (std::size_t n = 0; n < rest.size(); ++n) rest[n] -= 0.5 * apart[n];
-  return squares_about_mean(rest) < kOfMean * squares_about_mean(apart) && !is_noise(apart);
+  return squares_about_mean(rest) < kSmallShare * squares_about_mean(apart) && !is_noise(apart);
 }
 
 std::vector<std::uint8_t> repeated_frames(std::span<const std::span<const double>> frames) {
