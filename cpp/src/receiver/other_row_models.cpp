@@ -78,8 +78,7 @@ std::optional<RowPause> RowReader::possible_pause(const FrameRows& frame, const 
   const std::size_t middle = frame.signal.size() / 2;
   const double chip = state.rows_per_chip.value_or(0.0), exposure = state.model.exposure_rows.value_or(0.0);
   const bool is_long = chip > 0 && static_cast<double>(middle) >= kLeastChips * chip + exposure;
-  const RowNuisance& rows = state.model.nuisance;  // some are of the whole frame
-  if (state.model.pause || frame.first_row > 0 || !is_long || !rows.scale.empty() || !rows.before.empty()) return {};
+  if (state.model.pause || frame.first_row > 0 || !is_long) return {};
   return RowPause{.row = middle};
 }
 

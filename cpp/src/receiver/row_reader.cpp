@@ -465,6 +465,7 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   const auto try_pause = [&](bool searches) {
     Hypothesis pausing{model, frame.may_search, true};
     auto& pause = pausing.model.pause = possible_pause(frame, state);
+    searches = searches && model.nuisance.scale.empty() && model.nuisance.before.empty();  // these are of whole frames
     if (!pause || (searches && try_hypothesis(pausing, frame, best)) || !jumps() || !reading || reading->pause) return;
     const ChipClock& clock = reading->channel.clock;
     const double chips = (static_cast<double>(pause->row) - clock.phase) / clock.rows_per_chip;

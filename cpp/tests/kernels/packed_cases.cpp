@@ -22,9 +22,9 @@ KernelCase unpack_case(ocisac::Packing packing, std::size_t first, std::size_t c
                                                       : group[of] << 4 | (group[2] >> 4 * of & 15));
     }
   };
-  return kernel_case<std::uint16_t>(
-      std::string("unpack_samples raw") + (ten ? "10 " : "12 ") + std::to_string(first) + " + " + std::to_string(count),
-      0, {1, count, count}, run, timed);
+  std::string name = ten ? "unpack_samples raw10 " : "unpack_samples raw12 ";
+  name += std::to_string(first) + " + " + std::to_string(count);
+  return kernel_case<std::uint16_t>(name, 0, {1, count, count}, run, timed);
 }
 
 }  // namespace
