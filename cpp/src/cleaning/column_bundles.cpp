@@ -178,7 +178,7 @@ std::vector<std::vector<std::size_t>> alike_colours(std::span<const BandedPictur
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return energy[a] > energy[b]; });
   std::vector<std::vector<std::size_t>> groups;
   for (const std::size_t k : order) {
-    const auto is_alike = [&](const auto& group) { return correlation(swings[group.front()], swings[k]) > kAlike; };
+    const auto is_alike = [&](const auto& group) { return correlation(swings[group.front()], swings[k]) > kNearlyAll; };
     const auto same = std::find_if(groups.begin(), groups.end(), is_alike);
     if (same == groups.end())
       groups.push_back({k});

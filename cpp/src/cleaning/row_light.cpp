@@ -6,6 +6,7 @@
 
 #include "cleaning/cleaned_picture.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/cleaning/light_share.hpp"
 #include "ocisac/core/require.hpp"
@@ -16,8 +17,6 @@ namespace ocisac {
 namespace {
 
 constexpr std::array<std::size_t, 5> kLags{1, 2, 4, 8, 16};
-constexpr double kEvidenceOfColumns = 0.1;  // the texture of neighbouring columns is correlated
-constexpr double kMaxChange = 0.5;          // of a row in one step
 
 // Normal equations of the row light: H·δ = b.
 struct RowEquations {
@@ -104,7 +103,8 @@ std::vector<double> solve_in(std::span<const double> basis, const RowEquations& 
 
 // Adds a Gaussian prior of the given deviation about the start.
 void hold_to(std::span<const double> start, std::span<const double> light, double deviation, RowEquations& equations) {
-  const double hold = 1 / (kEvidenceOfColumns * deviation * deviation);
+  // The texture of neighbouring columns is correlated: a share of them is evidence.
+  const double hold = 1 / (kSmallShare * deviation * deviation);
   for (std::size_t n = 0; n < start.size(); ++n) {
     equations.matrix.at(n, 0) += hold;
     equations.right[n] += hold * (start[n] - light[n]);
@@ -137,9 +137,9 @@ RowLight refine_row_light(const BandedPicture& picture, std::span<const double> 
     if (!(most > 0)) break;
     if (!model.basis.empty()) {
       const std::vector<double> change = solve_in(model.basis, equations, rows);
-      double largest = kMaxChange;
+      double largest = kMostly;
       for (const double value : change) largest = std::max(largest, std::abs(value));
-      for (std::size_t n = 0; n < rows; ++n) result.light[n] += kMaxChange / largest * change[n];
+      for (std::size_t n = 0; n < rows; ++n) result.light[n] += kMostly / largest * change[n];
       continue;
     }
     if (std::isfinite(model.deviation))
@@ -150,7 +150,7 @@ RowLight refine_row_light(const BandedPicture& picture, std::span<const double> 
     equations.matrix.forward(equations.right);
     equations.matrix.backward(equations.right);
     for (std::size_t n = 0; n < rows; ++n)
-      result.light[n] = std::max(0.0, result.light[n] + std::clamp(equations.right[n], -kMaxChange, kMaxChange));
+      result.light[n] = std::max(0.0, result.light[n] + std::clamp(equations.right[n], -kMostly, kMostly));
   }
   return result;
 }

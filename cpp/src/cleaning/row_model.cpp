@@ -17,7 +17,6 @@ namespace {
 using Values = std::vector<double>;
 
 constexpr double kAgreement = 0.995;  // of a colour's tone with that of its group: 6 degrees of phase
-constexpr double kSameCycles = 0.5;   // max. difference of the cycles in a frame of two colours of one light
 
 // Gives the colours tones of their own where they differ from those of their groups.
 void fit_tones(std::span<const BandedPicture> colours, ColourLights& found) {
@@ -54,7 +53,7 @@ ModelledLight find_row_light(const ColumnBundles& picture, RowModel model) {
   const auto tone = [&](std::optional<double> enough) { return find_tone_light(picture, rows, enough); };
   const bool is_automatic = model == RowModel::automatic;
   if (is_automatic || model == RowModel::tone)
-    if (auto found = tone(is_automatic ? std::optional(kAlike) : std::nullopt)) return light_of(*std::move(found));
+    if (auto found = tone(is_automatic ? std::optional(kNearlyAll) : std::nullopt)) return light_of(*std::move(found));
   if (is_automatic || model == RowModel::chips)
     if (auto found = find_chip_light(picture, rows, !is_automatic); found)
       if (!is_automatic || picture.gain(found->light) >= kMinGain) return *std::move(found);
@@ -73,7 +72,7 @@ ColourLights find_colour_lights(std::span<const BandedPicture> colours, RowModel
       ModelledLight own = find_row_light(sum_of(colours, alike), model);
       const ModelledLight& main = found.lights.empty() ? own : found.lights.front();
       const double away = std::abs(own.frequency - main.frequency) * static_cast<double>(main.light.size());
-      if (found.lights.empty() || (own.model == main.model && away < kSameCycles)) {
+      if (found.lights.empty() || (own.model == main.model && away < kMostly)) {
         light = found.lights.size();
         found.lights.push_back(std::move(own));
       }

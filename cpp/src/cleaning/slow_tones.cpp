@@ -39,7 +39,6 @@ constexpr std::size_t kPhaseSteps = 16;
 constexpr std::size_t kPlacesOfMode = 8;
 constexpr double kNearCycles = 0.06;  // between neighbouring tones, relative
 constexpr std::size_t kMostTones = 3;
-constexpr double kLeastApart = 0.5;     // cycles between tones
 constexpr std::size_t kParameters = 4;  // of a tone: its two terms, cycles and phase step
 constexpr double kStays = 1e-9;         // deviation of a parameter that is not fitted
 
@@ -459,7 +458,7 @@ std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std
   const std::size_t most = courses.size() == 1 ? 1 : kMostTones;
   while (found.size() < most && (near.empty() || courses.size() < kMostSlowFrames)) {
     for (const SlowTone& own : found)
-      std::erase_if(tried, [&](const SlowTone& other) { return std::abs(other.cycles - own.cycles) < kLeastApart; });
+      std::erase_if(tried, [&](const SlowTone& other) { return std::abs(other.cycles - own.cycles) < kMostly; });
     if (tried.empty()) break;
     std::vector<SlowTone> more = joined(frames, found, tried);
     const bool is_sure = more.back().is_sure();

@@ -7,6 +7,7 @@
 
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/row_basis.hpp"
+#include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
@@ -21,9 +22,8 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr int kSteps = 10;              // of Gauss and Newton
-constexpr double kMuchLikelier = 0.01;  // min. decrease of the misfit
-constexpr double kQuarter = 0.25;       // cycles: between compared rows; in the frame, the range of a linear step
+constexpr int kSteps = 10;         // of Gauss and Newton
+constexpr double kQuarter = 0.25;  // cycles: between compared rows; in the frame, the range of a linear step
 
 // Cycles per row of a light that may be a shade of the picture.
 bool is_slow(double frequency, std::size_t rows) {
@@ -119,7 +119,7 @@ std::optional<ToneLight> likeliest(const ColumnBundles& picture, const RowLight&
   double least = others.empty() ? 0 : picture.misfit(best.light, lag);
   for (ToneLight& tried : others) {
     const double misfit = picture.misfit(tried.light, lag);
-    if (misfit >= least - kMuchLikelier) continue;
+    if (misfit >= least - kNextToNone) continue;
     best = std::move(tried);
     least = misfit;
   }

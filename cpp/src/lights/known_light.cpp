@@ -29,7 +29,6 @@ constexpr std::size_t kSampled = 64;  // columns of a box, steps of its gradient
 constexpr double kRowsACycle = 16;    // of a tone
 constexpr std::size_t kTrend = 3;     // degree of the slow light beside a waveform
 constexpr double kMost = 1.4;         // ratio of amplitudes, and of means, of a light that stays the same
-constexpr double kTurned = 0.5;       // rad between the halves of a box: another frequency
 
 double sum_of(std::span<const double> values) { return std::accumulate(values.begin(), values.end(), 0.0); }
 
@@ -171,7 +170,7 @@ std::optional<double> swing_of_tone(const LightPattern& now, const LightPattern&
   double energy = 0;
   for (const auto& cell : then.swing) energy += std::norm(cell);
   const double amplitude = std::sqrt(energy / static_cast<double>(then.swing.size()));
-  if (!swing || std::abs(turned) > kTurned || !means_stay(now, then, amplitude)) return std::nullopt;
+  if (!swing || std::abs(turned) > kMostly || !means_stay(now, then, amplitude)) return std::nullopt;
   return swing;
 }
 

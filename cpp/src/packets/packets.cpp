@@ -38,7 +38,6 @@ constexpr double kLooseWalk = 2;  // chips² from header to header, over the squ
 constexpr std::size_t kHeadersOfRate = 4;
 constexpr double kEvenWalk = 1;                          // chips² from header to header
 constexpr double kSteadyClock = 1;                       // nats
-constexpr double kWholeDrift = 0.5;                      // chips; a tracked clock is whole chips off
 constexpr double kHeadersMissed = 5;                     // expected since the last one
 constexpr std::size_t kUnplaced = 12;                    // stretches
 constexpr double kSlipChance = 1e-4, kElsewhere = 1e-3;  // probabilities of each slip of a chip or two; of any place
@@ -483,7 +482,7 @@ void PacketAssembler::learn_pause(const Header& header, std::optional<double> to
     const auto chip = static_cast<std::size_t>(header.chip - header.place);
     const double evidence = pause_evidence(tail_, chip, static_cast<std::size_t>(whole), format_.line_code);
     const double drift = pause * static_cast<double>(blocks) / (header.time - last.time);
-    if (evidence <= 0 && told_drift && std::abs(drift - *told_drift) < kWholeDrift) return;  // or a wrong row time
+    if (evidence <= 0 && told_drift && std::abs(drift - *told_drift) < kMostly) return;  // or a wrong row time
     const bool is_whole = std::abs(pause - whole) < std::sqrt(kMinPlaceVariance);
     const bool is_steady = !drift_ && scatter_ <= kMinPlaceVariance;
     if (evidence >= (!is_whole ? kSureChip : is_steady ? -kSteadyClock : 0))
@@ -538,7 +537,7 @@ void PacketAssembler::learn_drift() {
 // True where each header since the first is as much further off, which looks like a jump.
 bool PacketAssembler::drifts() const {
   const auto drift = drift_ ? std::nullopt : drift_of_headers();
-  return drift && drift->one_way && std::abs(drift->rate) * drift->step > kWholeDrift;
+  return drift && drift->one_way && std::abs(drift->rate) * drift->step > kMostly;
 }
 
 std::optional<double> PacketAssembler::even_rate() const {

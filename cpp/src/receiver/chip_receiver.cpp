@@ -34,7 +34,6 @@ constexpr double kUnknownJump = 2;      // chips; standard error of the count wh
 constexpr double kAnyJump = 1e6;        // the same where frames may be missing
 constexpr int kAlternating = 2;         // frames in a row
 constexpr double kSureCount = 8;        // nats, of a chip after a pause
-constexpr double kOthersEffort = 0.5;   // of a frame's: the effort for each of the other models
 constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, after which another light may appear
 
 // Chips whose numbers a reading knows: of a misfit, the run that its clock explains, if that is before a pause whose
@@ -178,7 +177,7 @@ ChipFrame ChipReceiver::explain(CombinedColumn column, std::int64_t frame, std::
   rows.before = rows_before(history_.frames.back(), learned, lit);
   rows.may_search = search_.is_due();
   rows.effort = reader_.effort(state_, lit.size());
-  rows.effort_of_others = {.rows = kOthersEffort * rows.effort.rows};
+  rows.effort_of_others = {.rows = kMostly * rows.effort.rows};
   if (!state_.rows_per_chip && rows.may_search && !reader_.shows_no_light(rows, state_)) {
     Camera camera = reader_.camera();
     camera.exposure = state_.exposure;

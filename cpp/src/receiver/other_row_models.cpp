@@ -5,6 +5,7 @@
 
 #include "ocisac/chips/row_warp.hpp"
 #include "ocisac/receiver/row_reader.hpp"
+#include "receiver/reading_trust.hpp"
 #include "rows/verdict.hpp"
 
 namespace ocisac {
@@ -18,7 +19,6 @@ constexpr double kHighestTone = 0.45;               // cycles per chip
 constexpr std::array kExposureFactors{0.8, 1.2, 0.9, 1.1, 0.7, 1.35};  // of an exposure that is not right any more
 constexpr double kPairErrors = 25;           // of the ratio of two pairs of rows, over 1 / the root of all rows
 constexpr double kLeastChips = 24;           // in a part, before or after a pause
-constexpr double kMinJump = 0.1;             // chips, of a clock at a pause
 constexpr std::size_t kSearchedFactors = 2;  // in a frame, the next ones in another
 
 // All rows, each frame's less its slow light.
@@ -65,13 +65,13 @@ bool clock_jumps(const FrameReading& reading) {
   const auto off = fit_warp(reading.rest, {}, {hard_chips(reading), reading.first}, reading.channel, true);
   const auto reach = static_cast<std::size_t>(kLeastChips * chip);
   std::size_t at = 0;
-  double most = kMinJump * chip;
+  double most = kSamePhase * chip;
   for (std::size_t row = 0; row + reach < off.size(); ++row)
     if (const double move = std::abs(off[row + reach] - off[row]); move > most) {
       most = move;
       at = row;
     }
-  return most > kMinJump * chip && at < off.size() / 2 && at + reach > off.size() / 2;
+  return most > kSamePhase * chip && at < off.size() / 2 && at + reach > off.size() / 2;
 }
 
 std::optional<RowPause> RowReader::possible_pause(const FrameRows& frame, const LightState& state) const {

@@ -12,11 +12,11 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kNuisanceSettled = 0.95;                     // relative to the noise of the last round
-constexpr double kMostOctaves = 4;                            // of the longer over the shorter of two exposures
-constexpr double kSlowest = 2;                                // chips, of rise and fall
-constexpr double kShapeStep = 0.02, kLargestShapeMove = 0.5;  // chips
-constexpr double kMinShapeGain = 1e-3;                        // relative fall of the noise, for another step
+constexpr double kNuisanceSettled = 0.95;             // relative to the noise of the last round
+constexpr double kMostOctaves = 4;                    // of the longer over the shorter of two exposures
+constexpr double kSlowest = 2;                        // chips, of rise and fall
+constexpr double kShapeStep = 0.02;                   // chips
+constexpr double kMinShapeGain = 1e-3;                // relative fall of the noise, for another step
 constexpr double kWarpMean = 0.25, kWarpSlope = 1.5;  // of a warp, rows and rows per frame, over its root mean square
 constexpr int kWarpPatience = 4;                      // rounds without a gain, while more than noise is left
 constexpr double kWarpSettled = 0.99;                 // ratio of the noise to the best so far
@@ -135,7 +135,7 @@ static ChannelEstimate fit_shape(std::span<const double> signal, const KnownChip
     const auto solved = solve_normal(normal, right);
     if (!solved) break;
     const double to_rise = kShapeStep * solved->values[0], to_fall = kShapeStep * solved->values[1];
-    double share = std::min(1.0, kLargestShapeMove / std::max({std::abs(to_rise), std::abs(to_fall), 1e-12}));
+    double share = std::min(1.0, kMostly / std::max({std::abs(to_rise), std::abs(to_fall), 1e-12}));
     const double before = best.noise;
     for (int halving = 0; halving < kMaxIterations && !(best.noise < before); ++halving, share *= 0.5)
       if (auto moved = fitted_at(rise + share * to_rise, fall + share * to_fall); moved && moved->noise < best.noise)

@@ -11,7 +11,6 @@ namespace ocisac {
 
 constexpr std::size_t kSlowestRows = 128;  // per cycle; slower changes are those of the picture as well
 constexpr double kSlowCycles = 2.5;        // in the picture, up to which bands of any length are like its shades
-constexpr double kAlike = 0.9;  // correlation of the courses of one light; of a course, what its tone surely explains
 
 // Number of cosines of longer periods (append_slow_light), without a constant.
 constexpr std::size_t slow_terms(std::size_t rows) { return 2 * rows / kSlowestRows; }
