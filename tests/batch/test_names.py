@@ -216,7 +216,7 @@ class Server(http.server.BaseHTTPRequestHandler):
 
     def do_GET(self):
         self.asked.append((self.command, self.path))
-        is_chunked = self.command == "GET" and "endless" in self.path
+        is_chunked = "pieces" in self.path or (self.command == "GET" and "endless" in self.path)
         length = {"big": 300 << 20, "cut": len(self.body) + 10}.get(self.path[1:4], len(self.body))
         self.send_response({"bad": 500, "rou": 302, "ran": 206}.get(self.path[1:4], 200))
         for name, value in {
@@ -235,6 +235,11 @@ class Server(http.server.BaseHTTPRequestHandler):
                 for _ in range(1 << 12):  # 4 GiB
                     self.wfile.write(b"100000\r\n" + bytes(1 << 20) + b"\r\n")
                     Server.sent += 1
+        elif self.command == "GET" and is_chunked:
+            for k in range(0, len(self.body), 4096):
+                piece = self.body[k : k + 4096]
+                self.wfile.write(b"%x\r\n%b\r\n" % (len(piece), piece))
+            self.wfile.write(b"0\r\n\r\n")
         elif self.command == "GET":
             with contextlib.suppress(OSError):
                 self.wfile.write(self.body)
@@ -274,6 +279,14 @@ def test_an_answer_without_an_end_is_a_failure(server, name, run):
     assert code == 2
     assert "an answer of more than 64 MiB" in err[-1]
     assert 64 <= Server.sent < 256
+
+
+def test_an_answer_in_pieces_of_no_stated_size_is_read_to_its_end(server, tmp_path, run):
+    code, out, _ = run("gain", f"{server}/pieces.npy", "--json", *WORDS[1:])
+    _, local, _ = run("gain", tmp_path / "served.npy", "--json", *WORDS[1:])
+    assert code == 0
+    remote, local = ({**json.loads(line), "path": ""} for line in (out[0], local[0]))
+    assert remote == local
 
 
 class Folder(http.server.SimpleHTTPRequestHandler):

@@ -405,3 +405,16 @@ def test_clipped_light_is_not_read_at_twice_its_rate(at_black):
         got = ocisac.receive(pixels, CAMERA)[0]
         assert got.rows_per_chip == pytest.approx(frame.rows_per_chip, rel=0.01)
         assert ocisac.compare_bits(got.bits, frame.chips).errors <= 1
+
+
+@pytest.mark.parametrize("exposure", [1.7, 1.9])
+def test_pulses_of_two_chips_are_flagged_where_the_exposure_is_unknown(exposure):
+    """They are of one chip here, which is exposed for nearly two: 8-PPM."""
+    silent = 0
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        chips = np.eye(8)[random.integers(0, 8, 60)].ravel()
+        light = integrate_exposure(Chips(chips, 5e3), Camera(22.2e-6, exposure / 5e3), 1080, start=exposure / 5e3)
+        got = ocisac.receive(np.rint(20 + 120 * light[:, None] + random.normal(0, 1, (1080, 64))), Camera(22.2e-6))[0]
+        silent += not got.flags and got.bits not in "".join(map(str, chips.astype(int)))
+    assert silent <= 1

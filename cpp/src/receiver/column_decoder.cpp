@@ -136,15 +136,35 @@ struct Slower {
   bool delayed = false;
 };
 
-// Lengths of every second run, from the third edge or the one after it to the last but one, ascending.
-std::vector<std::size_t> runs_between(std::span<const std::size_t> edges, std::size_t kind) {
-  std::vector<std::size_t> lengths;
-  for (std::size_t k = 2 + kind; k + 1 < edges.size(); k += 2) lengths.push_back(edges[k] - edges[k - 1]);
-  std::ranges::sort(lengths);
-  return lengths;
+// The first chips after changes.
+std::vector<std::size_t> chips_of_edges(const Decoded& decoded) {
+  std::vector<std::size_t> edges;
+  const auto& bits = decoded.detection.bits;
+  for (std::size_t k = 1; k < bits.size(); ++k)
+    if (bits[k] != bits[k - 1]) edges.push_back(k);
+  return edges;
+}
+
+using Runs = std::array<std::vector<std::size_t>, 2>;
+
+// Lengths of every second run, from the third edge and from the one after it to the last but one, ascending.
+Runs runs_between(std::span<const std::size_t> edges) {
+  Runs runs;
+  for (std::size_t k = 2; k + 1 < edges.size(); ++k) runs[k % 2].push_back(edges[k] - edges[k - 1]);
+  for (auto& lengths : runs) std::ranges::sort(lengths);
+  return runs;
 }
 
 bool vary(const std::vector<std::size_t>& sorted) { return !sorted.empty() && sorted.front() < sorted.back(); }
+
+// True if most runs of one light have one length of several chips and none is shorter, while those of the other vary:
+// pulses, which may be of one chip that the exposure makes longer.
+bool may_be_longer(const Runs& runs) {
+  const auto are_pulses = [](const auto& own, const auto& other) {
+    return own.size() >= kSureWithRate && own.front() > 1 && own[own.size() * 3 / 4] == own.front() && vary(other);
+  };
+  return are_pulses(runs[0], runs[1]) || are_pulses(runs[1], runs[0]);
+}
 
 // By how much runs are longer than whole ones of `shared`; shorter where one is below that.
 double excess_of(const std::vector<std::size_t>& sorted, std::size_t shared) {
@@ -159,10 +179,7 @@ double excess_of(const std::vector<std::size_t>& sorted, std::size_t shared) {
 // clipped: all bright runs are longer by a part of a chip, and dark ones shorter, or the other way round. Absent where
 // n is 1, or beyond `slowest` rows a chip if delayed, or there are too few edges.
 std::optional<Slower> slower_chips(const Decoded& decoded, double slowest) {
-  std::vector<std::size_t> edges;
-  const auto& bits = decoded.detection.bits;
-  for (std::size_t k = 1; k < bits.size(); ++k)
-    if (bits[k] != bits[k - 1]) edges.push_back(k);
+  const auto edges = chips_of_edges(decoded);
   if (edges.size() < 2 * kSureWithRate) return std::nullopt;
   const auto is_shared = [&](std::size_t chips, std::size_t runs) {
     std::size_t multiples = 0;
@@ -170,7 +187,7 @@ std::optional<Slower> slower_chips(const Decoded& decoded, double slowest) {
     return static_cast<double>(multiples) >= kNearlyAll * static_cast<double>(edges.size() - 2 - runs);
   };
   const double chip = decoded.grid.clock.rows_per_chip;
-  const std::array runs{runs_between(edges, 0), runs_between(edges, 1)};
+  const Runs runs = runs_between(edges);
   const bool may_delay = edges.size() >= 2 * kFew && vary(runs[0]) && vary(runs[1]);
   const auto is_delayed = [&](std::size_t chips) {
     return may_delay && static_cast<double>(chips) * chip < slowest && is_shared(chips, 2);
@@ -328,8 +345,9 @@ std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& 
       decoded->slowed = true;
       decoded->uneven |= slower->delayed;
     }
-  if (decoded) decoded->lead = search.timing->lead;
   if (!decoded || snr_of(decoded->detection.relative_levels) < kMinSnr) return std::nullopt;
+  decoded->lead = search.timing->lead;
+  if (!what.exposure_rows) decoded->uneven |= may_be_longer(runs_between(chips_of_edges(*decoded)));
   decoded->uneven |= is_read_in_groups(signal, decoded->grid.clock, what.exposure_rows);
   decoded->grid.clock.phase += static_cast<double>(begin);
   auto seen = within(*decoded, lit.rows, column.signal.size());

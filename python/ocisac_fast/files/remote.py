@@ -128,8 +128,10 @@ class RemotePath:
             opened = self._system.open(self._path, mode, block_size=_PIECE, cache_type="readahead")
             if size is not None:
                 return io.BufferedReader(_Ranges(opened, self))
-            with opened:  # without a stated size there are no ranges
-                data = opened.read(_WHOLE + 1)
+            data = bytearray()
+            with opened:  # without a stated size there are no ranges, and a piece is what has arrived
+                while len(data) <= _WHOLE and (piece := opened.read(_PIECE)):
+                    data += piece
         if len(data) > _WHOLE:
             raise FileError(f"{self.url}: no stated size, and more than {_WHOLE >> 20} MiB")
         return io.BytesIO(data)
