@@ -10,6 +10,7 @@ import shutil
 import socket
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -239,6 +240,7 @@ class Server(http.server.BaseHTTPRequestHandler):
             for k in range(0, len(self.body), 4096):
                 piece = self.body[k : k + 4096]
                 self.wfile.write(b"%x\r\n%b\r\n" % (len(piece), piece))
+                time.sleep(0.01)
             self.wfile.write(b"0\r\n\r\n")
         elif self.command == "GET":
             with contextlib.suppress(OSError):
