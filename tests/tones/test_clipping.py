@@ -175,3 +175,13 @@ def test_a_dark_lamp_without_noise_is_no_clipping():
         found = tone_gain(pixels, camera, frequency, waveform="square", duty=duty)
         flagged += bool((found.flags & Flag.SATURATED).any())
     assert flagged <= 20
+
+
+@pytest.mark.parametrize("convert", [np.float32, np.float64, lambda levels: levels / 255, lambda levels: levels > 1])
+def test_rounding_is_flagged_in_samples_of_any_type(convert):
+    """As pictures are converted: to floats, to 0 to 1, by a threshold."""
+    light = 2 + 0.4 * np.cos(2 * np.pi * 700 * 22.2e-6 * np.arange(720))[:, None]
+    levels = np.rint(light + np.random.default_rng(0).normal(0, 0.05, (720, 64))).astype(np.uint8)
+    for pixels in (levels, convert(levels)):
+        found = tone_gain(pixels, Camera(22.2e-6), 700.0, pooled=True)
+        assert found.flags & (Flag.QUANTISED | Flag.WEAK)

@@ -30,7 +30,6 @@ constexpr double kMaxSoftBit = 60;           // nats
 constexpr std::ptrdiff_t kMaxSlip = 2;       // chips
 constexpr std::size_t kMaxDoubtful = 8;      // stretches
 constexpr std::size_t kMaxWaiting = 131072;  // chips
-constexpr double kSureChip = 6;              // nats; bounds what one chip says of a place
 constexpr double kMinPlaceVariance = 0.01;   // chips²
 constexpr double kMaxPlaces = 24;            // chips: places compared, on either side
 constexpr std::size_t kHeadersKept = 16;

@@ -10,7 +10,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kSureChip = 6, kFrameSays = 4;  // nats, at most: of a chip; of a frame, which may be read wrong
+constexpr double kFrameSays = 4;  // nats, at most, of a frame, which may be read wrong
 
 FrameRows part_of(const FrameRows& frame, std::size_t begin, std::size_t end) {
   FrameRows part{.first_row = frame.first_row + begin,

@@ -24,6 +24,7 @@ constexpr double kMinVariance = 0.25;      // of a frame's rows over that of the
 constexpr double kMaxNoiseRatio = 2;       // ratio to the last frame
 constexpr double kMaxWrongExposure = 2;    // ratio; a stated one is believed so far
 constexpr double kSearchPasses = 2000, kSearchPassesUnknownExposure = 7000;
+constexpr double kMaxSearchRows = 2048;      // rows that count for the bound of the search
 constexpr double kPreambleShare = 0.3;       // of the effort, for an exposure that a preamble shows
 constexpr std::size_t kPhases = 6;           // tried per chip without a prediction
 constexpr double kMinChips = 12;             // in a frame
@@ -175,7 +176,7 @@ LightState RowReader::with_exposure(LightState state, std::optional<double> expo
 
 SearchEffort RowReader::effort(const LightState& state, std::size_t rows) const {
   const double passes = options_.search_passes.value_or(state.exposure ? kSearchPasses : kSearchPassesUnknownExposure);
-  return {.rows = passes * static_cast<double>(rows)};
+  return {.rows = passes * std::min(static_cast<double>(rows), kMaxSearchRows)};
 }
 
 void LightState::accept(const FrameReading& reading, std::span<const double> signal) {

@@ -7,6 +7,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "core/levels.hpp"
+
 namespace ocisac {
 
 namespace {
@@ -80,22 +82,32 @@ Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t col
       frames);
 }
 
-double step_of_integers(const AnyFramesView& frames) {
+double step_of_samples(const AnyFramesView& frames) {
   return std::visit(
-      [&]<class T>(const FramesView<const T>& view) {
+      []<class T>(const FramesView<const T>& view) {
+        if (view.frames == 0) return std::is_integral_v<T> ? 1.0 : 0.0;
+        const std::size_t width = std::min<std::size_t>(16, view.columns), left = (view.columns - width) / 2,
+                          count = std::min(view.rows, kRows);
         if constexpr (std::is_integral_v<T>) {
-          if (view.frames == 0) return 1.0;
           // A few samples tell the step 1, which is that of nearly all frames.
-          const std::size_t width = std::min<std::size_t>(16, view.columns), left = (view.columns - width) / 2,
-                            count = std::min(view.rows, kRows);
           const std::int64_t first = *view.at(0, 0, left);
           std::int64_t step = 0;
           for (std::size_t i = 0; i < count && step != 1; ++i)
             for (std::size_t c = 0; c < width && step != 1; ++c)
               step = std::gcd(step, std::int64_t{view(0, i * view.rows / count, left + c)} - first);
           return step > 0 ? static_cast<double>(step) : 1.0;
+        } else {
+          std::vector<T> samples;
+          for (std::size_t i = 0; i < count; ++i)
+            for (std::size_t c = 0; c < width; ++c) samples.push_back(view(0, i * view.rows / count, left + c));
+          std::ranges::sort(samples);
+          const double step = smallest_step(samples);
+          const auto is_off = [&](T sample) {
+            const double steps = static_cast<double>(sample - samples.front()) / step;
+            return !(std::abs(steps - std::nearbyint(steps)) < kNextToNone);
+          };
+          return std::ranges::any_of(samples, is_off) ? 0.0 : step;
         }
-        return 0.0;
       },
       frames);
 }

@@ -24,8 +24,9 @@ struct Piles {
 };
 Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t column, double least);
 
-// The largest step of which differences of 64 rows of 16 columns are multiples; 1 where samples do not differ.
-double step_of_integers(const AnyFramesView& frames);
+// The largest step of which differences of 64 rows of 16 columns are multiples, as of integers in any type; of floats 0
+// without one. Where samples do not differ, 1 and 0.
+double step_of_samples(const AnyFramesView& frames);
 
 // The least of 64 rows of four columns.
 double least_of_some(const AnyFramesView& frames, std::size_t frame, std::size_t column);

@@ -288,13 +288,13 @@ Context make_context(const AnyFramesView& frames, const Camera& camera, std::spa
                      const ToneGainOptions& options) {
   check(camera);
   check_shape(frames);
-  const bool is_light = holds_integers(frames) && camera.tone_curve.kind == ToneCurve::Kind::linear;
+  const bool is_light = camera.tone_curve.kind == ToneCurve::Kind::linear;
   Context context{{},
                   full_depth_ratio(options.waveform, options.duty),
                   &camera,
                   &options,
                   shape_of(frames),
-                  is_light ? step_of_integers(frames) : 0};
+                  is_light ? step_of_samples(frames) : 0};
   check_options(options, context.shape);
   require(!frequencies.empty(), "frequency", "no values", "at least one frequency");
   for (const double frequency : frequencies) {

@@ -22,6 +22,8 @@ enum class Preamble { standard, lengthened };
 // Chips of the preamble. Only line code "none" can contain six equal chips in a row.
 std::span<const std::uint8_t> preamble_chips(Preamble preamble);
 
+inline constexpr double kSureChip = 6;  // nats, at most, that one chip says of a place
+
 // The parameters that sender and receiver share.
 struct PacketFormat {
   LineCode line_code = LineCode::named("manchester");
