@@ -29,7 +29,7 @@ py::list receive_list(const std::vector<py::array>& colours, const Camera& camer
   return list;
 }
 
-// What frames of all receivers have.
+// Frames of all receivers have these values.
 template <typename Frame>
 py::dict common_dict(const Frame& frame) {
   py::object stretch = py::none();

@@ -195,7 +195,7 @@ def test_an_archive_that_changes_while_it_is_read_is_refused(kind, tmp_path):
 
 @pytest.mark.parametrize("name", ["Last-Modified", "modificationTime", "LastModified", "ETag", "etag", "content_md5"])
 def test_a_mark_of_change_has_a_name_of_its_file_system(name):
-    """Of HTTP, WebHDFS, buckets; never the number of changes of what is said about a file."""
+    """HTTP, WebHDFS and buckets state marks of change; the number of changes of a file's metadata is none."""
     entry = {"size": 3, "metageneration": 1, name: "now", "created": "then"}
     assert state_of(entry) != state_of({**entry, name: "later"})
     assert state_of({"size": 3, "metageneration": 1, name: None}) is None

@@ -85,7 +85,7 @@ class Edges {
   }
   [[nodiscard]] std::size_t count() const { return places_.size(); }
 
-  // Of each chip's edge from the clock, in standard deviations of the prior.
+  // Each chip's edge lies off the clock by so many standard deviations of the prior; 0 without an edge.
   [[nodiscard]] std::vector<double> off(const KnownChips& chips) const {
     std::vector<double> off(chips.levels.size(), 0.0);
     for (std::size_t k = 1, edge = 0; k < off.size(); ++k)

@@ -64,14 +64,14 @@ bool clock_jumps(const FrameReading& reading) {
   const double chip = reading.channel.clock.rows_per_chip;
   const auto off = fit_warp(reading.rest, {}, {hard_chips(reading), reading.first}, reading.channel, true);
   const auto reach = static_cast<std::size_t>(kLeastChips * chip);
-  std::size_t at = 0;
+  std::optional<std::size_t> at;
   double most = kSamePhase * chip;
   for (std::size_t row = 0; row + reach < off.size(); ++row)
     if (const double move = std::abs(off[row + reach] - off[row]); move > most) {
       most = move;
       at = row;
     }
-  return most > kSamePhase * chip && at < off.size() / 2 && at + reach > off.size() / 2;
+  return at && *at < off.size() / 2 && *at + reach > off.size() / 2;
 }
 
 std::optional<RowPause> RowReader::possible_pause(const FrameRows& frame, const LightState& state) const {

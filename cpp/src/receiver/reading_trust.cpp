@@ -26,7 +26,7 @@ constexpr double kExcessErrors = 5;                           // standard errors
 constexpr double kSureErrors = 0.05;                          // chips in a frame
 constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
-// Of a chip of this log-likelihood ratio.
+// A chip of this log-likelihood ratio is wrong at this rate.
 double error_rate_of(double llr) { return 1 / (1 + std::exp(std::abs(llr))); }
 
 // Words that violate the code, in each part at the place of words with the fewest.
@@ -57,7 +57,7 @@ double residual_correlation(std::span<const double> left, const FrameReading& re
   return energy > 0 ? product_at_lag(rows, 1) / energy : 0.0;
 }
 
-// Of the distances of edges from the clock, from one to the next: 0 where they jitter, above where the clock is wrong.
+// Edges lie off the clock, each as the one before: correlation 0 where they jitter, above 0 where the clock is wrong.
 double edge_correlation(std::span<const double> off) {
   double squares = 0, products = 0, before = 0;
   for (const double edge : off) {
@@ -69,10 +69,8 @@ double edge_correlation(std::span<const double> off) {
 }
 
 // Mean squares of the residual about each chip, summed over the rows that a chip changes: a multiple of those of white
-// noise, 1 where it is not significant; or those of nearby edges' distances from the clock, of their variance. The
-// variance of a log-likelihood ratio grows by as much.
-std::vector<double> residual_excess(std::span<const double> left, const FrameReading& reading,
-                                    std::span<const double> off) {
+// noise, 1 where it is not significant. The variance of a log-likelihood ratio grows by as much.
+std::vector<double> residual_excess(std::span<const double> left, const FrameReading& reading) {
   const ChannelEstimate& channel = reading.channel;
   const ChipClock& clock = channel.clock;
   std::vector<double> excess(reading.llr.size(), 1.0);
@@ -99,6 +97,11 @@ std::vector<double> residual_excess(std::span<const double> left, const FrameRea
     const double values = 1 + 1.5 * (end - begin) / static_cast<double>(width);
     if (mean > 1 + kExcessErrors * std::sqrt(2 / values)) excess[k] = mean;
   }
+  return excess;
+}
+
+// Nearby edges lie off the clock by squares that are a multiple of their variance; the larger multiple counts.
+void add_edge_excess(std::span<const double> off, std::vector<double>& excess) {
   const auto chips = static_cast<std::size_t>(kExcessChips);
   for (std::size_t k = 0; k < off.size(); ++k) {
     double squares = 0, edges = 0;
@@ -108,7 +111,6 @@ std::vector<double> residual_excess(std::span<const double> left, const FrameRea
     }
     if (squares > edges + kExcessErrors * std::sqrt(2 * edges)) excess[k] = std::max(excess[k], squares / edges);
   }
-  return excess;
 }
 
 // Edges off the clock take up much of what is in no model, so that little left means nothing.
@@ -133,7 +135,8 @@ void judge(FrameReading& reading, std::span<const double> off) {
   const auto left = channel_residual(reading.rest, {hard_chips(reading), reading.first}, channel);
   reading.correlation = residual_correlation(left, reading);
   reading.edge_correlation = edge_correlation(off);
-  reading.excess = residual_excess(left, reading, off);
+  reading.excess = residual_excess(left, reading);
+  add_edge_excess(off, reading.excess);
   const auto inner = inner_chips(reading.llr, channel.clock);
   reading.error_rate = inner.empty() ? 1.0 : expected_errors(inner, 1) / static_cast<double>(inner.size());
   const bool white = !is_correlated(reading);

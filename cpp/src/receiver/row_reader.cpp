@@ -462,26 +462,27 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   best.is_new_model = reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
   state.other_models.pass_frame();
   const bool light_jumps = jumps_in_middle(frame);
-  const auto jumps = [&] { return light_jumps || (reading && clock_jumps(*reading)); };
-  const auto try_pause = [&](bool searches) {
+  const auto clock_does = [&] { return reading && clock_jumps(*reading); };
+  const auto try_pause = [&](bool searches, bool jumps) {
     Hypothesis pausing{model, frame.may_search, true};
     auto& pause = pausing.model.pause = possible_pause(frame, state);
     searches = searches && model.nuisance.scale.empty() && model.nuisance.before.empty();  // these are of whole frames
-    if (!pause || (searches && try_hypothesis(pausing, frame, best)) || !jumps() || !reading || reading->pause) return;
+    if (!pause || (searches && try_hypothesis(pausing, frame, best)) || !jumps || !reading || reading->pause) return;
     const ChipClock& clock = reading->channel.clock;
     const double chips = (static_cast<double>(pause->row) - clock.phase) / clock.rows_per_chip;
     reading->after_pause = static_cast<std::ptrdiff_t>(chips);
     reading->pause = pause;  // of any number of chips
     reading->trust = std::min(reading->trust, Trust::misfit);
   };
-  if (light_jumps) try_pause(true);
+  if (light_jumps) try_pause(true, true);
   if (fits() || (reading ? !state.other_models.is_due() : !frame.may_search)) {
-    if (!light_jumps) try_pause(false);
+    if (!light_jumps && clock_does()) try_pause(false, true);
     return best;
   }
   for (const Hypothesis& hypothesis : hypotheses(frame, best))
     if (!fits()) try_hypothesis(hypothesis, frame, best);
-  if (best.is_new_model ? jumps() || model.warped : jumps() && !light_jumps) try_pause(true);
+  const bool jumps = light_jumps || clock_does();
+  if (best.is_new_model ? jumps || model.warped : jumps && !light_jumps) try_pause(true, jumps);
   if (fits())
     state.other_models.restart();
   else

@@ -100,6 +100,7 @@ double step_of_samples(const AnyFramesView& frames) {
           std::vector<T> samples;
           for (std::size_t i = 0; i < count; ++i)
             for (std::size_t c = 0; c < width; ++c) samples.push_back(view(0, i * view.rows / count, left + c));
+          if (!std::ranges::all_of(samples, [](T sample) { return std::isfinite(sample); })) return 0.0;  // no order
           std::ranges::sort(samples);
           const double step = smallest_step(samples);
           const auto is_off = [&](T sample) {

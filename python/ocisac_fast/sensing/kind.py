@@ -99,20 +99,27 @@ def motion_facts(kind: Kind, axis: str | None, seen: Seen, known: KnownMotion, a
 
 def _speed(motion: Motion, known: KnownMotion, per_pixel: float, pixel_std: float) -> dict[str, float]:
     """Speed and spatial frequency: one is given and the other follows from f_x v; or from cycles over pitch."""
-    frequency, std = abs(motion.frequency), motion.total_std
+    frequency = abs(motion.frequency)
     if known.spatial_frequency is not None:
         texture, texture_std = known.spatial_frequency, 0.0
     elif known.speed is not None:
-        texture, texture_std = frequency / known.speed, std / known.speed
+        return {
+            "speed": known.speed,
+            "speed_std": 0.0,
+            "spatial_frequency": frequency / known.speed,
+            "spatial_frequency_std": motion.total_std / known.speed,
+        }
     elif known.pitch is not None:
         texture, texture_std = per_pixel / known.pitch, pixel_std / known.pitch
     else:
         return {}
-    if known.speed is not None and known.spatial_frequency is None:
-        speed, speed_std = known.speed, 0.0
-    else:
-        speed = frequency / texture if texture > 0.0 else math.nan
-        relative = math.hypot(std / frequency, texture_std / texture) if frequency * texture > 0.0 else math.nan
-        speed_std = speed * relative
-    measured = {"speed": speed, "speed_std": speed_std}
-    return {**measured, "spatial_frequency": texture, "spatial_frequency_std": texture_std}
+    speed = frequency / texture if texture > 0.0 else math.nan
+    relative = (
+        math.hypot(motion.total_std / frequency, texture_std / texture) if frequency * texture > 0.0 else math.nan
+    )
+    return {
+        "speed": speed,
+        "speed_std": speed * relative,
+        "spatial_frequency": texture,
+        "spatial_frequency_std": texture_std,
+    }
