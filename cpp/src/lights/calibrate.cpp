@@ -61,19 +61,16 @@ void measure_together(LightSource& light, std::span<const LightSource> lights, c
   light.snr = found.snr;
 }
 
-// The light of the first frame, within the bounds of the search, whose swing has the largest energy.
-std::optional<LightSource> strongest_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
+// The lights of the first frame within the bounds of the search; a swing of more energy comes first.
+std::vector<LightSource> lamps_of(const AnyFramesView& frames, const FrequencySearch& search) {
   Camera per_row;
   per_row.row_time = 1;
   auto lights = detect_sources(frame_of(frames, 0), per_row, {.false_alarms = 1});
   std::erase_if(lights, [&](const LightSource& light) {
     return light.frequency < search.lower || light.frequency > search.upper;
   });
-  const auto best = std::ranges::max_element(lights, {}, [](const LightSource& one) { return energy_of(one); });
-  if (best == lights.end()) return std::nullopt;
-  LightSource lamp = *best;
-  measure_together(lamp, lights, frames, search);
-  return lamp;
+  std::ranges::stable_sort(lights, std::ranges::greater{}, energy_of);
+  return lights;
 }
 
 bool answered(const FoundFrequency& found) {
@@ -106,13 +103,18 @@ FoundFrequency find_in_frame(const AnyFramesView& frames, const FrequencySearch&
 // The row time is yet to be found.
 Calibration find_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   FoundFrequency whole = find_in_frame(frames, search);
-  if (is_everywhere(whole)) return {kNaN, kNaN, std::move(whole), kNaN};
-  const auto lamp = strongest_lamp(frames, search);
-  if (!lamp) {
+  const std::vector<LightSource> lamps = lamps_of(frames, search);
+  if (is_everywhere(whole)) {
+    const auto same = std::ranges::find_if(
+        lamps, [&](const LightSource& lamp) { return agree(whole.frequency, whole.frequency_std, lamp); });
+    return {kNaN, kNaN, std::move(whole), same == lamps.end() ? kNaN : same->probability};
+  }
+  if (lamps.empty()) {
     if (answered(whole)) whole.flags |= flag::model_misfit;
     return {kNaN, kNaN, std::move(whole), kNaN};
   }
-  const LightSource& light = *lamp;
+  LightSource light = lamps.front();
+  measure_together(light, lamps, frames, search);
   const bool contested = answered(whole) && !agree(whole.frequency, whole.frequency_std, light);
   // The columns of the box among those of the frame.
   const ToneColumns own = tone_columns(part_of(frames, light.box), light.frequency, search.saturation);

@@ -193,16 +193,37 @@ double coarse_frequency(const PeriodicSignals& signals, const FrequencySearch& r
   return best.frequency;
 }
 
+// Noise of a sample. The second term is the rounding error; it prevents that noiseless signals seem to consist of
+// harmonics.
+double noise_power(const PeriodicFit& fit, const PeriodicSignals& signals) {
+  const auto spare = static_cast<double>((signals.rows() - fit.model.parameters()) * signals.count());
+  return std::max(fit.total_residual(), 1e-14 * fit.total_periodic()) / spare;
+}
+
+// True if noise and texture hardly explain the fundamental of this frequency.
+bool stands_out(const PeriodicSignals& signals, double frequency) {
+  const auto model = periodic_model(frequency, signals.rows(), kComparedHarmonics);
+  const PeriodicFit fit = fit_periodic(signals, model, frequency, false);
+  std::vector<double> residual;
+  frequency_std(signals.samples(), signals.rows(), 1, model, frequency, &residual);
+  double texture = 0;
+  for (std::size_t first = 0; first < residual.size(); first += signals.rows())
+    texture += texture_power({&residual[first], signals.rows()}, frequency);
+  return fit.harmonic_energy[0] > chance_energy(2 * signals.count()) *
+                                      (noise_power(fit, signals) + texture / static_cast<double>(signals.count()));
+}
+
 // The fundamental of which `frequency` is a harmonic, or itself. Each of many parts pays for the harmonics of its
-// model, which a faint light does not repay; combined, it does.
+// model, which a faint light does not repay; combined, it does. Texture is no fundamental of a light.
 double fundamental_of(const PeriodicSignals& combined, double frequency, const FrequencySearch& range) {
   const PeriodicSignals signals = unit_signals(combined.samples(), combined.rows());
   if (signals.count() == 0) return frequency;
-  Candidate best = judged(signals, frequency, range, kInfinity);
-  for (const double order : {2.0, 3.0}) {
-    if (frequency / order < range.lower) break;
-    const Candidate candidate = judged(signals, frequency / order, range, best.misfit);
-    if (candidate.misfit < best.misfit) best = candidate;
+  Candidate best;
+  for (const double factor : {1.0, 1.0 / 2, 1.0 / 3, 2.0, 3.0}) {
+    const double start = factor * frequency;
+    if (start < range.lower || start > range.upper) continue;
+    const Candidate candidate = judged(signals, start, range, best.misfit);
+    if (candidate.misfit < best.misfit && stands_out(signals, candidate.frequency)) best = candidate;
   }
   return std::isnan(best.frequency) ? frequency : best.frequency;
 }
@@ -214,9 +235,7 @@ bool has_weak_fundamental(const PeriodicSignals& signals, double frequency, cons
     if (frequency / order < range.lower) continue;
     const auto model = periodic_model(frequency / order, signals.rows(), kComparedHarmonics);
     const PeriodicFit fit = fit_periodic(signals, model, frequency / order);
-    if (share_of_fundamental(fit) >= kLeastShare &&
-        fit.harmonic_energy[0] * static_cast<double>((signals.rows() - model.parameters()) * signals.count()) >
-            chance_energy(2 * signals.count()) * fit.total_residual())
+    if (share_of_fundamental(fit) >= kLeastShare && stands_out(signals, frequency / order))
       return true;
   }
   return false;
@@ -226,13 +245,6 @@ PeriodicFit refined(const PeriodicSignals& signals, const PeriodicModel& model, 
                     const FrequencySearch& range) {
   const double start = std::clamp(frequency, range.lower, range.upper);
   return refine_periodic(signals, fit_periodic(signals, model, start), range.lower, range.upper);
-}
-
-// Noise of a sample. The second term is the rounding error; it prevents that noiseless signals seem to consist of
-// harmonics.
-double noise_power(const PeriodicFit& fit, const PeriodicSignals& signals) {
-  const auto spare = static_cast<double>((signals.rows() - fit.model.parameters()) * signals.count());
-  return std::max(fit.total_residual(), 1e-14 * fit.total_periodic()) / spare;
 }
 
 // The fundamental and the significant harmonics.
@@ -455,8 +467,9 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   if (final.frequency <= range.lower || final.frequency >= range.upper) flags |= flag::at_bound;
   if ((!in_parts && !in_sum) || !is_significant(signals, final, signals.count())) flags |= flag::no_tone;
   constexpr double kJump = 0.075;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
-  if (has_weak_fundamental(signals, final.frequency, range) || wander(residual, signals.rows(), final) > kJump ||
-      coherence < kMostly)
+  const double turned = kTwoPi * std * rows / std::sqrt(12);  // RMS phase along the rows by this error of the frequency
+  if (has_weak_fundamental(signals, final.frequency, range) ||
+      wander(residual, signals.rows(), final) > std::max(kJump, kSure * turned) || coherence < kMostly)
     flags |= flag::model_misfit;
   const double noise = noise_power(final, signals) * rows * static_cast<double>(signals.count());
   return {final.frequency,   std, final.total_periodic() / noise, final.model.harmonics.back(), flags,

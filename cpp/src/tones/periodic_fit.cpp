@@ -12,8 +12,10 @@
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "rows/fit.hpp"
+#include "rows/verdict.hpp"
 #include "tones/harmonic_kernels.hpp"
 #include "tones/row_moments.hpp"
+#include "tones/tone_combination.hpp"
 
 namespace ocisac {
 
@@ -447,6 +449,32 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, do
   return best;
 }
 
+double texture_power(std::span<const double> residual, double frequency) {
+  constexpr int kLines = 8;  // at most as many cycles apart
+  const double rows = static_cast<double>(residual.size()), step = std::min(frequency, kLines / rows);
+  std::vector<double> orders, lines, waves, powers;
+  for (int k = 0; k < kLines && frequency + (k + 0.5) * step < 0.5; ++k) {
+    lines.push_back(frequency + (k + 0.5) * step);
+    orders.push_back(lines.back() / frequency);
+  }
+  if (lines.empty()) return 0;
+  const RowSampling sampling = centred_rows(residual.size());
+  append_tones(waves, sampling, lines);
+  const VectorXd parts = transposed_product(matrix_of(waves, sampling), as_matrix(residual, residual.size()));
+  const double white = noise_of_differences(residual), count = static_cast<double>(lines.size()),
+               mean = parts.squaredNorm() / rows / count;
+  if (!(2 * count * mean > chance_energy(2 * lines.size()) * white)) return 0;
+  const auto power = [&](std::size_t k) { return parts.segment<2>(2 * static_cast<Index>(k)).squaredNorm() / rows; };
+  for (std::size_t k = 0; k < lines.size(); ++k) powers.push_back((power(k) - white) * orders[k] * orders[k]);
+  const double texture = std::max(median(std::move(powers)) / std::numbers::ln2, 0.0);
+  double evidence = count * (std::log(mean) + 1);  // over noise of one power
+  for (std::size_t k = 0; k < lines.size(); ++k) {
+    const double expected = white + texture / (orders[k] * orders[k]);
+    evidence -= std::log(expected) + power(k) / expected;
+  }
+  return evidence > 2 ? texture : mean - white;
+}
+
 double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
                      double frequency, std::vector<double>* residual_values) {
   if (rows <= model.parameters() + 1) return kNaN;
@@ -468,7 +496,8 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   const MatrixXd residual = y - product(q, coordinates);
   if (residual_values) residual_values->assign(residual.data(), residual.data() + residual.size());
   const MatrixXd slopes = slope_matrix(model, matrix);
-  MatrixXd derivative = product(slopes, slope_coefficients(model, solve_upper(triangle, coordinates)));
+  const MatrixXd amplitudes = solve_upper(triangle, coordinates);
+  MatrixXd derivative = product(slopes, slope_coefficients(model, amplitudes));
   derivative = beside(q, derivative);
   const double information = derivative.squaredNorm();
   if (!(information > 0)) return kNaN;
@@ -480,7 +509,23 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   MatrixXd scores(y.rows(), y.cols() / members);
   for (Index g = 0; g < scores.cols(); ++g)
     scores.col(g) = products.middleCols(g * members, members).rowwise().sum().cwiseProduct(spare);
-  return std::sqrt(variance_of_sum(scores)) / information;
+  // A harmonic h counts with h², and texture has the power 1/h² there; what stands still is the same in all frames.
+  double power = 0, texture = 0;
+  for (Index s = 0; s < y.cols(); ++s) {
+    const VectorXd own = residual.col(s);
+    double flat = 0, steep = 0;
+    for (std::size_t k = 0; k < model.harmonics.size(); ++k) {
+      const double energy = amplitudes.col(s).segment<2>(trend_columns(model) + 2 * static_cast<Index>(k)).squaredNorm();
+      flat += energy;
+      steep += energy * static_cast<double>(model.harmonics[k] * model.harmonics[k]);
+    }
+    const double of_texture = steep > 0 ? texture_power({own.data(), rows}, frequency) * flat / steep : 0;
+    power += of_texture / static_cast<double>(y.cols());
+    if (of_texture > 0)
+      texture += (noise_of_differences({own.data(), rows}) + of_texture) * derivative.col(s).squaredNorm();
+  }
+  texture = std::max(texture, power * derivative.rowwise().sum().squaredNorm());
+  return std::sqrt(std::max(variance_of_sum(scores), texture)) / information;
 }
 
 }  // namespace ocisac

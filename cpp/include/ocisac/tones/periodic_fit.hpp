@@ -76,9 +76,13 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
 PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, double lower, double upper,
                             int max_steps = 30);
 
+// Power per row of texture at a tone, by what a fit leaves: the spectrum of texture falls with the square of the
+// frequency (Field 1987), and is seen half-way between the harmonics. 0 for white noise on average.
+double texture_power(std::span<const double> residual, double frequency);
+
 // Standard error at the minimum, from the residual, by the sandwich estimate. It allows for noise that is common to the
 // signals of a group (the `group` neighbouring signals of one frame), increases with the light, or is correlated from
-// row to row (Newey and West 1987, Bartlett weights; lag by Andrews 1991). NaN without degrees of freedom. `residual`:
+// row to row (Newey and West 1987, Bartlett weights; lag by Andrews 1991), and for texture at the tone. NaN without degrees of freedom. `residual`:
 // of the signals, if it is wanted.
 double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
                      double frequency, std::vector<double>* residual = nullptr);
