@@ -389,15 +389,18 @@ std::vector<double> summed(const ColumnBlocks& blocks) {
 }
 
 // Largest RMS deviation of the tone's phase along a signal, rad, by what the model leaves; 0 where it is not
-// significant. Rows after lost or repeated ones have another phase.
+// significant. Rows after lost or repeated ones have another phase. Signals count by their share of the tone: one that
+// combines what differs between columns holds texture, and hardly any of it.
 double wander(const std::vector<double>& residual, std::size_t rows, const PeriodicFit& final) {
   const std::size_t count = residual.size() / rows;
-  double largest = 0;
+  double largest = 0, strongest = 0;
   for (std::size_t s = 0; s < count; ++s) {
     const std::complex<double> level{final.amplitudes[s], -final.amplitudes[count + s]};
-    largest = std::max(largest, phase_deviation({&residual[s * rows], rows}, final.frequency, level));
+    strongest = std::max(strongest, std::abs(level));
+    largest =
+        std::max(largest, std::abs(level) * phase_deviation({&residual[s * rows], rows}, final.frequency, level));
   }
-  return largest;
+  return strongest > 0 ? largest / strongest : 0;
 }
 
 // Searches the parts of the frame, each with its own noise, phase and overlays. Without a significant tone, searches

@@ -450,8 +450,9 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, do
 }
 
 double texture_power(std::span<const double> residual, double frequency) {
-  constexpr int kLines = 8;  // at most as many cycles apart
-  const double rows = static_cast<double>(residual.size()), step = std::min(frequency, kLines / rows);
+  constexpr int kLines = 8;  // half-way between harmonics, or a part of that, up to 8 cycles apart
+  const double rows = static_cast<double>(residual.size()),
+               step = frequency / std::ceil(frequency * rows / kLines);
   std::vector<double> orders, lines, waves, powers;
   for (int k = 0; k < kLines && frequency + (k + 0.5) * step < 0.5; ++k) {
     lines.push_back(frequency + (k + 0.5) * step);
@@ -474,6 +475,32 @@ double texture_power(std::span<const double> residual, double frequency) {
   }
   return evidence > 2 ? texture : mean - white;
 }
+
+namespace {
+
+// Variance of the sum of residual × derivative by texture: a harmonic h counts with h², and texture has the power 1/h²
+// there. That which stands still is the same in all frames.
+double texture_score(const PeriodicModel& model, double frequency, const MatrixXd& amplitudes, const MatrixXd& residual,
+                     const MatrixXd& derivative) {
+  double mean = 0, variance = 0;
+  for (Index s = 0; s < residual.cols(); ++s) {
+    double flat = 0, steep = 0;
+    for (std::size_t k = 0; k < model.harmonics.size(); ++k) {
+      const Index place = trend_columns(model) + 2 * static_cast<Index>(k);
+      const double energy = amplitudes.col(s).segment<2>(place).squaredNorm();
+      flat += energy;
+      steep += energy * static_cast<double>(model.harmonics[k] * model.harmonics[k]);
+    }
+    const std::span<const double> rest(residual.col(s).data(), static_cast<std::size_t>(residual.rows()));
+    const double power = steep > 0 ? texture_power(rest, frequency) * flat / steep : 0;
+    if (!(power > 0)) continue;
+    mean += power / static_cast<double>(residual.cols());
+    variance += (noise_of_differences(rest) + power) * derivative.col(s).squaredNorm();
+  }
+  return std::max(variance, mean * derivative.rowwise().sum().squaredNorm());
+}
+
+}  // namespace
 
 double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
                      double frequency, std::vector<double>* residual_values) {
@@ -509,22 +536,7 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   MatrixXd scores(y.rows(), y.cols() / members);
   for (Index g = 0; g < scores.cols(); ++g)
     scores.col(g) = products.middleCols(g * members, members).rowwise().sum().cwiseProduct(spare);
-  // A harmonic h counts with h², and texture has the power 1/h² there; what stands still is the same in all frames.
-  double power = 0, texture = 0;
-  for (Index s = 0; s < y.cols(); ++s) {
-    const VectorXd own = residual.col(s);
-    double flat = 0, steep = 0;
-    for (std::size_t k = 0; k < model.harmonics.size(); ++k) {
-      const double energy = amplitudes.col(s).segment<2>(trend_columns(model) + 2 * static_cast<Index>(k)).squaredNorm();
-      flat += energy;
-      steep += energy * static_cast<double>(model.harmonics[k] * model.harmonics[k]);
-    }
-    const double of_texture = steep > 0 ? texture_power({own.data(), rows}, frequency) * flat / steep : 0;
-    power += of_texture / static_cast<double>(y.cols());
-    if (of_texture > 0)
-      texture += (noise_of_differences({own.data(), rows}) + of_texture) * derivative.col(s).squaredNorm();
-  }
-  texture = std::max(texture, power * derivative.rowwise().sum().squaredNorm());
+  const double texture = texture_score(model, frequency, amplitudes, residual, derivative);
   return std::sqrt(std::max(variance_of_sum(scores), texture)) / information;
 }
 
