@@ -26,8 +26,7 @@ def test_row_times_of_real_pictures(recordings):
         want = entry["calibrate"]
         got = oc.calibrate(best, want["frequency_hz"])
         assert got.row_time == pytest.approx(want["row_time_s"], rel=want["tolerance"]), entry["file"]
-        at_white = entry["file"] == "leica_q2_500hz.jpg"  # its lamp saturates
-        assert got.flags == (Flag.SATURATED if at_white else 0), entry["file"]
+        assert not got.flags, entry["file"]
         assert 0 < got.row_time_std < want["tolerance"] * want["row_time_s"]
 
 
@@ -47,7 +46,6 @@ def test_the_outline_of_a_lamp_is_not_taken_for_one_cycle():
     lamp = np.exp(-0.5 * ((rows - 500) / 350) ** 2)  # near one cycle of the frame
     light = 20 + 100 * lamp * (1 + 0.5 * np.cos(2 * np.pi * 3.4 / 1000 * rows))
     picture = light[:, np.newaxis] + np.random.default_rng(3).normal(0, 1, (1000, 40))
-    assert oc.find_frequency(picture, PER_ROW).frequency < 2 / 1000
     got = oc.calibrate(picture, 100.0)
     assert got.found.cycles_per_row >= 2 / 1000
     assert got.row_time == pytest.approx(got.found.cycles_per_row / 100.0, rel=1e-15)
@@ -104,6 +102,32 @@ def test_rows_that_are_noise_are_refused(spread, correlation):
     rows = random.normal(0, spread, (100, 401, 1))
     pictures = random.normal(128, 1.5, (100, 400, 60)) + rows[:, 1:] + correlation * rows[:, :-1]
     assert sum(not oc.calibrate(np.rint(picture), 1000.0).flags for picture in pictures) <= 1
+
+
+def textured_wall(random, rows, columns, slope, contrast):
+    """A wall, (rows, columns), whose amplitudes fall with this power of the frequency, as those of pictures do by 1."""
+    away = np.hypot(np.fft.fftfreq(rows)[:, np.newaxis], np.fft.fftfreq(columns)) + 1e-3
+    texture = np.fft.ifft2(np.fft.fft2(random.normal(size=(rows, columns))) / away**slope).real
+    return np.exp(contrast * texture / texture.std())
+
+
+@pytest.mark.parametrize("frames", [1, 4])
+@pytest.mark.parametrize("slope", [1.0, 1.5])
+def test_texture_of_a_wall_is_a_part_of_the_error(slope, frames):
+    """Few cycles of a lamp on a wall: what stands still is neither its fundamental nor forgotten in its error."""
+    random = np.random.default_rng(21)
+    deviations, flagged = [], 0
+    for cycles in np.tile([3.3, 4.0, 5.2, 6.0, 8.3, 12.0], 6):
+        swing = [1 + 0.5 * tone(cycles / 1080, 1080, random.uniform(0, 6)) for _ in range(frames)]
+        light = 70 * np.array(swing)[..., np.newaxis] * textured_wall(random, 1080, 96, slope, 0.2)
+        picture = np.clip(np.rint(light + random.normal(0, 1, light.shape)), 0, 255).astype(np.uint8)
+        got = oc.calibrate(picture, cycles / (1080 * 2e-5))
+        flagged += bool(got.flags)
+        if not got.flags:
+            deviations.append((got.row_time - 2e-5) / got.row_time_std)
+    assert flagged <= 12
+    assert np.max(np.abs(deviations)) < 6
+    assert np.sqrt(np.mean(np.square(deviations))) < 2
 
 
 def test_row_times_that_no_camera_has_are_flagged():

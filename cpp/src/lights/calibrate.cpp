@@ -144,7 +144,7 @@ std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencyS
   for (std::size_t colour = 0; colour < colours.size(); ++colour) {
     const FoundFrequency found = find_lamp_frequency(colours[colour], search);
     if ((found.flags & flag::no_tone) != 0) continue;
-    const auto rank = std::pair{(found.flags & kDoubtful) != 0, found.frequency_std / found.frequency};
+    const auto rank = std::pair{(found.flags & kDoubtful) != 0, -found.snr};
     if (rank < best_rank) {
       best_rank = rank;
       best = colour;

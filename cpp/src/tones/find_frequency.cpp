@@ -470,7 +470,8 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   if (final.frequency <= range.lower || final.frequency >= range.upper) flags |= flag::at_bound;
   if ((!in_parts && !in_sum) || !is_significant(signals, final, signals.count())) flags |= flag::no_tone;
   constexpr double kJump = 0.075;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
-  const double turned = kTwoPi * std * rows / std::sqrt(12);  // RMS phase along the rows by this error of the frequency
+  // RMS phase along the rows of one frame by the error of its frequency.
+  const double turned = kTwoPi * std * rows * std::sqrt(static_cast<double>(blocks.frames) / 12);
   if (has_weak_fundamental(signals, final.frequency, range) ||
       wander(residual, signals.rows(), final) > std::max(kJump, kSure * turned) || coherence < kMostly)
     flags |= flag::model_misfit;

@@ -87,7 +87,7 @@ def pick_colour(
     bounds: tuple[float, float] | None = None,
     waveform: str = "auto",
 ) -> int:
-    """Index of the picture, among several of one scene (such as its colours), with the most precise frequency.
+    """Index of the picture, among several of one scene (such as its colours), that shows a tone best.
 
     Args:
         colours: one or more arrays as for :func:`find_frequency`. For a picture of shape (rows, columns, colours):
@@ -97,8 +97,7 @@ def pick_colour(
         waveform: as for :func:`find_frequency`.
 
     Returns:
-        The index of the colour whose frequency has the smallest relative standard error, searched as in
-        :func:`calibrate`; colours flagged ``FEW_CYCLES``, ``AT_BOUND`` or ``MODEL_MISFIT`` come last; 0 if none shows
+        The index of the colour whose tone has the largest signal-to-noise ratio, searched as in :func:`calibrate`; colours flagged ``FEW_CYCLES``, ``AT_BOUND`` or ``MODEL_MISFIT`` come last; 0 if none shows
         a tone.
 
     Raises:

@@ -16,7 +16,7 @@ namespace ocisac {
 // there is nothing else, or where the search has a lower bound.
 FoundFrequency find_lamp_frequency(const AnyFramesView& frames, const FrequencySearch& search);
 
-// Index of the colour plane whose find_lamp_frequency has the smallest relative standard error; planes with few_cycles,
+// Index of the colour plane in which the tone of find_lamp_frequency has the largest SNR; planes with few_cycles,
 // at_bound or model_misfit come after the others. 0 if none contains a tone.
 std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencySearch& search);
 
