@@ -4,7 +4,7 @@ from __future__ import annotations
 
 # Each module registers its limits: this is the order of the catalogue.
 # isort: off
-from studies.limits import sampling, pixels, restoring, sensing  # noqa: F401
+from studies.limits import sampling, pixels, restoring, sensing, receiving  # noqa: F401
 
 # isort: on
 from studies.limits.catalogue import LIMITS as LIMITS, Limit as Limit, Point as Point

@@ -235,8 +235,7 @@ bool has_weak_fundamental(const PeriodicSignals& signals, double frequency, cons
     if (frequency / order < range.lower) continue;
     const auto model = periodic_model(frequency / order, signals.rows(), kComparedHarmonics);
     const PeriodicFit fit = fit_periodic(signals, model, frequency / order);
-    if (share_of_fundamental(fit) >= kLeastShare && stands_out(signals, frequency / order))
-      return true;
+    if (share_of_fundamental(fit) >= kLeastShare && stands_out(signals, frequency / order)) return true;
   }
   return false;
 }
@@ -397,8 +396,7 @@ double wander(const std::vector<double>& residual, std::size_t rows, const Perio
   for (std::size_t s = 0; s < count; ++s) {
     const std::complex<double> level{final.amplitudes[s], -final.amplitudes[count + s]};
     strongest = std::max(strongest, std::abs(level));
-    largest =
-        std::max(largest, std::abs(level) * phase_deviation({&residual[s * rows], rows}, final.frequency, level));
+    largest = std::max(largest, std::abs(level) * phase_deviation({&residual[s * rows], rows}, final.frequency, level));
   }
   return strongest > 0 ? largest / strongest : 0;
 }

@@ -451,8 +451,7 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, do
 
 double texture_power(std::span<const double> residual, double frequency) {
   constexpr int kLines = 8;  // half-way between harmonics, or a part of that, up to 8 cycles apart
-  const double rows = static_cast<double>(residual.size()),
-               step = frequency / std::ceil(frequency * rows / kLines);
+  const double rows = static_cast<double>(residual.size()), step = frequency / std::ceil(frequency * rows / kLines);
   std::vector<double> orders, lines, waves, powers;
   for (int k = 0; k < kLines && frequency + (k + 0.5) * step < 0.5; ++k) {
     lines.push_back(frequency + (k + 0.5) * step);
