@@ -7,9 +7,9 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-
 from calibration import PAYLOAD, receive_devices
-from device_draws import COLUMNS, FRAME_TIME, ROWS, WRONG_ROW_TIME, DeviceDraw
+from device_draws import COLUMNS, FRAME_TIME, ROWS, DeviceDraw
+
 from ocisac_fast import transmit
 from ocisac_fast.chips import ChipClock, chip_llr
 from ocisac_fast.core.flags import Flag
@@ -23,7 +23,7 @@ def _plain_errors(draw: DeviceDraw) -> list[float]:
     """Share of wrong chips of each frame by a detector that knows all but the effect, and believes what is stated."""
     chips = transmit(PAYLOAD, format=PacketFormat(block_bytes=8)).chips
     sent = draw.sent(chips)
-    row_time = draw.told.row_time
+    row_time = draw.told.row_period
     period = 1 / (_RATE * row_time)
     around = math.ceil(draw.exposure * _RATE) + 1
     shares = []
