@@ -367,6 +367,16 @@ def test_noise_that_all_columns_share_is_no_tone(spread, correlation, most):
     assert missed <= 1
 
 
+def test_two_lamps_are_no_noise_about_each_other():
+    random = np.random.default_rng(3)
+    for _ in range(20):
+        shade = np.exp(np.cumsum(random.normal(0, 0.004, 480)))
+        swing = 0.23 * tone(1 / 50, 480, random.uniform(0, 6)) + 0.18 * tone(1 / 82, 480, random.uniform(0, 6))
+        found = oc.find_frequency((100 * shade * (1 + swing) + random.normal(0, 1, 480))[:, np.newaxis], PER_ROW)
+        assert not found.flags & Flag.NO_TONE
+        assert found.frequency * 50 == pytest.approx(1, rel=0.02)
+
+
 def test_few_cycles_and_bounds_are_flagged():
     columns = 3 + tone(1.5 / 500, 500) + np.random.default_rng(1).normal(0, 0.05, 500)
     assert oc.find_frequency(columns, PER_ROW).flags == Flag.FEW_CYCLES
