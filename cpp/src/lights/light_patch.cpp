@@ -6,6 +6,7 @@
 #include <numeric>
 #include <type_traits>
 
+#include "columns/dense_rows.hpp"
 #include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "lights/refinement_kernels.hpp"
@@ -22,37 +23,18 @@ using Complex = std::complex<double>;
 
 constexpr std::size_t kMaxColumns = 32;  // evaluated for a mean
 
-// Sums fit into 32 bits: a group of bytes or words is narrower than 2^16 columns.
 template <class T>
-using SumOf = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
-
-template <class T>
-void read_rows(const FramesView<const T>& view, std::size_t frame, double dark, Patch& patch) {
+void read_light(const FramesView<const T>& view, const LitFrame& frame, Patch& patch) {
+  using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;  // a group is narrower than 2^16 columns
   const double share = 1 / static_cast<double>(patch.group);
+  DenseRows<T, T> source(view, frame.index, {});
+  const auto rows = source.read(patch.first_row, patch.rows,
+                                {patch.first_column, patch.first_column + patch.groups * patch.group});
   for (std::size_t n = 0; n < patch.rows; ++n) {
-    const T* row = view.at(frame, patch.first_row + n, patch.first_column);
-    for (std::size_t g = 0; g < patch.groups; ++g) {
-      SumOf<T> sum = 0;
-      for (std::size_t c = 0; c < patch.group; ++c)
-        sum += row[static_cast<std::ptrdiff_t>(g * patch.group + c) * view.column_stride];
-      patch.light[n * patch.stride + g] = static_cast<double>(sum) * share - dark;
-    }
-  }
-}
-
-// For columns that are contiguous in memory.
-template <class T>
-void read_columns(const FramesView<const T>& view, std::size_t frame, double dark, Patch& patch) {
-  const double share = 1 / static_cast<double>(patch.group);
-  std::vector<SumOf<T>> sums(patch.rows);
-  for (std::size_t g = 0; g < patch.groups; ++g) {
-    std::ranges::fill(sums, SumOf<T>{0});
-    for (std::size_t c = 0; c < patch.group; ++c) {
-      const T* column = view.at(frame, patch.first_row, patch.first_column + g * patch.group + c);
-      for (std::size_t n = 0; n < patch.rows; ++n) sums[n] += column[static_cast<std::ptrdiff_t>(n) * view.row_stride];
-    }
-    for (std::size_t n = 0; n < patch.rows; ++n)
-      patch.light[n * patch.stride + g] = static_cast<double>(sums[n]) * share - dark;
+    const T* row = rows.samples + static_cast<std::ptrdiff_t>(n) * rows.stride;
+    for (std::size_t g = 0; g < patch.groups; ++g, row += patch.group)
+      patch.light[n * patch.stride + g] =
+          static_cast<double>(std::accumulate(row, row + patch.group, Sum{0})) * share - frame.dark;
   }
 }
 
@@ -132,14 +114,7 @@ Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_bes
   Patch patch{left, top, bottom - top, groups, group, stride, {}, {}};
   patch.light.resize(patch.rows * stride);
   patch.logs.resize(patch.rows * stride);
-  std::visit(
-      [&](const auto& view) {
-        if (std::abs(view.row_stride) < std::abs(view.column_stride))
-          read_columns(view, frame.index, frame.dark, patch);
-        else
-          read_rows(view, frame.index, frame.dark, patch);
-      },
-      frame.frames);
+  std::visit([&](const auto& view) { read_light(view, frame, patch); }, frame.frames);
   kernels::logarithms(patch.light.data(), patch.light.size(), frame.floor, patch.logs.data());
   return patch;
 }
