@@ -335,10 +335,11 @@ CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
 
 // Columns per row by which the blocks' light moves.
 double slope_of(const BlockedFrame& frame) {
-  std::vector<double> centres;
-  for (const auto& [begin, end] : frame.blocks) centres.push_back(0.5 * static_cast<double>(begin + end - 1));
-  const Matrix by_block = frame.swings.transpose();
-  return lamp_slope({by_block.data(), static_cast<std::size_t>(by_block.size())}, centres);
+  const VectorXd centres = VectorXd::NullaryExpr(std::ssize(frame.blocks), [&](Index block) {
+    const auto& [begin, end] = frame.blocks[static_cast<std::size_t>(block)];
+    return 0.5 * static_cast<double>(begin + end - 1);
+  });
+  return lamp_slope(Eigen::MatrixXd(frame.swings), centres);
 }
 
 // `products`: of the blocks' swings, summed over the rows.

@@ -25,35 +25,18 @@ constexpr std::size_t kMaxColumns = 32;  // evaluated for a mean
 
 template <class T>
 void read_light(const FramesView<const T>& view, const LitFrame& frame, Patch& patch) {
-  using Sum = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;  // a group is narrower than 2^16 columns
+  using Sum =
+      std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;  // a group is narrower than 2^16 columns
   const double share = 1 / static_cast<double>(patch.group);
   DenseRows<T, T> source(view, frame.index, {});
-  const auto rows = source.read(patch.first_row, patch.rows,
-                                {patch.first_column, patch.first_column + patch.groups * patch.group});
+  const auto rows =
+      source.read(patch.first_row, patch.rows, {patch.first_column, patch.first_column + patch.groups * patch.group});
   for (std::size_t n = 0; n < patch.rows; ++n) {
     const T* row = rows.samples + static_cast<std::ptrdiff_t>(n) * rows.stride;
     for (std::size_t g = 0; g < patch.groups; ++g, row += patch.group)
       patch.light[n * patch.stride + g] =
           static_cast<double>(std::accumulate(row, row + patch.group, Sum{0})) * share - frame.dark;
   }
-}
-
-std::vector<double> group_means(const Patch& patch, const std::vector<double>& values) {
-  std::vector<double> means(patch.stride);
-  for (std::size_t n = 0; n < patch.rows; ++n)
-    for (std::size_t g = 0; g < patch.stride; ++g) means[g] += values[n * patch.stride + g];
-  for (double& mean : means) mean /= static_cast<double>(patch.rows);
-  return means;
-}
-
-// Product of two carriers; with sign −1, of the first with the conjugate of the second.
-ComplexValues times(const ComplexValues& a, const ComplexValues& b, double sign) {
-  ComplexValues out{std::vector<double>(a.real.size()), std::vector<double>(a.real.size())};
-  for (std::size_t i = 0; i < out.real.size(); ++i) {
-    out.real[i] = a.real[i] * b.real[i] - sign * a.imaginary[i] * b.imaginary[i];
-    out.imaginary[i] = a.imaginary[i] * b.real[i] + sign * a.real[i] * b.imaginary[i];
-  }
-  return out;
 }
 
 // Mean of at most kMaxColumns columns evenly spaced, in each of the rows: light above dark.
@@ -192,14 +175,15 @@ std::size_t hann_length(double frequency) { return static_cast<std::size_t>(std:
 
 kernels::HannWindow hann_window(double frequency, std::size_t rows, std::size_t length) {
   const double bin = 1 / static_cast<double>(length);
-  const ComplexValues step = turns_of(bin, rows, length / 2), tone = turns_of(frequency, rows, length / 2);
-  return {times(tone, step, -1), tone, times(tone, step, 1), turns_of(bin, rows), length};
+  const auto carrier = [&](double at) { return turns_of(at, rows, length / 2); };
+  return {carrier(frequency - bin), carrier(frequency), carrier(frequency + bin), turns_of(bin, rows), length};
 }
 
 ComplexValues swing_of(const Patch& patch, const std::vector<double>& values, const kernels::HannWindow& window) {
   ComplexValues map{std::vector<double>(values.size()), std::vector<double>(values.size())};
-  kernels::hann_demodulate({values.data(), patch.rows, patch.stride}, group_means(patch, values).data(), window,
-                           map.real.data(), map.imaginary.data());
+  const Eigen::ArrayXd means = patch.part_of(values, {0, 0, patch.stride, patch.rows}).colwise().mean();
+  kernels::hann_demodulate({values.data(), patch.rows, patch.stride}, means.data(), window, map.real.data(),
+                           map.imaginary.data());
   return map;
 }
 
