@@ -254,19 +254,15 @@ void add_rows(const FramesView<const T>& view, std::size_t group, float dark, Sc
   const float factor = 1.0F / static_cast<float>(group);
   DenseRows<T, T> source(view, 0, {});
   std::vector<float> light(groups);
-  std::vector<std::uint32_t> sums(groups), unused(groups);
   for (std::size_t first = 0; first < view.rows; first += kBlock) {
     const auto block = source.read(first, std::min(kBlock, view.rows - first), {0, view.columns});
     for (std::size_t n = 0; n < block.rows; ++n) {
       const T* const row = block.samples + static_cast<std::ptrdiff_t>(n) * block.stride;
-      if constexpr (std::is_same_v<T, std::uint8_t>) {
-        kernels::sum_runs(row, groups * group, group, 256, sums.data(), unused.data());
-        std::ranges::transform(sums, light.begin(), [](std::uint32_t sum) { return static_cast<float>(sum); });
-      } else {
+      if (std::is_same_v<T, std::uint8_t> && group == 8)
+        kernels::sum_eight_bytes(reinterpret_cast<const std::uint8_t*>(row), groups, factor, dark, light.data());
+      else
         for (std::size_t g = 0; g < groups; ++g)
-          light[g] = std::accumulate(row + g * group, row + (g + 1) * group, 0.0F);
-      }
-      for (float& each : light) each = each * factor - dark;
+          light[g] = std::accumulate(row + g * group, row + (g + 1) * group, 0.0F) * factor - dark;
       scale.add_row(light.data());
     }
   }
@@ -285,9 +281,7 @@ std::vector<Suspect> screen_sources(const LitFrame& frame, const Region& region,
   Scale finest(shape.rows, shape.columns / group, 1, group, by_rows, true);
   finest.begin(floor, min_swing, false_alarms, finest.tiles());
   std::visit(
-      [&](const auto& view) {
-        add_rows(view.frame(frame.index), group, static_cast<float>(frame.dark), finest);
-      },
+      [&](const auto& view) { add_rows(view.frame(frame.index), group, static_cast<float>(frame.dark), finest); },
       frames);
   std::vector<Suspect> suspects;
   finest.collect(suspects);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "lights/screening_kernels.cpp"
@@ -128,6 +129,20 @@ void WaveSums(const float* earlier, const float* later, float step, std::size_t 
   }
 }
 
+// A plain loop, which the compiler vectorises for the target.
+void SumEightBytes(const std::uint8_t* HWY_RESTRICT row, std::size_t groups, float scale, float dark,
+                   float* HWY_RESTRICT out) {
+  constexpr std::uint64_t kLow = 0x00ff00ff00ff00ffU;
+  for (std::size_t g = 0; g < groups; ++g) {
+    std::uint64_t x;
+    std::memcpy(&x, row + 8 * g, sizeof x);
+    x = (x & kLow) + ((x >> 8) & kLow);
+    x += x >> 32;
+    const auto sum = static_cast<std::int32_t>((x + (x >> 16)) & 0xffffU);
+    out[g] = static_cast<float>(sum) * scale - dark;
+  }
+}
+
 }  // namespace HWY_NAMESPACE
 }  // namespace ocisac::kernels
 HWY_AFTER_NAMESPACE();
@@ -138,6 +153,7 @@ namespace ocisac::kernels {
 HWY_EXPORT(ChunkMomentsOf);
 HWY_EXPORT(TileEnergies);
 HWY_EXPORT(WaveSums);
+HWY_EXPORT(SumEightBytes);
 
 void chunk_moments(std::size_t stride, std::size_t groups, std::size_t tile, const Chunk& chunk) {
   HWY_DYNAMIC_DISPATCH(ChunkMomentsOf)(stride, groups, tile, chunk);
@@ -151,6 +167,10 @@ bool tile_energies(const Chunk& earlier, const Chunk& later, std::size_t tiles, 
 void wave_sums(const float* earlier, const float* later, float step, std::size_t stride, const float* cosine,
                const float* sine, std::size_t waves, float* even, float* odd) {
   HWY_DYNAMIC_DISPATCH(WaveSums)(earlier, later, step, stride, cosine, sine, waves, even, odd);
+}
+
+void sum_eight_bytes(const std::uint8_t* row, std::size_t groups, float scale, float dark, float* out) {
+  HWY_DYNAMIC_DISPATCH(SumEightBytes)(row, groups, scale, dark, out);
 }
 
 }  // namespace ocisac::kernels

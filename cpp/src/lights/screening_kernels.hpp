@@ -44,4 +44,7 @@ bool tile_energies(const Chunk& earlier, const Chunk& later, std::size_t tiles, 
 void wave_sums(const float* earlier, const float* later, float step, std::size_t stride, const float* cosine,
                const float* sine, std::size_t waves, float* even, float* odd);
 
+// out[g] = scale·(sum of bytes 8g … 8g + 7) − dark.
+void sum_eight_bytes(const std::uint8_t* row, std::size_t groups, float scale, float dark, float* out);
+
 }  // namespace ocisac::kernels

@@ -136,6 +136,21 @@ KernelCase waves_case(std::size_t waves, std::size_t stride) {
                             {2, waves, waves}, run, waves > 200);
 }
 
+KernelCase eight_bytes_case(std::size_t groups) {
+  const auto row =
+      std::make_shared<Misaligned<std::uint8_t>>(random_rows<std::uint8_t>(1, 8 * groups, 8 * groups, 128, 90));
+  const auto run = [=](bool plain, float* out) {
+    if (!plain) return sum_eight_bytes(row->data(), groups, 0.125F, 16, out);
+    for (std::size_t g = 0; g < groups; ++g) {
+      int sum = 0;
+      for (std::size_t k = 0; k < 8; ++k) sum += row->data()[8 * g + k];
+      out[g] = static_cast<float>(sum) * 0.125F - 16;
+    }
+  };
+  return kernel_case<float>("sum_eight_bytes " + std::to_string(groups) + " groups", 1e-6, {1, groups, groups}, run,
+                            groups > 200);
+}
+
 }  // namespace
 
 std::vector<KernelCase> screening_cases() {
@@ -145,6 +160,7 @@ std::vector<KernelCase> screening_cases() {
       cases.push_back(moments_case(length, tile));
       cases.push_back(energies_case(length, tile));
     }
+    cases.push_back(eight_bytes_case(length));
   };
   for (const std::size_t length : kLengths) add(length);
   add(240);  // groups of a frame of 1920 columns
