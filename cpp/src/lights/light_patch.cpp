@@ -5,6 +5,7 @@
 #include <functional>
 #include <numeric>
 #include <type_traits>
+#include <utility>
 
 #include "columns/dense_rows.hpp"
 #include "core/levels.hpp"
@@ -14,6 +15,7 @@
 #include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/rows/basis.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -138,10 +140,8 @@ std::vector<double> fast_logs(const Patch& patch, std::size_t length) {
   return slow;
 }
 
-double variance_by_median(std::vector<double>& magnitudes) {
-  const auto middle = magnitudes.begin() + static_cast<std::ptrdiff_t>(magnitudes.size() / 2);
-  std::ranges::nth_element(magnitudes, middle);
-  return *middle * *middle / (kMedianMagnitude * kMedianMagnitude);
+double variance_by_median(std::vector<double> magnitudes) {
+  return std::pow(median(std::move(magnitudes)) / kMedianMagnitude, 2);
 }
 
 double noise_variance(const Patch& patch, const Region& core) {
@@ -155,7 +155,7 @@ double noise_variance(const Patch& patch, const Region& core) {
       const double down = at[0] - at[patch.stride], next = one_group ? 0 : at[1] - at[patch.stride + 1];
       if (std::isfinite(down - next)) differences.push_back(std::abs(down - next));
     }
-  return differences.empty() ? 0 : variance_by_median(differences) / (one_group ? 2 : 4);
+  return differences.empty() ? 0 : variance_by_median(std::move(differences)) / (one_group ? 2 : 4);
 }
 
 Complex turned(double cycles) {

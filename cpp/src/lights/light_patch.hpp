@@ -75,8 +75,8 @@ using kernels::ComplexValues;
 // which is robust against edges and strokes; of rows alone in a single group.
 double noise_variance(const Patch& patch, const Region& core);
 
-// Variance of a normal distribution of mean 0 by the median of magnitudes, one or more, which it reorders.
-double variance_by_median(std::vector<double>& magnitudes);
+// Variance of a normal distribution of mean 0 by the median of magnitudes, one or more.
+double variance_by_median(std::vector<double> magnitudes);
 
 // Rows of a Hann window of two cycles of `frequency`, cycles per row: an odd number.
 std::size_t hann_length(double frequency);
