@@ -94,8 +94,7 @@ FskSymbol FskDemodulator::demodulate(std::span<const double> signal, std::option
 
   const std::size_t tones = responses_.size();
   std::vector<double> lengths(tones);
-  for (std::size_t m = 0; m < tones; ++m)
-    lengths[m] = std::hypot(seen.sums[2 * m], seen.sums[2 * m + 1]);
+  for (std::size_t m = 0; m < tones; ++m) lengths[m] = std::hypot(seen.sums[2 * m], seen.sums[2 * m + 1]);
   const auto longest = static_cast<std::size_t>(std::ranges::max_element(lengths) - lengths.begin());
   const auto rows = static_cast<double>(signal.size());
   const double left = seen.squares[0] - lengths[longest] * lengths[longest];

@@ -41,8 +41,9 @@ TEST_CASE("rows of complex values agree with the sum that defines them, in both 
         for (std::size_t k = 0; k < length; ++k) {
           std::complex<double> sum = 0;
           for (std::size_t n = 0; n < length; ++n)
-            sum += in[row * length + n] * std::polar(1.0, sign * std::numbers::pi * static_cast<double>(k * n % length) /
-                                                              static_cast<double>(length));
+            sum +=
+                in[row * length + n] * std::polar(1.0, sign * std::numbers::pi * static_cast<double>(k * n % length) /
+                                                           static_cast<double>(length));
           CHECK(std::abs(out[row * length + k] - sum) < 1e-12);
         }
     }

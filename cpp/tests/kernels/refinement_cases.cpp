@@ -84,8 +84,9 @@ KernelCase logarithms_case(std::size_t count, double tolerance) {
     for (std::size_t i = 0; i < count; ++i)
       out[i] = static_cast<T>(std::log(std::max(double{light->data()[i]}, 0.0) + 0.5));
   };
-  return kernel_case<T>((sizeof(T) == 4 ? "logarithms<float> " : "logarithms<double> ") + std::to_string(count) + " values",
-                        tolerance, {1, count, count}, run, count > 200);
+  return kernel_case<T>(
+      (sizeof(T) == 4 ? "logarithms<float> " : "logarithms<double> ") + std::to_string(count) + " values", tolerance,
+      {1, count, count}, run, count > 200);
 }
 
 }  // namespace
