@@ -39,8 +39,7 @@ Values bell(std::size_t length) {
 Spectrum transformed(Transform direction, Spectrum values, std::size_t rows, std::size_t columns) {
   for (const std::size_t length : {columns, rows}) {
     const std::size_t count = values.size() / length;
-    Spectrum lines(values.size());
-    transform_rows(direction, values.data(), lines.data(), count, length, length);
+    const Spectrum lines = transformed_rows(direction, values, length);
     for (std::size_t i = 0; i < lines.size(); ++i) values[i % length * count + i / length] = lines[i];
   }
   return values;

@@ -303,12 +303,9 @@ bool has_sides(std::span<const double> weights, std::span<const double> clipped)
 // Combination with weights a/v of the blocks. `factor`: model of the covariance of their swings.
 CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
   const std::size_t count = frame.blocks.size();
-  VectorXd weights(static_cast<Index>(count));
-  double quality = 0, noise = 0;
-  for (std::size_t block = 0; block < count; ++block) {
-    weights(static_cast<Index>(block)) = std::max(factor.loadings[block], 0.0) / factor.own[block];
-    quality += factor.loadings[block] * factor.loadings[block] / factor.own[block];
-  }
+  const Eigen::Map<const Eigen::ArrayXd> loadings(factor.loadings.data(), static_cast<Index>(count)),
+      own(factor.own.data(), static_cast<Index>(count));
+  VectorXd weights = loadings.max(0.0) / own;
   if (!(weights.sum() > 0)) weights.setOnes();
   weights /= weights.sum();
 
@@ -318,7 +315,6 @@ CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
   result.weights.assign(frame.usable.size(), 0.0);
   for (std::size_t block = 0; block < count; ++block) {
     const double weight = weights(static_cast<Index>(block));
-    noise += weight * weight * factor.own[block];
     for (std::size_t column = frame.blocks[block].begin; column < frame.blocks[block].end; ++column) {
       if (!frame.usable[column]) continue;
       result.weights[column] = weight / frame.sizes(static_cast<Index>(block));
@@ -327,18 +323,19 @@ CombinedColumn combined(const BlockedFrame& frame, const CommonFactor& factor) {
   }
   for (std::size_t column = 0; column < frame.usable.size(); ++column)
     result.left_out |= !frame.usable[column] && frame.clipped[column] > kNextToNone;
-  result.noise = count > 1 ? std::sqrt(noise) : kNaN;
-  result.quality = quality;
+  result.noise = count > 1 ? std::sqrt((weights.array().square() * own).sum()) : kNaN;
+  result.quality = (loadings.square() / own).sum();
   result.has_sides = has_sides(result.weights, frame.clipped);
   return result;
 }
 
 // Columns per row by which the blocks' light moves.
 double slope_of(const BlockedFrame& frame) {
-  std::vector<double> centres;
-  for (const auto& [begin, end] : frame.blocks) centres.push_back(0.5 * static_cast<double>(begin + end - 1));
-  const Matrix by_block = frame.swings.transpose();
-  return lamp_slope({by_block.data(), static_cast<std::size_t>(by_block.size())}, centres);
+  const VectorXd centres = VectorXd::NullaryExpr(std::ssize(frame.blocks), [&](Index block) {
+    const auto& [begin, end] = frame.blocks[static_cast<std::size_t>(block)];
+    return 0.5 * static_cast<double>(begin + end - 1);
+  });
+  return lamp_slope(Eigen::MatrixXd(frame.swings), centres);
 }
 
 // `products`: of the blocks' swings, summed over the rows.

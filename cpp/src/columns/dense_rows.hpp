@@ -93,9 +93,11 @@ class DenseRows {
         return;
       }
     }
-    for (std::size_t r = 0; r < to.rows; ++r)
-      for (std::size_t c = 0; c < columns.size(); ++c)
-        copied_[r * columns.size() + c] = view_(frame_, row + r, columns.begin + c);
+    for_each_part(columns.size(), kernels::kLine / sizeof(Stored), [&](IndexRange part) {
+      for (std::size_t r = 0; r < to.rows; ++r)
+        for (std::size_t c = part.begin; c < part.end; ++c)
+          copied_[r * columns.size() + c] = view_(frame_, row + r, columns.begin + c);
+    });
   }
 
   const FramesView<const Stored>& view_;

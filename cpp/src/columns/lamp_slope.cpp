@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numeric>
 
 #include "core/levels.hpp"
 
@@ -11,8 +10,11 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kWindowRows = 60;
-constexpr std::size_t kMinWindows = 4;
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr Index kWindowRows = 60;
+constexpr Index kMinWindows = 4;
 constexpr double kMinLight = 0.2;   // relative to the largest: blocks of a window, or windows, below it are without it
 constexpr double kSlopeErrors = 6;  // standard errors
 
@@ -21,86 +23,54 @@ struct Centroid {
   double row = 0, column = 0, spread = 0, swing = 0;
 };
 
-// Loadings by one step of the power method from the strongest block.
-Centroid window_centroid(std::span<const double> swings, std::span<const double> centres, std::size_t begin,
-                         std::size_t end) {
-  const std::size_t rows = swings.size() / centres.size();
-  const auto block = [&](std::size_t index) { return swings.subspan(index * rows + begin, end - begin); };
-  const auto power = [&](std::size_t index) {
-    return std::inner_product(block(index).begin(), block(index).end(), block(index).begin(), 0.0);
-  };
-  std::size_t strongest = 0;
-  double most = 0;
-  for (std::size_t index = 0; index < centres.size(); ++index)
-    if (const double now = power(index); now > most) {
-      most = now;
-      strongest = index;
-    }
-  std::vector<double> common(block(strongest).begin(), block(strongest).end()), loadings(centres.size());
-  double largest = 0;
+// Loadings by one step of the power method from the strongest block. `window`: (rows × blocks), from row `begin` on.
+Centroid window_centroid(const ConstMatrix& window, const VectorXd& centres, Index begin) {
+  Index strongest = 0;
+  window.colwise().squaredNorm().maxCoeff(&strongest);
+  VectorXd common = window.col(strongest), loadings;
   for (int step = 0; step < 2; ++step) {
-    for (std::size_t index = 0; index < centres.size(); ++index)
-      loadings[index] = std::inner_product(common.begin(), common.end(), block(index).begin(), 0.0);
-    largest = *std::ranges::max_element(loadings);
-    std::ranges::fill(common, 0.0);
-    for (std::size_t index = 0; index < centres.size(); ++index) {
-      if (loadings[index] < kMinLight * largest) loadings[index] = 0;
-      for (std::size_t row = 0; row < common.size(); ++row) common[row] += loadings[index] * block(index)[row];
-    }
+    loadings = window.transpose() * common;
+    loadings = (loadings.array() < kMinLight * loadings.maxCoeff()).select(0.0, loadings);
+    common = window * loadings;
   }
-  if (!(largest > 0)) return {};
-  Centroid found;
-  const double sum = std::accumulate(loadings.begin(), loadings.end(), 0.0);
-  const double squares = std::inner_product(loadings.begin(), loadings.end(), loadings.begin(), 0.0);
-  found.column = std::inner_product(loadings.begin(), loadings.end(), centres.begin(), 0.0) / sum;
-  double moment = 0, energy = 0;
-  for (std::size_t index = 0; index < centres.size(); ++index)
-    moment += loadings[index] * std::pow(centres[index] - found.column, 2);
-  for (std::size_t row = 0; row < common.size(); ++row) {
-    const double square = common[row] * common[row];
-    energy += square;
-    found.row += square * static_cast<double>(begin + row);
-  }
-  found.row /= energy;
-  found.spread = std::sqrt(moment / sum);
-  found.swing = std::sqrt(energy) / squares;
-  return found;
+  if (!(loadings.maxCoeff() > 0)) return {};
+  const double sum = loadings.sum(), energy = common.squaredNorm(), column = loadings.dot(centres) / sum;
+  const auto rows =
+      VectorXd::LinSpaced(common.size(), static_cast<double>(begin), static_cast<double>(begin + common.size() - 1));
+  return {common.cwiseAbs2().dot(rows) / energy, column,
+          std::sqrt(loadings.dot((centres.array() - column).square().matrix()) / sum),
+          std::sqrt(energy) / loadings.squaredNorm()};
 }
 
 }  // namespace
 
-double lamp_slope(std::span<const double> swings, std::span<const double> centres) {
-  const std::size_t rows = centres.empty() ? 0 : swings.size() / centres.size(), windows = rows / kWindowRows;
+double lamp_slope(const ConstMatrix& swings, const VectorXd& centres) {
+  const Index rows = swings.rows(), windows = rows / kWindowRows;
   if (centres.size() < 3 || windows < kMinWindows) return 0;
   std::vector<Centroid> found;
   double strongest = 0;
-  for (std::size_t window = 0; window < windows; ++window) {
-    found.push_back(window_centroid(swings, centres, window * rows / windows, (window + 1) * rows / windows));
+  for (Index window = 0; window < windows; ++window) {
+    const Index begin = window * rows / windows, end = (window + 1) * rows / windows;
+    found.push_back(window_centroid(swings.middleRows(begin, end - begin), centres, begin));
     strongest = std::max(strongest, found.back().swing);
   }
   std::erase_if(found, [&](const Centroid& light) { return !(light.swing > kMinLight * strongest); });
-  if (found.size() < kMinWindows) return 0;
-  const auto count = static_cast<double>(found.size());
+  const auto count = static_cast<Index>(found.size());
+  if (count < kMinWindows) return 0;
   // A centroid's variance is inverse to the power of its window.
-  double power = 0, row = 0, column = 0, spread = 0, moment = 0, product = 0, left = 0;
-  for (const Centroid& light : found) power += light.swing * light.swing;
-  for (const Centroid& light : found) {
-    const double weight = light.swing * light.swing / power;
-    row += weight * light.row;
-    column += weight * light.column;
-    spread += weight * light.spread;
+  VectorXd weights(count), row(count), column(count), spread(count);
+  for (Index k = 0; k < count; ++k) {
+    const Centroid& light = found[static_cast<std::size_t>(k)];
+    weights(k) = light.swing * light.swing, row(k) = light.row, column(k) = light.column, spread(k) = light.spread;
   }
-  for (const Centroid& light : found) {
-    const double weight = light.swing * light.swing / power;
-    moment += weight * std::pow(light.row - row, 2);
-    product += weight * (light.row - row) * (light.column - column);
-  }
-  const double slope = product / moment;
-  for (const Centroid& light : found)
-    left += light.swing * light.swing / power * std::pow(light.column - column - slope * (light.row - row), 2);
-  const double error = std::sqrt(left / (count - 2) / moment);
-  const double movement = std::abs(slope) * (found.back().row - found.front().row);
-  return std::abs(slope) > kSlopeErrors * error && movement > kMostly * spread ? slope : 0.0;
+  weights /= weights.sum();
+  const double movement = row(count - 1) - row(0), wide = weights.dot(spread);
+  row.array() -= weights.dot(row);
+  column.array() -= weights.dot(column);
+  const double moment = weights.dot(row.cwiseAbs2()), slope = weights.dot(row.cwiseProduct(column)) / moment;
+  const double left = weights.dot((column - slope * row).cwiseAbs2());
+  const double error = std::sqrt(left / static_cast<double>(count - 2) / moment);
+  return std::abs(slope) > kSlopeErrors * error && std::abs(slope) * movement > kMostly * wide ? slope : 0.0;
 }
 
 UprightFrame::UprightFrame(const AnyFramesView& frames, std::size_t frame, double slope) {

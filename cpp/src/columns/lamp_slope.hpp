@@ -7,15 +7,16 @@
 #include <variant>
 #include <vector>
 
+#include "core/linear_algebra.hpp"
 #include "ocisac/core/views.hpp"
 
 namespace ocisac {
 
 // Slope of a light in columns per row; 0 if it is not significant: below six standard errors, or a movement of less
-// than half of the light's standard deviation. `swings`: (blocks × rows) of groups of columns about their moving means;
+// than half of the light's standard deviation. `swings`: (rows × blocks) of groups of columns about their moving means;
 // `centres`: (blocks) columns. Fits a line through the centroids of the light in windows of rows, each at the mean row
 // of the window's light.
-double lamp_slope(std::span<const double> swings, std::span<const double> centres);
+double lamp_slope(const ConstMatrix& swings, const Eigen::VectorXd& centres);
 
 // One frame with each row shifted along the columns by slope·(row − middle row), rounded to whole columns; only columns
 // inside the frame in all rows, at least one.

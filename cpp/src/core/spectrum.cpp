@@ -3,7 +3,6 @@
 #include <limits>
 #include <opencv2/core.hpp>
 #include <opencv2/core/utility.hpp>
-#include <type_traits>
 
 #include "ocisac/core/require.hpp"
 #include "ocisac/core/version.hpp"
@@ -47,43 +46,12 @@ std::vector<std::complex<double>> half_spectra(std::span<const double> signals, 
   return spectra;
 }
 
-std::vector<double> signals_of_half_spectra(std::span<const std::complex<double>> spectra, std::size_t length) {
-  const std::size_t bins = length / 2 + 1;
-  require(length > 0 && spectra.size() % bins == 0, "length", length, "2·(bins − 1) or 2·(bins − 1) + 1");
-  const std::size_t count = spectra.size() / bins;
-  std::vector<double> signals(count * length);
-  cv::Mat packed(checked_int("count", count), checked_int("length", length), CV_64F);
-  for (std::size_t signal = 0; signal < count; ++signal) {
-    auto* row = packed.ptr<double>(static_cast<int>(signal));
-    const auto* in = &spectra[signal * bins];
-    row[0] = in[0].real();
-    for (std::size_t k = 1; 2 * k < length; ++k) {
-      row[2 * k - 1] = in[k].real();
-      row[2 * k] = in[k].imag();
-    }
-    if (length % 2 == 0) row[length - 1] = in[length / 2].real();
-  }
-  cv::Mat output(packed.rows, packed.cols, CV_64F, signals.data());
-  cv::dft(packed, output, cv::DFT_INVERSE | cv::DFT_ROWS | cv::DFT_SCALE | cv::DFT_REAL_OUTPUT);
-  require(output.ptr<double>() == signals.data(), "length", length, "an output of its own");  // dft may not reallocate
-  return signals;
+std::vector<std::complex<double>> transformed_rows(Transform direction, std::span<const std::complex<double>> signals,
+                                                   std::size_t length) {
+  std::vector<std::complex<double>> lines(signals.begin(), signals.end());
+  cv::Mat rows(checked_int("count", lines.size() / length), checked_int("length", length), CV_64FC2, lines.data());
+  cv::dft(rows, rows, cv::DFT_ROWS | (direction == Transform::inverse ? cv::DFT_INVERSE : 0));
+  return lines;
 }
-
-template <class T>
-void transform_rows(Transform direction, const std::complex<T>* in, std::complex<T>* out, std::size_t count,
-                    std::size_t length, std::size_t pitch) {
-  const int rows = checked_int("count", count), columns = checked_int("length", length);
-  const std::size_t step = pitch * sizeof(std::complex<T>);
-  const cv::Mat from(rows, columns, std::is_same_v<T, float> ? CV_32FC2 : CV_64FC2, const_cast<std::complex<T>*>(in),
-                     step);
-  cv::Mat to(rows, columns, from.type(), out, step);
-  cv::dft(from, to, cv::DFT_ROWS | (direction == Transform::inverse ? cv::DFT_INVERSE : 0));
-  require(to.data == static_cast<void*>(out), "length", length, "an output of its own");  // dft may not reallocate
-}
-
-template void transform_rows(Transform, const std::complex<float>*, std::complex<float>*, std::size_t, std::size_t,
-                             std::size_t);
-template void transform_rows(Transform, const std::complex<double>*, std::complex<double>*, std::size_t, std::size_t,
-                             std::size_t);
 
 }  // namespace ocisac

@@ -14,15 +14,9 @@ std::size_t optimal_dft_length(std::size_t length);
 // `signals`: (count × length) dense. Result: (count × (length/2 + 1)), X(k) = Σ_n x(n)·e^{−j2πkn/length}.
 std::vector<std::complex<double>> half_spectra(std::span<const double> signals, std::size_t length);
 
-// The inverse, scaled by 1/length: `spectra` (count × (length/2 + 1)) → (count × length).
-// The imaginary parts at k = 0 and k = length/2 do not count.
-std::vector<double> signals_of_half_spectra(std::span<const std::complex<double>> spectra, std::size_t length);
-
-// Complex signals in the caller's memory: (count × length), rows `pitch` apart, without overlap of `in` and `out`.
-// inverse: not scaled. T: float or double.
+// Complex signals (count × length) in either direction; the inverse is not scaled.
 enum class Transform { forward, inverse };
-template <class T>
-void transform_rows(Transform direction, const std::complex<T>* in, std::complex<T>* out, std::size_t count,
-                    std::size_t length, std::size_t pitch);
+std::vector<std::complex<double>> transformed_rows(Transform direction, std::span<const std::complex<double>> signals,
+                                                   std::size_t length);
 
 }  // namespace ocisac

@@ -5,7 +5,7 @@
 namespace ocisac {
 
 CycleCounter::CycleCounter(DoubleDouble rate, const TimeLine& line, DoubleDouble offset)
-    : step_(rate * DoubleDouble{line.step, 0}), factor_(step_.high) {
+    : step_(rate * DoubleDouble{line.step, 0}) {
   const DoubleDouble base = rate * line.origin + offset;
   base_whole_ = std::abs(base.high) < kMaxCycles ? nearest_whole(base.high) : base.high;
   base_ = base + DoubleDouble{-base_whole_, 0};

@@ -66,37 +66,6 @@ struct TimeLine {
   DoubleDouble at(double x) const { return origin + exact_product(x, step); }
 };
 
-#ifdef FP_FAST_FMA
-constexpr bool kHasFusedProduct = true;
-#else
-constexpr bool kHasFusedProduct = false;
-#endif
-
-// A factor of many products without error.
-class ExactFactor {
- public:
-  explicit ExactFactor(double value) : value_(value), upper_(upper_half(value)), lower_(value - upper_) {}
-
-  // x·value. Dekker's halves where a fused multiply-add is a call of a function; the values are the same.
-  template <bool kFused = kHasFusedProduct>
-  DoubleDouble times(double x) const {
-    if constexpr (kFused) return exact_product(x, value_);
-    const double product = x * value_;
-    const double upper = upper_half(x);
-    const double lower = x - upper;
-    return {product, ((upper * upper_ - product) + upper * lower_ + lower * upper_) + lower * lower_};
-  }
-
- private:
-  static double upper_half(double value) {
-    const double scaled = value * 0x1.0000002p27;
-    return scaled - (scaled - value);
-  }
-
-  double value_;
-  double upper_, lower_;  // 26 bits each
-};
-
 // A count of cycles: whole + fraction + rest, fraction in [-1/2, 1/2], |rest| <= half its last place.
 struct Position {
   double whole = 0;
@@ -123,7 +92,7 @@ class CycleCounter {
 
  private:
   Position at(double x, double more_cycles) const {
-    const DoubleDouble product = factor_.times(x);
+    const DoubleDouble product = exact_product(x, step_.high);
     const double whole = nearest_whole(product.high);
     DoubleDouble part = exact_sum(product.high - whole, base_.high);
     part.low += product.low + x * step_.low + base_.low + more_cycles;
@@ -133,7 +102,6 @@ class CycleCounter {
   }
 
   DoubleDouble step_;
-  ExactFactor factor_;  // step_.high
   double base_whole_;
   DoubleDouble base_;  // the rest of the count at x = 0, within [-1/2, 1/2]
 };

@@ -23,11 +23,9 @@ namespace hn = hwy::HWY_NAMESPACE;
 template <bool kFractions>
 HWY_INLINE void count(DoubleDouble step, double grid, std::span<const double> x, double* HWY_RESTRICT coarse,
                       double* HWY_RESTRICT fine) {
-  constexpr bool kFused = kHasFusedProduct || HWY_TARGET <= HWY_AVX2;  // one operation instead of ten
-  const ExactFactor factor(step.high);
   const double low = step.low, shift = 0x1.8p52 * grid;
   for (std::size_t i = 0; i < x.size(); ++i) {
-    DoubleDouble cycles = factor.times<kFused>(x[i]);
+    DoubleDouble cycles = exact_product(x[i], step.high);
     cycles.low += x[i] * low;
     if constexpr (kFractions) {
       cycles = exact_sum(cycles.high - nearest_whole(cycles.high), cycles.low);

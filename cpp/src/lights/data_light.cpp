@@ -83,20 +83,14 @@ std::optional<Region> lit_columns(const LitFrame& frame, const Region& box, std:
   const Patch patch = patch_of(frame, box, std::max(box.width, box.height), 0);
   const auto fast = fast_logs(patch, length);
   const auto own = mean_swing(frame, {box.x, box.right()}, {box.y, box.bottom()}, length);
-  std::vector<double> squares(patch.stride), products(patch.stride);
-  double energy = 0;
-  for (std::size_t n = 0; n < patch.rows; ++n) {
-    const double s = own[n];
-    energy += s * s;
-    for (std::size_t g = 0; g < patch.stride; ++g) {
-      const double x = fast[n * patch.stride + g];
-      squares[g] += x * x;
-      products[g] += x * s;
-    }
-  }
+  const PatchArray swings = patch.array_of(fast);
+  const Eigen::Map<const Eigen::ArrayXd> common(own.data(), std::ssize(own));
+  const double energy = common.square().sum();
+  const Eigen::ArrayXd squares = swings.square().colwise().sum(),
+                       products = (swings.colwise() * common).colwise().sum();
   std::vector<std::uint8_t> lit(patch.groups);
-  for (std::size_t g = 0; g < patch.groups; ++g)
-    lit[g] = products[g] > std::max(kMostly * std::sqrt(squares[g] * energy), kSmallShare * energy);
+  Eigen::Map<Eigen::Array<std::uint8_t, Eigen::Dynamic, 1>>(lit.data(), std::ssize(lit)) =
+      (products > (kMostly * (squares * energy).sqrt()).max(kSmallShare * energy)).cast<std::uint8_t>();
   const std::size_t first = std::min((box.x - patch.first_column) / patch.group, patch.groups - 1);
   const std::size_t end = (box.right() - patch.first_column) / patch.group;
   const auto run = run_about(lit, first, std::clamp(end, first + 1, patch.groups));
@@ -145,26 +139,16 @@ double clock_evidence(std::span<const std::size_t> edges) {
 // Common waveform of the columns, Σ weight × log swing / √(Σ weight²).
 Profile waveform_of(const Patch& patch, std::size_t length) {
   const std::vector<double> fast = fast_logs(patch, length);
-  std::vector<double> weights(fast.size());
-  const auto count = static_cast<double>(patch.groups);
-  for (std::size_t n = 0; n < patch.rows; ++n) {
-    const std::span row(&fast[n * patch.stride], patch.groups);
-    const double mean = std::accumulate(row.begin(), row.end(), 0.0) / count;
-    for (std::size_t g = 0; g < patch.groups; ++g) weights[n * patch.stride + g] = row[g] * mean;
-  }
+  const Eigen::ArrayXd means = patch.array_of(fast).rowwise().mean();
+  std::vector<double> weights = fast;
+  for (std::size_t i = 0; i < weights.size(); ++i) weights[i] *= means(static_cast<Eigen::Index>(i / patch.stride));
   weights = local_means(weights, patch.rows, patch.stride, length);
+  const Eigen::ArrayXXd weight = patch.array_of(weights).max(0.0);
+  const Eigen::ArrayXd sizes = weight.square().rowwise().sum().sqrt();
+  const Eigen::ArrayXd matched = (sizes > 0).select((weight * patch.array_of(fast)).rowwise().sum() / sizes, 0.0);
   Profile out;
-  for (std::size_t n = 0; n < patch.rows; ++n) {
-    double sum = 0, squares = 0;
-    for (std::size_t i = n * patch.stride; i < n * patch.stride + patch.groups; ++i) {
-      const double weight = std::max(weights[i], 0.0);
-      out.energy += fast[i] * fast[i];
-      sum += weight * fast[i];
-      squares += weight * weight;
-    }
-    out.matched.push_back(squares > 0 ? sum / std::sqrt(squares) : 0);
-    out.common += out.matched.back() * out.matched.back();
-  }
+  out.matched.assign(matched.begin(), matched.end());
+  out.energy = patch.array_of(fast).square().sum(), out.common = matched.square().sum();
   out.noise = static_cast<double>(patch.rows * patch.groups) * noise_variance(patch, {0, 0, patch.groups, patch.rows});
   return out;
 }
@@ -190,10 +174,8 @@ std::optional<double> only_tone(std::vector<double> waveform) {
 
 // Amplitude: RMS of the mean light over the columns, local mean removed.
 void add_swing(const Patch& patch, std::size_t length, RefinedLight& light) {
-  std::vector<double> rows(patch.rows);
-  for (std::size_t n = 0; n < patch.rows; ++n)
-    for (std::size_t g = 0; g < patch.groups; ++g)
-      rows[n] += patch.light[n * patch.stride + g] / static_cast<double>(patch.groups);
+  const Eigen::ArrayXd means = patch.array_of(patch.light).rowwise().mean();
+  std::vector<double> rows(means.begin(), means.end());
   const double mean = mean_of(rows);
   const auto slow = local_means(rows, length);
   std::ranges::transform(rows, slow, rows.begin(), std::minus{});

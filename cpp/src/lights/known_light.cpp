@@ -72,37 +72,29 @@ class PatternFinder {
   }
 
   [[nodiscard]] LightPattern pattern_in(const AnyFramesView& frame, const Place& place) const {
-    const std::size_t cells = ends_.size();
+    const auto cells = std::ssize(ends_);
     const std::vector<double> light = light_in(frame, place);
     LightPattern result;
-    const double* row = light.data();
     double energy = 0, spread = 0;  // of changes from row to row beside the tone; of a mean, relative to a row
-    for (std::size_t half = 0; half < weights_.size(); ++half) {
+    for (std::size_t half = 0, row = 0; half < weights_.size(); ++half) {
       const Eigen::MatrixXd &weights = weights_[half], &waves = waves_[half];
-      std::vector<double> fitted(static_cast<std::size_t>(weights.cols()) * cells);
-      for (Eigen::Index n = 0; n < weights.rows(); ++n, row += cells)
-        for (Eigen::Index k = 0; k < weights.cols(); ++k)
-          for (std::size_t cell = 0; cell < cells; ++cell)
-            fitted[static_cast<std::size_t>(k) * cells + cell] += weights(n, k) * row[cell];
+      const Eigen::Index rows = weights.rows(), tone = waves.cols() - 1;
+      const Eigen::Map<const Eigen::MatrixXd> seen(&light[row * ends_.size()], cells, rows);
+      row += static_cast<std::size_t>(rows);
+      const Eigen::MatrixXd fitted = product(seen, weights);  // (cells × waves)
+      const Eigen::MatrixXd rest = seen - product(fitted.rightCols(tone), waves.rightCols(tone).transpose());
+      energy += (rest.rightCols(rows - 1) - rest.leftCols(rows - 1)).squaredNorm();
       spread = std::max(spread, weights.col(0).norm());
-      for (Eigen::Index n = 1; n < weights.rows(); ++n)
-        for (std::size_t cell = 0; cell < cells; ++cell) {
-          const double* at = row - static_cast<std::size_t>(weights.rows() - n) * cells + cell;
-          double change = *at - *(at - cells);
-          for (Eigen::Index k = 1; k < waves.cols(); ++k)
-            change -= (waves(n, k) - waves(n - 1, k)) * fitted[static_cast<std::size_t>(k) * cells + cell];
-          energy += change * change;
-        }
-      for (std::size_t cell = 0; cell < cells; ++cell) {
-        result.mean.push_back(fitted[cell]);
-        if (waves.cols() > 1) result.swing.emplace_back(fitted[cells + cell], -fitted[2 * cells + cell]);
+      for (Eigen::Index cell = 0; cell < cells; ++cell) {
+        result.mean.push_back(fitted(cell, 0));
+        if (tone > 0) result.swing.emplace_back(fitted(cell, 1), -fitted(cell, 2));
       }
     }
     result.noise = spread * std::sqrt(0.5 * energy / static_cast<double>(light.size()));
     if (slow_.size() == 0) return result;
     Eigen::VectorXd means(slow_.rows());
     for (std::size_t n = 0; n < rows_.size(); ++n)
-      means[static_cast<Eigen::Index>(n)] = mean_of(std::span(light).subspan(n * cells, cells));
+      means[static_cast<Eigen::Index>(n)] = mean_of(std::span(light).subspan(n * ends_.size(), ends_.size()));
     const Eigen::VectorXd waveform = beside(slow_, means);
     result.waveform.assign(waveform.begin(), waveform.end());
     return result;

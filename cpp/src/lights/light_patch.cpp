@@ -5,7 +5,9 @@
 #include <functional>
 #include <numeric>
 #include <type_traits>
+#include <utility>
 
+#include "columns/dense_rows.hpp"
 #include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "lights/refinement_kernels.hpp"
@@ -13,6 +15,7 @@
 #include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/rows/basis.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -22,56 +25,20 @@ using Complex = std::complex<double>;
 
 constexpr std::size_t kMaxColumns = 32;  // evaluated for a mean
 
-// Sums fit into 32 bits: a group of bytes or words is narrower than 2^16 columns.
 template <class T>
-using SumOf = std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;
-
-template <class T>
-void read_rows(const FramesView<const T>& view, std::size_t frame, double dark, Patch& patch) {
+void read_light(const FramesView<const T>& view, const LitFrame& frame, Patch& patch) {
+  using Sum =
+      std::conditional_t<std::is_integral_v<T>, std::uint32_t, double>;  // a group is narrower than 2^16 columns
   const double share = 1 / static_cast<double>(patch.group);
+  DenseRows<T, T> source(view, frame.index, {});
+  const auto rows =
+      source.read(patch.first_row, patch.rows, {patch.first_column, patch.first_column + patch.groups * patch.group});
   for (std::size_t n = 0; n < patch.rows; ++n) {
-    const T* row = view.at(frame, patch.first_row + n, patch.first_column);
-    for (std::size_t g = 0; g < patch.groups; ++g) {
-      SumOf<T> sum = 0;
-      for (std::size_t c = 0; c < patch.group; ++c)
-        sum += row[static_cast<std::ptrdiff_t>(g * patch.group + c) * view.column_stride];
-      patch.light[n * patch.stride + g] = static_cast<double>(sum) * share - dark;
-    }
+    const T* row = rows.samples + static_cast<std::ptrdiff_t>(n) * rows.stride;
+    for (std::size_t g = 0; g < patch.groups; ++g, row += patch.group)
+      patch.light[n * patch.stride + g] =
+          static_cast<double>(std::accumulate(row, row + patch.group, Sum{0})) * share - frame.dark;
   }
-}
-
-// For columns that are contiguous in memory.
-template <class T>
-void read_columns(const FramesView<const T>& view, std::size_t frame, double dark, Patch& patch) {
-  const double share = 1 / static_cast<double>(patch.group);
-  std::vector<SumOf<T>> sums(patch.rows);
-  for (std::size_t g = 0; g < patch.groups; ++g) {
-    std::ranges::fill(sums, SumOf<T>{0});
-    for (std::size_t c = 0; c < patch.group; ++c) {
-      const T* column = view.at(frame, patch.first_row, patch.first_column + g * patch.group + c);
-      for (std::size_t n = 0; n < patch.rows; ++n) sums[n] += column[static_cast<std::ptrdiff_t>(n) * view.row_stride];
-    }
-    for (std::size_t n = 0; n < patch.rows; ++n)
-      patch.light[n * patch.stride + g] = static_cast<double>(sums[n]) * share - dark;
-  }
-}
-
-std::vector<double> group_means(const Patch& patch, const std::vector<double>& values) {
-  std::vector<double> means(patch.stride);
-  for (std::size_t n = 0; n < patch.rows; ++n)
-    for (std::size_t g = 0; g < patch.stride; ++g) means[g] += values[n * patch.stride + g];
-  for (double& mean : means) mean /= static_cast<double>(patch.rows);
-  return means;
-}
-
-// Product of two carriers; with sign −1, of the first with the conjugate of the second.
-ComplexValues times(const ComplexValues& a, const ComplexValues& b, double sign) {
-  ComplexValues out{std::vector<double>(a.real.size()), std::vector<double>(a.real.size())};
-  for (std::size_t i = 0; i < out.real.size(); ++i) {
-    out.real[i] = a.real[i] * b.real[i] - sign * a.imaginary[i] * b.imaginary[i];
-    out.imaginary[i] = a.imaginary[i] * b.real[i] + sign * a.real[i] * b.imaginary[i];
-  }
-  return out;
 }
 
 // Mean of at most kMaxColumns columns evenly spaced, in each of the rows: light above dark.
@@ -132,14 +99,7 @@ Patch patch_of(const LitFrame& frame, const Region& box, std::size_t columns_bes
   Patch patch{left, top, bottom - top, groups, group, stride, {}, {}};
   patch.light.resize(patch.rows * stride);
   patch.logs.resize(patch.rows * stride);
-  std::visit(
-      [&](const auto& view) {
-        if (std::abs(view.row_stride) < std::abs(view.column_stride))
-          read_columns(view, frame.index, frame.dark, patch);
-        else
-          read_rows(view, frame.index, frame.dark, patch);
-      },
-      frame.frames);
+  std::visit([&](const auto& view) { read_light(view, frame, patch); }, frame.frames);
   kernels::logarithms(patch.light.data(), patch.light.size(), frame.floor, patch.logs.data());
   return patch;
 }
@@ -180,10 +140,8 @@ std::vector<double> fast_logs(const Patch& patch, std::size_t length) {
   return slow;
 }
 
-double variance_by_median(std::vector<double>& magnitudes) {
-  const auto middle = magnitudes.begin() + static_cast<std::ptrdiff_t>(magnitudes.size() / 2);
-  std::ranges::nth_element(magnitudes, middle);
-  return *middle * *middle / (kMedianMagnitude * kMedianMagnitude);
+double variance_by_median(std::vector<double> magnitudes) {
+  return std::pow(median(std::move(magnitudes)) / kMedianMagnitude, 2);
 }
 
 double noise_variance(const Patch& patch, const Region& core) {
@@ -197,7 +155,7 @@ double noise_variance(const Patch& patch, const Region& core) {
       const double down = at[0] - at[patch.stride], next = one_group ? 0 : at[1] - at[patch.stride + 1];
       if (std::isfinite(down - next)) differences.push_back(std::abs(down - next));
     }
-  return differences.empty() ? 0 : variance_by_median(differences) / (one_group ? 2 : 4);
+  return differences.empty() ? 0 : variance_by_median(std::move(differences)) / (one_group ? 2 : 4);
 }
 
 Complex turned(double cycles) {
@@ -217,14 +175,15 @@ std::size_t hann_length(double frequency) { return static_cast<std::size_t>(std:
 
 kernels::HannWindow hann_window(double frequency, std::size_t rows, std::size_t length) {
   const double bin = 1 / static_cast<double>(length);
-  const ComplexValues step = turns_of(bin, rows, length / 2), tone = turns_of(frequency, rows, length / 2);
-  return {times(tone, step, -1), tone, times(tone, step, 1), turns_of(bin, rows), length};
+  const auto carrier = [&](double at) { return turns_of(at, rows, length / 2); };
+  return {carrier(frequency - bin), carrier(frequency), carrier(frequency + bin), turns_of(bin, rows), length};
 }
 
 ComplexValues swing_of(const Patch& patch, const std::vector<double>& values, const kernels::HannWindow& window) {
   ComplexValues map{std::vector<double>(values.size()), std::vector<double>(values.size())};
-  kernels::hann_demodulate({values.data(), patch.rows, patch.stride}, group_means(patch, values).data(), window,
-                           map.real.data(), map.imaginary.data());
+  const Eigen::ArrayXd means = patch.part_of(values, {0, 0, patch.stride, patch.rows}).colwise().mean();
+  kernels::hann_demodulate({values.data(), patch.rows, patch.stride}, means.data(), window, map.real.data(),
+                           map.imaginary.data());
   return map;
 }
 

@@ -1,6 +1,7 @@
 // Part of a frame around a light, for refinement: groups of columns, their logarithm, and the local swing.
 #pragma once
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <complex>
 #include <cstddef>
@@ -17,10 +18,22 @@ namespace ocisac {
 
 constexpr std::size_t kWidestGroup = 8;  // columns in a group of a small light
 
+using PatchArray =
+    Eigen::Map<const Eigen::Array<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>, 0, Eigen::OuterStride<>>;
+
 // Light above dark, mean of each group of columns, and ln(light + floor): (rows × stride), zeros beyond the groups.
 struct Patch {
   std::size_t first_column, first_row, rows, groups, group, stride;
   std::vector<double> light, logs;
+
+  // A part of values (rows × stride) of the patch, as (rows × groups).
+  [[nodiscard]] PatchArray part_of(const std::vector<double>& values, const Region& part) const {
+    return {values.data() + part.y * stride + part.x, static_cast<Eigen::Index>(part.height),
+            static_cast<Eigen::Index>(part.width), Eigen::OuterStride<>(static_cast<Eigen::Index>(stride))};
+  }
+  [[nodiscard]] PatchArray array_of(const std::vector<double>& values) const {
+    return part_of(values, {0, 0, groups, rows});
+  }
 
   // Groups (x) and rows (y) of the patch in the box, including groups that it cuts.
   [[nodiscard]] Region range(const Region& box) const;
@@ -62,8 +75,8 @@ using kernels::ComplexValues;
 // which is robust against edges and strokes; of rows alone in a single group.
 double noise_variance(const Patch& patch, const Region& core);
 
-// Variance of a normal distribution of mean 0 by the median of magnitudes, one or more, which it reorders.
-double variance_by_median(std::vector<double>& magnitudes);
+// Variance of a normal distribution of mean 0 by the median of magnitudes, one or more.
+double variance_by_median(std::vector<double> magnitudes);
 
 // Rows of a Hann window of two cycles of `frequency`, cycles per row: an odd number.
 std::size_t hann_length(double frequency);

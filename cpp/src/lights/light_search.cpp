@@ -80,23 +80,13 @@ Detections with_tone_of(const SearchedFrame& in, Detections found, const Suspect
 Detections with_pulses(const SearchedFrame& in, Detections found, Region box) {
   FrequencySearch search;
   search.lower = std::min(in.options.min_cycles / static_cast<double>(box.height), 0.25);
-  const AnyFramesView part = part_of(frame_of(in.frame.frames, in.frame.index), box);
-  const std::size_t step = box.width / (4 * kMinColumns) + 1;  // some columns tell a tone of all
-  std::vector<double> light;
-  for (std::size_t column = 0; column < box.width; column += step) {
-    const auto signal = column_signals(part, 0, column, 1, in.camera.tone_curve);
-    light.insert(light.end(), signal.begin(), signal.end());
-  }
-  auto some = dense_view<const double>(light.data(), 1, light.size() / box.height, box.height);
-  std::swap(some.rows, some.columns);
-  std::swap(some.row_stride, some.column_stride);
-  const FoundFrequency tone = find_frequency(some, search);
+  const FoundFrequency tone = find_frequency(part_of(frame_of(in.frame.frames, in.frame.index), box), search);
   if (tone.flags & ~flag::model_misfit) return found;
   const auto& used = tone.columns.used;
-  const auto first = static_cast<std::size_t>(std::find(used.begin(), used.end(), 1) - used.begin());
-  const auto beyond = static_cast<std::size_t>(std::find(used.rbegin(), used.rend(), 1).base() - used.begin());
-  box.width = std::min(beyond * step, box.width) - first * step;
-  box.x += first * step;
+  const auto first = std::ranges::find(used, 1) - used.begin(),
+             end = std::find(used.rbegin(), used.rend(), 1).base() - used.begin();
+  box.x += static_cast<std::size_t>(first);
+  box.width = static_cast<std::size_t>(end - first);
   const auto one = most_probable(in, suspect_at(box, tone.frequency), found);
   if (one && is_convincing(in, *one) && covers(one->light.box, box)) found.lights.push_back(*one);
   return found;

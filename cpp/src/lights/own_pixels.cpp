@@ -190,7 +190,7 @@ std::vector<double> likelihood_ratios(const OwnPixels& pixels, const ToneFit& fi
   std::vector<double> ratios(pixels.light.size());
   if (residuals.empty()) return ratios;
   swing /= static_cast<double>(residuals.size());
-  const double own = std::max(variance_by_median(residuals), squared(kNextToNone));
+  const double own = std::max(variance_by_median(std::move(residuals)), squared(kNextToNone));
   for (std::size_t g = 0; g < groups; ++g) {
     std::size_t first = 0, end = rows;
     while (first < end && !pixels.own[first * groups + g]) ++first;

@@ -122,21 +122,13 @@ std::optional<RefinedLight> lit_box(const Patch& patch, const ComplexValues& swi
 // Light multiplies a picture, so the texture of log light is equal in bright and dark rows. Lines of text have texture
 // only in the rows of their letters.
 double uneven_variance(const Patch& patch, const Region& core, const std::vector<double>& fast, double frequency) {
+  const PatchArray own = patch.part_of(fast, core);
+  const Eigen::ArrayXd sums = own.rowwise().sum();
+  const Eigen::ArrayXd variances =
+      (own.square().rowwise().sum() - sums.square() / static_cast<double>(core.width)).max(0.0);
   Complex tone = 0;
-  double total = 0;
-  const auto count = static_cast<double>(core.width);
-  for (std::size_t n = core.y; n < core.bottom(); ++n) {
-    double sum = 0, square = 0;
-    for (std::size_t g = core.x; g < core.right(); ++g) {
-      const double x = fast[n * patch.stride + g];
-      sum += x;
-      square += x * x;
-    }
-    const double variance = std::max(square - sum * sum / count, 0.0);
-    tone += variance * turned(frequency * static_cast<double>(n));
-    total += variance;
-  }
-  return total > 0 ? std::abs(tone) / total : 0;
+  for (Eigen::Index n = 0; n < variances.size(); ++n) tone += variances(n) * turned(frequency * static_cast<double>(n));
+  return variances.sum() > 0 ? std::abs(tone) / variances.sum() : 0;
 }
 
 // Profile weighted with the local swing of log light, in the box and two cycles on each side.
@@ -201,22 +193,16 @@ void add_appearance(const Patch& patch, const ComplexValues& swing, double seen,
   const std::size_t top = core.y - std::min(core.y, above);
   const Region wide{left, top, std::min(core.right() + beside, patch.groups) - left,
                     std::min(core.bottom() + above, patch.rows) - top};
-  double swings = 0, means = 0, products = 0, swings2 = 0, means2 = 0;
-  for_each(patch, wide, [&](std::size_t i, std::size_t) {
-    const double s = 2 * size(swing[i]), m = mean[i];
-    swings += s, means += m, products += s * m, swings2 += s * s, means2 += m * m;
-  });
-  const auto count = static_cast<double>(wide.pixels());
-  const double covariance = products - swings * means / count;
-  const double spread = (swings2 - swings * swings / count) * (means2 - means * means / count);
-  light.contour = spread > 0 ? covariance / std::sqrt(spread) : 0;
+  const auto sizes_in = [&](const Region& part) -> Eigen::ArrayXXd {
+    return 2 * (patch.part_of(swing.real, part).square() + patch.part_of(swing.imaginary, part).square()).sqrt();
+  };
+  const Eigen::ArrayXXd swings = sizes_in(wide), means = patch.part_of(mean, wide), own = sizes_in(core);
+  const Eigen::ArrayXXd away = swings - swings.mean(), off = means - means.mean();
+  const double spread = away.square().sum() * off.square().sum();
+  light.contour = spread > 0 ? (away * off).sum() / std::sqrt(spread) : 0;
   if (wide.width == core.width) light.contour = 1;  // it fills the frame
-  double weighted = 0, bright = 0;
-  for_each(patch, core, [&](std::size_t i, std::size_t) {
-    const double s = 2 * size(swing[i]);
-    weighted += s * s, bright += s * std::max(mean[i], 0.0);
-  });
-  light.depth = bright > 0 ? weighted / bright : 0;
+  const double bright = (own * patch.part_of(mean, core).max(0.0)).sum();
+  light.depth = bright > 0 ? own.square().sum() / bright : 0;
   light.across = across_phase(patch, swing, core);
   measure_tilt(patch, swing, core, seen, light);
 }

@@ -7,6 +7,8 @@
 #define HWY_TARGET_INCLUDE "lights/refinement_kernels.cpp"
 #include <hwy/foreach_target.h>  // compiles the rest once for each target
 //
+#include <hwy/contrib/algo/transform-inl.h>
+#include <hwy/contrib/math/math-inl.h>
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -67,26 +69,18 @@ void HannDemodulate(const PatchView& x, const double* mean, const HannWindow& wi
   }
 }
 
-// ln m = 2·artanh((m − 1)/(m + 1)) for a mantissa m between √½ and √2.
-void Logarithms64(const double* light, std::size_t count, double floor, double* out) {
-  const DoubleTag d;
-  const hn::RebindToUnsigned<DoubleTag> bits;
-  const auto one = hn::Set(d, 1.0);
-  for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
-    const auto x = hn::BitCast(bits, hn::Add(hn::Max(hn::LoadU(d, light + i), hn::Zero(d)), hn::Set(d, floor)));
-    // Biased exponent as a floating-point number: 2^52 + exponent.
-    const auto shifted = hn::Or(hn::ShiftRight<52>(x), hn::Set(bits, 0x4330000000000000ULL));
-    auto exponent = hn::Sub(hn::BitCast(d, shifted), hn::Set(d, 4503599627370496.0 + 1023.0));
-    auto m =
-        hn::BitCast(d, hn::Or(hn::And(x, hn::Set(bits, 0x000fffffffffffffULL)), hn::Set(bits, 0x3ff0000000000000ULL)));
-    const auto large = hn::Gt(m, hn::Set(d, std::numbers::sqrt2));
-    m = hn::IfThenElse(large, hn::Mul(m, hn::Set(d, 0.5)), m);
-    exponent = hn::IfThenElse(large, hn::Add(exponent, one), exponent);
-    const auto t = hn::Div(hn::Sub(m, one), hn::Add(m, one)), t2 = hn::Mul(t, t);
-    auto series = hn::Set(d, 1.0 / 21);
-    for (int k = 19; k >= 1; k -= 2) series = hn::MulAdd(series, t2, hn::Set(d, 1.0 / k));
-    hn::StoreU(hn::MulAdd(exponent, hn::Set(d, std::numbers::ln2), hn::Mul(hn::Add(t, t), series)), d, out + i);
-  }
+template <class T>
+HWY_INLINE void logarithms_of(const T* light, std::size_t count, T floor, T* out) {
+  hn::Transform1(hn::ScalableTag<T>(), out, count, light, [floor](auto d, auto, auto x) HWY_ATTR {
+    return hn::Log(d, hn::Add(hn::Max(x, hn::Zero(d)), hn::Set(d, floor)));
+  });
+}
+
+void LogarithmsOfFloats(const float* light, std::size_t count, float floor, float* out) {
+  logarithms_of(light, count, floor, out);
+}
+void LogarithmsOfDoubles(const double* light, std::size_t count, double floor, double* out) {
+  logarithms_of(light, count, floor, out);
 }
 
 }  // namespace HWY_NAMESPACE
@@ -97,15 +91,20 @@ HWY_AFTER_NAMESPACE();
 namespace ocisac::kernels {
 
 HWY_EXPORT(HannDemodulate);
-HWY_EXPORT(Logarithms64);
+HWY_EXPORT(LogarithmsOfFloats);
+HWY_EXPORT(LogarithmsOfDoubles);
 
 void hann_demodulate(const PatchView& x, const double* mean, const HannWindow& window, double* real,
                      double* imaginary) {
   HWY_DYNAMIC_DISPATCH(HannDemodulate)(x, mean, window, real, imaginary);
 }
 
+void logarithms(const float* light, std::size_t count, float floor, float* out) {
+  HWY_DYNAMIC_DISPATCH(LogarithmsOfFloats)(light, count, floor, out);
+}
+
 void logarithms(const double* light, std::size_t count, double floor, double* out) {
-  HWY_DYNAMIC_DISPATCH(Logarithms64)(light, count, floor, out);
+  HWY_DYNAMIC_DISPATCH(LogarithmsOfDoubles)(light, count, floor, out);
 }
 
 }  // namespace ocisac::kernels

@@ -4,10 +4,12 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
+#include <functional>
 #include <memory>
-#include <span>
+#include <numeric>
+#include <type_traits>
 
+#include "columns/dense_rows.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/levels.hpp"
 #include "lights/screening_kernels.hpp"
@@ -247,63 +249,22 @@ class Scale {
 // Uses stored values: a memoryless tone curve preserves every period.
 template <class T>
 void add_rows(const FramesView<const T>& view, std::size_t group, float dark, Scale& scale) {
+  constexpr std::size_t kBlock = 256;
   const std::size_t groups = view.columns / group;
   const float factor = 1.0F / static_cast<float>(group);
+  DenseRows<T, T> source(view, 0, {});
   std::vector<float> light(groups);
-  for (std::size_t n = 0; n < view.rows; ++n) {
-    const T* row = view.at(0, n, 0);
-    bool done = false;
-    if constexpr (std::is_same_v<T, std::uint8_t>)
-      if (view.column_stride == 1 && group == 8) {
-        kernels::sum_eight_bytes(row, groups, factor, dark, light.data());
-        done = true;
-      }
-    for (std::size_t g = 0; g < groups && !done; ++g) {
-      float sum = 0;
-      for (std::size_t c = 0; c < group; ++c)
-        sum += static_cast<float>(row[static_cast<std::ptrdiff_t>(g * group + c) * view.column_stride]);
-      light[g] = sum * factor - dark;
-    }
-    scale.add_row(light.data());
-  }
-}
-
-// Mean light of `group` columns in the rows from `first` on.
-template <class T>
-void sum_columns(const FramesView<const T>& view, std::size_t first, std::size_t column, std::size_t group,
-                 std::span<float> out, float factor, float dark) {
-  if constexpr (std::is_same_v<T, std::uint8_t>)
-    if (view.row_stride == 1 && group == 8) {
-      kernels::sum_eight_columns(view.at(0, first, column), view.column_stride, out.size(),
-                                 column + 2 * group <= view.columns, factor, dark, out.data());
-      return;
-    }
-  std::ranges::fill(out, 0.0F);
-  for (std::size_t c = 0; c < group; ++c) {
-    const T* samples = view.at(0, first, column + c);
-    for (std::size_t n = 0; n < out.size(); ++n)
-      out[n] += static_cast<float>(samples[static_cast<std::ptrdiff_t>(n) * view.row_stride]);
-  }
-  for (float& light : out) light = light * factor - dark;
-}
-
-// For contiguous columns: processes some cache lines of each and a few groups at a time.
-template <class T>
-void add_columns(const FramesView<const T>& view, std::size_t group, float dark, Scale& scale) {
-  constexpr std::size_t kBlock = 256, kTogether = 16;
-  const std::size_t groups = view.columns / group;
-  const float factor = 1.0F / static_cast<float>(group);
-  std::vector<float> light(kBlock * groups), sums(kTogether * kBlock);
   for (std::size_t first = 0; first < view.rows; first += kBlock) {
-    const std::size_t count = std::min(kBlock, view.rows - first);
-    for (std::size_t start = 0; start < groups; start += kTogether) {
-      const std::size_t width = std::min(kTogether, groups - start);
-      for (std::size_t g = 0; g < width; ++g)
-        sum_columns(view, first, (start + g) * group, group, {&sums[g * kBlock], count}, factor, dark);
-      for (std::size_t n = 0; n < count; ++n)
-        for (std::size_t g = 0; g < width; ++g) light[n * groups + start + g] = sums[g * kBlock + n];
+    const auto block = source.read(first, std::min(kBlock, view.rows - first), {0, view.columns});
+    for (std::size_t n = 0; n < block.rows; ++n) {
+      const T* const row = block.samples + static_cast<std::ptrdiff_t>(n) * block.stride;
+      if (std::is_same_v<T, std::uint8_t> && group == 8)
+        kernels::sum_eight_bytes(reinterpret_cast<const std::uint8_t*>(row), groups, factor, dark, light.data());
+      else
+        for (std::size_t g = 0; g < groups; ++g)
+          light[g] = std::accumulate(row + g * group, row + (g + 1) * group, 0.0F) * factor - dark;
+      scale.add_row(light.data());
     }
-    for (std::size_t n = 0; n < count; ++n) scale.add_row(&light[n * groups]);
   }
 }
 
@@ -320,14 +281,7 @@ std::vector<Suspect> screen_sources(const LitFrame& frame, const Region& region,
   Scale finest(shape.rows, shape.columns / group, 1, group, by_rows, true);
   finest.begin(floor, min_swing, false_alarms, finest.tiles());
   std::visit(
-      [&](const auto& view) {
-        const auto one = view.frame(frame.index);
-        const auto dark = static_cast<float>(frame.dark);
-        if (std::abs(one.row_stride) < std::abs(one.column_stride))
-          add_columns(one, group, dark, finest);
-        else
-          add_rows(one, group, dark, finest);
-      },
+      [&](const auto& view) { add_rows(view.frame(frame.index), group, static_cast<float>(frame.dark), finest); },
       frames);
   std::vector<Suspect> suspects;
   finest.collect(suspects);

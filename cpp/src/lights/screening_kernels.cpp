@@ -2,15 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cstring>
-#include <numbers>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "lights/screening_kernels.cpp"
 #include <hwy/foreach_target.h>  // compiles the rest once for each target
 //
-#include <hwy/cache_control.h>
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
@@ -132,32 +129,7 @@ void WaveSums(const float* earlier, const float* later, float step, std::size_t 
   }
 }
 
-// Prefetches the next group's columns: too many streams for the hardware prefetchers.
-void SumEightColumns(const std::uint8_t* HWY_RESTRICT first, std::ptrdiff_t stride, std::size_t rows, bool more,
-                     float scale, float dark, float* HWY_RESTRICT out) {
-  const FloatTag d;
-  const hn::Rebind<std::int32_t, FloatTag> words;
-  const hn::Rebind<std::uint16_t, FloatTag> halves;
-  const hn::Rebind<std::uint8_t, FloatTag> bytes;
-  const std::size_t lanes = hn::Lanes(d);
-  for (std::ptrdiff_t c = 8; more && c < 16; ++c)
-    for (std::size_t n = 0; n < rows; n += 64) hwy::Prefetch(first + c * stride + n);
-  std::size_t n = 0;
-  for (; n + lanes <= rows; n += lanes) {
-    auto sum = hn::Zero(halves);
-    for (std::ptrdiff_t c = 0; c < 8; ++c)
-      sum = hn::Add(sum, hn::PromoteTo(halves, hn::LoadU(bytes, first + c * stride + n)));
-    const auto light = hn::ConvertTo(d, hn::PromoteTo(words, sum));
-    hn::StoreU(hn::Sub(hn::Mul(light, hn::Set(d, scale)), hn::Set(d, dark)), d, out + n);
-  }
-  for (; n < rows; ++n) {
-    std::int32_t sum = 0;
-    for (std::ptrdiff_t c = 0; c < 8; ++c) sum += first[c * stride + static_cast<std::ptrdiff_t>(n)];
-    out[n] = static_cast<float>(sum) * scale - dark;
-  }
-}
-
-// Plain loops from here on: the compiler vectorises them for the target.
+// A plain loop, which the compiler vectorises for the target.
 void SumEightBytes(const std::uint8_t* HWY_RESTRICT row, std::size_t groups, float scale, float dark,
                    float* HWY_RESTRICT out) {
   constexpr std::uint64_t kLow = 0x00ff00ff00ff00ffU;
@@ -168,17 +140,6 @@ void SumEightBytes(const std::uint8_t* HWY_RESTRICT row, std::size_t groups, flo
     x += x >> 32;
     const auto sum = static_cast<std::int32_t>((x + (x >> 16)) & 0xffffU);
     out[g] = static_cast<float>(sum) * scale - dark;
-  }
-}
-
-// ln m = 2·artanh((m − 1)/(m + 1)) for the mantissa m.
-void Logarithms(const float* HWY_RESTRICT light, std::size_t groups, float floor, float* HWY_RESTRICT out) {
-  for (std::size_t g = 0; g < groups; ++g) {
-    const auto bits = std::bit_cast<std::int32_t>(std::max(light[g], 0.0F) + floor);
-    const auto exponent = static_cast<float>((bits >> 23) - 127);
-    const auto mantissa = std::bit_cast<float>((bits & 0x007fffff) | 0x3f800000);
-    const float t = (mantissa - 1) / (mantissa + 1), t2 = t * t;
-    out[g] = exponent * std::numbers::ln2_v<float> + 2 * t * (1 + t2 * (1.0F / 3 + t2 * (0.2F + t2 / 7)));
   }
 }
 
@@ -193,8 +154,6 @@ HWY_EXPORT(ChunkMomentsOf);
 HWY_EXPORT(TileEnergies);
 HWY_EXPORT(WaveSums);
 HWY_EXPORT(SumEightBytes);
-HWY_EXPORT(SumEightColumns);
-HWY_EXPORT(Logarithms);
 
 void chunk_moments(std::size_t stride, std::size_t groups, std::size_t tile, const Chunk& chunk) {
   HWY_DYNAMIC_DISPATCH(ChunkMomentsOf)(stride, groups, tile, chunk);
@@ -210,17 +169,8 @@ void wave_sums(const float* earlier, const float* later, float step, std::size_t
   HWY_DYNAMIC_DISPATCH(WaveSums)(earlier, later, step, stride, cosine, sine, waves, even, odd);
 }
 
-void sum_eight_columns(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t rows, bool more, float scale,
-                       float dark, float* out) {
-  HWY_DYNAMIC_DISPATCH(SumEightColumns)(first, stride, rows, more, scale, dark, out);
-}
-
 void sum_eight_bytes(const std::uint8_t* row, std::size_t groups, float scale, float dark, float* out) {
   HWY_DYNAMIC_DISPATCH(SumEightBytes)(row, groups, scale, dark, out);
-}
-
-void logarithms(const float* light, std::size_t groups, float floor, float* out) {
-  HWY_DYNAMIC_DISPATCH(Logarithms)(light, groups, floor, out);
 }
 
 }  // namespace ocisac::kernels

@@ -47,12 +47,4 @@ void wave_sums(const float* earlier, const float* later, float step, std::size_t
 // out[g] = scale·(sum of bytes 8g … 8g + 7) − dark.
 void sum_eight_bytes(const std::uint8_t* row, std::size_t groups, float scale, float dark, float* out);
 
-// The same for bytes in contiguous columns: out[n] = scale·(sum of bytes n of eight columns) − dark. `more`: eight
-// further columns follow, `stride` apart.
-void sum_eight_columns(const std::uint8_t* first, std::ptrdiff_t stride, std::size_t rows, bool more, float scale,
-                       float dark, float* out);
-
-// out[g] = ln(max(light[g], 0) + floor), to 1e-5.
-void logarithms(const float* light, std::size_t groups, float floor, float* out);
-
 }  // namespace ocisac::kernels

@@ -1,10 +1,9 @@
 #include "ocisac/packets/fsk.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
-#include <numbers>
-#include <numeric>
 #include <utility>
 
 #include "core/levels.hpp"
@@ -12,6 +11,7 @@
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
+#include "rows/fit.hpp"
 
 namespace ocisac {
 
@@ -19,7 +19,6 @@ namespace {
 
 constexpr double kMinResponse = 1e-3;  // below: a tone in a null of the exposure
 constexpr std::size_t kMinRows = 8;
-constexpr std::size_t kNuisances = 2;  // mean and slope
 constexpr double kAsymptotic = 20;
 
 // ln I₀(x), x ≥ 0: its power series, or the asymptotic one, which loses no more than 10⁻⁹ beyond.
@@ -33,37 +32,13 @@ double log_bessel_i0(double x) {
   return std::log(sum) + (is_large ? x - 0.5 * std::log(kTwoPi * x) : 0.0);
 }
 
-// Gram–Schmidt step: removes the projections on the previous directions and normalises.
-void orthonormalise(std::span<double> vector, std::span<const double> directions) {
-  for (std::size_t at = 0; at < directions.size(); at += vector.size()) {
-    const auto direction = directions.subspan(at, vector.size());
-    const double part = std::inner_product(vector.begin(), vector.end(), direction.begin(), 0.0);
-    for (std::size_t n = 0; n < vector.size(); ++n) vector[n] -= part * direction[n];
-  }
-  const double length = std::sqrt(std::inner_product(vector.begin(), vector.end(), vector.begin(), 0.0));
-  for (double& value : vector) value /= length;
-}
-
-// (2 + 2·tones) × rows: mean, slope, then each tone's cosine and sine, orthonormal to mean, slope and each other.
+// (2·tones) × rows: each tone's cosine and sine, orthonormal to mean, slope and each other.
 std::vector<double> directions_of(const Camera& camera, std::span<const double> tones, std::size_t rows) {
-  std::vector<double> weights((kNuisances + 2 * tones.size()) * rows);
-  const auto direction = [&](std::size_t index) { return std::span(weights).subspan(index * rows, rows); };
-  std::ranges::fill(direction(0), 1.0);
-  std::iota(direction(1).begin(), direction(1).end(), -0.5 * static_cast<double>(rows - 1));
-  orthonormalise(direction(0), {});
-  orthonormalise(direction(1), direction(0));
-  std::vector<double> before(weights.begin(), weights.begin() + static_cast<std::ptrdiff_t>(2 * rows));
-  before.resize(3 * rows);
-  for (std::size_t m = 0; m < tones.size(); ++m) {
-    const auto cosine = direction(kNuisances + 2 * m), sine = direction(kNuisances + 2 * m + 1);
-    for (std::size_t n = 0; n < rows; ++n) {
-      const double cycles = std::fmod(tones[m] * camera.row_time * static_cast<double>(n), 1.0);
-      cosine[n] = std::cos(2 * std::numbers::pi * cycles);
-      sine[n] = std::sin(2 * std::numbers::pi * cycles);
-    }
-    orthonormalise(cosine, std::span(before).first(2 * rows));
-    std::ranges::copy(cosine, before.begin() + static_cast<std::ptrdiff_t>(2 * rows));
-    orthonormalise(sine, before);
+  std::vector<double> weights;
+  for (const double tone : tones) {
+    const Eigen::MatrixXd basis =
+        orthogonal_factors(tone_design(centred_rows(rows), std::array{tone * camera.row_time}, 1)).basis;
+    weights.insert(weights.end(), basis.col(2).data(), basis.data() + basis.size());
   }
   return weights;
 }
@@ -72,7 +47,7 @@ RowWeights weights_of(const Camera& camera, std::span<const double> tones, std::
   check_tones(camera, tones);
   require(rows >= kMinRows && static_cast<double>(rows) * camera.row_time * *std::ranges::min_element(tones) >= 1,
           "rows", rows, "8 or more, and a cycle of the slowest tone");
-  return {directions_of(camera, tones, rows), kNuisances + 2 * tones.size(), rows, 1, 3};
+  return {directions_of(camera, tones, rows), 2 * tones.size(), rows, 1, 3};
 }
 
 // Max-log ratio: the best symbol with the bit at 1 against the best with the bit at 0.
@@ -112,20 +87,17 @@ FskSymbol FskDemodulator::demodulate(std::span<const double> signal, std::option
   require(signal.size() == weights_.rows(), "signal", signal.size(), std::to_string(weights_.rows()) + " rows");
   for (const double value : signal) require(std::abs(value) <= kMaxLevel, "signal", value, "numbers of at most 1e100");
   if (amplitude) require(*amplitude >= 0 && *amplitude <= kMaxLevel, "amplitude", *amplitude, "0 to 1e100");
-  const double middle = mean_of(signal);
-  std::vector<double> centred(signal.begin(), signal.end());
-  for (double& value : centred) value -= middle;
-  const AnyFramesView view = dense_view<const double>(centred.data(), 1, centred.size(), 1);
+  std::vector<double> rest(signal.begin(), signal.end());
+  remove_line(rest);
+  const AnyFramesView view = dense_view<const double>(rest.data(), 1, rest.size(), 1);
   const Projection seen = project(view, 0, 0, 1, weights_);
 
   const std::size_t tones = responses_.size();
   std::vector<double> lengths(tones);
-  for (std::size_t m = 0; m < tones; ++m)
-    lengths[m] = std::hypot(seen.sums[kNuisances + 2 * m], seen.sums[kNuisances + 2 * m + 1]);
+  for (std::size_t m = 0; m < tones; ++m) lengths[m] = std::hypot(seen.sums[2 * m], seen.sums[2 * m + 1]);
   const auto longest = static_cast<std::size_t>(std::ranges::max_element(lengths) - lengths.begin());
   const auto rows = static_cast<double>(signal.size());
-  const double left =
-      seen.squares[0] - seen.sums[0] * seen.sums[0] - seen.sums[1] * seen.sums[1] - lengths[longest] * lengths[longest];
+  const double left = seen.squares[0] - lengths[longest] * lengths[longest];
   const double variance = std::max(left / (rows - 4), 1e-24 * seen.squares[0] + 1e-300);
   const auto energy = [&](std::size_t m) { return std::max(lengths[m] * lengths[m] / (2 * variance) - 1, 0.0); };
   const double scale = std::sqrt(rows / 2);

@@ -30,6 +30,9 @@ namespace ocisac {
 
 namespace {
 
+using Eigen::Index;
+using Eigen::MatrixXd;
+
 constexpr std::size_t kFewestRows = 8;
 constexpr std::size_t kMaxHarmonics = 31;
 
@@ -277,23 +280,20 @@ PeriodicFit final_fit(const PeriodicSignals& signals, double frequency, const Fr
 // Signals of the selected blocks, combined by their amplitudes.
 CombinedTone combined_signals(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used,
                               const PeriodicFit& all) {
-  std::vector<double> samples;
-  samples.reserve(blocks.signals.size());
+  const auto count = static_cast<Index>(blocks.frames * blocks.blocks);
+  std::vector<Index> chosen;
+  for (Index signal = 0; signal < count; ++signal)
+    if (used[static_cast<std::size_t>(signal) % blocks.blocks]) chosen.push_back(signal);
+  const Eigen::Map<const MatrixXd> signals(blocks.signals.data(), static_cast<Index>(blocks.rows), count);
+  const MatrixXd samples = signals(Eigen::all, chosen),
+                 amplitudes = Eigen::Map<const MatrixXd>(all.amplitudes.data(), count, 2)(chosen, Eigen::all);
   PeriodicFit of_used;
   of_used.model = all.model;
-  const std::size_t count = blocks.frames * blocks.blocks;
-  const auto for_each_used = [&](auto visit) {
-    for (std::size_t signal = 0; signal < count; ++signal)
-      if (used[signal % blocks.blocks]) visit(signal);
-  };
-  for_each_used([&](std::size_t signal) {
-    const double* first = &blocks.signals[signal * blocks.rows];
-    samples.insert(samples.end(), first, first + blocks.rows);
-    of_used.residual_energy.push_back(all.residual_energy[signal]);
-  });
-  for (const std::size_t part : {0U, 1U})
-    for_each_used([&](std::size_t signal) { of_used.amplitudes.push_back(all.amplitudes[part * count + signal]); });
-  return combine_by_tone(samples, blocks.rows, of_used.residual_energy.size() / blocks.frames, of_used);
+  for (const Index signal : chosen)
+    of_used.residual_energy.push_back(all.residual_energy[static_cast<std::size_t>(signal)]);
+  of_used.amplitudes.assign(amplitudes.data(), amplitudes.data() + amplitudes.size());
+  return combine_by_tone({samples.data(), static_cast<std::size_t>(samples.size())}, blocks.rows,
+                         chosen.size() / blocks.frames, of_used);
 }
 
 // Excludes 0 and half the row rate, where cosine or sine vanish or equal the mean.
@@ -383,11 +383,10 @@ bool shows_tone(const PeriodicSignals& signals, std::size_t count, double freque
 // Sum of each frame's signals.
 std::vector<double> summed(const ColumnBlocks& blocks) {
   std::vector<double> sums(blocks.frames * blocks.rows);
-  for (std::size_t signal = 0; signal < blocks.frames * blocks.blocks; ++signal) {
-    const double* const from = &blocks.signals[signal * blocks.rows];
-    double* const to = &sums[signal / blocks.blocks * blocks.rows];
-    for (std::size_t n = 0; n < blocks.rows; ++n) to[n] += from[n];
-  }
+  const auto rows = static_cast<Index>(blocks.rows), each = static_cast<Index>(blocks.blocks);
+  for (std::size_t frame = 0; frame < blocks.frames; ++frame)
+    Eigen::Map<Eigen::VectorXd>(&sums[frame * blocks.rows], rows) =
+        Eigen::Map<const MatrixXd>(&blocks.signals[frame * blocks.blocks * blocks.rows], rows, each).rowwise().sum();
   return sums;
 }
 

@@ -139,13 +139,10 @@ HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones)
   std::vector<double> frequencies;
   for (const Oscillation& oscillation : oscillations) frequencies.push_back(oscillation.cycles_per_row);
   const MatrixXd design = tone_design(half, frequencies);
-  const auto count = static_cast<Index>(frequencies.size());
-  MatrixXd cosines(design.rows(), count + 1), sines(design.rows(), count);  // symmetric ones, antisymmetric ones
-  cosines.col(0) = design.col(0);
-  for (Index k = 0; k < count; ++k) {
-    cosines.col(k + 1) = design.col(2 * k + 1);
-    sines.col(k) = design.col(2 * k + 2);
-  }
+  const Index count = std::ssize(frequencies);
+  MatrixXd cosines(design.rows(), count + 1);  // symmetric columns; the sines are antisymmetric
+  cosines << design.col(0), design(Eigen::all, Eigen::seqN(1, count, 2));
+  const MatrixXd sines = design(Eigen::all, Eigen::seqN(2, count, 2));
   const LinearFit even = linear_fit(cosines, wanted + 1), odd = linear_fit(sines, wanted);
   add_block(even, half, 1, even_places, model);
   add_block(odd, half, -1, odd_places, model);

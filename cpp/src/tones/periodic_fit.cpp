@@ -146,18 +146,6 @@ void fill_harmonics(const PeriodicModel& model, std::size_t rows, double frequen
               {even.row(static_cast<Index>(h)).data(), half}, {odd.row(static_cast<Index>(h)).data(), half});
 }
 
-// The tones times 2πhu: with the coefficients (b, −a) they give ∂y/∂f up to a tone, which the fit absorbs.
-MatrixXd slope_matrix(const PeriodicModel& model, const MatrixXd& matrix) {
-  const Index rows = matrix.rows(), first = trend_columns(model);
-  const double middle = static_cast<double>(rows - 1) / 2;
-  const VectorXd time = kTwoPi * VectorXd::LinSpaced(rows, -middle, middle);
-  MatrixXd slopes(rows, matrix.cols() - first);
-  for (Index j = 0; j < slopes.cols(); ++j)
-    slopes.col(j) = static_cast<double>(model.harmonics[static_cast<std::size_t>(j / 2)]) *
-                    time.cwiseProduct(matrix.col(first + j));
-  return slopes;
-}
-
 // Coefficients of the slopes: b for a cosine, −a for a sine.
 MatrixXd slope_coefficients(const PeriodicModel& model, const MatrixXd& coefficients) {
   const Index first = trend_columns(model);
@@ -521,9 +509,13 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   const MatrixXd coordinates = transposed_product(q, y);
   const MatrixXd residual = y - product(q, coordinates);
   if (residual_values) residual_values->assign(residual.data(), residual.data() + residual.size());
-  const MatrixXd slopes = slope_matrix(model, matrix);
   const MatrixXd amplitudes = solve_upper(triangle, coordinates);
-  MatrixXd derivative = product(slopes, slope_coefficients(model, amplitudes));
+  MatrixXd turned = slope_coefficients(model, amplitudes);
+  for (Index j = 0; j < turned.rows(); ++j)
+    turned.row(j) *= kTwoPi * static_cast<double>(model.harmonics[static_cast<std::size_t>(j / 2)]);
+  const RowSampling sampling = centred_rows(rows);
+  const Eigen::Map<const VectorXd> time(sampling.times.data(), y.rows());
+  MatrixXd derivative = time.asDiagonal() * product(matrix.rightCols(turned.rows()), turned);
   derivative = beside(q, derivative);
   const double information = derivative.squaredNorm();
   if (!(information > 0)) return kNaN;

@@ -94,8 +94,8 @@ constexpr std::array<std::ptrdiff_t, 0> kNothingAhead{};
 template <class T, std::size_t kCount>
 HWY_INLINE void ask_for_samples(const T* pixels, const std::array<std::ptrdiff_t, kCount>& ahead) {
   for (const std::ptrdiff_t offset : ahead)
-    ask_for<(kSampleVectors * hn::MaxLanes(d64) * sizeof(T) + kLine - 1) / kLine>(
-        reinterpret_cast<const std::uint8_t*>(pixels + offset));
+    for (std::size_t i = 0; i < kSampleVectors * hn::MaxLanes(d64); i += kLine / sizeof(T))
+      hwy::Prefetch(pixels + offset + i);
 }
 
 // Sum of a group of rows of a vector's columns; raises the maximum. The rows ask for the lines `ahead`.
@@ -296,34 +296,6 @@ void add_last_columns(const SampleBlock<T>& block, const SampleWeights& weights,
   for (std::size_t o = 0; o < outputs + 3; ++o) std::copy_n(sums.data() + o * kLanes, block.columns, row_of(o));
 }
 
-// Asks for the lines of `rows` rows from `first` on, in memory order, some with each of `strips`. Less than four bytes
-// of a sample come in time: arithmetic takes longer.
-template <class T>
-class RunsAhead {
- public:
-  RunsAhead(const T* first, const SampleBlock<T>& block, std::size_t rows, std::size_t strips)
-      : row_(reinterpret_cast<const std::uint8_t*>(first)),
-        row_stride_(block.row_stride * static_cast<std::ptrdiff_t>(sizeof(T))),
-        lines_(block.columns * sizeof(T) / kLine + 1),
-        rows_(kWide && strips_come_late() ? rows : 0),
-        with_strip_(strips > 0 ? (rows_ * lines_ + strips - 1) / strips : 0) {}
-
-  HWY_INLINE void ask() {
-    for (std::size_t i = 0; i < with_strip_ && rows_ > 0; ++i) {
-      ask_early_for(row_ + line_ * kLine);
-      if (++line_ < lines_) continue;
-      line_ = 0;
-      row_ += row_stride_;
-      --rows_;
-    }
-  }
-
- private:
-  const std::uint8_t* row_;
-  std::ptrdiff_t row_stride_;
-  std::size_t lines_, rows_, with_strip_, line_ = 0;
-};
-
 template <bool kAsk, class T>
 void project_strips(const SampleBlock<T>& block, const SampleWeights& weights, const ProjectionSums& to) {
   const auto from = [&](std::size_t c) {
@@ -335,14 +307,8 @@ void project_strips(const SampleBlock<T>& block, const SampleWeights& weights, c
     return ProjectionSums{to.sums + c, to.stride, to.totals + c, to.squares + c, to.maximum + c};
   };
   const std::size_t strip = kSampleVectors * hn::Lanes(d64), lanes = hn::Lanes(d64);
-  const std::size_t rows = kAsk ? block.groups * static_cast<std::size_t>(weights.row_group) : 0;
-  RunsAhead<T> near(block.pixels + block.to_next, block, rows, block.columns / strip);
-  RunsAhead<T> far(block.mirrored ? first_mirrored(block, weights) - block.to_next : nullptr, block,
-                   block.mirrored ? rows : 0, block.columns / strip);
   std::size_t c = 0;
   for (; c + strip <= block.columns; c += strip) {
-    near.ask();
-    far.ask();
     StripAhead<T, kAsk> ahead;
     for (std::size_t n = 0; n < ahead.near.size(); ++n) {
       const auto offset = static_cast<std::ptrdiff_t>(kSampleStripsAhead<T>[n] * strip);

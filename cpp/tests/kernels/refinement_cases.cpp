@@ -76,14 +76,17 @@ KernelCase demodulate_case(std::size_t rows, std::size_t stride, std::size_t len
                              1e-12, {1, 2 * rows * stride, 2 * rows * stride}, run, rows > 200);
 }
 
-KernelCase logarithms_case(std::size_t count) {
-  const auto light = std::make_shared<Misaligned<double>>(random_rows<double>(1, count, count, 60, 60));
-  const auto run = [=](bool plain, double* out) {
-    if (!plain) return logarithms(light->data(), count, 0.5, out);
-    for (std::size_t i = 0; i < count; ++i) out[i] = std::log(std::max(light->data()[i], 0.0) + 0.5);
+template <class T>
+KernelCase logarithms_case(std::size_t count, double tolerance) {
+  const auto light = std::make_shared<Misaligned<T>>(random_rows<T>(1, count, count, 60, 60));
+  const auto run = [=](bool plain, T* out) {
+    if (!plain) return logarithms(light->data(), count, T{0.5}, out);
+    for (std::size_t i = 0; i < count; ++i)
+      out[i] = static_cast<T>(std::log(std::max(double{light->data()[i]}, 0.0) + 0.5));
   };
-  return kernel_case<double>("logarithms<double> " + std::to_string(count) + " values", 1e-15, {1, count, count}, run,
-                             count > 200);
+  return kernel_case<T>(
+      (sizeof(T) == 4 ? "logarithms<float> " : "logarithms<double> ") + std::to_string(count) + " values", tolerance,
+      {1, count, count}, run, count > 200);
 }
 
 }  // namespace
@@ -94,7 +97,10 @@ std::vector<KernelCase> refinement_cases() {
     for (const std::size_t rows : {1u, 2u, 17u, 40u})
       for (const std::size_t length : {3u, 9u, 31u}) cases.push_back(demodulate_case(rows, stride, length));
   cases.push_back(demodulate_case(240, 16, 31));
-  for (const std::size_t count : {8u, 16u, 24u, 40u, 240u}) cases.push_back(logarithms_case(count));
+  for (const std::size_t count : {1u, 2u, 3u, 7u, 8u, 9u, 15u, 16u, 17u, 24u, 33u, 40u, 70u, 240u}) {
+    cases.push_back(logarithms_case<float>(count, 1e-6));
+    cases.push_back(logarithms_case<double>(count, 1e-15));
+  }
   return cases;
 }
 

@@ -40,8 +40,9 @@ KernelCase moments_case(std::size_t groups, std::size_t tile) {
     if (plain) return plain_moments(rows->data(), stride, groups, tile, out);
     chunk_moments(stride, groups, tile, chunk_in(rows->data(), out, stride));
   };
-  return kernel_case<float>("chunk_moments " + std::to_string(groups) + " groups, tiles of " + std::to_string(tile),
-                            1e-5, {5 + kChunkRows, groups, stride}, run, groups > 200);
+  const std::string size = std::to_string(groups) + " groups";
+  return kernel_case<float>("chunk_moments " + size + ", tiles of " + std::to_string(tile), 1e-5,
+                            {5 + kChunkRows, groups, stride}, run, groups > 200);
 }
 
 // Rows of two chunks, and their moments.
@@ -150,34 +151,6 @@ KernelCase eight_bytes_case(std::size_t groups) {
                             groups > 200);
 }
 
-KernelCase eight_columns_case(std::size_t rows, bool backwards, bool more) {
-  const std::size_t stride = rows + 5;
-  const auto columns = std::make_shared<Misaligned<std::uint8_t>>(random_rows<std::uint8_t>(16, rows, stride, 128, 90));
-  const auto run = [=](bool plain, float* out) {
-    const std::uint8_t* first = columns->data() + (backwards ? 15 * stride : 0);
-    const auto apart = static_cast<std::ptrdiff_t>(stride) * (backwards ? -1 : 1);
-    if (!plain) return sum_eight_columns(first, apart, rows, more, 0.125F, 16, out);
-    for (std::size_t n = 0; n < rows; ++n) {
-      int sum = 0;
-      for (std::ptrdiff_t c = 0; c < 8; ++c) sum += first[c * apart + static_cast<std::ptrdiff_t>(n)];
-      out[n] = static_cast<float>(sum) * 0.125F - 16;
-    }
-  };
-  return kernel_case<float>("sum_eight_columns " + std::to_string(rows) + " rows" + (backwards ? ", backwards" : ""),
-                            1e-6, {1, rows, rows}, run, rows > 200);
-}
-
-KernelCase logarithms_case(std::size_t groups) {
-  const auto light = std::make_shared<Misaligned<float>>(random_rows<float>(1, groups, groups, 60, 60));
-  const auto run = [=](bool plain, float* out) {
-    if (!plain) return logarithms(light->data(), groups, 0.5F, out);
-    for (std::size_t g = 0; g < groups; ++g)
-      out[g] = static_cast<float>(std::log(std::max(double{light->data()[g]}, 0.0) + 0.5));
-  };
-  return kernel_case<float>("logarithms<float> " + std::to_string(groups) + " groups", 1e-5, {1, groups, groups}, run,
-                            groups > 200);
-}
-
 }  // namespace
 
 std::vector<KernelCase> screening_cases() {
@@ -188,8 +161,6 @@ std::vector<KernelCase> screening_cases() {
       cases.push_back(energies_case(length, tile));
     }
     cases.push_back(eight_bytes_case(length));
-    for (const bool backwards : {false, true}) cases.push_back(eight_columns_case(length, backwards, !backwards));
-    cases.push_back(logarithms_case(length));
   };
   for (const std::size_t length : kLengths) add(length);
   add(240);  // groups of a frame of 1920 columns
