@@ -161,6 +161,13 @@ def test_frames_of_a_video_stay_as_they_were_while_others_are_decoded(tmp_path, 
     np.testing.assert_array_equal(np.stack(read), frames)
 
 
+def test_a_video_has_the_name_of_a_pattern_of_pictures(tmp_path):
+    frames = random_frames((3, 32, 32), np.uint8)
+    write_frames(tmp_path / "v.mkv", frames)
+    (tmp_path / "v.mkv").rename(tmp_path / "img%03d.png")
+    assert np.array_equal(read_frames(tmp_path / "img%03d.png").frames, frames)
+
+
 def test_a_long_video_is_read_frame_by_frame(tmp_path):
     frames = random_frames((7, 32, 32), np.uint8)
     write_frames(tmp_path / "v.mkv", frames)
