@@ -177,8 +177,8 @@ class Results:
     def _discard(self, keys: set[str]) -> None:
         """Remove the files of the manifest; what is left is named, and refused where the recordings of ``keys`` go."""
         there = [name for name in (_TASK, _MANIFEST, *_FOLDERS) if self._system.exists(self._path(name))]
-        named = self._lengths.get(_TASK)
-        if there and (named is None or self._length(_TASK) not in (None, named)):  # None: a run ended in between
+        stated = self._lengths.get(_TASK)
+        if there and (stated is None or self._length(_TASK) not in (None, stated)):  # None: a run ended in between
             raise ResultsError(
                 f"{self.folder}: holds {there[0]}, and no {_MANIFEST} of `ocisac batch` that says what --again may "
                 "remove; allowed: another folder"
