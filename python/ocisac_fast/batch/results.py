@@ -178,7 +178,7 @@ class Results:
         """Remove the files of the manifest; what is left is named, and refused where the recordings of ``keys`` go."""
         there = [name for name in (_TASK, _MANIFEST, *_FOLDERS) if self._system.exists(self._path(name))]
         stated = self._lengths.get(_TASK)
-        if there and (stated is None or self._length(_TASK) not in (None, stated)):  # None: a run ended in between
+        if there and (stated is None or self._length(_TASK) not in (-1, stated)):  # none: a run ended in between
             raise ResultsError(
                 f"{self.folder}: holds {there[0]}, and no {_MANIFEST} of `ocisac batch` that says what --again may "
                 "remove; allowed: another folder"
@@ -202,9 +202,10 @@ class Results:
             warnings.warn(text, FileWarning, stacklevel=4)
 
     def _length(self, name: str) -> int | None:
+        """-1 without such a file; None for a link, a pipe or a device."""
         with contextlib.suppress(FileNotFoundError):
             return _length_of(self._system.info(self._path(name)))
-        return None
+        return -1
 
     def _all_found(self) -> dict[str, int | None]:
         """Lengths of all files but what killed runs left, which the next file of the same name removes."""
