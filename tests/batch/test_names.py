@@ -18,7 +18,7 @@ from lamp_recordings import ROW_TIME, SHORT, lamp
 
 from ocisac_fast.batch import Task, measure_recordings, read_failures, read_results, summarize
 from ocisac_fast.batch.recordings import find_recordings
-from ocisac_fast.files import FileError, open_recording, read_frames
+from ocisac_fast.files import FileError, open_recording, read_frames, write_frames
 from ocisac_fast.files.remote import state_of
 
 GAIN = Task("gain", {"frequency": "500Hz", "row_time": ROW_TIME})
@@ -281,6 +281,15 @@ def test_an_answer_without_an_end_is_a_failure(server, name, run):
     assert code == 2
     assert "an answer of more than 64 MiB" in err[-1]
     assert 64 <= Server.sent < 256
+
+
+@pytest.mark.parametrize("suffix", ["npy", "mkv"])
+def test_a_large_file_of_a_server_without_ranges_is_one_line(server, suffix, run, tmp_path, monkeypatch):
+    write_frames(tmp_path / f"a.{suffix}", lamp(9, 1))
+    Server.body = (tmp_path / f"a.{suffix}").read_bytes()
+    monkeypatch.setattr("ocisac_fast.files.remote._WHOLE", 1000)
+    code, _, (line,) = run("gain", f"{server}/a.{suffix}", *WORDS[1:])
+    assert (code, line.partition(", ")[2]) == (2, "and its server gives no parts, allowed: a copy of it")
 
 
 def test_an_answer_in_pieces_of_no_stated_size_is_read_to_its_end(server, tmp_path, run):

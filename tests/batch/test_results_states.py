@@ -93,13 +93,16 @@ def test_again_does_not_write_over_what_no_run_wrote(sources, tmp_path, place):
     assert measure_recordings(sources, CLEANING, output=tmp_path / "c", again=True).progress.frames == COUNT * SHORT
 
 
-def test_again_knows_what_a_killed_run_wrote(sources, tmp_path):
-    """Its manifest lacks the last files."""
+@pytest.mark.parametrize("has_task", [True, False])
+def test_again_knows_what_a_killed_run_wrote(has_task, sources, tmp_path):
+    """Its manifest lacks the last files; or it had just removed task.json."""
     measure_recordings(sources, CLEANING, output=tmp_path / "c")
     manifest = json.loads((tmp_path / "c" / "manifest.json").read_text())
     named = {name: length for name, length in manifest["files"].items() if "/" not in name}
     (tmp_path / "c" / "manifest.json").write_text(json.dumps({"files": named}))
     (tmp_path / "c" / "cleaned" / f".{'0' * 16}.mkv").write_bytes(b"a part")  # which the next one of this name removes
+    if not has_task:
+        (tmp_path / "c" / "task.json").unlink()
     assert measure_recordings(sources, CLEANING, output=tmp_path / "c", again=True).progress.frames == COUNT * SHORT
 
 

@@ -324,6 +324,7 @@ def test_the_clock_is_predicted_within_its_standard_errors():
             assert tracker.update(frame, ChannelEstimate(*clock, errors, *rest))
         got = tracker.predict(14)
         assert (got.exposure_rows, got.covariance[2, 2]) == pytest.approx((np.mean(exposures), 0.04 / 12))
+        assert got.chips_lost == pytest.approx(np.sqrt(got.covariance[0, 0]) / got.rows_per_chip)
         off = [got.phase - (1.1 + 3.7 * got.chip - 1501.3 * 14), got.rows_per_chip - 3.7]
         misses.append(off / np.sqrt(np.diag(got.covariance)[:2]))
         tracker.reset()

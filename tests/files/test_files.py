@@ -96,23 +96,19 @@ def encoded_video(path, pixels, planes, size=None, codec="ffv1", color_range=0, 
         container.mux(stream.encode(None))
 
 
-@pytest.mark.parametrize(("color_range", "dark", "white"), [(0, 16, 235), (1, 16, 235), (2, 0, 255)])
-def test_luma_is_read_as_coded_with_its_range(tmp_path, color_range, dark, white):
-    luma = random_frames((46, 66), np.uint8)  # 66 columns: the decoder pads its lines
-    chroma = random_frames((23, 33), np.uint8, seed=1)
-    encoded_video(tmp_path / "v.mkv", "yuv420p", [luma, chroma, chroma], color_range=color_range)
+@pytest.mark.parametrize(
+    ("pixels", "bits", "color_range", "levels"),
+    [("yuv420p", 8, 0, (16, 235)), ("yuv420p", 8, 1, (16, 235)), ("yuv420p", 8, 2, (0, 255)),
+     ("yuv420p10le", 10, 1, (64, 940))],
+)  # fmt: skip
+def test_luma_is_read_as_coded_with_its_bits_and_range(tmp_path, pixels, bits, color_range, levels):
+    dtype, spare = (np.uint8, 0) if bits == 8 else (np.uint16, 16 - bits)
+    luma = random_frames((46, 66), dtype) >> spare  # 66 columns: the decoder pads its lines
+    chroma = random_frames((23, 33), dtype, seed=1) >> spare
+    encoded_video(tmp_path / "v.mkv", pixels, [luma, chroma, chroma], color_range=color_range)
     recording = read_frames(tmp_path / "v.mkv")
     assert np.array_equal(recording.frames[0], luma)
-    assert (recording.response.dark_level, recording.response.white_level) == (dark, white)
-
-
-def test_luma_of_ten_bits_keeps_them(tmp_path):
-    luma = random_frames((46, 66), np.uint16) >> 6
-    chroma = random_frames((23, 33), np.uint16, seed=1) >> 6
-    encoded_video(tmp_path / "v.mkv", "yuv420p10le", [luma, chroma, chroma], color_range=1)
-    recording = read_frames(tmp_path / "v.mkv")
-    assert np.array_equal(recording.frames[0], luma)
-    assert (recording.response.dark_level, recording.response.white_level) == (64, 940)
+    assert (recording.response.dark_level, recording.response.white_level) == levels
 
 
 @pytest.mark.parametrize(("pixels", "first"), [("yuyv422", 0), ("uyvy422", 1)])
@@ -159,6 +155,13 @@ def test_frames_of_a_video_stay_as_they_were_while_others_are_decoded(tmp_path, 
         read = list(opened)
     assert all(frame.flags.c_contiguous and not frame.flags.writeable for frame in read)
     np.testing.assert_array_equal(np.stack(read), frames)
+
+
+def test_a_video_has_the_name_of_a_pattern_of_pictures(tmp_path):
+    frames = random_frames((3, 32, 32), np.uint8)
+    write_frames(tmp_path / "v.mkv", frames)
+    (tmp_path / "v.mkv").rename(tmp_path / "img%03d.png")
+    assert np.array_equal(read_frames(tmp_path / "img%03d.png").frames, frames)
 
 
 def test_a_long_video_is_read_frame_by_frame(tmp_path):

@@ -101,12 +101,6 @@ def test_colours_that_agree_are_added_where_that_pays() -> None:
     np.testing.assert_array_equal(receive(one, camera)[0].colour_weights, [1, 0, 0])
 
 
-def test_grey_frames_have_one_colour() -> None:
-    frames, _, rows_per_chip = frame("one", np.eye(3), 2.0, 8)
-    (got,) = receive(frames[..., 0], Camera(1.0, exposure=EXPOSURE * rows_per_chip))
-    np.testing.assert_array_equal(got.colour_weights, [1.0])
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_colours_without_a_lamp_send_nothing(seed: int) -> None:
     random = np.random.default_rng(seed)

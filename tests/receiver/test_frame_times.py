@@ -168,23 +168,17 @@ def test_means_of_neighbours_between_frames_raise_nothing(seed):
         assert payload is None or payload.data == PAYLOAD
 
 
-@pytest.mark.parametrize("told", [0.75, 0.8, 0.95, 1.05, 1.25])
-@pytest.mark.parametrize("block_bytes", [8, 16])
-def test_a_wrong_frame_time_is_learned_from_the_headers(told, block_bytes):
+@pytest.mark.parametrize(
+    ("packet", "told", "most"),
+    [({"block_bytes": n}, {"frame_time": k * FRAME_TIME}, 18) for n in (8, 16) for k in (0.75, 0.8, 0.95, 1.05, 1.25)]
+    + [({}, {"row_time": k * ROW_TIME}, 20) for k in (0.95, 0.98, 1.02, 1.05)],
+)
+def test_a_wrong_frame_or_row_time_is_learned_from_headers_and_preambles(packet, told, most):
     for seed in range(3):
-        film = Film(seed, block_bytes=block_bytes)
-        receiver = film.receiver(frame_time=told * FRAME_TIME)
+        film = Film(seed, **packet)
+        receiver = film.receiver(**told)
         results = (receiver.push(film.frame(index * FRAME_TIME)) for index in itertools.count())
-        assert frames_until_payload(results) <= 18
-
-
-@pytest.mark.parametrize("told", [0.95, 0.98, 1.02, 1.05])
-def test_a_wrong_row_time_is_found_by_preambles(told):
-    for seed in range(3):
-        film = Film(seed)
-        receiver = film.receiver(row_time=told * ROW_TIME)
-        results = (receiver.push(film.frame(index * FRAME_TIME)) for index in itertools.count())
-        assert frames_until_payload(results) <= 20
+        assert frames_until_payload(results) <= most
 
 
 @pytest.mark.parametrize(("late", "block_bytes", "most"), [(0.1, 8, 18), (0.5, 4, 18)])

@@ -121,13 +121,14 @@ def test_a_bright_lamp_with_little_noise_above_black_has_no_flag():
 
 
 @pytest.mark.parametrize("pooled", [True, False])
-def test_light_far_below_the_dark_level_is_flagged(pooled):
+def test_light_far_below_the_dark_level_is_flagged_and_other_light_is_not(pooled):
     flagged = []
-    for seed in range(30):
+    for seed in range(60):
         _, stored, camera, asked = draw([seed, 6])
         pixels = np.rint(stored).clip(0, 255).astype(np.uint8)
         right = tone_gain(pixels, camera, **asked, pooled=pooled)
-        assert not (right.flags & Flag.MODEL_MISFIT).any()
+        wrong_flags = Flag.MODEL_MISFIT | (Flag.SATURATED if pixels.min() > 0 and pixels.max() < 240 else 0)
+        assert not (right.flags & wrong_flags).any()
         column = tone_gain(stored[:, -1], camera, **asked)
         noise = column.gain * column.mean / np.sqrt(column.snr)
         dark = np.sort(stored[:, -1])[ROWS // 20] + 6 * noise
@@ -135,7 +136,7 @@ def test_light_far_below_the_dark_level_is_flagged(pooled):
             told = Camera(ROW_TIME, exposure=camera.exposure, dark_level=dark)
             wrong = tone_gain(pixels, told, **asked, pooled=pooled)
             flagged.append(((wrong.flags & (Flag.MODEL_MISFIT | Flag.NO_LIGHT)) != 0).all())
-    assert len(flagged) > 15
+    assert len(flagged) > 30
     assert all(flagged)
 
 
@@ -147,16 +148,6 @@ def test_twelve_bits_that_recur_after_few_rows_are_flagged(pooled):
     noise = np.random.default_rng(0).standard_normal(light.shape)
     pixels = (4800 * light + 16 * noise).clip(0, 4095).astype(np.uint16)
     assert (tone_gain(pixels, camera, 1000.0, pooled=pooled).flags == Flag.SATURATED).all()
-
-
-@pytest.mark.parametrize("pooled", [True, False])
-def test_light_without_clipping_has_no_flag(pooled):
-    for seed in range(60):
-        _, stored, camera, asked = draw([seed, 4])
-        pixels = np.rint(stored).clip(0, 255).astype(np.uint8)
-        if pixels.min() > 0 and pixels.max() < 240:
-            found = tone_gain(pixels, camera, **asked, pooled=pooled)
-            assert not (found.flags & (Flag.SATURATED | Flag.MODEL_MISFIT)).any()
 
 
 def test_a_dark_lamp_without_noise_is_no_clipping():

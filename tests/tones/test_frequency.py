@@ -13,14 +13,9 @@ from ocisac_fast import Camera, Flag
 PER_ROW = Camera(row_time=1.0)
 
 
-def square_through_exposure(frequency, rows, exposure, phase=0.0, duty=0.5):
-    """Exact mean of a 0/1 square wave over each row's exposure (rows); exposure in rows, above 0."""
-
-    def antiderivative(cycles):
-        return np.floor(cycles) * duty + np.minimum(cycles - np.floor(cycles), duty)
-
-    end = frequency * np.arange(rows) + phase
-    return (antiderivative(end) - antiderivative(end - frequency * exposure)) / (frequency * exposure)
+def square_through_exposure(frequency, rows, exposure, turns=0.0):
+    wave = oc.SquareWave(frequency, phase=2 * np.pi * turns)
+    return oc.integrate_exposure(wave, Camera(1.0, exposure), rows)
 
 
 def tone(frequency, rows, phase=0.0):

@@ -30,36 +30,6 @@ struct Light {
 
 }  // namespace
 
-TEST_CASE("the next frame's phase is predicted within its standard error, missing frames included") {
-  double squares = 0;
-  int count = 0;
-  for (unsigned seed = 0; seed < 40; ++seed) {
-    Light light;
-    light.random.seed(seed);
-    ocisac::ClockTracker tracker({.frame_rows = 1501.0, .frame_rows_std = 0.5, .drift = 0});
-    CHECK_FALSE(tracker.predict(0));
-    ocisac::ClockErrors errors;
-    for (std::int64_t frame = 0; frame < 40; ++frame) {
-      if (frame % 7 == 3) continue;
-      const auto clock = light.measure(frame, 0.05, 3e-4, errors);
-      CHECK(tracker.update(frame, clock, errors));
-    }
-    const auto predicted = tracker.predict(43);
-    REQUIRE(predicted);
-    const double first = std::ceil((43 * light.frame_rows - light.start) / light.rows_per_chip);
-    const double truth = light.chip_time(static_cast<double>(predicted->chip)) - 43 * light.frame_rows;
-    CHECK(std::abs(static_cast<double>(predicted->chip) - first) <= 1);  // correct chip count over 16 000 chips
-    squares += std::pow((predicted->clock.phase - truth) / predicted->errors.phase_std(0), 2);
-    ++count;
-    CHECK(predicted->chips_lost < 0.03);
-    CHECK(predicted->clock.rows_per_chip == doctest::Approx(3.7).epsilon(6e-5));
-    CHECK(predicted->clock.exposure_rows == doctest::Approx(20).epsilon(0.01));
-  }
-  const double spread = std::sqrt(squares / count);
-  CHECK(spread > 0.7);
-  CHECK(spread < 1.4);
-}
-
 TEST_CASE("a clock that drifts is followed") {
   Light light;
   ocisac::ClockTracker tracker({.frame_rows = 1501.3, .drift = 2e-6});

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <random>
 #include <stdexcept>
-#include <string>
 #include <string_view>
 #include <vector>
 
@@ -119,20 +118,6 @@ TEST_CASE("exposures of 14 and of 20 chips are read without an error at little n
   }
 }
 
-TEST_CASE("every detector reads an exposure of half a chip, and says how sure it is") {
-  for (const auto method : ocisac::detector_names()) {
-    const Frame frame(4.3, 0.5, 0.05, 300, 1);
-    CAPTURE(std::string(method));
-    const auto found = ocisac::detect_chips(frame.question, method);
-    for (std::size_t k = 2; k + 4 < frame.chips.size(); ++k) {
-      CHECK((found.llr[k] > 0) == (frame.chips[k] > 0.5));
-      CHECK(std::abs(found.llr[k]) > 5);
-    }
-    CHECK(found.method == (method == "auto" ? "slicer" : method));
-  }
-  CHECK(ocisac::detect_chips(Frame(4, 3, 0.05, 300, 1).question).method == "reduced");
-}
-
 TEST_CASE("detectors make the errors that are foretold") {
   struct Case {
     double rows_per_chip, length, noise;
@@ -169,24 +154,6 @@ TEST_CASE("a value with more others than can be tried has the error rate of all 
     sum += 0.5 * std::erfc(value / 0.12 / std::sqrt(2.0));
   }
   CHECK(ocisac::sliced_error_rate(1, others, 0.12) == doctest::Approx(sum / 2048).epsilon(1e-9));
-}
-
-TEST_CASE("what a linear estimate leaves of a chip is the diagonal of the inverse") {
-  const Frame frame(2.2, 3.4, 0.1, 40, 1);
-  const ocisac::ChipEquations equations(frame.question, 24);
-  const auto variances = equations.variances();
-  // Column k of A⁻¹ by Gauss–Seidel on A.
-  for (std::size_t k = 0; k < equations.count(); ++k) {
-    std::vector<double> x(equations.count(), 0.0);
-    for (int round = 0; round < 3000; ++round)
-      for (std::size_t i = 0; i < x.size(); ++i) {
-        double rest = i == k ? 1 : 0;
-        for (std::size_t j = 0; j < x.size(); ++j)
-          if (j != i) rest -= equations.normal(std::max(i, j), i > j ? i - j : j - i) * x[j];
-        x[i] = rest / equations.normal(i, 0);
-      }
-    CHECK(variances[k] == doctest::Approx(x[k]).epsilon(1e-6));
-  }
 }
 
 TEST_CASE("questions without meaning are refused by every detector") {

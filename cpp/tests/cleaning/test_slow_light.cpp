@@ -52,19 +52,6 @@ TEST_CASE("tilted slow bands are not removed") {
   CHECK_FALSE(find_slow_lights(frames).front().objection.empty());
 }
 
-TEST_CASE("the phase advances from frame to frame, and courses before help") {
-  const Boxes first(1.4, 0.2, 0), second(1.4, 0.2, 0.3), third(1.4, 0.2, 0.6);
-  const std::vector<std::vector<BandedPicture>> frames{first.colours(), second.colours(), third.colours()};
-  const std::vector<SlowLight> found = find_slow_lights(frames);
-  REQUIRE(found.size() == 3);
-  for (const SlowLight& one : found) CHECK(one.objection.empty());
-  const EarlierFrames earlier{{found[0].course, found[1].course}, 2};
-  const std::vector<std::vector<BandedPicture>> last{third.colours()};
-  const SlowLight again = find_slow_lights(last, earlier).front();
-  for (std::size_t k = 0; k < 2; ++k)
-    CHECK(again.common.front().terms[k] == doctest::Approx(found[2].common.front().terms[k]));
-}
-
 TEST_CASE("the light of tones has mean 1, and turns once in a cycle of steps") {
   const SlowTone tone{.cycles = 2, .step = std::numbers::pi / 2, .terms = {0.3, 0.1}};
   const std::vector<SlowTone> two{tone, {.cycles = 3, .step = {}, .terms = {0, 0.2}}};

@@ -1,6 +1,5 @@
 #include <doctest/doctest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -106,61 +105,6 @@ TEST_CASE("black frames among others stay, and the next ones are cleaned") {
     CHECK(found.light.unchanged == (dark ? "no bands: all rows have the same light" : ""));
     if (!dark) CHECK(error_of(found, frame) < 0.05);
   }
-}
-
-namespace {
-
-// Bytes of boxes without a period under a tone of 1.2 cycles.
-struct SlowFrame {
-  std::vector<std::uint8_t> stored;
-  std::vector<double> clean;
-
-  explicit SlowFrame(int number) {
-    for (std::size_t n = 0; n < rows; ++n)
-      for (std::size_t k = 0; k < columns; ++k) {
-        const double angle = 2 * std::numbers::pi * (1.2 * static_cast<double>(n) / rows + 0.3 * number);
-        const auto noise = static_cast<double>((n * 7919 + k * 104729 + static_cast<std::size_t>(number) * 31) % 5);
-        const auto place = static_cast<std::uint32_t>(n / 29 * 100 + k / 8);
-        clean.push_back(60 + 10 * static_cast<double>((place * 2654435761U >> 13U) % 6));
-        stored.push_back(static_cast<std::uint8_t>(
-            std::lround(clean.back() * (1 + 0.15 * std::cos(angle)) / 1.3 + noise / 4 - 0.5)));
-      }
-  }
-
-  // Root of the mean square of a picture's deviation from the clean one, after the best gain.
-  double error_of(const std::vector<std::uint8_t>& picture) const {
-    double both = 0, own = 0, all = 0;
-    for (std::size_t i = 0; i < clean.size(); ++i) {
-      both += picture[i] * clean[i];
-      own += static_cast<double>(picture[i]) * picture[i];
-      all += clean[i] * clean[i];
-    }
-    return std::sqrt(std::max(0.0, all - both * both / own) / static_cast<double>(clean.size()));
-  }
-
-  // After cleaning, over that before; 1 for a frame that is left.
-  double error_left(const StreamCleaner::Frame& found) const {
-    if (!found.light.unchanged.empty()) return 1;
-    return error_of(Restored(found).picture) / error_of(stored);
-  }
-};
-
-}  // namespace
-
-TEST_CASE("time stamps tell the missing frames, in which the phase of a slow tone advances") {
-  StreamCleaner stamped(camera()), counted(camera());
-  double left = 0, left_counted = 0;
-  for (const int number : {0, 1, 2, 3, 4, 6, 7, 10, 11, 13}) {
-    const SlowFrame frame(number);
-    const std::vector<AnyFramesView> colours{dense_view(frame.stored.data(), 1, rows, columns)};
-    const double own = frame.error_left(stamped.push(colours, 5 + number / 30.0));
-    const double other = frame.error_left(counted.push(colours));
-    if (number < 6) continue;
-    CHECK(own < 0.5);
-    left += own;
-    left_counted += other;
-  }
-  CHECK(left < 0.6 * left_counted);
 }
 
 TEST_CASE("frames and options without meaning are refused") {

@@ -66,23 +66,6 @@ void check_length(std::size_t length, std::size_t pairs, double tolerance) {
   CHECK(worst_back <= tolerance);
 }
 
-template <class T>
-void check_filter(std::size_t length, double tolerance) {
-  const ocisac::ColumnDft<T> dft(length);
-  auto steps = random_block<T>(length), filtered = steps;
-  std::vector<T> gain(2 * length);
-  for (std::size_t n = 0; n < length; ++n) {
-    gain[2 * n] = static_cast<T>(1.0 / static_cast<double>(n + 1));
-    gain[2 * n + 1] = static_cast<T>(0.5);
-  }
-  dft.filter(filtered.data(), gain.data(), kColumnPairs<T>);
-  dft.forward(steps.data(), kColumnPairs<T>);
-  ocisac::kernels::dft_loops<T>().multiply_rows(steps.data(), gain.data(), length, kColumnPairs<T>);
-  dft.inverse(steps.data(), kColumnPairs<T>);
-  for (std::size_t i = 0; i < steps.size(); ++i)
-    REQUIRE(std::abs(static_cast<double>(steps[i] - filtered[i])) <= tolerance * static_cast<double>(length));
-}
-
 }  // namespace
 
 TEST_CASE("the DFT along columns is its equation, for every length up to 2000 of 2, 3 and 5") {
@@ -100,13 +83,6 @@ TEST_CASE("long DFTs along columns, with all pairs") {
   for (const std::size_t length : {1600u, 16'200u, 65'536u}) {
     check_length<double>(length, kColumnPairs<double>, 1e-13);
     check_length<float>(length, kColumnPairs<float>, 1e-5);
-  }
-}
-
-TEST_CASE("a filter along columns is the DFT, the product and the inverse") {
-  for (const std::size_t length : {1u, 24u, 200u, 1600u}) {
-    check_filter<double>(length, 1e-13);
-    check_filter<float>(length, 1e-5);
   }
 }
 

@@ -84,6 +84,19 @@ std::size_t blocks_needed(PacketAssembler& assembler, const Sender& sender, std:
   return 0;
 }
 
+// A new assembler gets frames from `push` until the sender's payload is there, without errors: how many it took.
+template <class Push>
+std::size_t frames_needed(const Sender& sender, std::size_t most, const Push& push) {
+  PacketAssembler assembler(sender.format);
+  std::optional<ocisac::Payload> payload;
+  std::size_t frames = 0;
+  while (frames < most && !payload) payload = push(assembler, frames++).payload;
+  REQUIRE(payload);
+  CHECK(payload->bytes == sender.payload);
+  CHECK(payload->corrected == 0);
+  return frames;
+}
+
 void flip(Soft& llr, std::size_t first, std::size_t count) {
   for (std::size_t k = first; k < first + count; ++k) llr[k] = -llr[k];
 }
@@ -826,38 +839,27 @@ TEST_CASE("payloads of all lengths and numbers come back, whatever the format") 
 
 TEST_CASE("frames of a wrong frame time, or of times that vary, are joined by their headers") {
   const Sender sender(80);
+  const auto told = [](std::size_t frame) { return static_cast<std::ptrdiff_t>(200 * frame); };  // of 150 chips
   for (const double longer : {-0.25, -0.05, 0.001, 0.02, 0.25}) {
     CAPTURE(longer);
-    PacketAssembler assembler(sender.format);
-    std::optional<ocisac::Payload> payload;
-    std::size_t frames = 0, wrong = 0;
-    for (; frames < 24 && !payload; ++frames) {  // of 150 chips, every 200
-      const auto place = static_cast<std::size_t>(std::lround(200 * (1 + longer) * static_cast<double>(frames)));
-      const auto told = static_cast<std::ptrdiff_t>(200 * frames);
-      const auto report = assembler.push(told, sender.soft(1000 + place, 150), {.time = static_cast<double>(frames)});
-      payload = report.payload;
-      wrong += report.violations;
-    }
-    REQUIRE(payload);
-    CHECK(payload->bytes == sender.payload);
-    CHECK(payload->corrected == 0);
-    CHECK(wrong == 0);
+    const auto frames = frames_needed(sender, 24, [&](PacketAssembler& assembler, std::size_t frame) {
+      const auto time = static_cast<double>(frame);
+      const auto place = static_cast<std::size_t>(std::lround(200 * (1 + longer) * time));
+      const auto report = assembler.push(told(frame), sender.soft(1000 + place, 150), {.time = time});
+      CHECK(report.violations == 0);
+      return report;
+    });
     CHECK(frames <= 15);  // 13 with the right time
   }
   std::mt19937 random(5);
   for (const double walk : {3.0, 20.0, 40.0}) {
     CAPTURE(walk);
-    PacketAssembler assembler(sender.format);
-    std::optional<ocisac::Payload> payload;
     double place = 1000;
-    std::size_t frames = 0;
-    for (; frames < 32 && !payload; ++frames) {
-      const auto told = static_cast<std::ptrdiff_t>(200 * frames);
-      payload = assembler.push(told, sender.soft(static_cast<std::size_t>(place), 150)).payload;
+    const auto frames = frames_needed(sender, 32, [&](PacketAssembler& assembler, std::size_t frame) {
+      const auto seen = sender.soft(static_cast<std::size_t>(place), 150);
       place += 200 + std::uniform_real_distribution(0.0, walk)(random);
-    }
-    REQUIRE(payload);
-    CHECK(payload->bytes == sender.payload);
+      return assembler.push(told(frame), seen);
+    });
     CHECK(frames <= 28);
   }
 }
@@ -875,17 +877,11 @@ TEST_CASE("pauses between blocks are learned, whatever they show") {
         for (std::size_t k = 0; k < pause; ++k)
           cycle.push_back((shown == 2 ? k % 2 != 0 : shown == 1) ? kSure : -kSure);
       }
-      PacketAssembler assembler(sender.format);
-      std::optional<ocisac::Payload> payload;
-      std::size_t frames = 0;
-      for (; frames < 30 && !payload; ++frames) {
+      const auto frames = frames_needed(sender, 30, [&](PacketAssembler& assembler, std::size_t frame) {
         Soft seen;
-        for (std::size_t k = 0; k < 190; ++k) seen.push_back(cycle[(777 + 267 * frames + k) % cycle.size()]);
-        payload = assembler.push(static_cast<std::ptrdiff_t>(267 * frames), seen).payload;
-      }
-      REQUIRE(payload);
-      CHECK(payload->bytes == sender.payload);
-      CHECK(payload->corrected == 0);
+        for (std::size_t k = 0; k < 190; ++k) seen.push_back(cycle[(777 + 267 * frame + k) % cycle.size()]);
+        return assembler.push(static_cast<std::ptrdiff_t>(267 * frame), seen);
+      });
       CHECK(frames <= (pause == 100 ? 24 : 16));
     }
 }
@@ -894,20 +890,14 @@ TEST_CASE("light that is dark for 1 is read as well, and said to be") {
   for (const char* code : {"none", "manchester", "4b6b", "8b10b"}) {
     CAPTURE(code);
     const Sender sender(80, 0, format_of(code));
-    for (const bool inverted : {false, true}) {
-      PacketAssembler assembler(sender.format);
-      std::optional<ocisac::Payload> payload;
-      for (std::size_t frame = 0; frame < 30 && !payload; ++frame) {
+    for (const bool inverted : {false, true})
+      frames_needed(sender, 30, [&](PacketAssembler& assembler, std::size_t frame) {
         auto seen = sender.soft(267 * frame, 190);
         if (inverted) flip(seen, 0, seen.size());
         const auto report = assembler.push(static_cast<std::ptrdiff_t>(267 * frame), seen);
-        payload = report.payload;
         CHECK((report.inverted == inverted || report.blocks == 0));
-      }
-      REQUIRE(payload);
-      CHECK(payload->bytes == sender.payload);
-      CHECK(payload->corrected == 0);
-    }
+        return report;
+      });
   }
 }
 

@@ -57,16 +57,6 @@ TEST_CASE("three mixed streams are separated, each scaled as the colour that sho
   CHECK(seen == std::array<bool, 3>{true, true, true});
 }
 
-TEST_CASE("colours that agree are one stream of all, opposite ones stand apart") {
-  const auto one = colour_streams(mixed({{10, 0, 0}, {8, 0, 0}, {3, 0, 0}}, {bits(3), bits(4), bits(5)}));
-  REQUIRE(one.size() == 1);
-  for (const double weight : one[0].weights) CHECK(weight > 0);
-  const auto two = colour_streams(mixed({{-10, 0, 0}, {8, 0, 0}, {9, 0, 0}}, {bits(3), bits(4), bits(5)}));
-  REQUIRE(two.size() == 2);
-  CHECK(two[0].weights[0] * two[1].weights[0] == 0);
-  CHECK((two[0].colour == 0) != (two[1].colour == 0));
-}
-
 TEST_CASE("a small opposite swing is the camera's correction of colours") {
   const auto found = colour_streams(mixed({{10, 0, 0}, {-1, 0, 0}, {8, 0, 0}}, {bits(6), bits(7), bits(8)}));
   CHECK(found.size() == 1);

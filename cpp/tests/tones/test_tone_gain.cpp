@@ -8,7 +8,6 @@
 
 #include "ocisac/rows/basis.hpp"
 #include "tones/clipping.hpp"
-#include "tones/harmonic_model.hpp"
 
 namespace {
 
@@ -48,33 +47,6 @@ TEST_CASE("a pile is counted in more rows than a counter of a byte holds, at any
   check_counts<std::uint16_t>(3, 2);
   check_counts<float>(1, 2);
   check_counts<double>(3, 2);
-}
-
-TEST_CASE("weights of the harmonic model are a pseudo-inverse: they return what the model is made of") {
-  for (const std::size_t rows : {5u, 8u, 97u, 720u}) {
-    const std::vector<ocisac::ModelTone> tones{{0.21, {1, 2}}};
-    const auto model = ocisac::harmonic_model(rows, tones);
-    REQUIRE(model.estimates == 3);
-    const double middle = (static_cast<double>(rows) - 1) / 2;
-    double sums[3] = {0, 0, 0};
-    for (std::size_t n = 0; n < rows; ++n) {
-      const auto p = ocisac::phasor(0.21, static_cast<double>(n) - middle);
-      for (std::size_t i = 0; i < 3; ++i)
-        sums[i] += model.weights.col(static_cast<Eigen::Index>(i))[static_cast<Eigen::Index>(n)] *
-                   (3 + 2 * p.cosine - 5 * p.sine);
-    }
-    CHECK(sums[0] == doctest::Approx(3).epsilon(1e-12));
-    CHECK(sums[1] == doctest::Approx(2).epsilon(1e-12));
-    CHECK(sums[2] == doctest::Approx(-5).epsilon(1e-12));
-  }
-}
-
-TEST_CASE("basis of the harmonic model is orthonormal") {
-  const std::vector<ocisac::ModelTone> tones{{0.013, ocisac::square_wave_harmonics(0.013, 0.5)}};
-  const auto model = ocisac::harmonic_model(720, tones);
-  CHECK(model.parameters == 1 + 2 * tones[0].harmonics.size());
-  const Eigen::MatrixXd products = model.basis.transpose() * model.basis;
-  CHECK((products - Eigen::MatrixXd::Identity(products.rows(), products.cols())).cwiseAbs().maxCoeff() < 1e-12);
 }
 
 TEST_CASE("the phasor keeps its phase at large indices") {

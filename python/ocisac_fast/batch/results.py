@@ -177,7 +177,8 @@ class Results:
     def _discard(self, keys: set[str]) -> None:
         """Remove the files of the manifest; what is left is named, and refused where the recordings of ``keys`` go."""
         there = [name for name in (_TASK, _MANIFEST, *_FOLDERS) if self._system.exists(self._path(name))]
-        if there and self._length(_TASK) != self._lengths.get(_TASK, -1):
+        stated = self._lengths.get(_TASK)
+        if there and (stated is None or self._length(_TASK) not in (-1, stated)):  # none: a run ended in between
             raise ResultsError(
                 f"{self.folder}: holds {there[0]}, and no {_MANIFEST} of `ocisac batch` that says what --again may "
                 "remove; allowed: another folder"
@@ -191,7 +192,7 @@ class Results:
                 f"{self.folder}: holds {taken[0]}{_more(taken[1:])}, which no run wrote, where this one writes; "
                 "allowed: another folder"
             )
-        for name in {*found, *([_TASK] if there else [])} - {*kept}:
+        for name in {*found, *([_TASK] if _TASK in there else [])} - {*kept}:
             self._system.rm_file(self._path(name))
         self._lengths.clear()
         self._system.invalidate_cache()
@@ -201,9 +202,10 @@ class Results:
             warnings.warn(text, FileWarning, stacklevel=4)
 
     def _length(self, name: str) -> int | None:
+        """-1 without such a file; None for a link, a pipe or a device."""
         with contextlib.suppress(FileNotFoundError):
             return _length_of(self._system.info(self._path(name)))
-        return None
+        return -1
 
     def _all_found(self) -> dict[str, int | None]:
         """Lengths of all files but what killed runs left, which the next file of the same name removes."""

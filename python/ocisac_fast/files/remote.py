@@ -127,6 +127,7 @@ class RemotePath:
                 return io.BytesIO(_fetched(self._system, self._path, self.state or os.urandom(8)))
             opened = self._system.open(self._path, mode, block_size=_PIECE, cache_type="readahead")
             if size is not None:
+                _require_ranges(opened, size, self.url)
                 return io.BufferedReader(_Ranges(opened, self))
             data = bytearray()
             with opened:  # without a stated size there are no ranges, and a piece is what has arrived
@@ -139,6 +140,16 @@ class RemotePath:
     def read_bytes(self) -> bytes:
         with self.open() as file:
             return file.read()
+
+
+def _require_ranges(file: Any, size: int, url: str) -> None:
+    try:
+        file.seek(size - 1)
+        file.read(1)
+        file.seek(0)
+    except ValueError as error:
+        most = f"{_WHOLE >> 20} MiB"
+        raise FileError(f"{url}: more than {most}, and its server gives no parts, allowed: a copy of it") from error
 
 
 class _Ranges(io.RawIOBase):

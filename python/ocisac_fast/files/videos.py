@@ -77,7 +77,9 @@ def open_video(
     """
     av = pyav()
     is_path = isinstance(source, (Path, RemotePath))
-    file: Any = source.open("rb") if isinstance(source, (Path, RemotePath)) else source
+    file: Any = source.open("rb") if isinstance(source, RemotePath) else source
+    if isinstance(source, Path):  # by its number: FFmpeg takes a name such as img%03d.png for that of many pictures
+        file = os.fdopen(os.open(source, os.O_RDONLY), "rb")
     status = os.fstat(file.fileno()) if isinstance(source, Path) else None
     try:
         if not is_path and not file.seekable():
