@@ -33,7 +33,8 @@ struct PatchView {
 // ends. `mean`: of each group. real, imaginary: layout of the patch.
 void hann_demodulate(const PatchView& x, const double* mean, const HannWindow& window, double* real, double* imaginary);
 
-// out[i] = ln(max(light[i], 0) + floor), to a few units in the last place; floor > 0.
+// out[i] = ln(max(light[i], 0) + floor), floor > 0: of floats to 1e-5; of doubles to 1e-15, a multiple of
+// kPatchPadding.
 void logarithms(const float* light, std::size_t count, float floor, float* out);
 void logarithms(const double* light, std::size_t count, double floor, double* out);
 
