@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/levels.hpp"
 #include "ocisac/chips/row_warp.hpp"
 #include "ocisac/receiver/row_reader.hpp"
 #include "receiver/reading_trust.hpp"
@@ -94,8 +95,9 @@ StrongestTone RowReader::prominent_tone(std::span<const double> signals, std::si
 }
 
 // Slow light and tones that the rows show, the most likely first.
-std::vector<RowNuisance> RowReader::other_nuisances(const FrameRows& frame, const LightState& state) const {
+std::vector<RowNuisance> RowReader::other_nuisances(const FrameRows& frame, const RowsRead& best) const {
   const std::span<const double> signal = frame.signal;
+  const LightState& state = best.state;
   const double slow = kSlowLight * camera_.row_time, row_time = camera_.row_time;
   const auto& scale = state.scale_beside;
   const auto fit = remove_nuisance(signal, {slow, {}, scale});
@@ -116,11 +118,19 @@ std::vector<RowNuisance> RowReader::other_nuisances(const FrameRows& frame, cons
     nuisances.push_back(state.model.nuisance);
     nuisances.back().before = frame.before;
   }
-  // In order of Schwarz's criterion.
+  // In order of Schwarz's criterion. Where an earlier frame was read, too, chips are mostly right: slow light and tones
+  // must take up a part of what they leave.
+  const auto chips = best.reading && state.channel ? exposed_rows(*best.reading, signal.size()) : std::vector<double>{};
+  const auto beside = [&](const RowNuisance& nuisance) {
+    const auto left = remove_nuisance(signal, nuisance, chips);
+    return left ? left->residual_energy : 0.0;
+  };
+  const double without = chips.empty() ? 0.0 : kNearlyAll * beside({});
   std::vector<std::pair<double, std::size_t>> order;
   for (std::size_t k = 0; k < nuisances.size(); ++k) {
     const auto left = remove_nuisance(signal, nuisances[k]);
-    if (left) order.emplace_back(schwarz_criterion(left->residual_energy, signal.size(), left->unknowns), k);
+    const bool is_seen = chips.empty() || !nuisances[k].before.empty() || beside(nuisances[k]) < without;
+    if (left && is_seen) order.emplace_back(schwarz_criterion(left->residual_energy, signal.size(), left->unknowns), k);
   }
   std::ranges::sort(order);
   std::vector<RowNuisance> sorted;
@@ -152,7 +162,7 @@ std::vector<Hypothesis> RowReader::hypotheses(const FrameRows& frame, const Rows
   if (!last.nuisance.empty() || last.exposure_known != given.exposure_known || last.slow_light || last.loose_edges ||
       last.warped || last.pause || last.long_row != given.long_row)
     models.push_back(given);
-  for (RowNuisance& nuisance : other_nuisances(frame, state))
+  for (RowNuisance& nuisance : other_nuisances(frame, best))
     models.push_back(with(given, &SignalModel::nuisance, std::move(nuisance)));
   if (!last.slow_light) models.push_back(with(last, &SignalModel::slow_light, true));
   if (!last.loose_edges && !last.long_row) {

@@ -22,7 +22,6 @@ constexpr std::int64_t kProfileInterval = 4;  // frames between fits of a profil
 constexpr std::size_t kMaxProfileMisfits = 6;
 constexpr std::size_t kProfileRounds = 12;
 constexpr std::array kShapeWeights{1.0, 1.0, 0.1, 0.01, 0.001};  // by round: prior of the first shape
-constexpr double kProfileSearches = 6;                           // frames' efforts for the kept frames, in a round
 constexpr double kProfileGain = 0.95;      // max ratio of the noise of a round to that of the round before
 constexpr double kMaxProfileGrowth = 1.5;  // ratio of a frame's noise to that of those that the profile is of
 constexpr double kMinFittedSwing = 0.15;   // of the median, of a fitted profile: darker rows are not read
@@ -82,12 +81,11 @@ double read_frames(const RowReader& reader, std::size_t first_row, Learned& now,
   now.state.scale_nuisance(scale_of_beside(now.profile));
   double noise = 0;
   const SearchEffort effort = reader.effort(now.state, now.profile.rows.size());
-  double searches = kProfileSearches;
   std::vector<double> tones(now.state.model.nuisance.tones.size());  // their sums: a wrong profile moves them
   for (KeptFrame& kept : now.frames) {
-    FrameRows rows{.may_search = searches > 0, .effort = effort, .effort_of_others = effort};
+    FrameRows rows{.may_search = now.searches > 0, .effort = effort, .effort_of_others = effort};
     const auto reading = read_kept(reader, now.profile, now.state, first_row, kept, rows);
-    if (std::isfinite(effort.rows)) searches -= 1 - rows.effort.rows / effort.rows;
+    if (std::isfinite(effort.rows)) now.searches -= 1 - rows.effort.rows / effort.rows;
     noise += (reading ? reading->relative_noise : kMaxRelativeNoise) / static_cast<double>(now.frames.size());
     if (!reading || reading->trust < followed) continue;
     for (std::size_t k = 0; k < tones.size(); ++k) tones[k] += reading->nuisance.tones[k];
@@ -168,12 +166,17 @@ std::vector<Learned> starts(const RowReader& reader, const FrameHistory& history
   return starts;
 }
 
+// What the frames' own readings leave, relative to the swing.
+double noise_without(const std::deque<KeptFrame>& frames) {
+  double sum = 0;
+  for (const KeptFrame& kept : frames) sum += kept.noise;
+  return sum / static_cast<double>(frames.size());
+}
+
 // True if the residual falls by more than two unknowns a row cost (Schwarz's criterion).
 bool is_worth(const Learned& learned) {
-  double without = 0;
   const auto count = static_cast<double>(learned.frames.size());
-  for (const KeptFrame& kept : learned.frames) without += kept.noise / count;
-  return 2 * std::log(without / learned.profile.noise) > 2 * std::log(count) / count;
+  return std::log(noise_without(learned.frames) / learned.profile.noise) > std::log(count) / count;
 }
 
 // True if a tone stands out of what profile and chips leave, and none was known: it belongs to the model from now on.
@@ -191,11 +194,18 @@ bool finds_tone_left(const RowReader& reader, Learned& now) {
 }
 
 // Rise and fall belong to the model from now on, starting from those of a moderately slow light. False where they do,
-// and where no frame was read.
-bool start_slow_light(LightState& state) {
-  if (state.model.slow_light || !state.channel) return false;
-  state.model.slow_light = true;
-  state.channel->clock.rise = state.channel->clock.fall = kModeratelySlow;
+// where no frame was read, and where the first frame does not show them.
+bool start_slow_light(const RowReader& reader, std::size_t first_row, Learned& now) {
+  if (now.state.model.slow_light || !now.state.channel) return false;
+  LightState slower = now.state;
+  slower.model.slow_light = true;
+  slower.channel->clock.rise = slower.channel->clock.fall = kModeratelySlow;
+  const auto left_by = [&](const LightState& state) {
+    Learned first{.profile = now.profile, .frames = {now.frames.front()}, .state = state};
+    return read_frames(reader, first_row, first);
+  };
+  if (!(left_by(slower) < kLessNoise * left_by(now.state))) return false;
+  now.state = std::move(slower);
   return true;
 }
 
@@ -243,8 +253,8 @@ std::optional<Learned> learn_rows(const RowReader& reader, const FrameHistory& h
 }
 
 // Alternates chips of all frames and the profile, from the frames' mean and standard deviation on. The first rounds
-// have wrong chips: they keep near the first shape. A tone in what is left is fitted, and where a settled profile
-// leaves more than noise, rise and fall of the light, too.
+// have wrong chips: they keep near the first shape; one that leaves more then than the frames' own readings is none. A
+// tone in what is left is fitted, and where a settled profile leaves more than noise, rise and fall of the light, too.
 std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row, Learned now) {
   const auto shape = now.profile.profile.swing;
   const std::size_t enough = enough_of(now.frames);
@@ -260,9 +270,10 @@ std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row
     const bool slower = best && now.state.model.slow_light && !best->state.model.slow_light;
     const double highest = best ? (slower ? kLessNoise : 1.0) * best->profile.noise : kMaxRelativeNoise;
     if (round > 0 && readable && (noise < highest || (now.profile.fits && !slower))) best = now;
-    if (best && best->profile.fits) break;
+    if ((best && best->profile.fits) || (round > 1 && noise > noise_without(now.frames))) break;
     const bool finds_tone = readable && finds_tone_left(reader, now);
-    if (round >= kShapeWeights.size() && noise > kProfileGain * before && !finds_tone && !start_slow_light(now.state))
+    if (round >= kShapeWeights.size() && noise > kProfileGain * before && !finds_tone &&
+        !start_slow_light(reader, first_row, now))
       break;
     before = noise;
     const double weight = kShapeWeights[std::min(round, kShapeWeights.size() - 1)];
@@ -345,10 +356,7 @@ void FrameHistory::drop_repeated() {
 
 bool FrameHistory::comes_due() {
   attempts.pass_frame();
-  const auto poor = std::ranges::count_if(frames, [](const KeptFrame& kept) { return kept.trust < Trust::fits; });
-  const bool in_doubt = 2 * doubtful() > frames.size();
-  return attempts.is_due() && is_long_enough() && 2 * static_cast<std::size_t>(poor) > frames.size() &&
-         (profile ? in_doubt && !profile->fits : in_doubt || attempts.failures < attempts.quick);
+  return attempts.is_due() && is_long_enough() && 2 * doubtful() > frames.size() && !(profile && profile->fits);
 }
 
 std::int64_t FrameHistory::drop_given_again() {

@@ -70,8 +70,7 @@ struct FrameHistory {
   // These rows of all frames.
   [[nodiscard]] std::vector<std::span<const double>> rows_of_all(std::size_t begin, std::size_t rows) const;
   [[nodiscard]] bool is_long_enough() const { return frames.size() >= kMinFrames; }
-  // True where most frames fit no model, with growing pauses; where their chips are sure, only without a profile and a
-  // few times. Once per frame.
+  // True where most frames fit no model and leave chips in doubt, with growing pauses. Once per frame.
   bool comes_due();
 
   static constexpr std::size_t kMinFrames = 8;  // to learn from
@@ -89,6 +88,7 @@ struct Learned {
   LearnedProfile profile;
   std::deque<KeptFrame> frames;
   LightState state;
+  double searches = FrameHistory::kMinFrames;  // frames' efforts left
 };
 
 // Learns a profile from enough frames. Absent where none explains them, and none better than that in use.

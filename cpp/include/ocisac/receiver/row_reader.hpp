@@ -143,7 +143,7 @@ class RowReader {
   // For the parts about a new pause: the channel of the whole.
   [[nodiscard]] LightState about_pause(const RowsRead& best, const FrameRows& frame) const;
   [[nodiscard]] SignalModel given_model(std::optional<double> exposure) const;
-  [[nodiscard]] std::vector<RowNuisance> other_nuisances(const FrameRows& frame, const LightState& state) const;
+  [[nodiscard]] std::vector<RowNuisance> other_nuisances(const FrameRows& frame, const RowsRead& best) const;
   // Other models than that of the best reading, in the order in which they are tried.
   [[nodiscard]] std::vector<Hypothesis> hypotheses(const FrameRows& frame, const RowsRead& best) const;
   // The best reading is that by the hypothesis where it leaves less.
