@@ -18,8 +18,9 @@ constexpr double kLowestHum = 90, kSameTone = 0.2;  // Hz; spectral lines of a f
 constexpr double kMinSlow = 2e-3;                   // min fraction of a signal's variance for slow light
 constexpr double kHighestTone = 0.45;               // cycles per chip
 constexpr std::array kExposureFactors{0.8, 1.2, 0.9, 1.1, 0.7, 1.35};  // of an exposure that is not right any more
-constexpr double kPairErrors = 25;  // of the ratio of two pairs of rows, over 1 / the root of all rows
-constexpr double kLeastChips = 24;  // in a part, before or after a pause
+constexpr double kPairErrors = 25;           // of the ratio of two pairs of rows, over 1 / the root of all rows
+constexpr double kLeastChips = 24;           // in a part, before or after a pause
+constexpr std::size_t kSearchedFactors = 2;  // in a frame, the next ones in another
 
 // All rows, each frame's less its slow light.
 std::vector<double> without_slow_light(std::span<const std::span<const double>> frames, double slow) {
@@ -170,6 +171,7 @@ std::vector<Hypothesis> RowReader::hypotheses(const FrameRows& frame, const Rows
   }
   if (!last.warped) models.push_back(with(given, &SignalModel::warped, true));
   const double now = state.channel ? state.channel->clock.exposure_rows : given.exposure_rows.value_or(0.0);
+  const std::size_t factors = kExposureFactors.size();
   for (const bool searches : {false, true}) {
     if (searches ? !may_search : !is_tracked) continue;
     for (const SignalModel& model : models) all.push_back({model, searches, model.loose_edges});
@@ -178,8 +180,9 @@ std::vector<Hypothesis> RowReader::hypotheses(const FrameRows& frame, const Rows
     };
     if (state.channel) another_exposure(state.brightness_ratio(frame.signal) * now);  // the brightness changed alike
     if (given.exposure_rows) another_exposure({});                                    // a preamble may show it
-    for (const double factor : kExposureFactors)
-      if (now > 0 && !searches) another_exposure(factor * now);
+    const std::size_t count = searches ? kSearchedFactors : factors;
+    for (std::size_t k = 0; now > 0 && k < count; ++k)
+      another_exposure(kExposureFactors[(state.other_models.failures * count + k) % factors] * now);
   }
   if (pause && given.long_row) all.push_back(pausing);  // rows of two exposures alone look so, too
   return all;

@@ -97,8 +97,8 @@ def pick_colour(
         waveform: as for :func:`find_frequency`.
 
     Returns:
-        The index of the colour whose tone has the largest signal-to-noise ratio, searched as in :func:`calibrate`; colours flagged ``FEW_CYCLES``, ``AT_BOUND`` or ``MODEL_MISFIT`` come last; 0 if none shows
-        a tone.
+        The index of the colour whose tone has the largest signal-to-noise ratio, searched as in :func:`calibrate`;
+        colours flagged ``FEW_CYCLES``, ``AT_BOUND`` or ``MODEL_MISFIT`` come last; 0 if none shows a tone.
 
     Raises:
         ValueError: no colours, or as for :func:`find_frequency`.

@@ -82,8 +82,8 @@ double texture_power(std::span<const double> residual, double frequency);
 
 // Standard error at the minimum, from the residual, by the sandwich estimate. It allows for noise that is common to the
 // signals of a group (the `group` neighbouring signals of one frame), increases with the light, or is correlated from
-// row to row (Newey and West 1987, Bartlett weights; lag by Andrews 1991), and for texture at the tone. NaN without degrees of freedom. `residual`:
-// of the signals, if it is wanted.
+// row to row (Newey and West 1987, Bartlett weights; lag by Andrews 1991), and for texture at the tone. NaN without
+// degrees of freedom. `residual`: of the signals, if it is wanted.
 double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
                      double frequency, std::vector<double>* residual = nullptr);
 
