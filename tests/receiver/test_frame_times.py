@@ -224,3 +224,17 @@ def test_an_inverted_light_is_read_and_said_to_be(line_code):
     assert results[-1].stretch.inverted
     assert results[-1].stretch.lack == "none"
     assert all(result.outcome == "received" for result in results)
+
+
+@pytest.mark.parametrize("jump", [10**k for k in (6, 12, 14, 16)])
+@pytest.mark.parametrize("stamped", [False, True])
+def test_a_pause_of_more_chips_than_are_counted_is_a_new_start(jump, stamped):
+    """A damaged counter, or time stamps in ns taken for numbers: the call once never returned from 2^53 chips on."""
+    film = Film(10)
+    receiver = film.receiver()
+
+    def received(index):
+        late = index + (jump if index > 4 else 0)
+        return receiver.push(film.frame(index * FRAME_TIME), **({"time": float(late)} if stamped else {"number": late}))
+
+    assert frames_until_payload(map(received, itertools.count())) <= 30

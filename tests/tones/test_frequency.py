@@ -372,6 +372,22 @@ def test_two_lamps_are_no_noise_about_each_other():
         assert found.frequency * 50 == pytest.approx(1, rel=0.02)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.2, 0.3])
+@pytest.mark.parametrize("columns", [1, 60])
+def test_stairs_of_a_rounded_gradient_are_no_light(noise, columns):
+    """A graded wall of a denoised picture has a step every few rows."""
+    random = np.random.default_rng(4)
+    for _ in range(30):
+        wall = 5 + random.uniform(0.05, 0.33) * np.arange(720)[:, np.newaxis] + np.zeros(columns)
+        stairs = np.clip(np.rint(wall + random.normal(0, noise, wall.shape)), 0, 255).astype(np.uint8)
+        assert oc.find_frequency(stairs, PER_ROW).flags
+        assert oc.calibrate(stairs, 500.0).flags
+        if not noise:
+            assert oc.find_frequency(wall, PER_ROW).flags  # rounding of doubles
+    faint = 0.3 * tone(0.02, 720)[:, np.newaxis] + 80 + random.normal(0, 1, (720, 60))
+    assert not oc.find_frequency(np.rint(faint).astype(np.uint8), PER_ROW).flags
+
+
 def test_few_cycles_and_bounds_are_flagged():
     columns = 3 + tone(1.5 / 500, 500) + np.random.default_rng(1).normal(0, 0.05, 500)
     assert oc.find_frequency(columns, PER_ROW).flags == Flag.FEW_CYCLES

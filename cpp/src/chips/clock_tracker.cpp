@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/levels.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -115,6 +116,10 @@ bool ClockTracker::update(double frame, const ChipClock& clock, const ClockError
     return true;
   }
   require(frame > frame_, "frame", frame, "a frame after the last one");
+  if (!counts_to(frame)) {
+    begin(frame, clock, errors);
+    return false;
+  }
   State here =
       forwarded({Eigen::Map<const Vector3d>(state_.data()), Eigen::Map<const Matrix3>(covariance_.data()), chip_},
                 frame - frame_, options_);
@@ -174,9 +179,15 @@ bool ClockTracker::update(double frame, const ChipClock& clock, const ClockError
   return true;
 }
 
+// False after a pause of more chips than doubles count.
+bool ClockTracker::counts_to(double frame) const {
+  return (frame - frame_) * std::abs(state_[2]) < kMostCounted * state_[1];
+}
+
 std::optional<TrackedClock> ClockTracker::predict(double frame) const {
   if (!started_) return std::nullopt;
   require(frame >= frame_, "frame", frame, "not before the last update");
+  if (!counts_to(frame)) return std::nullopt;
   const State there =
       forwarded({Eigen::Map<const Vector3d>(state_.data()), Eigen::Map<const Matrix3>(covariance_.data()), chip_},
                 frame - frame_, options_);

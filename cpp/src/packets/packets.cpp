@@ -734,14 +734,16 @@ std::optional<std::ptrdiff_t> PacketAssembler::likely_place(const Stretch& stret
     const double expected = stretch.place() - origin_at(stretch, origin);
     const double nearest = std::nearbyint(expected);
     const double most = drift_ ? 0.5 * static_cast<double>(period()) : kMaxPlaces;
+    if (!(std::abs(nearest) < kMostCounted)) continue;  // after a pause without end
     const double reach = std::clamp(std::ceil(kSure * deviation), static_cast<double>(kMaxSlip), most);
-    for (double chip = nearest - reach; chip <= nearest + reach; ++chip) {
-      const double errors = (chip - expected) / deviation;
-      const double slip = std::abs(chip - nearest) <= static_cast<double>(kMaxSlip) ? kSlipChance : 0.0;
-      priors[modulo(static_cast<std::ptrdiff_t>(chip), cycle())] +=
+    for (double away = -reach; away <= reach; ++away) {
+      const double errors = (nearest + away - expected) / deviation;
+      const double slip = std::abs(away) <= static_cast<double>(kMaxSlip) ? kSlipChance : 0.0;
+      priors[modulo(static_cast<std::ptrdiff_t>(nearest + away), cycle())] +=
           weight * (std::exp(-0.5 * errors * errors) / (deviation * std::sqrt(kTwoPi)) + slip);
     }
   }
+  if (priors.empty()) return std::nullopt;
   ChipEvidence evidence_of(stretch.llr, format_.line_code);
   std::vector<std::pair<double, std::ptrdiff_t>> places;  // ln of the probability
   for (const auto& [place, prior] : priors)

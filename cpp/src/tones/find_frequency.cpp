@@ -9,6 +9,7 @@
 #include <numbers>
 #include <numeric>
 #include <utility>
+#include <variant>
 
 #include "core/levels.hpp"
 #include "core/spectrum.hpp"
@@ -22,6 +23,7 @@
 #include "ocisac/tones/periodic_fit.hpp"
 #include "rows/fit.hpp"
 #include "rows/verdict.hpp"
+#include "tones/clipping.hpp"
 #include "tones/spectral_votes.hpp"
 #include "tones/surroundings.hpp"
 #include "tones/tone_combination.hpp"
@@ -429,6 +431,37 @@ Flags flags_of(double cycles, double cycles_std, bool columns_saturated) {
   return flags;
 }
 
+// Samples of a column of the first frame.
+std::vector<double> samples_of(const AnyFramesView& frames, std::size_t column) {
+  std::vector<double> samples(shape_of(frames).rows);
+  std::visit(
+      [&](const auto& view) {
+        for (std::size_t n = 0; n < samples.size(); ++n) samples[n] = static_cast<double>(view(0, n, column));
+      },
+      frames);
+  return samples;
+}
+
+// True for a tone that rounding of a gradient makes: smaller than half a step, beside noise of less than half a step,
+// which would dither it. `all`: of the sums of the blocks.
+bool is_rounding(const AnyFramesView& frames, const ColumnBlocks& blocks, const PeriodicFit& all) {
+  constexpr double kExact = 1e-12;  // of the light: rounding of doubles
+  const std::size_t count = blocks.frames * blocks.blocks;
+  double largest = 0;
+  std::size_t strongest = 0;
+  for (std::size_t s = 0; s < count; ++s) {
+    const double amplitude = std::hypot(all.amplitudes[s], all.amplitudes[count + s]);
+    if (amplitude <= largest) continue;
+    largest = amplitude;
+    strongest = s % blocks.blocks;
+  }
+  const std::vector<double> samples = samples_of(frames, strongest * blocks.width);
+  const double step = step_of_samples(frames), amplitude = largest / static_cast<double>(blocks.width),
+               light = *std::ranges::max_element(samples, {}, [](double v) { return std::abs(v); });
+  if (!(amplitude > kExact * std::abs(light))) return true;
+  return amplitude < 0.5 * step && noise_of_differences(samples) < step * step / 4;
+}
+
 void check(const FrequencySearch& search) {
   require(std::isfinite(search.lower) && search.lower >= 0, "bounds", search.lower, "a lower bound of 0 or above");
   require(search.upper > search.lower, "bounds", search.upper, "an upper bound above the lower one");
@@ -469,6 +502,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.frequency * rows, std * rows, columns.saturated);
   if (final.frequency <= range.lower || final.frequency >= range.upper) flags |= flag::at_bound;
+  if (!columns.saturated && is_rounding(frames, blocks, all)) flags |= flag::quantised;
   if ((!in_parts && !in_sum) || !is_significant(signals, final, signals.count())) flags |= flag::no_tone;
   constexpr double kJump = 0.075;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
   // RMS phase along the rows of one frame by the error of its frequency.

@@ -88,7 +88,7 @@ def find_frequency(
     camera has a frame time, the changes from frame to frame tell the frequency of four frames or more.
 
     The standard error comes from the residual and allows noise that neighbouring columns share, that grows with the
-    light, or that is correlated from row to row (speckle, text). In white noise the error of f is at the Cramer-Rao
+    light, that is correlated from row to row (speckle, text), or that is texture of the scene. In white noise the error of f is at the Cramer-Rao
     bound of the model above.
 
     Args:

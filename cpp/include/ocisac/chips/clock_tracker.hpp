@@ -42,7 +42,7 @@ class ClockTracker {
   // is kept.
   bool update(double frame, const ChipClock& clock, const ClockErrors& errors);
 
-  // Predicts the clock of a frame at or after the last update; absent before the first.
+  // Predicts the clock of a frame at or after the last update; absent before the first, and 10^15 chips after the last.
   [[nodiscard]] std::optional<TrackedClock> predict(double frame) const;
 
   // Time of the last update; absent before the first.
@@ -58,6 +58,7 @@ class ClockTracker {
 
  private:
   void begin(double frame, const ChipClock& clock, const ClockErrors& errors);
+  [[nodiscard]] bool counts_to(double frame) const;
 
   TrackerOptions options_;
   bool started_ = false;
