@@ -73,7 +73,8 @@ class Flag(Named):
     wrong."""
     QUANTISED = 1 << 25
     """The rows have less noise than half a step of the stored values: the rounding error is not random then and may
-    bias the gain by more than the standard error."""
+    bias the gain by more than the standard error. ``find_frequency``, ``calibrate``: the tone may be the stairs of a
+    rounded gradient."""
     AMBIGUOUS_MOTION = 1 << 26
     """``sense``: motions of several speeds fit the rows equally; the slowest of them is given, or NaN."""
     AMBIGUOUS_KIND = 1 << 27

@@ -88,8 +88,8 @@ def find_frequency(
     camera has a frame time, the changes from frame to frame tell the frequency of four frames or more.
 
     The standard error comes from the residual and allows noise that neighbouring columns share, that grows with the
-    light, that is correlated from row to row (speckle, text), or that is texture of the scene. In white noise the error of f is at the Cramer-Rao
-    bound of the model above.
+    light, that is correlated from row to row (speckle, text), or that is texture of the scene. In white noise the error
+    of f is at the Cramer-Rao bound of the model above.
 
     Args:
         columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, all of one light; the phase
