@@ -255,3 +255,20 @@ def test_shades_of_steady_lamps_on_a_wall_are_no_slow_light() -> None:
             wall += level / (1 + ((y - row) ** 2 + (x - column) ** 2) / width**2) ** 1.5
         stored = np.clip(np.rint(60 * wall / wall.mean() + random.normal(0, 1, wall.shape)), 0, 255).astype(np.uint8)
         assert (remove_bands(stored, CAMERA).frames == stored).all()
+
+
+@pytest.mark.parametrize("curve", ["linear", "srgb"])
+@pytest.mark.parametrize("noise", [0.2, 2.0])
+@pytest.mark.parametrize("rows", [720, 1080, 2160])
+def test_walls_that_fade_to_black_are_left(rows, noise, curve):
+    """The logarithm of an evenly fading wall is bent as one cycle of a deep tone is."""
+    random = np.random.default_rng(rows)
+    place = np.linspace(0, 1, rows)[:, np.newaxis]
+    for brightest in (30, 80, 160, 230):
+        for darkest in (0, 5):
+            fade = 1 - place if brightest == 80 else place
+            wall = darkest + (brightest - darkest) * fade + random.normal(0, noise, (rows, 100))
+            stored = np.clip(np.rint(wall), 0, 255).astype(np.uint8)
+            done = remove_bands(stored, Camera(22.2e-6, tone_curve=curve))
+            change = np.abs(done.frames.astype(float) - stored).mean(axis=1).max()
+            assert "".join(done.unchanged) or change < 5

@@ -7,6 +7,7 @@ import signal
 import struct
 import subprocess
 import sys
+import time
 from fractions import Fraction
 from pathlib import Path
 
@@ -135,3 +136,22 @@ def test_a_run_that_is_stopped_leaves_nothing_or_a_film_that_plays(tmp_path, kee
     assert target.exists() == keep
     if keep:
         assert len(facts_of(target)[2]) == done
+
+
+def test_a_run_that_is_stopped_while_it_waits_for_more_of_a_pipe_writes_nothing(tmp_path):
+    """PyAV drops what interrupts its reads: the run went on with the part of the film that was there, as its whole."""
+    source, target = tmp_path / "in.mkv", tmp_path / "out.mkv"
+    write_film(source, count=60)
+    target.write_bytes(b"before")
+    command = [sys.executable, "-m", "ocisac_fast.cli", "clean", "-", str(target), *CLEAN, "--json", "--force"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        whole = source.read_bytes()
+        process.stdin.write(whole[: 3 * len(whole) // 4])
+        process.stdin.flush()
+        process.stdout.readline()  # of the first frame
+        time.sleep(2)  # till all that came is decoded
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert b"Traceback" not in err
+    assert target.read_bytes() == b"before"

@@ -34,6 +34,8 @@ constexpr std::size_t kChanges = 4;   // of S of what changes from frame to fram
 constexpr double kLeastChange = 0.001, kMostChange = 0.2;
 constexpr std::array<double, 4> kTrends{0.5, 0.5, 0.1, 0.05};  // standard deviations of a linear to quartic course:
                                                                // vignettes, skies
+constexpr double kNearBlack = 0.03;                            // of the mean light, to which it fades
+constexpr double kFade = 0.25;                                 // standard deviation of the exponent of a fade
 constexpr std::array<double, 3> kSizes{0.05, 0.15, 0.5};       // expected of a tone's terms, one as likely as another
 constexpr std::size_t kPhaseSteps = 16;
 constexpr std::size_t kPlacesOfMode = 8;
@@ -67,13 +69,18 @@ double from_middle(Index place, Index places) {
   return (static_cast<double>(place) + 0.5) / static_cast<double>(places) - 0.5;
 }
 
-// (modes × trends) modes of the slow courses of pictures, scaled by their standard deviations.
+// (modes × trends) modes of the slow courses of pictures, scaled by their standard deviations: polynomials of the
+// logarithm, and light that falls evenly to near black, upwards or downwards.
 MatrixXd modes_of_trends(const MatrixXd& slow) {
-  MatrixXd courses(slow.rows(), static_cast<Index>(kTrends.size()));
-  for (Index n = 0; n < courses.rows(); ++n)
-    for (Index k = 0; k < courses.cols(); ++k)
-      courses(n, k) =
-          kTrends[static_cast<std::size_t>(k)] * std::pow(2 * from_middle(n, slow.rows()), static_cast<int>(k) + 1);
+  constexpr std::size_t kPolynomials = kTrends.size();
+  MatrixXd courses(slow.rows(), static_cast<Index>(kPolynomials + 2));
+  for (Index n = 0; n < courses.rows(); ++n) {
+    const double place = 2 * from_middle(n, slow.rows());
+    for (std::size_t k = 0; k < kPolynomials; ++k)
+      courses(n, static_cast<Index>(k)) = kTrends[k] * std::pow(place, static_cast<int>(k) + 1);
+    courses(n, kPolynomials) = kFade * std::log(1 + kNearBlack + place);
+    courses(n, kPolynomials + 1) = kFade * std::log(1 + kNearBlack - place);
+  }
   return modes_of_courses(slow, courses);
 }
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
+from collections.abc import Iterator
 from typing import Any, BinaryIO
 
 from ocisac_fast.files.recording import FileError
@@ -28,7 +30,41 @@ def pyav() -> Any:
 
 def opened_video(file: BinaryIO, container: str | None = None) -> Any:
     """A container of FFmpeg, which gets bytes and never a name: it would read one as a URL, and open others itself."""
-    return pyav().open(file, format=container, options={"protocol_whitelist": ""})
+    with interrupts():
+        return pyav().open(_Read(file), format=container, options={"protocol_whitelist": ""})
+
+
+class _Interrupted(Exception):
+    pass
+
+
+class _Read:
+    """A file as PyAV reads it, which hands on exceptions, but drops what is none, such as KeyboardInterrupt."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._interrupted = False
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+    def read(self, size: int) -> bytes:
+        try:
+            return b"" if self._interrupted else self._file.read(size)
+        except Exception:
+            raise
+        except BaseException as stop:
+            self._interrupted = True  # FFmpeg reads on before PyAV raises
+            raise _Interrupted from stop
+
+
+@contextlib.contextmanager
+def interrupts() -> Iterator[None]:
+    """Within this, what interrupted PyAV while it read is raised as it was."""
+    try:
+        yield
+    except _Interrupted as interrupted:
+        raise interrupted.__cause__ from None  # type: ignore[misc]
 
 
 def fsspec() -> Any:
