@@ -35,7 +35,7 @@ constexpr double kLeastChange = 0.001, kMostChange = 0.2;
 constexpr std::array<double, 4> kTrends{0.5, 0.5, 0.1, 0.05};  // standard deviations of a linear to quartic course:
                                                                // vignettes, skies
 constexpr double kNearBlack = 0.03;                            // of the mean light, to which it fades
-constexpr double kFade = 0.25;                                 // standard deviation of the exponent of a fade
+constexpr double kFade = 0.15;                                 // standard deviation of the exponent of a fade
 constexpr std::array<double, 3> kSizes{0.05, 0.15, 0.5};       // expected of a tone's terms, one as likely as another
 constexpr std::size_t kPhaseSteps = 16;
 constexpr std::size_t kPlacesOfMode = 8;
