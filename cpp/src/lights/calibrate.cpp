@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <optional>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -103,12 +102,8 @@ FoundFrequency find_in_frame(const AnyFramesView& frames, const FrequencySearch&
 // The row time is yet to be found.
 Calibration find_lamp(const AnyFramesView& frames, const FrequencySearch& search) {
   FoundFrequency whole = find_in_frame(frames, search);
+  if (is_everywhere(whole)) return {kNaN, kNaN, std::move(whole), kNaN};
   const std::vector<LightSource> lamps = lamps_of(frames, search);
-  if (is_everywhere(whole)) {
-    const auto same = std::ranges::find_if(
-        lamps, [&](const LightSource& lamp) { return agree(whole.frequency, whole.frequency_std, lamp); });
-    return {kNaN, kNaN, std::move(whole), same == lamps.end() ? kNaN : same->probability};
-  }
   if (lamps.empty()) {
     if (answered(whole)) whole.flags |= flag::model_misfit;
     return {kNaN, kNaN, std::move(whole), kNaN};
@@ -156,6 +151,12 @@ std::size_t pick_colour(std::span<const AnyFramesView> colours, const FrequencyS
 Calibration calibrate(const AnyFramesView& frames, double frequency, const FrequencySearch& search) {
   require_positive("frequency", frequency);
   Calibration lamp = find_lamp(frames, search);
+  if (is_everywhere(lamp.found) && std::isnan(lamp.probability)) {
+    const std::vector<LightSource> lamps = lamps_of(frames, search);
+    const auto same = std::ranges::find_if(
+        lamps, [&](const LightSource& one) { return agree(lamp.found.frequency, lamp.found.frequency_std, one); });
+    if (same != lamps.end()) lamp.probability = same->probability;
+  }
   lamp.row_time = lamp.found.frequency / frequency;
   lamp.row_time_std = lamp.found.frequency_std / frequency;
   if (lamp.row_time < kShortestRow || lamp.row_time * static_cast<double>(shape_of(frames).rows) > kLongestFrame)

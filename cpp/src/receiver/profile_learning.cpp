@@ -166,7 +166,7 @@ std::vector<Learned> starts(const RowReader& reader, const FrameHistory& history
   return starts;
 }
 
-// What the frames' own readings leave, relative to the swing.
+// The frames' own readings leave noise of this mean, relative to the swing.
 double noise_without(const std::deque<KeptFrame>& frames) {
   double sum = 0;
   for (const KeptFrame& kept : frames) sum += kept.noise;
