@@ -187,20 +187,38 @@ double description_length(const ChipLattice& lattice, std::span<const double> di
          - 0.3 * edges * std::log(chip);  // prefers the slower lattice
 }
 
-// Alternates rounding of edges to chips and fitting.
-std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
-  std::vector<double> chips(edges.rows.size()), distance(chips.size());
-  std::vector<std::uint8_t> used(edges.rows.size(), 1);
+// A fit to the edges that lie about it; `distance` of each and whether it was `used`.
+struct RobustFit {
+  ChipLattice lattice;
+  std::vector<double> distance;
+  std::vector<std::uint8_t> used;
+};
+
+// Alternates fitting to the edges' chips and leaving out edges; `place`: sets the chips for a lattice before each fit.
+template <class Place>
+std::optional<RobustFit> fit_robustly(const Edges& edges, std::vector<double>& chips, ChipLattice lattice, Place place) {
+  RobustFit fit{lattice, std::vector<double>(chips.size()), std::vector<std::uint8_t>(chips.size(), 1)};
   for (int round = 0; round < 4; ++round) {
+    place(fit.lattice);
+    const auto solved = solve(edges, chips, fit.used);
+    if (!solved) return std::nullopt;
+    fit.lattice = *solved;
+    for (std::size_t k = 0; k < chips.size(); ++k)
+      fit.distance[k] = std::abs(edges.rows[k] - place_on(fit.lattice, chips[k], !edges.rising[k]));
+    fit.used = inliers(fit.distance, 0.02);
+  }
+  return fit;
+}
+
+// Alternates rounding of edges to chips and fitting.
+std::optional<ChipTiming> settle(const Edges& edges, const ChipLattice& first) {
+  std::vector<double> chips(edges.rows.size());
+  const auto fit = fit_robustly(edges, chips, first, [&](const ChipLattice& lattice) {
     for (std::size_t k = 0; k < chips.size(); ++k)
       chips[k] = std::nearbyint((edges.rows[k] - place_on(lattice, 0, !edges.rising[k])) / lattice.clock.rows_per_chip);
-    const auto solved = solve(edges, chips, used);
-    if (!solved) return std::nullopt;
-    lattice = *solved;
-    for (std::size_t k = 0; k < chips.size(); ++k)
-      distance[k] = std::abs(edges.rows[k] - place_on(lattice, chips[k], !edges.rising[k]));
-    used = inliers(distance, 0.02);
-  }
+  });
+  if (!fit) return std::nullopt;
+  const auto& [lattice, distance, used] = *fit;
   std::size_t collisions = 0;
   std::array<std::array<double, 2>, 2> runs{};
   for (std::size_t k = 1; k < chips.size(); ++k) {
@@ -246,10 +264,10 @@ bool divides(const ChipTiming& timing, const ChipTiming& slower) {
 
 }  // namespace
 
-std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const double> chips) {
+std::optional<ChipLattice> fit_lattice(const Edges& edges, std::vector<double> chips) {
   if (chips.size() < kMinEdges) return std::nullopt;
-  const auto lattice = solve(edges, chips, std::vector<std::uint8_t>(chips.size(), 1));
-  return lattice ? std::optional(centred(*lattice)) : std::nullopt;
+  const auto fit = fit_robustly(edges, chips, {}, [](const ChipLattice&) {});
+  return fit ? std::optional(centred(fit->lattice)) : std::nullopt;
 }
 
 namespace {
