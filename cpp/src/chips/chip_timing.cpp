@@ -158,6 +158,14 @@ std::vector<std::uint8_t> inliers(const std::vector<double>& distance, double al
   return used;
 }
 
+// Of edges from their chips' places, rows.
+std::vector<double> distances(const Edges& edges, std::span<const double> chips, const ChipLattice& lattice) {
+  std::vector<double> distance(chips.size());
+  for (std::size_t k = 0; k < chips.size(); ++k)
+    distance[k] = std::abs(edges.rows[k] - place_on(lattice, chips[k], !edges.rising[k]));
+  return distance;
+}
+
 // Moves the phase to the mean of the rising and the falling edges' lattices.
 ChipLattice centred(ChipLattice lattice) {
   lattice.clock.phase += 0.5 * lattice.duty_offset;
@@ -187,38 +195,19 @@ double description_length(const ChipLattice& lattice, std::span<const double> di
          - 0.3 * edges * std::log(chip);  // prefers the slower lattice
 }
 
-// A fit to the edges that lie about it; `distance` of each and whether it was `used`.
-struct RobustFit {
-  ChipLattice lattice;
-  std::vector<double> distance;
-  std::vector<std::uint8_t> used;
-};
-
-// Alternates fitting to the edges' chips and leaving out edges; `place`: sets the chips for a lattice before each fit.
-template <class Place>
-std::optional<RobustFit> fit_robustly(const Edges& edges, std::vector<double>& chips, ChipLattice lattice, Place place) {
-  RobustFit fit{lattice, std::vector<double>(chips.size()), std::vector<std::uint8_t>(chips.size(), 1)};
-  for (int round = 0; round < 4; ++round) {
-    place(fit.lattice);
-    const auto solved = solve(edges, chips, fit.used);
-    if (!solved) return std::nullopt;
-    fit.lattice = *solved;
-    for (std::size_t k = 0; k < chips.size(); ++k)
-      fit.distance[k] = std::abs(edges.rows[k] - place_on(fit.lattice, chips[k], !edges.rising[k]));
-    fit.used = inliers(fit.distance, 0.02);
-  }
-  return fit;
-}
-
 // Alternates rounding of edges to chips and fitting.
-std::optional<ChipTiming> settle(const Edges& edges, const ChipLattice& first) {
-  std::vector<double> chips(edges.rows.size());
-  const auto fit = fit_robustly(edges, chips, first, [&](const ChipLattice& lattice) {
+std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
+  std::vector<double> chips(edges.rows.size()), distance(chips.size());
+  std::vector<std::uint8_t> used(edges.rows.size(), 1);
+  for (int round = 0; round < 4; ++round) {
     for (std::size_t k = 0; k < chips.size(); ++k)
       chips[k] = std::nearbyint((edges.rows[k] - place_on(lattice, 0, !edges.rising[k])) / lattice.clock.rows_per_chip);
-  });
-  if (!fit) return std::nullopt;
-  const auto& [lattice, distance, used] = *fit;
+    const auto solved = solve(edges, chips, used);
+    if (!solved) return std::nullopt;
+    lattice = *solved;
+    distance = distances(edges, chips, lattice);
+    used = inliers(distance, 0.02);
+  }
   std::size_t collisions = 0;
   std::array<std::array<double, 2>, 2> runs{};
   for (std::size_t k = 1; k < chips.size(); ++k) {
@@ -264,10 +253,12 @@ bool divides(const ChipTiming& timing, const ChipTiming& slower) {
 
 }  // namespace
 
-std::optional<ChipLattice> fit_lattice(const Edges& edges, std::vector<double> chips) {
+std::optional<FittedLattice> fit_lattice(const Edges& edges, std::span<const double> chips) {
   if (chips.size() < kMinEdges) return std::nullopt;
-  const auto fit = fit_robustly(edges, chips, {}, [](const ChipLattice&) {});
-  return fit ? std::optional(centred(fit->lattice)) : std::nullopt;
+  const auto of_all = solve(edges, chips, std::vector<std::uint8_t>(chips.size(), 1));
+  if (!of_all) return std::nullopt;
+  const auto of_most = solve(edges, chips, inliers(distances(edges, chips, *of_all), 0.02));
+  return FittedLattice{centred(of_most.value_or(*of_all)), centred(*of_all)};
 }
 
 namespace {
