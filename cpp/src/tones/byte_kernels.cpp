@@ -93,23 +93,6 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
 #endif
 }
 
-// The same in one instruction if kDot: AVX-512 VNNI, for which Highway 1.0.3 has no sound target.
-#if HWY_TARGET <= HWY_AVX3 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
-constexpr bool kMayHaveDotProducts = true;
-template <bool kDot>
-HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
-  if constexpr (!kDot) return multiply_pairs(sum, a, b);
-  asm("vpdpwssd %2, %1, %0" : "+v"(sum.raw) : "v"(a.raw), "v"(b.raw));
-  return sum;
-}
-#else
-constexpr bool kMayHaveDotProducts = false;
-template <bool kDot>
-HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
-  return multiply_pairs(sum, a, b);
-}
-#endif
-
 // The weights of a pair of groups. Narrow vectors multiply by them from memory, where all lanes have them, which saves
 // an instruction and a register for each.
 constexpr std::size_t kWeightLanes = kWide ? 1 : hn::MaxLanes(d32);
@@ -118,7 +101,6 @@ struct alignas(kWeightLanes * sizeof(std::int32_t)) PairWeights {
 };
 
 // By assembly with AVX2: GCC loads weights of several uses into a register, and spills sums (a pass takes 12 % longer).
-template <bool kDot>
 HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, const PairWeights& b) {
 #if HWY_TARGET == HWY_AVX2 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
   Sum32 product;
@@ -126,7 +108,7 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, const PairWeights& b) {
   return hn::Add(sum, product);
 #else
   const Sum32 weights = kWide ? hn::Set(d32, b.lanes[0]) : hn::Load(d32, b.lanes.data());
-  return multiply_pairs<kDot>(sum, a, hn::BitCast(d16s, weights));
+  return multiply_pairs(sum, a, hn::BitCast(d16s, weights));
 #endif
 }
 
@@ -464,7 +446,7 @@ struct SliceOutputs {
 };
 
 // load(p, top, pairs) computes the p-th of `count` pairs of groups and updates the maximum.
-template <bool kFold, bool kTone, bool kKeep, bool kDot, class Load>
+template <bool kFold, bool kTone, bool kKeep, class Load>
 HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) {
   Sum32 a[kPerSlice], b[kPerSlice], square[kPerSlice];
   Sum16 total[kPerSlice];
@@ -482,10 +464,10 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
     for_each_constant<kPerSlice>([&](auto v) OCISAC_INLINE_LAMBDA {
       const Pair16 sum = pairs.sums[v], other = kFold ? pairs.differences[v] : sum;
       total[v] = hn::Add(total[v], hn::BitCast(d16, sum));
-      if (kTone) a[v] = multiply_pairs<kDot>(a[v], sum, to.weights[p][0]);
-      if (kTone) b[v] = multiply_pairs<kDot>(b[v], other, to.weights[p][1]);
-      square[v] = multiply_pairs<kDot>(square[v], sum, sum);
-      if (kFold) square[v] = multiply_pairs<kDot>(square[v], other, other);
+      if (kTone) a[v] = multiply_pairs(a[v], sum, to.weights[p][0]);
+      if (kTone) b[v] = multiply_pairs(b[v], other, to.weights[p][1]);
+      square[v] = multiply_pairs(square[v], sum, sum);
+      if (kFold) square[v] = multiply_pairs(square[v], other, other);
       if (kKeep) to.keep[p].sums[v] = sum;
       if (kKeep && kFold) to.keep[p].differences[v] = other;
     });
@@ -500,7 +482,7 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
 }
 
 // kOutputs outputs of one kind, for a slice.
-template <std::size_t kOutputs, bool kDifferences, bool kDot>
+template <std::size_t kOutputs, bool kDifferences>
 HWY_INLINE void add_outputs(std::span<const Pairs> pairs, const std::int32_t* HWY_RESTRICT weights,
                             std::size_t weights_stride, std::int32_t* HWY_RESTRICT sums) {
   const std::size_t count = pairs.size();
@@ -512,19 +494,19 @@ HWY_INLINE void add_outputs(std::span<const Pairs> pairs, const std::int32_t* HW
     for (std::size_t o = 0; o < kOutputs; ++o) {
       const Pair16 weight = hn::BitCast(d16s, hn::Set(d32, weights[o * weights_stride + p]));
       for (std::size_t v = 0; v < kPerSlice; ++v)
-        out[o][v] = multiply_pairs<kDot>(out[o][v], kDifferences ? pairs[p].differences[v] : pairs[p].sums[v], weight);
+        out[o][v] = multiply_pairs(out[o][v], kDifferences ? pairs[p].differences[v] : pairs[p].sums[v], weight);
     }
   for (std::size_t o = 0; o < kOutputs; ++o)
     for (std::size_t v = 0; v < kPerSlice; ++v) hn::Store(out[o][v], d32, sums + o * kPerSum + v * hn::Lanes(d32));
 }
 
 // All outputs of one kind, from part `first` up to `end`.
-template <bool kDifferences, bool kDot>
+template <bool kDifferences>
 HWY_INLINE void add_outputs_of_kind(std::span<const Pairs> pairs, const ByteWeights& weights, std::size_t first,
                                     std::size_t end, std::int32_t* sums) {
   const auto add = [&]<std::size_t kOutputs>() {
-    add_outputs<kOutputs, kDifferences, kDot>(pairs, weights.pairs + first * weights.stride, weights.stride,
-                                              sums + first * kPerSum);
+    add_outputs<kOutputs, kDifferences>(pairs, weights.pairs + first * weights.stride, weights.stride,
+                                        sums + first * kPerSum);
   };
   for (; first + 4 <= end; first += 4) add.template operator()<4>();
   if (first + 3 == end) add.template operator()<3>();
@@ -563,11 +545,11 @@ bool has_more(const ByteWeights& weights, bool fold) { return weights.parts.size
 
 // A slice of a strip. `load` computes its pairs as for add_slice() and stores them in `kept` if kKeep; otherwise they
 // are already there. Folded, squares of pairs count twice.
-template <bool kFold, bool kMore, bool kKeep, std::size_t kSlice, bool kDot, class Load>
+template <bool kFold, bool kMore, bool kKeep, std::size_t kSlice, class Load>
 HWY_INLINE void add_slice_of_strip(const BlockPlan& plan, const Strip& strip, Pairs* kept, Load load) {
   const std::size_t parts = plan.weights.parts.size();
   std::int32_t* sums = strip.sums + kSlice * kPerSlice * hn::Lanes(d32);
-  add_slice<kFold, !kMore, kKeep, kDot>(
+  add_slice<kFold, !kMore, kKeep>(
       plan.count,
       {plan.first_weights.data(), plan.has_first ? sums : plan.spare,
        plan.has_second ? sums + plan.second * kPerSum : plan.spare, strip.squares + kSlice * kPerSlice * hn::Lanes(d32),
@@ -575,8 +557,8 @@ HWY_INLINE void add_slice_of_strip(const BlockPlan& plan, const Strip& strip, Pa
       load);
   if constexpr (!kMore) return;
   const std::span<const Pairs> pairs(kept, plan.count);
-  add_outputs_of_kind<false, kDot>(pairs, plan.weights, 0, kFold ? plan.second : parts, sums);
-  if (kFold) add_outputs_of_kind<true, kDot>(pairs, plan.weights, plan.second, parts, sums);
+  add_outputs_of_kind<false>(pairs, plan.weights, 0, kFold ? plan.second : parts, sums);
+  if (kFold) add_outputs_of_kind<true>(pairs, plan.weights, plan.second, parts, sums);
 }
 
 // Calls add<slice>() for every slice.
@@ -587,11 +569,11 @@ HWY_INLINE void for_each_slice(Add add) {
 }
 
 // The pairs of one strip, straight from the pixels.
-template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines>
 HWY_INLINE void add_strip(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
   Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold> : 1];
   for_each_slice([&]<std::size_t kSlice>() OCISAC_INLINE_LAMBDA {
-    add_slice_of_strip<kFold, kMore, kMore, kSlice, kDot>(
+    add_slice_of_strip<kFold, kMore, kMore, kSlice>(
         plan, strip, kept, [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
           ask_for_run<kGroup, kSlice == 0, kFold && kSlice + 1 == kSlices>(ahead, p);
           if constexpr (kGroup == 1)
@@ -604,7 +586,7 @@ HWY_INLINE void add_strip(const Rows<kLines>& rows, const BlockPlan& plan, const
 }
 
 // Groups of rows with intermediate storage, so that the rows are read once for all slices.
-template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines>
 HWY_INLINE void add_strip_by_memory(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
                                     const Strip& strip) {
   Pairs slices[kSlices][kPairsPerBlock<kGroup, kFold>];
@@ -619,13 +601,13 @@ HWY_INLINE void add_strip_by_memory(const Rows<kLines>& rows, const BlockPlan& p
   hn::StoreU(top, d8, strip.maximum);
   for_each_slice([&]<std::size_t kSlice>() {
     const Pairs* made = slices[kSlice];
-    add_slice_of_strip<kFold, kMore, false, kSlice, kDot>(plan, strip, slices[kSlice],
-                                                          [made](std::size_t p, Bytes&, Pairs& pairs) {
-                                                            for (std::size_t v = 0; v < kPerSlice; ++v) {
-                                                              pairs.sums[v] = made[p].sums[v];
-                                                              if (kFold) pairs.differences[v] = made[p].differences[v];
-                                                            }
-                                                          });
+    add_slice_of_strip<kFold, kMore, false, kSlice>(plan, strip, slices[kSlice],
+                                                    [made](std::size_t p, Bytes&, Pairs& pairs) {
+                                                      for (std::size_t v = 0; v < kPerSlice; ++v) {
+                                                        pairs.sums[v] = made[p].sums[v];
+                                                        if (kFold) pairs.differences[v] = made[p].differences[v];
+                                                      }
+                                                    });
   });
 }
 
@@ -665,7 +647,7 @@ class PaddedBlock {
 };
 
 // All strips of a block.
-template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines>
 void add_block(const ByteBlock& block, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
   const std::uint8_t* const far = kFold ? block.mirrored : block.pixels;
   const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>(2 * kGroup * plan.count) * block.row_stride;
@@ -679,9 +661,9 @@ void add_block(const ByteBlock& block, const BlockPlan& plan, RowsAhead ahead, S
       here.far_ahead[n] = step.far;
     }
     if constexpr (kGroup == 1 || kSlices == 1)
-      add_strip<kGroup, kFold, kMore, kLines, kDot>(here, plan, ahead, strips.at(i));
+      add_strip<kGroup, kFold, kMore, kLines>(here, plan, ahead, strips.at(i));
     else
-      add_strip_by_memory<kGroup, kFold, kMore, kLines, kDot>(here, plan, ahead, strips.at(i));
+      add_strip_by_memory<kGroup, kFold, kMore, kLines>(here, plan, ahead, strips.at(i));
   }
 }
 
@@ -701,7 +683,7 @@ void widen_totals(Strips& strips) {
   }
 }
 
-template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines>
 class BlockProjector {
  public:
   BlockProjector(const ByteBlock& block, const ByteWeights& weights, Strips& strips)
@@ -771,8 +753,7 @@ class BlockProjector {
       rows_in_totals_ = 0;
     }
     rows_in_totals_ += pairs * kRowsPerPair;
-    add_block<kGroup, kFold, kMore, kLines, kDot>(block, {weights_, pairs, kFold, strips_.spare()}, next_rows(),
-                                                  strips_);
+    add_block<kGroup, kFold, kMore, kLines>(block, {weights_, pairs, kFold, strips_.spare()}, next_rows(), strips_);
   }
 
   void advance(std::size_t pairs) {
@@ -794,31 +775,30 @@ class BlockProjector {
   std::size_t rows_in_totals_ = 0;
 };
 
-template <int kGroup, bool kFold, bool kMore, bool kDot>
+template <int kGroup, bool kFold, bool kMore>
 void project_blocks(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
   const auto project = [&]<std::size_t kLines>() {
-    BlockProjector<kGroup, kFold, kMore, kLines, kDot>(block, weights, strips).run();
+    BlockProjector<kGroup, kFold, kMore, kLines>(block, weights, strips).run();
   };
-  if constexpr (HWY_TARGET == HWY_AVX2 || (kWide && kDot))  // wide vectors: all processors concerned have VNNI
+  if constexpr (HWY_TARGET == HWY_AVX2 || kWide)
     if (asks_for_runs(block) && strips_come_late()) return project.template operator()<kLinesAfterRuns>();
   project.template operator()<kWide ? kLinesAlone : 0>();
 }
 
-template <int kGroup, bool kDot>
+template <int kGroup>
 void project_groups(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
   const auto project =
       has_more(weights, block.mirrored != nullptr)
-          ? (block.mirrored ? project_blocks<kGroup, true, true, kDot> : project_blocks<kGroup, false, true, kDot>)
-          : (block.mirrored ? project_blocks<kGroup, true, false, kDot> : project_blocks<kGroup, false, false, kDot>);
+          ? (block.mirrored ? project_blocks<kGroup, true, true> : project_blocks<kGroup, false, true>)
+          : (block.mirrored ? project_blocks<kGroup, true, false> : project_blocks<kGroup, false, false>);
   project(block, weights, strips);
 }
 
-template <bool kDot>
 void project_any(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
-  if (weights.row_group == 1) project_groups<1, kDot>(block, weights, strips);
-  if (weights.row_group == 2) project_groups<2, kDot>(block, weights, strips);
-  if (weights.row_group == 4) project_groups<4, kDot>(block, weights, strips);
-  if (weights.row_group == 8) project_groups<8, kDot>(block, weights, strips);
+  if (weights.row_group == 1) project_groups<1>(block, weights, strips);
+  if (weights.row_group == 2) project_groups<2>(block, weights, strips);
+  if (weights.row_group == 4) project_groups<4>(block, weights, strips);
+  if (weights.row_group == 8) project_groups<8>(block, weights, strips);
 }
 
 constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes kept together by the interleaving
@@ -892,8 +872,7 @@ void add_strip_in_order(Strips& strips, std::size_t i, const ByteWeights& weight
 
 void project_wide(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   Strips strips(block, weights);
-  const bool dot = kMayHaveDotProducts && has_dot_products();
-  (dot ? project_any<kMayHaveDotProducts> : project_any<false>)(block, weights, strips);
+  project_any(block, weights, strips);
   const auto add = to.first ? add_strip_in_order<true> : add_strip_in_order<false>;
   for (std::size_t i = 0; i < strips.grid.count(); ++i) add(strips, i, weights, to);
 }

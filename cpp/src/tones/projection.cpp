@@ -358,53 +358,27 @@ Projection project(const AnyFramesView& frames, std::size_t frame, std::size_t f
   return result;
 }
 
-namespace {
-
-// A target of Highway, and whether AVX-512 VNNI is used beside it.
-struct SimdTarget {
-  std::int64_t highway;
-  bool dot_products;
-
-  [[nodiscard]] std::string name() const {
-    return std::string(hwy::TargetName(highway)) + (dot_products ? "_VNNI" : "");
-  }
-};
-
-std::vector<SimdTarget> supported_targets() {
-  std::vector<SimdTarget> all;
-  for (const auto targets = hwy::SupportedAndGeneratedTargets(); const std::int64_t target : targets) {
-    if (target == HWY_AVX3 && kernels::processor_has_dot_products()) all.push_back({target, true});
-    all.push_back({target, false});
-  }
-  return all;
-}
-
-}  // namespace
-
 std::vector<std::string> simd_targets() {
   std::vector<std::string> names;
-  for (const SimdTarget& target : supported_targets()) names.push_back(target.name());
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) names.emplace_back(hwy::TargetName(target));
   return names;
 }
 
-std::string simd_target() {
-  const std::int64_t highway = kernels::target();
-  return SimdTarget{highway, highway == HWY_AVX3 && kernels::has_dot_products()}.name();
-}
+std::string simd_target() { return hwy::TargetName(kernels::target()); }
 
 void force_simd_target(const std::string& name) {
   hwy::SetSupportedTargetsForTest(0);
-  SimdTarget chosen{0, true};  // the best
+  std::int64_t chosen = 0;  // the best
   if (!name.empty()) {
     std::string known;
-    for (const SimdTarget& target : supported_targets()) {
-      if (name == target.name()) chosen = target;
-      known += (known.empty() ? "" : ", ") + target.name();
+    for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+      const std::string own = hwy::TargetName(target);
+      if (name == own) chosen = target;
+      known += (known.empty() ? "" : ", ") + own;
     }
-    require(chosen.highway != 0, "target", name, known);
+    require(chosen != 0, "target", name, known);
   }
-  hwy::SetSupportedTargetsForTest(chosen.highway);
-  kernels::allow_dot_products(chosen.dot_products);
+  hwy::SetSupportedTargetsForTest(chosen);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 
