@@ -29,46 +29,9 @@ constexpr std::size_t kRowsPerBlock = kWide ? 64 : 48;
 
 #if HWY_TARGET == HWY_SCALAR
 
-// A plain loop for targets without vectors.
-void project(const ByteBlock& block, std::ptrdiff_t row_step, std::ptrdiff_t column_step, const ByteWeights& weights,
-             const ProjectionSums& to) {
-  const auto group = static_cast<std::size_t>(weights.row_group);
-  if (to.first) {
-    for (double* values : {to.totals, to.squares, to.maximum}) std::fill_n(values, block.columns, 0.0);
-    for (const std::size_t part : weights.parts) std::fill_n(to.sums + part * to.stride, block.columns, 0.0);
-  }
-  const auto sum_of_group = [&](const std::uint8_t* pixel, std::size_t c) {
-    std::int32_t sum = 0;
-    for (std::size_t r = 0; r < group; ++r, pixel += row_step) {
-      to.maximum[c] = std::max(to.maximum[c], static_cast<double>(*pixel));
-      sum += *pixel;
-    }
-    return sum;
-  };
-  for (std::size_t g = 0; g < block.groups; ++g)
-    for (std::size_t c = 0; c < block.columns; ++c) {
-      const auto rows = static_cast<std::ptrdiff_t>(g * group) * row_step;
-      const auto column = static_cast<std::ptrdiff_t>(c) * column_step;
-      const std::int32_t near = sum_of_group(block.pixels + column + rows, c);
-      const std::int32_t far = block.mirrored ? sum_of_group(block.mirrored + column - rows, c) : 0;
-      for (std::size_t p = 0; p < weights.parts.size(); ++p) {
-        const auto pair = static_cast<std::uint32_t>(weights.pairs[p * weights.stride + g / 2]);
-        const auto weight = static_cast<std::int16_t>(g % 2 == 0 ? pair & 0xffffU : pair >> 16);
-        to.sums[weights.parts[p] * to.stride + c] += weight * (p < weights.even ? near + far : near - far);
-      }
-      to.totals[c] += near + far;
-      to.squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
-    }
-  for (const std::size_t part : weights.parts)
-    for (std::size_t c = 0; c < block.columns; ++c) to.sums[part * to.stride + c] *= weights.unit(part, to.last);
-}
-
-void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
-  project(block, block.row_stride, 1, weights, to);
-}
-void ProjectAcross(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
-  project(block, 1, block.row_stride, weights, to);
-}
+// Targets without vectors take bytes as other samples.
+void ProjectBytes(const ByteBlock&, const ByteWeights&, const ProjectionSums&) {}
+void ProjectAcross(const ByteBlock&, const ByteWeights&, const ProjectionSums&) {}
 
 #else
 
@@ -99,6 +62,11 @@ constexpr std::size_t kWeightLanes = kWide ? 1 : hn::MaxLanes(d32);
 struct alignas(kWeightLanes * sizeof(std::int32_t)) PairWeights {
   std::array<std::int32_t, kWeightLanes> lanes;
 };
+constexpr PairWeights kOnes = [] {
+  PairWeights ones{};
+  ones.lanes.fill(0x10001);
+  return ones;
+}();
 
 // By assembly with AVX2: GCC loads weights of several uses into a register, and spills sums (a pass takes 12 % longer).
 HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, const PairWeights& b) {
@@ -390,15 +358,12 @@ class StripGrid {
   std::size_t count_ = 1;
 };
 
-// Accumulators of a strip. sums: kVectors vectors per part, one part after the other, then the squares. The totals of
-// the last rows are kept in 16 bits until they might overflow.
+// Accumulators of a strip: kVectors vectors per part, one part after the other, of the squares and of the totals.
 struct Strip {
-  std::int32_t *sums, *squares;
-  std::uint16_t* totals;
+  std::int32_t *sums, *squares, *totals;
   std::uint8_t* maximum;
 };
 
-constexpr std::size_t kRowsPerTotal = 512;  // two groups of each pair apart: 255·kRowsPerTotal/2 < 2^16
 constexpr std::size_t kPerSum = kVectors * hn::MaxLanes(d32);
 
 // Memory of a thread for this many numbers, reused from call to call.
@@ -421,14 +386,12 @@ class Strips {
   [[nodiscard]] HWY_INLINE Strip at(std::size_t i) {
     std::int32_t* sums = memory_ + i * per_strip();
     std::int32_t *squares = sums + parts_ * kPerSum, *totals = squares + kPerSum;
-    return {sums, squares, reinterpret_cast<std::uint16_t*>(totals), reinterpret_cast<std::uint8_t*>(totals + kPerSum)};
+    return {sums, squares, totals, reinterpret_cast<std::uint8_t*>(totals + kPerSum)};
   }
-  // Totals of strip i in 32 bits.
-  [[nodiscard]] std::int32_t* totals(std::size_t i) { return memory_ + grid.count() * per_strip() + i * kPerSum; }
-  [[nodiscard]] std::int32_t* spare() { return totals(grid.count()); }
+  [[nodiscard]] std::int32_t* spare() { return memory_ + grid.count() * per_strip(); }
 
  private:
-  [[nodiscard]] std::size_t size() const { return grid.count() * (per_strip() + kPerSum) + kPerSum; }
+  [[nodiscard]] std::size_t size() const { return grid.count() * per_strip() + kPerSum; }
   [[nodiscard]] std::size_t per_strip() const { return (parts_ + 2) * kPerSum + kPerSum / kVectors; }
 
   std::size_t parts_;
@@ -439,8 +402,7 @@ class Strips {
 // first two), which fit into the registers. For further outputs, the pairs are stored.
 struct SliceOutputs {
   const std::array<PairWeights, 2>* weights;  // of the first output of either kind
-  std::int32_t *first, *second, *squares;
-  std::uint16_t* totals;
+  std::int32_t *first, *second, *squares, *totals;
   std::uint8_t* maximum;
   Pairs* keep;
 };
@@ -448,13 +410,12 @@ struct SliceOutputs {
 // load(p, top, pairs) computes the p-th of `count` pairs of groups and updates the maximum.
 template <bool kFold, bool kTone, bool kKeep, class Load>
 HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) {
-  Sum32 a[kPerSlice], b[kPerSlice], square[kPerSlice];
-  Sum16 total[kPerSlice];
+  Sum32 a[kPerSlice], b[kPerSlice], square[kPerSlice], total[kPerSlice];
   for_each_constant<kPerSlice>([&](auto v) OCISAC_INLINE_LAMBDA {
     if (kTone) a[v] = hn::Load(d32, to.first + v * hn::Lanes(d32));
     if (kTone) b[v] = hn::Load(d32, to.second + v * hn::Lanes(d32));
     square[v] = hn::Load(d32, to.squares + v * hn::Lanes(d32));
-    total[v] = hn::Load(d16, to.totals + v * hn::Lanes(d16));
+    total[v] = hn::Load(d32, to.totals + v * hn::Lanes(d32));
   });
   Bytes top = hn::LoadU(d8, to.maximum);
 #pragma GCC unroll 1  // otherwise the compiler reorders the additions and spills
@@ -463,7 +424,7 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
     load(p, top, pairs);
     for_each_constant<kPerSlice>([&](auto v) OCISAC_INLINE_LAMBDA {
       const Pair16 sum = pairs.sums[v], other = kFold ? pairs.differences[v] : sum;
-      total[v] = hn::Add(total[v], hn::BitCast(d16, sum));
+      total[v] = multiply_pairs(total[v], sum, kOnes);
       if (kTone) a[v] = multiply_pairs(a[v], sum, to.weights[p][0]);
       if (kTone) b[v] = multiply_pairs(b[v], other, to.weights[p][1]);
       square[v] = multiply_pairs(square[v], sum, sum);
@@ -477,7 +438,7 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
     if (kTone) hn::Store(a[v], d32, to.first + v * hn::Lanes(d32));
     if (kTone) hn::Store(b[v], d32, to.second + v * hn::Lanes(d32));
     hn::Store(square[v], d32, to.squares + v * hn::Lanes(d32));
-    hn::Store(total[v], d16, to.totals + v * hn::Lanes(d16));
+    hn::Store(total[v], d32, to.totals + v * hn::Lanes(d32));
   });
 }
 
@@ -553,7 +514,7 @@ HWY_INLINE void add_slice_of_strip(const BlockPlan& plan, const Strip& strip, Pa
       plan.count,
       {plan.first_weights.data(), plan.has_first ? sums : plan.spare,
        plan.has_second ? sums + plan.second * kPerSum : plan.spare, strip.squares + kSlice * kPerSlice * hn::Lanes(d32),
-       strip.totals + kSlice * kPerSlice * hn::Lanes(d16), strip.maximum, kept},
+       strip.totals + kSlice * kPerSlice * hn::Lanes(d32), strip.maximum, kept},
       load);
   if constexpr (!kMore) return;
   const std::span<const Pairs> pairs(kept, plan.count);
@@ -667,22 +628,6 @@ void add_block(const ByteBlock& block, const BlockPlan& plan, RowsAhead ahead, S
   }
 }
 
-// Moves the totals from 16 to 32 bits.
-void widen_totals(Strips& strips) {
-  for (std::size_t i = 0; i < strips.grid.count(); ++i) {
-    const Strip strip = strips.at(i);
-    std::int32_t* to = strips.totals(i);
-    for (std::size_t v = 0; v < kVectors; ++v, to += hn::Lanes(d32)) {
-      std::uint16_t* from = strip.totals + v * hn::Lanes(d16);
-      const auto both = hn::BitCast(hn::ScalableTag<std::uint32_t>(), hn::Load(d16, from));
-      const auto one = hn::And(both, hn::Set(hn::ScalableTag<std::uint32_t>(), 0xffff));
-      const Sum32 sum = hn::BitCast(d32, hn::Add(one, hn::ShiftRight<16>(both)));
-      hn::Store(hn::Add(hn::Load(d32, to), sum), d32, to);
-      hn::Store(hn::Zero(d16), d16, from);
-    }
-  }
-}
-
 template <int kGroup, bool kFold, bool kMore, std::size_t kLines>
 class BlockProjector {
  public:
@@ -706,11 +651,9 @@ class BlockProjector {
       advance(pairs);
     }
     if (rest_.groups > 0) add(PaddedBlock(rest_, kGroup).block(), 1);
-    widen_totals(strips_);
   }
 
  private:
-  static constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
   // Fewer with wide vectors and runs, since rows of two blocks share the second-level cache.
   static constexpr std::size_t kPairs =
       kWide && kLines == kLinesAfterRuns ? std::max<std::size_t>(kPairsPerBlock<kGroup, kFold> * (kMore ? 3 : 2) / 4, 1)
@@ -748,11 +691,6 @@ class BlockProjector {
   }
 
   void add(const ByteBlock& block, std::size_t pairs) {
-    if (rows_in_totals_ + pairs * kRowsPerPair > kRowsPerTotal) {
-      widen_totals(strips_);
-      rows_in_totals_ = 0;
-    }
-    rows_in_totals_ += pairs * kRowsPerPair;
     add_block<kGroup, kFold, kMore, kLines>(block, {weights_, pairs, kFold, strips_.spare()}, next_rows(), strips_);
   }
 
@@ -772,7 +710,6 @@ class BlockProjector {
   std::size_t rows_ahead_;
   std::ptrdiff_t row_ahead_ = 0;  // the first one of the next block to prefetch
   std::shared_ptr<const Offsets> runs_;
-  std::size_t rows_in_totals_ = 0;
 };
 
 template <int kGroup, bool kFold, bool kMore>
@@ -866,7 +803,7 @@ void add_strip_in_order(Strips& strips, std::size_t i, const ByteWeights& weight
     from += kPerSum;
   }
   add_in_order<kWrite>(strip.squares, strips.square_share, 1, to.squares + first, count);
-  add_in_order<kWrite>(strips.totals(i), 1, 1, to.totals + first, count);
+  add_in_order<kWrite>(strip.totals, 1, 1, to.totals + first, count);
   raise_in_order<kWrite>(strip.maximum, to.maximum + first, count);
 }
 

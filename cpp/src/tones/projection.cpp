@@ -232,40 +232,6 @@ void add_across(const FramesView<const std::uint8_t>& view, std::size_t frame, c
   }
 }
 
-// True if a frame of interleaved bytes is read with all that lies between its columns: with wide vectors and a tone,
-// sums that nobody asks for take less time than a copy without them.
-bool is_read_whole(const FramesView<const std::uint8_t>& view, const RowWeights& weights) {
-  return view.column_stride > 1 && view.column_stride <= 4 && weights.outputs() * weights.limbs() <= 2 &&
-         kernels::has_wide_vectors();
-}
-
-void keep_every(std::size_t step, std::size_t count, std::vector<double>& values) {
-  const std::size_t whole = (count - 1) * step + 1, rows = values.size() / whole;
-  for (std::size_t i = 0; i < rows; ++i)
-    for (std::size_t c = 0; c < count; ++c) values[i * count + c] = values[i * whole + c * step];
-  values.resize(rows * count);
-}
-
-void project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, const RowWeights& weights,
-                   Projection& result) {
-  if (is_read_whole(view, weights)) {
-    const auto step = static_cast<std::size_t>(view.column_stride);
-    FramesView<const std::uint8_t> whole = view;
-    whole.columns = (view.columns - 1) * step + 1;
-    whole.column_stride = 1;
-    project_bytes(whole, frame, weights, result);
-    for (auto* values : {&result.sums, &result.totals, &result.squares, &result.maximum})
-      keep_every(step, view.columns, *values);
-    return;
-  }
-  make_room(weights.outputs() * weights.limbs(), view.columns, result);
-  if (is_projected_across(view, weights))
-    add_across(view, frame, weights, sums_of(result, 0, view.columns));
-  else
-    add_by_rows(view, frame, weights, result);
-  join_limbs(weights, view.columns, result.sums);
-}
-
 template <class Sample, class Stored>
 void project_samples(const FramesView<const Stored>& view, std::size_t frame, const RowWeights& weights,
                      std::span<const float> light, Projection& result) {
@@ -305,6 +271,47 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, co
                                sums_of(result, part.begin, view.columns));
     });
   }
+}
+
+// True if a frame of interleaved bytes is read with all that lies between its columns: with wide vectors and a tone,
+// sums that nobody asks for take less time than a copy without them.
+bool is_read_whole(const FramesView<const std::uint8_t>& view, const RowWeights& weights) {
+  return view.column_stride > 1 && view.column_stride <= 4 && weights.outputs() * weights.limbs() <= 2 &&
+         kernels::has_wide_vectors();
+}
+
+void keep_every(std::size_t step, std::size_t count, std::vector<double>& values) {
+  const std::size_t whole = (count - 1) * step + 1, rows = values.size() / whole;
+  for (std::size_t i = 0; i < rows; ++i)
+    for (std::size_t c = 0; c < count; ++c) values[i * count + c] = values[i * whole + c * step];
+  values.resize(rows * count);
+}
+
+void project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, const RowWeights& weights,
+                   Projection& result) {
+  if (kernels::target() == HWY_SCALAR) {
+    std::vector<float> values(std::numeric_limits<std::uint8_t>::max() + 1);
+    std::iota(values.begin(), values.end(), 0.0F);
+    return project_samples<float>(view, frame,
+                                  {weights.byte_weights(), weights.outputs(), weights.rows(), weights.row_group(), 1},
+                                  values, result);
+  }
+  if (is_read_whole(view, weights)) {
+    const auto step = static_cast<std::size_t>(view.column_stride);
+    FramesView<const std::uint8_t> whole = view;
+    whole.columns = (view.columns - 1) * step + 1;
+    whole.column_stride = 1;
+    project_bytes(whole, frame, weights, result);
+    for (auto* values : {&result.sums, &result.totals, &result.squares, &result.maximum})
+      keep_every(step, view.columns, *values);
+    return;
+  }
+  make_room(weights.outputs() * weights.limbs(), view.columns, result);
+  if (is_projected_across(view, weights))
+    add_across(view, frame, weights, sums_of(result, 0, view.columns));
+  else
+    add_by_rows(view, frame, weights, result);
+  join_limbs(weights, view.columns, result.sums);
 }
 
 template <class T>
