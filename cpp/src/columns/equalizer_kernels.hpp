@@ -18,11 +18,9 @@ struct ColumnLines {
 template <class T>
 struct EqualizerLoops {
   void (*column_lines)(const T* block, std::size_t rows, std::size_t width, const ColumnLines& lines);
-  // block = (block − line)·scale
-  void (*take_lines_off)(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale);
   // block = block·scale + line(n + later)
-  void (*put_lines_back)(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale,
-                         double later);
+  void (*add_lines)(T* block, std::size_t rows, std::size_t width, const ColumnLines& lines, const double* scale,
+                    double later);
   // out (outputs × width) = matrix (outputs × inputs, dense)·in (inputs × width); rows are a stride apart.
   void (*matrix_times_rows)(const T* matrix, std::size_t outputs, std::size_t inputs, const T* in,
                             std::ptrdiff_t stride, T* out, std::ptrdiff_t out_stride, std::size_t width);

@@ -201,14 +201,6 @@ bool strips_come_late() {
 #endif
 }
 
-namespace {
-bool dot_products_allowed = true;
-}
-
-bool processor_has_dot_products() { return OCISAC_PROCESSOR_HAS("avx512vnni"); }
-bool has_dot_products() { return dot_products_allowed && processor_has_dot_products(); }
-void allow_dot_products(bool allowed) { dot_products_allowed = allowed; }
-
 void take_every(const std::uint8_t* from, std::size_t step, std::size_t count, std::uint8_t* to) {
   HWY_DYNAMIC_DISPATCH(TakeEvery)(from, step, count, to);
 }

@@ -65,9 +65,4 @@ bool has_wide_vectors();
 // however early they are asked for (bench/README.md).
 bool strips_come_late();
 
-// True if the processor has AVX-512 VNNI, and if its use is allowed (for tests and comparisons; true at first) as well.
-bool processor_has_dot_products();
-bool has_dot_products();
-void allow_dot_products(bool allowed);
-
 }  // namespace ocisac::kernels

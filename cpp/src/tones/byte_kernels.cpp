@@ -29,46 +29,9 @@ constexpr std::size_t kRowsPerBlock = kWide ? 64 : 48;
 
 #if HWY_TARGET == HWY_SCALAR
 
-// A plain loop for targets without vectors.
-void project(const ByteBlock& block, std::ptrdiff_t row_step, std::ptrdiff_t column_step, const ByteWeights& weights,
-             const ProjectionSums& to) {
-  const auto group = static_cast<std::size_t>(weights.row_group);
-  if (to.first) {
-    for (double* values : {to.totals, to.squares, to.maximum}) std::fill_n(values, block.columns, 0.0);
-    for (const std::size_t part : weights.parts) std::fill_n(to.sums + part * to.stride, block.columns, 0.0);
-  }
-  const auto sum_of_group = [&](const std::uint8_t* pixel, std::size_t c) {
-    std::int32_t sum = 0;
-    for (std::size_t r = 0; r < group; ++r, pixel += row_step) {
-      to.maximum[c] = std::max(to.maximum[c], static_cast<double>(*pixel));
-      sum += *pixel;
-    }
-    return sum;
-  };
-  for (std::size_t g = 0; g < block.groups; ++g)
-    for (std::size_t c = 0; c < block.columns; ++c) {
-      const auto rows = static_cast<std::ptrdiff_t>(g * group) * row_step;
-      const auto column = static_cast<std::ptrdiff_t>(c) * column_step;
-      const std::int32_t near = sum_of_group(block.pixels + column + rows, c);
-      const std::int32_t far = block.mirrored ? sum_of_group(block.mirrored + column - rows, c) : 0;
-      for (std::size_t p = 0; p < weights.parts.size(); ++p) {
-        const auto pair = static_cast<std::uint32_t>(weights.pairs[p * weights.stride + g / 2]);
-        const auto weight = static_cast<std::int16_t>(g % 2 == 0 ? pair & 0xffffU : pair >> 16);
-        to.sums[weights.parts[p] * to.stride + c] += weight * (p < weights.even ? near + far : near - far);
-      }
-      to.totals[c] += near + far;
-      to.squares[c] += static_cast<double>(near) * near + static_cast<double>(far) * far;
-    }
-  for (const std::size_t part : weights.parts)
-    for (std::size_t c = 0; c < block.columns; ++c) to.sums[part * to.stride + c] *= weights.unit(part, to.last);
-}
-
-void ProjectBytes(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
-  project(block, block.row_stride, 1, weights, to);
-}
-void ProjectAcross(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
-  project(block, 1, block.row_stride, weights, to);
-}
+// Targets without vectors take bytes as other samples.
+void ProjectBytes(const ByteBlock&, const ByteWeights&, const ProjectionSums&) {}
+void ProjectAcross(const ByteBlock&, const ByteWeights&, const ProjectionSums&) {}
 
 #else
 
@@ -93,32 +56,19 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
 #endif
 }
 
-// The same in one instruction if kDot: AVX-512 VNNI, for which Highway 1.0.3 has no sound target.
-#if HWY_TARGET <= HWY_AVX3 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
-constexpr bool kMayHaveDotProducts = true;
-template <bool kDot>
-HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
-  if constexpr (!kDot) return multiply_pairs(sum, a, b);
-  asm("vpdpwssd %2, %1, %0" : "+v"(sum.raw) : "v"(a.raw), "v"(b.raw));
-  return sum;
-}
-#else
-constexpr bool kMayHaveDotProducts = false;
-template <bool kDot>
-HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, Pair16 b) {
-  return multiply_pairs(sum, a, b);
-}
-#endif
-
 // The weights of a pair of groups. Narrow vectors multiply by them from memory, where all lanes have them, which saves
 // an instruction and a register for each.
 constexpr std::size_t kWeightLanes = kWide ? 1 : hn::MaxLanes(d32);
 struct alignas(kWeightLanes * sizeof(std::int32_t)) PairWeights {
   std::array<std::int32_t, kWeightLanes> lanes;
 };
+constexpr PairWeights kOnes = [] {
+  PairWeights ones{};
+  ones.lanes.fill(0x10001);
+  return ones;
+}();
 
 // By assembly with AVX2: GCC loads weights of several uses into a register, and spills sums (a pass takes 12 % longer).
-template <bool kDot>
 HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, const PairWeights& b) {
 #if HWY_TARGET == HWY_AVX2 && (HWY_COMPILER_GCC || HWY_COMPILER_CLANG)
   Sum32 product;
@@ -126,7 +76,7 @@ HWY_INLINE Sum32 multiply_pairs(Sum32 sum, Pair16 a, const PairWeights& b) {
   return hn::Add(sum, product);
 #else
   const Sum32 weights = kWide ? hn::Set(d32, b.lanes[0]) : hn::Load(d32, b.lanes.data());
-  return multiply_pairs<kDot>(sum, a, hn::BitCast(d16s, weights));
+  return multiply_pairs(sum, a, hn::BitCast(d16s, weights));
 #endif
 }
 
@@ -408,15 +358,12 @@ class StripGrid {
   std::size_t count_ = 1;
 };
 
-// Accumulators of a strip. sums: kVectors vectors per part, one part after the other, then the squares. The totals of
-// the last rows are kept in 16 bits until they might overflow.
+// Accumulators of a strip: kVectors vectors per part, one part after the other, of the squares and of the totals.
 struct Strip {
-  std::int32_t *sums, *squares;
-  std::uint16_t* totals;
+  std::int32_t *sums, *squares, *totals;
   std::uint8_t* maximum;
 };
 
-constexpr std::size_t kRowsPerTotal = 512;  // two groups of each pair apart: 255·kRowsPerTotal/2 < 2^16
 constexpr std::size_t kPerSum = kVectors * hn::MaxLanes(d32);
 
 // Memory of a thread for this many numbers, reused from call to call.
@@ -439,14 +386,12 @@ class Strips {
   [[nodiscard]] HWY_INLINE Strip at(std::size_t i) {
     std::int32_t* sums = memory_ + i * per_strip();
     std::int32_t *squares = sums + parts_ * kPerSum, *totals = squares + kPerSum;
-    return {sums, squares, reinterpret_cast<std::uint16_t*>(totals), reinterpret_cast<std::uint8_t*>(totals + kPerSum)};
+    return {sums, squares, totals, reinterpret_cast<std::uint8_t*>(totals + kPerSum)};
   }
-  // Totals of strip i in 32 bits.
-  [[nodiscard]] std::int32_t* totals(std::size_t i) { return memory_ + grid.count() * per_strip() + i * kPerSum; }
-  [[nodiscard]] std::int32_t* spare() { return totals(grid.count()); }
+  [[nodiscard]] std::int32_t* spare() { return memory_ + grid.count() * per_strip(); }
 
  private:
-  [[nodiscard]] std::size_t size() const { return grid.count() * (per_strip() + kPerSum) + kPerSum; }
+  [[nodiscard]] std::size_t size() const { return grid.count() * per_strip() + kPerSum; }
   [[nodiscard]] std::size_t per_strip() const { return (parts_ + 2) * kPerSum + kPerSum / kVectors; }
 
   std::size_t parts_;
@@ -457,22 +402,20 @@ class Strips {
 // first two), which fit into the registers. For further outputs, the pairs are stored.
 struct SliceOutputs {
   const std::array<PairWeights, 2>* weights;  // of the first output of either kind
-  std::int32_t *first, *second, *squares;
-  std::uint16_t* totals;
+  std::int32_t *first, *second, *squares, *totals;
   std::uint8_t* maximum;
   Pairs* keep;
 };
 
 // load(p, top, pairs) computes the p-th of `count` pairs of groups and updates the maximum.
-template <bool kFold, bool kTone, bool kKeep, bool kDot, class Load>
+template <bool kFold, bool kTone, bool kKeep, class Load>
 HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) {
-  Sum32 a[kPerSlice], b[kPerSlice], square[kPerSlice];
-  Sum16 total[kPerSlice];
+  Sum32 a[kPerSlice], b[kPerSlice], square[kPerSlice], total[kPerSlice];
   for_each_constant<kPerSlice>([&](auto v) OCISAC_INLINE_LAMBDA {
     if (kTone) a[v] = hn::Load(d32, to.first + v * hn::Lanes(d32));
     if (kTone) b[v] = hn::Load(d32, to.second + v * hn::Lanes(d32));
     square[v] = hn::Load(d32, to.squares + v * hn::Lanes(d32));
-    total[v] = hn::Load(d16, to.totals + v * hn::Lanes(d16));
+    total[v] = hn::Load(d32, to.totals + v * hn::Lanes(d32));
   });
   Bytes top = hn::LoadU(d8, to.maximum);
 #pragma GCC unroll 1  // otherwise the compiler reorders the additions and spills
@@ -481,11 +424,11 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
     load(p, top, pairs);
     for_each_constant<kPerSlice>([&](auto v) OCISAC_INLINE_LAMBDA {
       const Pair16 sum = pairs.sums[v], other = kFold ? pairs.differences[v] : sum;
-      total[v] = hn::Add(total[v], hn::BitCast(d16, sum));
-      if (kTone) a[v] = multiply_pairs<kDot>(a[v], sum, to.weights[p][0]);
-      if (kTone) b[v] = multiply_pairs<kDot>(b[v], other, to.weights[p][1]);
-      square[v] = multiply_pairs<kDot>(square[v], sum, sum);
-      if (kFold) square[v] = multiply_pairs<kDot>(square[v], other, other);
+      total[v] = multiply_pairs(total[v], sum, kOnes);
+      if (kTone) a[v] = multiply_pairs(a[v], sum, to.weights[p][0]);
+      if (kTone) b[v] = multiply_pairs(b[v], other, to.weights[p][1]);
+      square[v] = multiply_pairs(square[v], sum, sum);
+      if (kFold) square[v] = multiply_pairs(square[v], other, other);
       if (kKeep) to.keep[p].sums[v] = sum;
       if (kKeep && kFold) to.keep[p].differences[v] = other;
     });
@@ -495,12 +438,12 @@ HWY_INLINE void add_slice(std::size_t count, const SliceOutputs& to, Load load) 
     if (kTone) hn::Store(a[v], d32, to.first + v * hn::Lanes(d32));
     if (kTone) hn::Store(b[v], d32, to.second + v * hn::Lanes(d32));
     hn::Store(square[v], d32, to.squares + v * hn::Lanes(d32));
-    hn::Store(total[v], d16, to.totals + v * hn::Lanes(d16));
+    hn::Store(total[v], d32, to.totals + v * hn::Lanes(d32));
   });
 }
 
 // kOutputs outputs of one kind, for a slice.
-template <std::size_t kOutputs, bool kDifferences, bool kDot>
+template <std::size_t kOutputs, bool kDifferences>
 HWY_INLINE void add_outputs(std::span<const Pairs> pairs, const std::int32_t* HWY_RESTRICT weights,
                             std::size_t weights_stride, std::int32_t* HWY_RESTRICT sums) {
   const std::size_t count = pairs.size();
@@ -512,19 +455,19 @@ HWY_INLINE void add_outputs(std::span<const Pairs> pairs, const std::int32_t* HW
     for (std::size_t o = 0; o < kOutputs; ++o) {
       const Pair16 weight = hn::BitCast(d16s, hn::Set(d32, weights[o * weights_stride + p]));
       for (std::size_t v = 0; v < kPerSlice; ++v)
-        out[o][v] = multiply_pairs<kDot>(out[o][v], kDifferences ? pairs[p].differences[v] : pairs[p].sums[v], weight);
+        out[o][v] = multiply_pairs(out[o][v], kDifferences ? pairs[p].differences[v] : pairs[p].sums[v], weight);
     }
   for (std::size_t o = 0; o < kOutputs; ++o)
     for (std::size_t v = 0; v < kPerSlice; ++v) hn::Store(out[o][v], d32, sums + o * kPerSum + v * hn::Lanes(d32));
 }
 
 // All outputs of one kind, from part `first` up to `end`.
-template <bool kDifferences, bool kDot>
+template <bool kDifferences>
 HWY_INLINE void add_outputs_of_kind(std::span<const Pairs> pairs, const ByteWeights& weights, std::size_t first,
                                     std::size_t end, std::int32_t* sums) {
   const auto add = [&]<std::size_t kOutputs>() {
-    add_outputs<kOutputs, kDifferences, kDot>(pairs, weights.pairs + first * weights.stride, weights.stride,
-                                              sums + first * kPerSum);
+    add_outputs<kOutputs, kDifferences>(pairs, weights.pairs + first * weights.stride, weights.stride,
+                                        sums + first * kPerSum);
   };
   for (; first + 4 <= end; first += 4) add.template operator()<4>();
   if (first + 3 == end) add.template operator()<3>();
@@ -563,20 +506,20 @@ bool has_more(const ByteWeights& weights, bool fold) { return weights.parts.size
 
 // A slice of a strip. `load` computes its pairs as for add_slice() and stores them in `kept` if kKeep; otherwise they
 // are already there. Folded, squares of pairs count twice.
-template <bool kFold, bool kMore, bool kKeep, std::size_t kSlice, bool kDot, class Load>
+template <bool kFold, bool kMore, bool kKeep, std::size_t kSlice, class Load>
 HWY_INLINE void add_slice_of_strip(const BlockPlan& plan, const Strip& strip, Pairs* kept, Load load) {
   const std::size_t parts = plan.weights.parts.size();
   std::int32_t* sums = strip.sums + kSlice * kPerSlice * hn::Lanes(d32);
-  add_slice<kFold, !kMore, kKeep, kDot>(
+  add_slice<kFold, !kMore, kKeep>(
       plan.count,
       {plan.first_weights.data(), plan.has_first ? sums : plan.spare,
        plan.has_second ? sums + plan.second * kPerSum : plan.spare, strip.squares + kSlice * kPerSlice * hn::Lanes(d32),
-       strip.totals + kSlice * kPerSlice * hn::Lanes(d16), strip.maximum, kept},
+       strip.totals + kSlice * kPerSlice * hn::Lanes(d32), strip.maximum, kept},
       load);
   if constexpr (!kMore) return;
   const std::span<const Pairs> pairs(kept, plan.count);
-  add_outputs_of_kind<false, kDot>(pairs, plan.weights, 0, kFold ? plan.second : parts, sums);
-  if (kFold) add_outputs_of_kind<true, kDot>(pairs, plan.weights, plan.second, parts, sums);
+  add_outputs_of_kind<false>(pairs, plan.weights, 0, kFold ? plan.second : parts, sums);
+  if (kFold) add_outputs_of_kind<true>(pairs, plan.weights, plan.second, parts, sums);
 }
 
 // Calls add<slice>() for every slice.
@@ -587,11 +530,11 @@ HWY_INLINE void for_each_slice(Add add) {
 }
 
 // The pairs of one strip, straight from the pixels.
-template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines>
 HWY_INLINE void add_strip(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead, const Strip& strip) {
   Pairs kept[kMore ? kPairsPerBlock<kGroup, kFold> : 1];
   for_each_slice([&]<std::size_t kSlice>() OCISAC_INLINE_LAMBDA {
-    add_slice_of_strip<kFold, kMore, kMore, kSlice, kDot>(
+    add_slice_of_strip<kFold, kMore, kMore, kSlice>(
         plan, strip, kept, [&, at = rows](std::size_t p, Bytes& top, Pairs& pairs) mutable {
           ask_for_run<kGroup, kSlice == 0, kFold && kSlice + 1 == kSlices>(ahead, p);
           if constexpr (kGroup == 1)
@@ -604,7 +547,7 @@ HWY_INLINE void add_strip(const Rows<kLines>& rows, const BlockPlan& plan, const
 }
 
 // Groups of rows with intermediate storage, so that the rows are read once for all slices.
-template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines>
 HWY_INLINE void add_strip_by_memory(const Rows<kLines>& rows, const BlockPlan& plan, const RowsAhead& ahead,
                                     const Strip& strip) {
   Pairs slices[kSlices][kPairsPerBlock<kGroup, kFold>];
@@ -619,13 +562,13 @@ HWY_INLINE void add_strip_by_memory(const Rows<kLines>& rows, const BlockPlan& p
   hn::StoreU(top, d8, strip.maximum);
   for_each_slice([&]<std::size_t kSlice>() {
     const Pairs* made = slices[kSlice];
-    add_slice_of_strip<kFold, kMore, false, kSlice, kDot>(plan, strip, slices[kSlice],
-                                                          [made](std::size_t p, Bytes&, Pairs& pairs) {
-                                                            for (std::size_t v = 0; v < kPerSlice; ++v) {
-                                                              pairs.sums[v] = made[p].sums[v];
-                                                              if (kFold) pairs.differences[v] = made[p].differences[v];
-                                                            }
-                                                          });
+    add_slice_of_strip<kFold, kMore, false, kSlice>(plan, strip, slices[kSlice],
+                                                    [made](std::size_t p, Bytes&, Pairs& pairs) {
+                                                      for (std::size_t v = 0; v < kPerSlice; ++v) {
+                                                        pairs.sums[v] = made[p].sums[v];
+                                                        if (kFold) pairs.differences[v] = made[p].differences[v];
+                                                      }
+                                                    });
   });
 }
 
@@ -665,7 +608,7 @@ class PaddedBlock {
 };
 
 // All strips of a block.
-template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines>
 void add_block(const ByteBlock& block, const BlockPlan& plan, RowsAhead ahead, Strips& strips) {
   const std::uint8_t* const far = kFold ? block.mirrored : block.pixels;
   const std::ptrdiff_t next_rows = static_cast<std::ptrdiff_t>(2 * kGroup * plan.count) * block.row_stride;
@@ -679,29 +622,13 @@ void add_block(const ByteBlock& block, const BlockPlan& plan, RowsAhead ahead, S
       here.far_ahead[n] = step.far;
     }
     if constexpr (kGroup == 1 || kSlices == 1)
-      add_strip<kGroup, kFold, kMore, kLines, kDot>(here, plan, ahead, strips.at(i));
+      add_strip<kGroup, kFold, kMore, kLines>(here, plan, ahead, strips.at(i));
     else
-      add_strip_by_memory<kGroup, kFold, kMore, kLines, kDot>(here, plan, ahead, strips.at(i));
+      add_strip_by_memory<kGroup, kFold, kMore, kLines>(here, plan, ahead, strips.at(i));
   }
 }
 
-// Moves the totals from 16 to 32 bits.
-void widen_totals(Strips& strips) {
-  for (std::size_t i = 0; i < strips.grid.count(); ++i) {
-    const Strip strip = strips.at(i);
-    std::int32_t* to = strips.totals(i);
-    for (std::size_t v = 0; v < kVectors; ++v, to += hn::Lanes(d32)) {
-      std::uint16_t* from = strip.totals + v * hn::Lanes(d16);
-      const auto both = hn::BitCast(hn::ScalableTag<std::uint32_t>(), hn::Load(d16, from));
-      const auto one = hn::And(both, hn::Set(hn::ScalableTag<std::uint32_t>(), 0xffff));
-      const Sum32 sum = hn::BitCast(d32, hn::Add(one, hn::ShiftRight<16>(both)));
-      hn::Store(hn::Add(hn::Load(d32, to), sum), d32, to);
-      hn::Store(hn::Zero(d16), d16, from);
-    }
-  }
-}
-
-template <int kGroup, bool kFold, bool kMore, std::size_t kLines, bool kDot>
+template <int kGroup, bool kFold, bool kMore, std::size_t kLines>
 class BlockProjector {
  public:
   BlockProjector(const ByteBlock& block, const ByteWeights& weights, Strips& strips)
@@ -724,11 +651,9 @@ class BlockProjector {
       advance(pairs);
     }
     if (rest_.groups > 0) add(PaddedBlock(rest_, kGroup).block(), 1);
-    widen_totals(strips_);
   }
 
  private:
-  static constexpr std::size_t kRowsPerPair = (kFold ? 4 : 2) * kGroup;
   // Fewer with wide vectors and runs, since rows of two blocks share the second-level cache.
   static constexpr std::size_t kPairs =
       kWide && kLines == kLinesAfterRuns ? std::max<std::size_t>(kPairsPerBlock<kGroup, kFold> * (kMore ? 3 : 2) / 4, 1)
@@ -766,13 +691,7 @@ class BlockProjector {
   }
 
   void add(const ByteBlock& block, std::size_t pairs) {
-    if (rows_in_totals_ + pairs * kRowsPerPair > kRowsPerTotal) {
-      widen_totals(strips_);
-      rows_in_totals_ = 0;
-    }
-    rows_in_totals_ += pairs * kRowsPerPair;
-    add_block<kGroup, kFold, kMore, kLines, kDot>(block, {weights_, pairs, kFold, strips_.spare()}, next_rows(),
-                                                  strips_);
+    add_block<kGroup, kFold, kMore, kLines>(block, {weights_, pairs, kFold, strips_.spare()}, next_rows(), strips_);
   }
 
   void advance(std::size_t pairs) {
@@ -791,34 +710,32 @@ class BlockProjector {
   std::size_t rows_ahead_;
   std::ptrdiff_t row_ahead_ = 0;  // the first one of the next block to prefetch
   std::shared_ptr<const Offsets> runs_;
-  std::size_t rows_in_totals_ = 0;
 };
 
-template <int kGroup, bool kFold, bool kMore, bool kDot>
+template <int kGroup, bool kFold, bool kMore>
 void project_blocks(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
   const auto project = [&]<std::size_t kLines>() {
-    BlockProjector<kGroup, kFold, kMore, kLines, kDot>(block, weights, strips).run();
+    BlockProjector<kGroup, kFold, kMore, kLines>(block, weights, strips).run();
   };
-  if constexpr (HWY_TARGET == HWY_AVX2 || (kWide && kDot))  // wide vectors: all processors concerned have VNNI
+  if constexpr (HWY_TARGET == HWY_AVX2 || kWide)
     if (asks_for_runs(block) && strips_come_late()) return project.template operator()<kLinesAfterRuns>();
   project.template operator()<kWide ? kLinesAlone : 0>();
 }
 
-template <int kGroup, bool kDot>
+template <int kGroup>
 void project_groups(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
   const auto project =
       has_more(weights, block.mirrored != nullptr)
-          ? (block.mirrored ? project_blocks<kGroup, true, true, kDot> : project_blocks<kGroup, false, true, kDot>)
-          : (block.mirrored ? project_blocks<kGroup, true, false, kDot> : project_blocks<kGroup, false, false, kDot>);
+          ? (block.mirrored ? project_blocks<kGroup, true, true> : project_blocks<kGroup, false, true>)
+          : (block.mirrored ? project_blocks<kGroup, true, false> : project_blocks<kGroup, false, false>);
   project(block, weights, strips);
 }
 
-template <bool kDot>
 void project_any(const ByteBlock& block, const ByteWeights& weights, Strips& strips) {
-  if (weights.row_group == 1) project_groups<1, kDot>(block, weights, strips);
-  if (weights.row_group == 2) project_groups<2, kDot>(block, weights, strips);
-  if (weights.row_group == 4) project_groups<4, kDot>(block, weights, strips);
-  if (weights.row_group == 8) project_groups<8, kDot>(block, weights, strips);
+  if (weights.row_group == 1) project_groups<1>(block, weights, strips);
+  if (weights.row_group == 2) project_groups<2>(block, weights, strips);
+  if (weights.row_group == 4) project_groups<4>(block, weights, strips);
+  if (weights.row_group == 8) project_groups<8>(block, weights, strips);
 }
 
 constexpr std::size_t kInBlock = 16 / sizeof(std::int32_t);  // lanes kept together by the interleaving
@@ -886,14 +803,13 @@ void add_strip_in_order(Strips& strips, std::size_t i, const ByteWeights& weight
     from += kPerSum;
   }
   add_in_order<kWrite>(strip.squares, strips.square_share, 1, to.squares + first, count);
-  add_in_order<kWrite>(strips.totals(i), 1, 1, to.totals + first, count);
+  add_in_order<kWrite>(strip.totals, 1, 1, to.totals + first, count);
   raise_in_order<kWrite>(strip.maximum, to.maximum + first, count);
 }
 
 void project_wide(const ByteBlock& block, const ByteWeights& weights, const ProjectionSums& to) {
   Strips strips(block, weights);
-  const bool dot = kMayHaveDotProducts && has_dot_products();
-  (dot ? project_any<kMayHaveDotProducts> : project_any<false>)(block, weights, strips);
+  project_any(block, weights, strips);
   const auto add = to.first ? add_strip_in_order<true> : add_strip_in_order<false>;
   for (std::size_t i = 0; i < strips.grid.count(); ++i) add(strips, i, weights, to);
 }

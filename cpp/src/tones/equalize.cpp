@@ -206,6 +206,7 @@ struct Memory {
   AlignedMemory<T> block;                                // (length × width)
   std::vector<T> terms;                                  // (terms × width)
   std::vector<double> mean, slope, reach, units, scale;  // (width)
+  std::vector<double> less_mean, less_slope;             // (width) in units, negative
   std::vector<double> column;                            // (rows)
 };
 
@@ -245,7 +246,8 @@ class BlockEqualizer {
         pairs_(std::min(count, kWidth<T> / 2)),
         block_(memory_.block.at_least(plan.response.length * kWidth<T>)) {
     memory_.terms.resize(static_cast<std::size_t>(plan.ends.terms.rows()) * kWidth<T>);
-    for (auto* values : {&memory_.mean, &memory_.slope, &memory_.reach, &memory_.units, &memory_.scale})
+    for (auto* values : {&memory_.mean, &memory_.slope, &memory_.reach, &memory_.units, &memory_.scale,
+                         &memory_.less_mean, &memory_.less_slope})
       values->resize(kWidth<T>);
     memory_.column.resize(plan.rows);
   }
@@ -263,8 +265,12 @@ class BlockEqualizer {
       check_light<T>(std::abs(memory_.mean[c]) + memory_.reach[c] + std::abs(memory_.slope[c]) * height);
       memory_.units[c] = unit_of(memory_.reach[c]);
       memory_.scale[c] = memory_.units[c] > 0 ? 1 / memory_.units[c] : 1;
+      memory_.less_mean[c] = -memory_.scale[c] * memory_.mean[c];
+      memory_.less_slope[c] = -memory_.scale[c] * memory_.slope[c];
     }
-    kernels::equalizer_loops<T>().take_lines_off(block(), plan_.rows, kWidth<T>, lines, memory_.scale.data());
+    kernels::equalizer_loops<T>().add_lines(block(), plan_.rows, kWidth<T>,
+                                            {memory_.less_mean.data(), memory_.less_slope.data(), nullptr},
+                                            memory_.scale.data(), 0);
     const auto analysed = analyse(noise);
     extend();
     filter(analysed, noise_gain, restored);
@@ -273,8 +279,8 @@ class BlockEqualizer {
       for (std::size_t n = 0; n < analysed[c].course.size(); ++n)
         block_[n * kWidth<T> + c] += static_cast<T>(analysed[c].course[n]);
     }
-    kernels::equalizer_loops<T>().put_lines_back(block(), plan_.rows, kWidth<T>, lines, memory_.units.data(),
-                                                 plan_.exposure_rows / 2);
+    kernels::equalizer_loops<T>().add_lines(block(), plan_.rows, kWidth<T>, lines, memory_.units.data(),
+                                            plan_.exposure_rows / 2);
   }
 
  private:

@@ -210,13 +210,9 @@ double noise_power(const PeriodicFit& fit, const PeriodicSignals& signals) {
 bool stands_out(const PeriodicSignals& signals, double frequency) {
   const auto model = periodic_model(frequency, signals.rows(), kComparedHarmonics);
   const PeriodicFit fit = fit_periodic(signals, model, frequency, false);
-  std::vector<double> residual;
-  frequency_std(signals.samples(), signals.rows(), 1, model, frequency, &residual);
-  double texture = 0;
-  for (std::size_t first = 0; first < residual.size(); first += signals.rows())
-    texture += texture_power({&residual[first], signals.rows()}, frequency);
-  return fit.harmonic_energy[0] > chance_energy(2 * signals.count()) *
-                                      (noise_power(fit, signals) + texture / static_cast<double>(signals.count()));
+  const double texture = mean_of(
+      texture_powers(residual_of(signals.samples(), signals.rows(), model, frequency), signals.rows(), frequency));
+  return fit.harmonic_energy[0] > chance_energy(2 * signals.count()) * (noise_power(fit, signals) + texture);
 }
 
 // The fundamental of which `frequency` is a harmonic, or itself. Each of many parts pays for the harmonics of its
@@ -329,13 +325,14 @@ std::vector<double> bins_about(double frequency, std::size_t row_count) {
 // its own mean.
 double noise_about(const PeriodicSignals& signals, double frequency, const std::vector<double>& bins) {
   const std::size_t each = (signals.count() + kSome - 1) / kSome;
-  std::vector<double> some, residual, waves;
+  std::vector<double> some, waves;
   for (std::size_t s = 0; s < signals.count(); s += each)
     some.insert(some.end(), signals.signal(s).begin(), signals.signal(s).end());
   // Harmonics that leak into the bins.
   const double reach = 1 + 1.5 * (bins.back() - frequency) / frequency;
   const auto removed = static_cast<std::size_t>(std::clamp(reach, 1.0, static_cast<double>(kMaxHarmonics)));
-  frequency_std(some, signals.rows(), 1, periodic_model(frequency, signals.rows(), removed), frequency, &residual);
+  const std::vector<double> residual =
+      residual_of(some, signals.rows(), periodic_model(frequency, signals.rows(), removed), frequency);
   const auto height = static_cast<Eigen::Index>(signals.rows());
   const RowSampling sampling = centred_rows(signals.rows());
   append_tones(waves, sampling, bins);

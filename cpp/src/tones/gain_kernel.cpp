@@ -25,82 +25,66 @@ using Vector = hn::Vec<decltype(d64)>;
 
 HWY_INLINE Vector constant(double value) { return hn::Set(d64, value); }
 
-// Solves kVectors vectors of columns of `fit`, written `stride` apart. kEstimates: 3 for one tone, or 0: fit.estimates.
-// Many columns at a time save loads of the matrices.
-template <std::size_t kEstimates, std::size_t kVectors>
-HWY_INLINE void solve_columns(const FitSums& fit, std::size_t column, std::size_t stride,
+constexpr std::size_t kAtOnce = 4;  // vectors of columns, which save loads of the matrices
+
+// Solves kAtOnce vectors of columns: `sums` (estimates × width) with the totals first, `squares`, `parameters` and
+// `noise` of them, dense. kEstimates: 3 for one tone, or 0: fit.estimates.
+template <std::size_t kEstimates>
+HWY_INLINE void solve_columns(const FitSums& fit, const double* HWY_RESTRICT sums, const double* HWY_RESTRICT squares,
                               double* HWY_RESTRICT parameters, double* HWY_RESTRICT noise) {
   const std::size_t size = kEstimates ? kEstimates : fit.estimates;
-  const std::size_t lanes = hn::Lanes(d64);
-  Vector sum[kVectors], rest[kVectors];
+  const std::size_t lanes = hn::Lanes(d64), width = kAtOnce * lanes;
+  Vector sum[kAtOnce], rest[kAtOnce];
   for (std::size_t i = 0; i < size; ++i) {
-    const double* row = fit.transform + i * size;
-    for (std::size_t v = 0; v < kVectors; ++v)
-      sum[v] = hn::Mul(constant(*row), hn::LoadU(d64, fit.totals + column + v * lanes));
-    for (std::size_t j = 1; j < size; ++j)
-      for (std::size_t v = 0; v < kVectors; ++v)
+    for (std::size_t v = 0; v < kAtOnce; ++v) sum[v] = hn::Zero(d64);
+    for (std::size_t j = 0; j < size; ++j)
+      for (std::size_t v = 0; v < kAtOnce; ++v)
         sum[v] =
-            hn::MulAdd(constant(row[j]), hn::LoadU(d64, fit.sums + (j - 1) * fit.stride + column + v * lanes), sum[v]);
-    for (std::size_t v = 0; v < kVectors; ++v) hn::StoreU(sum[v], d64, parameters + i * stride + v * lanes);
+            hn::MulAdd(constant(fit.transform[i * size + j]), hn::LoadU(d64, sums + j * width + v * lanes), sum[v]);
+    for (std::size_t v = 0; v < kAtOnce; ++v) hn::StoreU(sum[v], d64, parameters + i * width + v * lanes);
   }
-  for (std::size_t v = 0; v < kVectors; ++v) rest[v] = hn::LoadU(d64, fit.squares + column + v * lanes);
+  for (std::size_t v = 0; v < kAtOnce; ++v) rest[v] = hn::LoadU(d64, squares + v * lanes);
   for (std::size_t i = 0; i < size; ++i) {  // gram is symmetric: off-diagonal entries count twice
     const double* row = fit.gram + i * size;
-    for (std::size_t v = 0; v < kVectors; ++v) sum[v] = hn::Zero(d64);
+    for (std::size_t v = 0; v < kAtOnce; ++v) sum[v] = hn::Zero(d64);
     for (std::size_t j = i + 1; j < size; ++j)
-      for (std::size_t v = 0; v < kVectors; ++v)
-        sum[v] = hn::MulAdd(constant(2 * row[j]), hn::LoadU(d64, parameters + j * stride + v * lanes), sum[v]);
-    for (std::size_t v = 0; v < kVectors; ++v) {
-      const Vector own = hn::LoadU(d64, parameters + i * stride + v * lanes);
+      for (std::size_t v = 0; v < kAtOnce; ++v)
+        sum[v] = hn::MulAdd(constant(2 * row[j]), hn::LoadU(d64, parameters + j * width + v * lanes), sum[v]);
+    for (std::size_t v = 0; v < kAtOnce; ++v) {
+      const Vector own = hn::LoadU(d64, parameters + i * width + v * lanes);
       rest[v] = hn::NegMulAdd(own, hn::MulAdd(constant(row[i]), own, sum[v]), rest[v]);
     }
   }
-  for (std::size_t v = 0; v < kVectors; ++v) {
-    const Vector all = hn::LoadU(d64, fit.squares + column + v * lanes);
+  for (std::size_t v = 0; v < kAtOnce; ++v) {
+    const Vector all = hn::LoadU(d64, squares + v * lanes);
     const auto more_than_rounding = hn::Gt(rest[v], hn::Mul(constant(kRoundingOfSquares), all));
     hn::StoreU(hn::IfThenElseZero(more_than_rounding, hn::Mul(rest[v], constant(1 / fit.freedom))), d64,
                noise + v * lanes);
   }
 }
 
-// The same by way of dense copies, padded to whole vectors, for `columns` of them. Rows of a frame of many estimates
-// would displace each other in the first-level cache.
-template <std::size_t kEstimates, std::size_t kVectors>
-void solve_copies(const FitSums& fit, std::size_t column, std::size_t columns, double* HWY_RESTRICT parameters,
-                  double* HWY_RESTRICT noise) {
-  thread_local AlignedMemory<double> memory;
-  const std::size_t width = kVectors * hn::Lanes(d64);
-  double* const sums = memory.at_least(2 * (fit.estimates + 1) * width);  // totals first
-  double* const squares = sums + fit.estimates * width;
-  double* const result = squares + width;
-  double* const noise_of_copies = result + fit.estimates * width;
-  const auto copy = [&](const double* from, double* to) {
-    std::copy_n(from + column, columns, to);
-    std::fill(to + columns, to + width, 0.0);
-  };
-  copy(fit.totals, sums);
-  for (std::size_t i = 1; i < fit.estimates; ++i) copy(fit.sums + (i - 1) * fit.stride, sums + i * width);
-  copy(fit.squares, squares);
-  const FitSums copies{fit.estimates, width, width, sums, sums + width, squares, fit.transform, fit.gram, fit.freedom};
-  solve_columns<kEstimates, kVectors>(copies, 0, width, result, noise_of_copies);
-  for (std::size_t i = 0; i < fit.estimates; ++i)
-    std::copy_n(result + i * width, columns, parameters + i * fit.count + column);
-  std::copy_n(noise_of_copies, columns, noise + column);
-}
-
+// By way of dense copies, padded to whole vectors: rows of a frame of many estimates would displace each other in the
+// first-level cache.
 template <std::size_t kEstimates>
 void parameters_of_estimates(const FitSums& fit, double* parameters, double* noise_variance) {
-  constexpr std::size_t kAtOnce = 4;
-  const std::size_t lanes = hn::Lanes(d64), width = kAtOnce * lanes;
-  std::size_t c = 0;
-  for (; c + width <= fit.count; c += width)
-    if constexpr (kEstimates == 0)
-      solve_copies<0, kAtOnce>(fit, c, width, parameters, noise_variance);
-    else
-      solve_columns<kEstimates, kAtOnce>(fit, c, fit.count, parameters + c, noise_variance + c);
-  for (; c + lanes <= fit.count; c += lanes)
-    solve_columns<kEstimates, 1>(fit, c, fit.count, parameters + c, noise_variance + c);
-  if (c < fit.count) solve_copies<kEstimates, 1>(fit, c, fit.count - c, parameters, noise_variance);
+  thread_local AlignedMemory<double> memory;
+  const std::size_t width = kAtOnce * hn::Lanes(d64);
+  double* const sums = memory.at_least(2 * (fit.estimates + 1) * width);
+  double* const squares = sums + fit.estimates * width;
+  double* const solved = squares + width;
+  double* const noise = solved + fit.estimates * width;
+  std::fill_n(sums, (fit.estimates + 1) * width, 0.0);
+  for (std::size_t c = 0; c < fit.count; c += width) {
+    const std::size_t here = std::min(width, fit.count - c);
+    std::copy_n(fit.totals + c, here, sums);
+    for (std::size_t i = 1; i < fit.estimates; ++i)
+      std::copy_n(fit.sums + (i - 1) * fit.stride + c, here, sums + i * width);
+    std::copy_n(fit.squares + c, here, squares);
+    solve_columns<kEstimates>(fit, sums, squares, solved, noise);
+    for (std::size_t i = 0; i < fit.estimates; ++i)
+      std::copy_n(solved + i * width, here, parameters + i * fit.count + c);
+    std::copy_n(noise, here, noise_variance + c);
+  }
 }
 
 void ParametersOfSums(const FitSums& fit, double* parameters, double* noise_variance) {

@@ -55,11 +55,12 @@ HWY_INLINE void add_harmonics(const SignalParts& signal, const Rotations& harmon
   for (std::size_t begin = 0; begin < signal.rows; begin += kRowsPerLeap) {
     wave.restart();
     for (std::size_t i = begin; i < std::min(begin + kRowsPerLeap, signal.rows); ++i) {
-      const double u = signal.first + static_cast<double>(i);
-      cosine = hn::MulAdd(wave.cosine, hn::Set(d64, signal.even[i]), cosine);
-      sine = hn::MulAdd(wave.sine, hn::Set(d64, signal.odd[i]), sine);
-      u_sine = hn::MulAdd(wave.sine, hn::Set(d64, u * signal.even[i]), u_sine);
-      u_cosine = hn::MulAdd(wave.cosine, hn::Set(d64, u * signal.odd[i]), u_cosine);
+      const double u = signal.first + static_cast<double>(i), even = signal.even[i * signal.step],
+                   odd = signal.odd[i * signal.step];
+      cosine = hn::MulAdd(wave.cosine, hn::Set(d64, even), cosine);
+      sine = hn::MulAdd(wave.sine, hn::Set(d64, odd), sine);
+      u_sine = hn::MulAdd(wave.sine, hn::Set(d64, u * even), u_sine);
+      u_cosine = hn::MulAdd(wave.cosine, hn::Set(d64, u * odd), u_cosine);
       wave.next();
     }
   }

@@ -8,10 +8,11 @@ namespace ocisac::kernels {
 constexpr std::size_t kHarmonicAlignment = 8;  // harmonics: a vector of double of any target
 constexpr std::size_t kRowsPerLeap = 16;
 
-// Even and odd parts of a signal at `rows` rows at the distances u = first, first + 1, … from the middle.
+// Even and odd parts of a signal, each `step` apart, at `rows` rows at the distances u = first, first + 1, … from the
+// middle.
 struct SignalParts {
   const double *even, *odd;
-  std::size_t rows;
+  std::size_t step, rows;
   double first;
 };
 

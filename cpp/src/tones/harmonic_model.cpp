@@ -116,6 +116,7 @@ HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones)
   require(rows > 0, "rows", rows, "at least 1");
   HarmonicModel model;
   model.rows = rows;
+  model.middle = (static_cast<double>(rows) - 1) / 2;
   model.estimates = 1 + 2 * tones.size();
   const auto estimates = static_cast<Index>(model.estimates);
   model.weights.setZero(static_cast<Index>(rows), estimates);

@@ -27,6 +27,7 @@ std::vector<int> square_wave_harmonics(double cycles_per_row, double duty);
 // into two of half the size.
 struct HarmonicModel {
   std::size_t rows = 0;
+  double middle = 0;           // row from which u counts, fractional
   std::size_t estimates = 0;   // 1 + 2·tones: number of parameters with weights
   std::size_t parameters = 0;  // all fitted; the noise has rows − parameters degrees of freedom
   Eigen::MatrixXd weights;     // (rows × estimates)

@@ -26,7 +26,8 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Signals = Eigen::Map<const MatrixXd>;  // (rows × signals)
 
-constexpr std::size_t kManySignals = 6;  // one signal in each lane; for fewer, one harmonic in each
+constexpr std::size_t kStrip = kernels::kBlockAlignment;  // signals
+constexpr std::size_t kManySignals = 6;  // products for one signal in each lane; for fewer, for one harmonic in each
 constexpr std::size_t kMaxTrend = 2;     // degree
 
 Signals as_matrix(std::span<const double> signals, std::size_t rows) {
@@ -208,46 +209,34 @@ PeriodicSignals::PeriodicSignals(std::vector<double> samples, std::size_t rows)
     : samples_(std::move(samples)), rows_(rows) {
   const Signals all = as_matrix(samples_, rows);
   energies_ = as_vector(all.colwise().squaredNorm());
-  const std::size_t signals = count();
-  in_lanes_ = signals >= kManySignals;
-  width_ = in_lanes_ ? (signals + kernels::kBlockAlignment - 1) / kernels::kBlockAlignment * kernels::kBlockAlignment
-                     : signals;
-  even_.assign(half() * width_, 0.0);
-  odd_.assign(half() * width_, 0.0);
-  const std::size_t step = in_lanes_ ? kernels::kBlockAlignment : 1;
-  for (std::size_t s = 0; s < signals; ++s) {
+  even_.assign(half() * width(), 0.0);
+  odd_.assign(half() * width(), 0.0);
+  for (std::size_t s = 0; s < count(); ++s) {
     const auto signal = this->signal(s);
-    const std::size_t first =
-        in_lanes_ ? s / kernels::kBlockAlignment * half() * kernels::kBlockAlignment + s % kernels::kBlockAlignment
-                  : s * half();
     for (std::size_t i = 0; i < half(); ++i) {
-      const std::size_t after = rows / 2 + i, before = rows - 1 - after;
-      even_[first + i * step] = after == before ? signal[after] : signal[after] + signal[before];
-      odd_[first + i * step] = signal[after] - signal[before];
+      const std::size_t after = rows / 2 + i, before = rows - 1 - after, at = place(s) + i * kStrip;
+      even_[at] = after == before ? signal[after] : signal[after] + signal[before];
+      odd_[at] = signal[after] - signal[before];
     }
   }
   add_trend();
 }
 
+std::size_t PeriodicSignals::width() const { return (count() + kStrip - 1) / kStrip * kStrip; }
+
+std::size_t PeriodicSignals::place(std::size_t s) const { return s / kStrip * half() * kStrip + s % kStrip; }
+
 namespace {
 
-// (functions × width): the products of functions at the rows from the middle on with parts of signals, in strips.
-RowMajor products_with(const RowMajor& functions, const std::vector<double>& parts, std::size_t width) {
-  RowMajor sums(functions.rows(), static_cast<Index>(width));
+// (functions × signals): the products of functions at the rows from the middle on with parts of signals.
+RowMajor products_with(const RowMajor& functions, const std::vector<double>& parts, const PeriodicSignals& signals) {
+  RowMajor sums(functions.rows(), static_cast<Index>(signals.width()));
   const auto half = static_cast<std::size_t>(functions.cols());
-  for (std::size_t first = 0; first < width; first += kernels::kBlockAlignment)
+  for (std::size_t first = 0; first < signals.width(); first += kStrip)
     kernels::equalizer_loops<double>().matrix_times_rows(
         functions.data(), static_cast<std::size_t>(functions.rows()), half, &parts[first * half],
-        static_cast<std::ptrdiff_t>(kernels::kBlockAlignment), sums.data() + first, static_cast<std::ptrdiff_t>(width),
-        kernels::kBlockAlignment);
-  return sums;
-}
-
-// The same for the parts of one signal after the other, a column each.
-RowMajor products_with_each(const RowMajor& functions, const std::vector<double>& parts) {
-  const Eigen::Map<const MatrixXd> columns(parts.data(), functions.cols(),
-                                           static_cast<Index>(parts.size()) / functions.cols());
-  return functions.lazyProduct(columns);
+        static_cast<std::ptrdiff_t>(kStrip), sums.data() + first, static_cast<std::ptrdiff_t>(signals.width()), kStrip);
+  return sums.leftCols(static_cast<Index>(signals.count()));
 }
 
 // Inner products of the signals with what the harmonics of one kind are multiplied by: (harmonics × signals).
@@ -270,13 +259,10 @@ HarmonicProducts products_in_lanes(const PeriodicSignals& signals, const Periodi
       odd.row(count + h) = even.row(h).cwiseProduct(u);
     }
   }
-  const auto of_signals = [&](const RowMajor& sums, Index first) -> RowMajor {
-    if (first > 0 && !with_slopes) return {};
-    return sums.block(first, 0, count, static_cast<Index>(signals.count()));
-  };
-  const RowMajor of_even = products_with(even, signals.even(), signals.width());
-  const RowMajor of_odd = products_with(odd, signals.odd(), signals.width());
-  return {of_signals(of_even, 0), of_signals(of_odd, 0), of_signals(of_even, count), of_signals(of_odd, count)};
+  const RowMajor of_even = products_with(even, signals.even(), signals),
+                 of_odd = products_with(odd, signals.odd(), signals);
+  const Index slopes = functions - count;
+  return {of_even.topRows(count), of_odd.topRows(count), of_even.bottomRows(slopes), of_odd.bottomRows(slopes)};
 }
 
 HarmonicProducts products_of_each(const PeriodicSignals& signals, const PeriodicModel& model, double frequency) {
@@ -300,8 +286,8 @@ HarmonicProducts products_of_each(const PeriodicSignals& signals, const Periodic
   HarmonicProducts products{RowMajor(rows, count), RowMajor(rows, count), RowMajor(rows, count), RowMajor(rows, count)};
   std::vector<double> sums(4 * padded);
   for (Index s = 0; s < count; ++s) {
-    const std::size_t begin = static_cast<std::size_t>(s) * signals.half();
-    kernels::harmonic_sums({&signals.even()[begin], &signals.odd()[begin], signals.half(), first},
+    const std::size_t begin = signals.place(static_cast<std::size_t>(s));
+    kernels::harmonic_sums({&signals.even()[begin], &signals.odd()[begin], kStrip, signals.half(), first},
                            {at.data(), &at[padded], turn.data(), &turn[padded], leap.data(), &leap[padded], padded},
                            {sums.data(), &sums[padded], &sums[2 * padded], &sums[3 * padded]});
     std::size_t next = 0;
@@ -345,8 +331,9 @@ std::array<Equations, 2> normal_equations(const PeriodicSignals& signals, const 
                                           bool with_slopes) {
   const auto [even, odd] = parities_of(model, signals.rows());
   const RowMoments moments = moments_of(model, signals.rows(), frequency);
-  const HarmonicProducts products = signals.in_lanes() ? products_in_lanes(signals, model, frequency, with_slopes)
-                                                       : products_of_each(signals, model, frequency);
+  const HarmonicProducts products = signals.count() >= kManySignals
+                                        ? products_in_lanes(signals, model, frequency, with_slopes)
+                                        : products_of_each(signals, model, frequency);
   const auto trend = [&](std::size_t first, Index functions) {
     return Eigen::Map<const RowMajor>(signals.trend().data() + first * signals.count(), functions,
                                       static_cast<Index>(signals.count()));
@@ -364,12 +351,7 @@ void PeriodicSignals::add_trend() {
   RowMajor even(2, trend.rows());
   even << trend.col(0).transpose(), trend.col(2).transpose();
   const RowMajor odd = trend.col(1).transpose();
-  const auto columns = static_cast<Index>(count());
-  const auto products = [&](const RowMajor& functions, const std::vector<double>& parts) -> RowMajor {
-    if (in_lanes_) return products_with(functions, parts, width_).leftCols(columns);
-    return products_with_each(functions, parts);
-  };
-  for (const RowMajor& sums : {products(even, even_), products(odd, odd_)})
+  for (const RowMajor& sums : {products_with(even, even_, *this), products_with(odd, odd_, *this)})
     trend_.insert(trend_.end(), sums.data(), sums.data() + sums.size());
 }
 
@@ -437,30 +419,39 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, do
   return best;
 }
 
-double texture_power(std::span<const double> residual, double frequency) {
+std::vector<double> texture_powers(std::span<const double> residuals, std::size_t height, double frequency) {
   constexpr int kLines = 8;  // half-way between harmonics, or a part of that, up to 8 cycles apart
-  const double rows = static_cast<double>(residual.size()), step = frequency / std::ceil(frequency * rows / kLines);
-  std::vector<double> orders, lines, waves, powers;
+  const Signals all = as_matrix(residuals, height);
+  std::vector<double> found(static_cast<std::size_t>(all.cols()));
+  const auto rows = static_cast<double>(height);
+  const double step = frequency / std::ceil(frequency * rows / kLines);
+  std::vector<double> orders, lines, waves;
   for (int k = 0; k < kLines && frequency + (k + 0.5) * step < 0.5; ++k) {
     lines.push_back(frequency + (k + 0.5) * step);
     orders.push_back(lines.back() / frequency);
   }
-  if (lines.empty()) return 0;
-  const RowSampling sampling = centred_rows(residual.size());
+  if (lines.empty()) return found;
+  const RowSampling sampling = centred_rows(height);
   append_tones(waves, sampling, lines);
-  const VectorXd parts = transposed_product(matrix_of(waves, sampling), as_matrix(residual, residual.size()));
-  const double white = noise_of_differences(residual), count = static_cast<double>(lines.size()),
-               mean = parts.squaredNorm() / rows / count;
-  if (!(2 * count * mean > chance_energy(2 * lines.size()) * white)) return 0;
-  const auto power = [&](std::size_t k) { return parts.segment<2>(2 * static_cast<Index>(k)).squaredNorm() / rows; };
-  for (std::size_t k = 0; k < lines.size(); ++k) powers.push_back((power(k) - white) * orders[k] * orders[k]);
-  const double texture = std::max(median(std::move(powers)) / std::numbers::ln2, 0.0);
-  double evidence = count * (std::log(mean) + 1);  // over noise of one power
-  for (std::size_t k = 0; k < lines.size(); ++k) {
-    const double expected = white + texture / (orders[k] * orders[k]);
-    evidence -= std::log(expected) + power(k) / expected;
+  const MatrixXd parts = transposed_product(matrix_of(waves, sampling), all);
+  for (std::size_t s = 0; s < found.size(); ++s) {
+    const double white = noise_of_differences(residuals.subspan(s * height, height)),
+                 count = static_cast<double>(lines.size());
+    const auto own = parts.col(static_cast<Index>(s));
+    const double mean = own.squaredNorm() / rows / count;
+    if (!(2 * count * mean > chance_energy(2 * lines.size()) * white)) continue;
+    const auto power = [&](std::size_t k) { return own.segment<2>(2 * static_cast<Index>(k)).squaredNorm() / rows; };
+    std::vector<double> powers;
+    for (std::size_t k = 0; k < lines.size(); ++k) powers.push_back((power(k) - white) * orders[k] * orders[k]);
+    const double texture = std::max(median(std::move(powers)) / std::numbers::ln2, 0.0);
+    double evidence = count * (std::log(mean) + 1);  // over noise of one power
+    for (std::size_t k = 0; k < lines.size(); ++k) {
+      const double expected = white + texture / (orders[k] * orders[k]);
+      evidence -= std::log(expected) + power(k) / expected;
+    }
+    found[s] = evidence > 2 ? texture : mean - white;
   }
-  return evidence > 2 ? texture : mean - white;
+  return found;
 }
 
 namespace {
@@ -470,6 +461,9 @@ namespace {
 double texture_score(const PeriodicModel& model, double frequency, const MatrixXd& amplitudes, const MatrixXd& residual,
                      const MatrixXd& derivative) {
   double mean = 0, variance = 0;
+  const std::span<const double> rest(residual.data(), static_cast<std::size_t>(residual.size()));
+  const auto rows = static_cast<std::size_t>(residual.rows());
+  const std::vector<double> textures = texture_powers(rest, rows, frequency);
   for (Index s = 0; s < residual.cols(); ++s) {
     double flat = 0, steep = 0;
     for (std::size_t k = 0; k < model.harmonics.size(); ++k) {
@@ -478,25 +472,23 @@ double texture_score(const PeriodicModel& model, double frequency, const MatrixX
       flat += energy;
       steep += energy * static_cast<double>(model.harmonics[k] * model.harmonics[k]);
     }
-    const std::span<const double> rest(residual.col(s).data(), static_cast<std::size_t>(residual.rows()));
-    const double power = steep > 0 ? texture_power(rest, frequency) * flat / steep : 0;
+    const double power = steep > 0 ? textures[static_cast<std::size_t>(s)] * flat / steep : 0;
     if (!(power > 0)) continue;
     mean += power / static_cast<double>(residual.cols());
-    variance += (noise_of_differences(rest) + power) * derivative.col(s).squaredNorm();
+    const double white = noise_of_differences(rest.subspan(static_cast<std::size_t>(s) * rows, rows));
+    variance += (white + power) * derivative.col(s).squaredNorm();
   }
   return std::max(variance, mean * derivative.rowwise().sum().squaredNorm());
 }
 
-}  // namespace
+// Fit of the signals row by row: basis·triangle are the model's columns.
+struct FitOfRows {
+  MatrixXd columns, triangle, basis, coordinates, residual;
+};
 
-double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
-                     double frequency, std::vector<double>* residual_values) {
-  if (rows <= model.parameters() + 1) return kNaN;
-  const Signals y = as_matrix(signals, rows);
-  const auto members = static_cast<Index>(group);
-  require(group > 0 && y.cols() % members == 0, "group", group, "a divisor of the number of signals");
-  const MatrixXd matrix = model_matrix(model, rows, frequency);
-  MatrixXd gram = MatrixXd::Zero(matrix.cols(), matrix.cols());
+FitOfRows fit_of_rows(const Signals& y, const PeriodicModel& model, double frequency) {
+  const auto rows = static_cast<std::size_t>(y.rows());
+  MatrixXd matrix = model_matrix(model, rows, frequency), gram = MatrixXd::Zero(matrix.cols(), matrix.cols());
   const RowMoments moments = moments_of(model, rows, frequency);
   for (const Parity& parity : parities_of(model, rows)) {
     const MatrixXd own = inner_products(parity.functions, parity.functions, moments);
@@ -504,10 +496,27 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
       for (std::size_t b = 0; b < parity.at.size(); ++b)
         gram(parity.at[a], parity.at[b]) = own(static_cast<Index>(a), static_cast<Index>(b));
   }
-  const MatrixXd triangle = triangle_of(std::move(gram));
-  const MatrixXd q = solve_upper_transposed(triangle, matrix.transpose()).transpose();
-  const MatrixXd coordinates = transposed_product(q, y);
-  const MatrixXd residual = y - product(q, coordinates);
+  MatrixXd triangle = triangle_of(std::move(gram));
+  MatrixXd q = solve_upper_transposed(triangle, matrix.transpose()).transpose(), coordinates = transposed_product(q, y);
+  MatrixXd residual = y - product(q, coordinates);
+  return {std::move(matrix), std::move(triangle), std::move(q), std::move(coordinates), std::move(residual)};
+}
+
+}  // namespace
+
+std::vector<double> residual_of(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
+                                double frequency) {
+  const MatrixXd left = fit_of_rows(as_matrix(signals, rows), model, frequency).residual;
+  return {left.data(), left.data() + left.size()};
+}
+
+double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
+                     double frequency, std::vector<double>* residual_values) {
+  if (rows <= model.parameters() + 1) return kNaN;
+  const Signals y = as_matrix(signals, rows);
+  const auto members = static_cast<Index>(group);
+  require(group > 0 && y.cols() % members == 0, "group", group, "a divisor of the number of signals");
+  const auto [matrix, triangle, q, coordinates, residual] = fit_of_rows(y, model, frequency);
   if (residual_values) residual_values->assign(residual.data(), residual.data() + residual.size());
   const MatrixXd amplitudes = solve_upper(triangle, coordinates);
   MatrixXd turned = slope_coefficients(model, amplitudes);

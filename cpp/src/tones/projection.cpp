@@ -232,40 +232,6 @@ void add_across(const FramesView<const std::uint8_t>& view, std::size_t frame, c
   }
 }
 
-// True if a frame of interleaved bytes is read with all that lies between its columns: with wide vectors and a tone,
-// sums that nobody asks for take less time than a copy without them.
-bool is_read_whole(const FramesView<const std::uint8_t>& view, const RowWeights& weights) {
-  return view.column_stride > 1 && view.column_stride <= 4 && weights.outputs() * weights.limbs() <= 2 &&
-         kernels::has_wide_vectors();
-}
-
-void keep_every(std::size_t step, std::size_t count, std::vector<double>& values) {
-  const std::size_t whole = (count - 1) * step + 1, rows = values.size() / whole;
-  for (std::size_t i = 0; i < rows; ++i)
-    for (std::size_t c = 0; c < count; ++c) values[i * count + c] = values[i * whole + c * step];
-  values.resize(rows * count);
-}
-
-void project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, const RowWeights& weights,
-                   Projection& result) {
-  if (is_read_whole(view, weights)) {
-    const auto step = static_cast<std::size_t>(view.column_stride);
-    FramesView<const std::uint8_t> whole = view;
-    whole.columns = (view.columns - 1) * step + 1;
-    whole.column_stride = 1;
-    project_bytes(whole, frame, weights, result);
-    for (auto* values : {&result.sums, &result.totals, &result.squares, &result.maximum})
-      keep_every(step, view.columns, *values);
-    return;
-  }
-  make_room(weights.outputs() * weights.limbs(), view.columns, result);
-  if (is_projected_across(view, weights))
-    add_across(view, frame, weights, sums_of(result, 0, view.columns));
-  else
-    add_by_rows(view, frame, weights, result);
-  join_limbs(weights, view.columns, result.sums);
-}
-
 template <class Sample, class Stored>
 void project_samples(const FramesView<const Stored>& view, std::size_t frame, const RowWeights& weights,
                      std::span<const float> light, Projection& result) {
@@ -305,6 +271,47 @@ void project_samples(const FramesView<const Stored>& view, std::size_t frame, co
                                sums_of(result, part.begin, view.columns));
     });
   }
+}
+
+// True if a frame of interleaved bytes is read with all that lies between its columns: with wide vectors and a tone,
+// sums that nobody asks for take less time than a copy without them.
+bool is_read_whole(const FramesView<const std::uint8_t>& view, const RowWeights& weights) {
+  return view.column_stride > 1 && view.column_stride <= 4 && weights.outputs() * weights.limbs() <= 2 &&
+         kernels::has_wide_vectors();
+}
+
+void keep_every(std::size_t step, std::size_t count, std::vector<double>& values) {
+  const std::size_t whole = (count - 1) * step + 1, rows = values.size() / whole;
+  for (std::size_t i = 0; i < rows; ++i)
+    for (std::size_t c = 0; c < count; ++c) values[i * count + c] = values[i * whole + c * step];
+  values.resize(rows * count);
+}
+
+void project_bytes(const FramesView<const std::uint8_t>& view, std::size_t frame, const RowWeights& weights,
+                   Projection& result) {
+  if (kernels::target() == HWY_SCALAR) {
+    std::vector<float> values(std::numeric_limits<std::uint8_t>::max() + 1);
+    std::iota(values.begin(), values.end(), 0.0F);
+    return project_samples<float>(view, frame,
+                                  {weights.byte_weights(), weights.outputs(), weights.rows(), weights.row_group(), 1},
+                                  values, result);
+  }
+  if (is_read_whole(view, weights)) {
+    const auto step = static_cast<std::size_t>(view.column_stride);
+    FramesView<const std::uint8_t> whole = view;
+    whole.columns = (view.columns - 1) * step + 1;
+    whole.column_stride = 1;
+    project_bytes(whole, frame, weights, result);
+    for (auto* values : {&result.sums, &result.totals, &result.squares, &result.maximum})
+      keep_every(step, view.columns, *values);
+    return;
+  }
+  make_room(weights.outputs() * weights.limbs(), view.columns, result);
+  if (is_projected_across(view, weights))
+    add_across(view, frame, weights, sums_of(result, 0, view.columns));
+  else
+    add_by_rows(view, frame, weights, result);
+  join_limbs(weights, view.columns, result.sums);
 }
 
 template <class T>
@@ -358,53 +365,27 @@ Projection project(const AnyFramesView& frames, std::size_t frame, std::size_t f
   return result;
 }
 
-namespace {
-
-// A target of Highway, and whether AVX-512 VNNI is used beside it.
-struct SimdTarget {
-  std::int64_t highway;
-  bool dot_products;
-
-  [[nodiscard]] std::string name() const {
-    return std::string(hwy::TargetName(highway)) + (dot_products ? "_VNNI" : "");
-  }
-};
-
-std::vector<SimdTarget> supported_targets() {
-  std::vector<SimdTarget> all;
-  for (const auto targets = hwy::SupportedAndGeneratedTargets(); const std::int64_t target : targets) {
-    if (target == HWY_AVX3 && kernels::processor_has_dot_products()) all.push_back({target, true});
-    all.push_back({target, false});
-  }
-  return all;
-}
-
-}  // namespace
-
 std::vector<std::string> simd_targets() {
   std::vector<std::string> names;
-  for (const SimdTarget& target : supported_targets()) names.push_back(target.name());
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) names.emplace_back(hwy::TargetName(target));
   return names;
 }
 
-std::string simd_target() {
-  const std::int64_t highway = kernels::target();
-  return SimdTarget{highway, highway == HWY_AVX3 && kernels::has_dot_products()}.name();
-}
+std::string simd_target() { return hwy::TargetName(kernels::target()); }
 
 void force_simd_target(const std::string& name) {
   hwy::SetSupportedTargetsForTest(0);
-  SimdTarget chosen{0, true};  // the best
+  std::int64_t chosen = 0;  // the best
   if (!name.empty()) {
     std::string known;
-    for (const SimdTarget& target : supported_targets()) {
-      if (name == target.name()) chosen = target;
-      known += (known.empty() ? "" : ", ") + target.name();
+    for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+      const std::string own = hwy::TargetName(target);
+      if (name == own) chosen = target;
+      known += (known.empty() ? "" : ", ") + own;
     }
-    require(chosen.highway != 0, "target", name, known);
+    require(chosen != 0, "target", name, known);
   }
-  hwy::SetSupportedTargetsForTest(chosen.highway);
-  kernels::allow_dot_products(chosen.dot_products);
+  hwy::SetSupportedTargetsForTest(chosen);
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 

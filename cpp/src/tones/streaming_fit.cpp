@@ -42,6 +42,7 @@ HarmonicModel model_of_sums(std::size_t rows, std::span<const double> cycles_per
   for (const double cycles : cycles_per_row) tones.push_back({cycles * row_group, {1}});
   HarmonicModel model = harmonic_model(rows / static_cast<std::size_t>(row_group), tones);
   const Eigen::VectorXd inverse = scale_of(cycles_per_row, row_group).cwiseInverse();
+  model.middle = (static_cast<double>(model.rows * static_cast<std::size_t>(row_group)) - 1) / 2;
   model.weights = model.weights * inverse.asDiagonal();
   model.covariance = row_group * (inverse.asDiagonal() * model.covariance * inverse.asDiagonal());
   return model;
@@ -63,36 +64,33 @@ StreamingFit::StreamingFit(std::size_t rows, std::span<const double> cycles_per_
                            int limbs)
     : estimates_(1 + 2 * cycles_per_row.size()), weights_(std::vector<double>(rows), 1, rows, 1, 1) {
   if (rows <= 2 * estimates_) return;
-  HarmonicModel chosen = model_of_sums(rows, cycles_per_row, 1);
-  flags_ = chosen.tone_flags;
-  well_posed_ = std::ranges::all_of(flags_, is_well_posed);
+  model_ = model_of_sums(rows, cycles_per_row, 1);
+  well_posed_ = std::ranges::all_of(model_.tone_flags, is_well_posed);
   if (!well_posed_) return;
   int row_group = 1;
   for (const int more : {8, 4, 2}) {
     if (row_group > 1 || more > most_rows || efficiency == 1) continue;
     if (rows / static_cast<std::size_t>(more) <= 2 * estimates_) continue;
     HarmonicModel sums = model_of_sums(rows, cycles_per_row, more);
-    if (!keeps(efficiency, chosen.covariance, sums.covariance)) continue;
-    chosen = std::move(sums);
+    if (!keeps(efficiency, model_.covariance, sums.covariance)) continue;
+    sums.tone_flags = model_.tone_flags;
+    model_ = std::move(sums);
     row_group = more;
   }
   const bool few = efficiency == 1 && rows < kFewRows;
-  adopt(chosen, rows, cycles_per_row, row_group, row_group > 1 ? 1 : few ? kMostLimbs : limbs);
+  adopt(rows, cycles_per_row, row_group, row_group > 1 ? 1 : few ? kMostLimbs : limbs);
 }
 
-void StreamingFit::adopt(const HarmonicModel& chosen, std::size_t rows, std::span<const double> cycles_per_row,
-                         int row_group, int limbs) {
-  const Eigen::Index groups = chosen.weights.rows(), tones = chosen.weights.cols() - 1;
+void StreamingFit::adopt(std::size_t rows, std::span<const double> cycles_per_row, int row_group, int limbs) {
+  const Eigen::Index groups = model_.weights.rows(), tones = model_.weights.cols() - 1;
   std::vector<double> of_groups;
   for (const double cycles : cycles_per_row) of_groups.push_back(row_group * cycles);
   const Eigen::MatrixXd design =
-      tone_design(centred_rows(chosen.rows), of_groups) * scale_of(cycles_per_row, row_group).asDiagonal();
-  middle_ = (static_cast<double>(groups * row_group) - 1) / 2;
+      tone_design(centred_rows(model_.rows), of_groups) * scale_of(cycles_per_row, row_group).asDiagonal();
   freedom_ = static_cast<double>(groups - tones - 1) * row_group;
-  covariance_ = chosen.covariance;
   gram_ = transposed_product(design, design);
   // The mean's weights are omitted: with those of the tones, the plain sum spans the same estimates.
-  weights_ = RowWeights({chosen.weights.col(1).data(), static_cast<std::size_t>(tones * groups)}, estimates_ - 1, rows,
+  weights_ = RowWeights({model_.weights.col(1).data(), static_cast<std::size_t>(tones * groups)}, estimates_ - 1, rows,
                         row_group, limbs);
   const auto transform = [&](std::span<const double> of_tones) {
     Eigen::MatrixXd all = Eigen::MatrixXd::Ones(groups, tones + 1);

@@ -44,25 +44,20 @@ class StreamingFit {
   // and resized; its memory is reused.
   void estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count, Columns& to) const;
 
-  // Covariance of the parameters for row noise of variance 1, (estimates × estimates).
-  [[nodiscard]] const Eigen::MatrixXd& covariance() const { return covariance_; }
+  // Of the rows: flags of the tones, covariance of the parameters.
+  [[nodiscard]] const HarmonicModel& model() const { return model_; }
   [[nodiscard]] std::size_t rows_added() const {  // the first ones
     return weights_.groups() * static_cast<std::size_t>(weights_.row_group());
   }
-  [[nodiscard]] double middle() const { return middle_; }  // row, fractional
-  [[nodiscard]] Flags flags(std::size_t tone) const { return flags_[tone]; }
 
  private:
-  void adopt(const HarmonicModel& chosen, std::size_t rows, std::span<const double> cycles_per_row, int row_group,
-             int limbs);
+  void adopt(std::size_t rows, std::span<const double> cycles_per_row, int row_group, int limbs);
 
   std::size_t estimates_;
   bool well_posed_ = false;
-  double middle_ = 0;
-  double freedom_ = 0;          // degrees of freedom of the noise times D: squares of sums → variance of a row
-  std::vector<Flags> flags_;    // of the tones
-  Eigen::MatrixXd covariance_;  // (estimates × estimates)
-  Eigen::MatrixXd gram_;        // (estimates × estimates): AᵀA of the design A of the sums
+  double freedom_ = 0;    // degrees of freedom of the noise times D: squares of sums → variance of a row
+  HarmonicModel model_;   // of the sums
+  Eigen::MatrixXd gram_;  // (estimates × estimates): AᵀA of the design A of the sums
   // Matrices from totals and weighted sums to estimates (estimates × estimates), for exact weights and for those of
   // bytes.
   Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> of_samples_, of_bytes_;

@@ -279,7 +279,7 @@ double bend_of_frequency(std::span<const double> left, double cycles_per_row, Le
   const VectorXd angles = least_squares(bends, rest), noise = rest - bends * angles;
   const double squares = noise.squaredNorm(), white = squares / (rows - 8);
   const std::span<const double> unexplained(noise.data(), left.size());
-  if (!(rest.squaredNorm() - squares > chance_energy(2) * (white + texture_power(unexplained, cycles_per_row))))
+  if (!(rest.squaredNorm() - squares > chance_energy(2) * (white + texture_powers(unexplained, left.size(), cycles_per_row)[0])))
     return 0;
   return kHidden * angles.norm() / (std::numbers::pi * rows);
 }

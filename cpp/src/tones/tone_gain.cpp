@@ -213,16 +213,13 @@ kernels::FittedTone fitted_tone(const StreamingFit::Columns& columns, const Eige
           0};
 }
 
-// Row 0 lies `middle` rows before the phase origin of a fit, which has flags of its own.
-Tone counted_from(double middle, Flags flags, Tone tone) {
-  const Phasor turn = phasor(tone.cycles_per_row, -middle);
-  tone.phase_at_zero += std::atan2(turn.sine, turn.cosine);
-  tone.flags |= flags;
-  return tone;
-}
-
+// A tone of the context as fitted by the model, of which row 0 lies `middle` rows before the phase origin.
 Tone tone_of_model(const Context& context, const HarmonicModel& model, std::size_t k) {
-  return counted_from((static_cast<double>(model.rows) - 1) / 2, model.tone_flags[k], context.tones[k]);
+  Tone tone = context.tones[k];
+  const Phasor turn = phasor(tone.cycles_per_row, -model.middle);
+  tone.phase_at_zero += std::atan2(turn.sine, turn.cosine);
+  tone.flags |= model.tone_flags[k];
+  return tone;
 }
 
 // One square wave: two may have harmonics on each other's aliases. Without an exposure: that of a row.
@@ -501,16 +498,14 @@ std::size_t columns_per_part(std::size_t columns, std::size_t left, std::size_t 
 
 // Whole frames, which are read fastest; those that are left when every thread has had as many are split. The results do
 // not depend on the split.
-std::vector<Piece> pieces_of(const Shape& shape, std::size_t threads) {
+std::vector<Piece> pieces_of(IndexRange frames, std::size_t columns, std::size_t widest, std::size_t threads) {
   std::vector<Piece> pieces;
-  const std::size_t left = threads > 1 ? shape.frames % threads : 0;
-  const std::size_t part = std::min(columns_per_part(shape.columns, left, threads), kCopied.columns);
-  for (std::size_t frame = 0; frame < shape.frames; ++frame) {
-    const bool is_left = frame + left >= shape.frames;
-    const std::size_t most = is_left ? part : kCopied.columns;
-    for (std::size_t first = 0; first < shape.columns; first += most)
-      pieces.push_back({frame, first, std::min(most, shape.columns - first)});
-  }
+  const std::size_t left = threads > 1 ? frames.size() % threads : 0;
+  const std::size_t part = std::min(columns_per_part(columns, left, threads), widest);
+  for (std::size_t frame = frames.begin; frame < frames.end; ++frame)
+    for_each_part(columns, frame + left >= frames.end ? part : widest, [&](IndexRange of) {
+      pieces.push_back({frame, of.begin, of.size()});
+    });
   return pieces;
 }
 
@@ -552,62 +547,59 @@ void check_summed(const AnyFramesView& frames, const StreamingFit& fit, const Pi
   check_size(sums.totals);
 }
 
-void stream_gains(const AnyFramesView& frames, const StreamingFit& fit, const Context& context,
-                  const ToneGainView& result) {
-  const StoredLight stored = stored_light(frames, context.camera->tone_curve);
-  const bool bytes = holds_linear_bytes(frames, context.camera->tone_curve);
+// Gains of the columns of some frames by one model, with the flags of clipped ones: by a pass over stored samples, else
+// by a fit of their light.
+void gains_of_model(const AnyFramesView& frames, const Context& context, IndexRange which, const ToneGainView& result) {
+  const ToneCurve& curve = context.camera->tone_curve;
+  const auto fit = streaming_fit(frames, context);
+  if (!fit && context.stored) check_samples(frames);
+  const auto fitted_model = fit ? nullptr : model_of(context);
+  const HarmonicModel& model = fit ? fit->model() : *fitted_model;
+  const StoredLight stored = fit ? stored_light(frames, curve) : StoredLight{{}, 0, saturation_level(frames, curve)};
+  const bool bytes = holds_linear_bytes(frames, curve);
   const auto threads = static_cast<std::size_t>(context.options->threads);
-  const auto pieces = pieces_of(context.shape, threads);
   const std::size_t columns_of_frame = context.shape.columns;
-  const auto is_part = [&](const Piece& piece) { return piece.count < columns_of_frame; };
-  std::vector<double> tops;  // of frames in parts
-  if (std::ranges::any_of(pieces, is_part)) tops.resize(context.shape.frames * columns_of_frame);
+  const auto pieces = pieces_of(which, columns_of_frame, fit ? kCopied.columns : kColumnsInCache, threads);
+  std::vector<double> tops(which.size() * columns_of_frame);
+  const auto top_of = [&](std::size_t frame) {
+    return std::span(tops).subspan((frame - which.begin) * columns_of_frame, columns_of_frame);
+  };
+  const auto flag_frame = [&](std::size_t frame) {
+    if (context.stored) flag_clipped(frames, context, frame, top_of(frame), result);
+  };
   for_each_block(pieces.size(), context.options->threads, [&](std::size_t block) {
     const auto [frame, first, count] = pieces[block];
     // Memory reused from call to call: the C library may return it to the system after every call, and a new allocation
     // takes longer than the arithmetic (four tones in 80 rows: 125 instead of 55 µs).
     thread_local Projection sums;
     thread_local StreamingFit::Columns columns;
-    // The frame after this one, which is prefetched, is the one that this thread takes next.
-    fit.add_up(every_frame(frames, frame, threads), 0, first, count, stored.light(), sums);
-    check_summed(frames, fit, {frame, first, count}, sums);
-    for (std::size_t done = 0; done < count; done += kernels::kColumnsAtOnce) {
-      const std::size_t here = std::min(kernels::kColumnsAtOnce, count - done);
-      fit.estimate(sums, bytes, done, here, columns);
-      take_off(context, frame, first + done, stored.dark, std::span(columns.parameters).first(here));
-      const auto maxima = std::span(sums.maximum).subspan(done, here);
+    const auto write = [&, frame = frame, first = first](std::size_t done, std::size_t here) {
+      const auto means = std::span(columns.parameters).first(here);
+      if (!fit) check_size(means);
+      take_off(context, frame, first + done, stored.dark, means);
       for (std::size_t k = 0; k < context.tones.size(); ++k)
-        write_result(context, counted_from(fit.middle(), fit.flags(k), context.tones[k]),
-                     fitted_tone(columns, fit.covariance(), k), maxima, stored.saturated,
+        write_result(context, tone_of_model(context, model, k), fitted_tone(columns, model.covariance, k),
+                     std::span(sums.maximum).subspan(done, here), stored.saturated,
                      index_of(context, k, frame) + first + done, result);
+    };
+    if (fit) {
+      // The frame after this one, which is prefetched, is the one that this thread takes next.
+      fit->add_up(every_frame(frames, frame, threads), 0, first, count, stored.light(), sums);
+      check_summed(frames, *fit, pieces[block], sums);
+      for_each_part(count, kernels::kColumnsAtOnce, [&](IndexRange part) {
+        fit->estimate(sums, bytes, part.begin, part.size(), columns);
+        write(part.begin, part.size());
+      });
+    } else {
+      project(frames, frame, first, count, {{}, 0, context.shape.rows, 1, 1}, {}, sums);
+      columns = fitted_columns(model, column_signals(frames, frame, first, count, curve));
+      write(0, count);
     }
-    if (is_part(pieces[block]))
-      std::ranges::copy(sums.maximum, &tops[frame * columns_of_frame + first]);
-    else  // while it is in the cache
-      flag_clipped(frames, context, frame, sums.maximum, result);
+    std::ranges::copy(sums.maximum, top_of(frame).begin() + static_cast<std::ptrdiff_t>(first));
+    if (count == columns_of_frame) flag_frame(frame);  // while it is in the cache
   });
   for (const Piece& piece : pieces)
-    if (is_part(piece) && piece.first == 0)
-      flag_clipped(frames, context, piece.frame,
-                   std::span(tops).subspan(piece.frame * columns_of_frame, columns_of_frame), result);
-}
-
-void gains_of_model(const AnyFramesView& frames, const Context& context, const ToneGainView& result);
-
-// Gains of one frame's columns, with others' tones in the model; it is `frame` of the context.
-ToneGain gains_of_frame(const AnyFramesView& one, const Context& context, std::size_t frame,
-                        const std::vector<double>& others) {
-  ToneGainOptions options = *context.options;
-  const std::size_t columns = context.shape.columns;
-  if (options.background.size() > 1) options.background = options.background.subspan(frame * columns, columns);
-  std::vector<double> frequencies;
-  for (const Tone& tone : context.tones) frequencies.push_back(tone.frequency);
-  Context with_others = make_context(one, *context.camera, frequencies, options);
-  with_others.others = others;
-  with_others.stored = context.stored;
-  ToneGain found = empty_result(frequencies.size(), 1, columns);
-  gains_of_model(one, with_others, view_of(found));
-  return found;
+    if (piece.count < columns_of_frame && piece.first == 0) flag_frame(piece.frame);
 }
 
 // Columns of a frame combined.
@@ -631,7 +623,14 @@ std::vector<Flags> flags_of_columns(const AnyFramesView& one, const Context& con
   // Columns that are alike tell the same.
   const bool alike = light.totals[darkest] >= (1 - kSmallShare) * light.totals[brightest];
   if (!may_be(brightest) && (alike || !may_be(darkest))) return {};
-  return gains_of_frame(one, context, frame, context.others).flags;
+  ToneGainOptions options = *context.options;
+  const std::size_t columns = context.shape.columns;
+  if (options.background.size() > 1) options.background = options.background.subspan(frame * columns, columns);
+  std::vector<double> frequencies;
+  for (const Tone& tone : context.tones) frequencies.push_back(tone.frequency);
+  ToneGain found = empty_result(frequencies.size(), 1, columns);
+  gains_of_model(one, make_context(one, *context.camera, frequencies, options), {0, 1}, view_of(found));
+  return found.flags;
 }
 
 // With equal noise in all columns, brightness is the weight that maximises the signal-to-noise ratio. `light`: totals
@@ -725,33 +724,6 @@ PooledColumn pool_columns(const AnyFramesView& frames, const Context& context, s
   const auto signals = column_signals(frames, frame, 0, columns, curve);
   const FramesView<const double> light{signals.data(), 1, rows, columns, 0, 1, static_cast<std::ptrdiff_t>(rows)};
   return pool_columns(light, 0, context, frame, {}, frame_of(frames, frame));
-}
-
-// Gains of all columns by one model, with the flags of clipped ones.
-void gains_of_model(const AnyFramesView& frames, const Context& context, const ToneGainView& result) {
-  const std::size_t frame_count = context.shape.frames, columns = context.shape.columns;
-  if (const auto fit = streaming_fit(frames, context)) return stream_gains(frames, *fit, context, result);
-  if (context.stored) check_samples(frames);
-  const auto model = model_of(context);
-  const RowWeights none({}, 0, context.shape.rows, 1, 1);
-  std::vector<double> tops(frame_count * columns);
-  const double level = saturation_level(frames, context.camera->tone_curve);
-  const std::size_t blocks = (columns + kColumnsInCache - 1) / kColumnsInCache;
-  for_each_block(frame_count * blocks, context.options->threads, [&](std::size_t block) {
-    const std::size_t frame = block / blocks;
-    const std::size_t first = block % blocks * kColumnsInCache;
-    const std::size_t count = std::min(kColumnsInCache, context.shape.columns - first);
-    auto fitted = fitted_columns(*model, column_signals(frames, frame, first, count, context.camera->tone_curve));
-    check_size(std::span(fitted.parameters).first(count));
-    take_off(context, frame, first, 0, std::span(fitted.parameters).first(count));
-    const auto samples = project(frames, frame, first, count, none).maximum;
-    for (std::size_t k = 0; k < context.tones.size(); ++k)
-      write_result(context, tone_of_model(context, *model, k), fitted_tone(fitted, model->covariance, k), samples,
-                   level, index_of(context, k, frame) + first, result);
-    std::ranges::copy(samples, &tops[frame * columns + first]);
-  });
-  for (std::size_t frame = 0; context.stored && frame < frame_count; ++frame)
-    flag_clipped(frames, context, frame, std::span(tops).subspan(frame * columns, columns), result);
 }
 
 std::vector<FittedLight> lights_of(const Context& context) {
@@ -868,24 +840,13 @@ void flag_misfit(const Surroundings& around, std::size_t first, std::size_t coun
     if (all || biases(around.distortion, result, i)) result.flags[i] |= flag::model_misfit;
 }
 
-// Fits the frame again with the other tones.
-void fit_with_others(const AnyFramesView& frames, const Context& context, std::size_t frame,
-                     const std::vector<double>& others, const ToneGainView& result) {
-  ToneGain found = gains_of_frame(frame_of(frames, frame), context, frame, others);
-  const std::size_t columns = context.shape.columns;
-  for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
-    const ToneGainView from = part_of(view_of(found), tone * columns, columns),
-                       to = part_of(result, index_of(context, tone, frame), columns);
-    for (const auto values :
-         {&ToneGainView::gain, &ToneGainView::gain_std, &ToneGainView::phase, &ToneGainView::mean, &ToneGainView::snr})
-      std::ranges::copy(from.*values, (to.*values).begin());
-    std::ranges::copy(from.flags, to.flags.begin());
-  }
-}
-
 void check_frame(const AnyFramesView& frames, const Context& context, std::size_t frame, const ToneGainView& result) {
   const auto around = surroundings_of(context, strongest_columns(frames, context, frame, result));
-  if (!around.tones.empty()) fit_with_others(frames, context, frame, around.tones, result);
+  if (!around.tones.empty()) {
+    Context with_others = context;
+    with_others.others = around.tones;
+    gains_of_model(frames, with_others, {frame, frame + 1}, result);
+  }
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
     flag_misfit(around, index_of(context, tone, frame), context.shape.columns, result);
 }
@@ -962,7 +923,7 @@ void gains_of(const AnyFramesView& frames, const Context& context, std::span<con
   const auto add_known = [&] {
     for (std::size_t i = 0; !known.empty() && i < result.flags.size(); ++i) result.flags[i] |= known[i % known.size()];
   };
-  gains_of_model(frames, context, result);
+  gains_of_model(frames, context, {0, context.shape.frames}, result);
   add_known();
   if (context.options->method == GainMethod::fit && context.options->robust)
     for_each_block(context.shape.frames, context.options->threads,

@@ -51,28 +51,26 @@ struct Lines {
   Misaligned<double> mean, slope, reach, scale;
 };
 
-// The line taken off, or put back some rows later.
+// The line of some rows later.
 template <class T>
-KernelCase line_case(std::size_t rows, std::size_t width, bool back) {
+KernelCase line_case(std::size_t rows, std::size_t width, double later) {
   auto block = std::make_shared<Misaligned<T>>(random_rows<T>(rows, width, width, 100, 5));
   auto lines =
       std::make_shared<Lines>(Lines{random_rows<double>(1, width, width), random_rows<double>(1, width, width),
                                     random_rows<double>(1, width, width), random_rows<double>(1, width, width)});
-  const double later = 3.25, middle = (static_cast<double>(rows) - 1) / 2;
+  const double middle = (static_cast<double>(rows) - 1) / 2;
   const auto run = [=](bool plain, T* out) {
     std::copy_n(block->data(), rows * width, out);
     const ColumnLines of{lines->mean.data(), lines->slope.data(), lines->reach.data()};
-    if (!plain && back)
-      return ocisac::kernels::equalizer_loops<T>().put_lines_back(out, rows, width, of, lines->scale.data(), later);
-    if (!plain) return ocisac::kernels::equalizer_loops<T>().take_lines_off(out, rows, width, of, lines->scale.data());
+    if (!plain)
+      return ocisac::kernels::equalizer_loops<T>().add_lines(out, rows, width, of, lines->scale.data(), later);
     for (std::size_t i = 0; i < rows * width; ++i) {
       const std::size_t c = i % width;
       const double row = static_cast<double>(i / width) - middle, value = static_cast<double>(out[i]);
-      out[i] = static_cast<T>(back ? value * lines->scale.data()[c] + of.mean[c] + of.slope[c] * (row + later)
-                                   : (value - of.mean[c] - of.slope[c] * row) * lines->scale.data()[c]);
+      out[i] = static_cast<T>(value * lines->scale.data()[c] + of.mean[c] + of.slope[c] * (row + later));
     }
   };
-  return kernel_case<T>(named<T>(back ? "put_lines_back" : "take_lines_off", size_of(rows, width)), kTolerance<T>,
+  return kernel_case<T>(named<T>(later > 0 ? "add_lines later" : "add_lines", size_of(rows, width)), kTolerance<T>,
                         {1, rows * width, rows * width}, run, rows > 1000);
 }
 
@@ -105,8 +103,8 @@ void add_cases_of(std::vector<KernelCase>& cases) {
   for (const std::size_t width : {16u, 32u, 48u}) {
     for (const std::size_t rows : {1u, 2u, 17u, 70u, 1080u}) {
       cases.push_back(lines_case<T>(rows, width));
-      cases.push_back(line_case<T>(rows, width, false));
-      cases.push_back(line_case<T>(rows, width, true));
+      cases.push_back(line_case<T>(rows, width, 0));
+      cases.push_back(line_case<T>(rows, width, 3.25));
     }
     for (const std::size_t outputs : {1u, 2u, 3u, 4u, 9u})
       for (const bool forwards : {false, true}) cases.push_back(product_case<T>(outputs, 7, width, forwards));

@@ -24,19 +24,20 @@ struct Waves {
 
 // (4 × harmonics)
 KernelCase harmonics_case(std::size_t rows, std::size_t count) {
+  constexpr std::size_t kStep = 3;
   const double first = rows % 2 == 0 ? 0.5 : 0.0, frequency = 0.0117;
-  auto even = std::make_shared<Misaligned<double>>(random_rows<double>(1, rows, rows));
-  auto odd = std::make_shared<Misaligned<double>>(random_rows<double>(1, rows, rows));
+  auto even = std::make_shared<Misaligned<double>>(random_rows<double>(1, kStep * rows, kStep * rows));
+  auto odd = std::make_shared<Misaligned<double>>(random_rows<double>(1, kStep * rows, kStep * rows));
   const Waves at(count, frequency, first), turn(count, frequency, 1), leap(count, frequency, 16);
   const auto run = [=](bool plain, double* out) {
     if (!plain)
-      return ocisac::kernels::harmonic_sums({even->data(), odd->data(), rows, first},
+      return ocisac::kernels::harmonic_sums({even->data(), odd->data(), kStep, rows, first},
                                             {at.cosine.data(), at.sine.data(), turn.cosine.data(), turn.sine.data(),
                                              leap.cosine.data(), leap.sine.data(), count},
                                             {out, out + count, out + 2 * count, out + 3 * count});
     std::fill_n(out, 4 * count, 0.0);
     for (std::size_t i = 0; i < rows; ++i) {
-      const double u = first + static_cast<double>(i), a = even->data()[i], b = odd->data()[i];
+      const double u = first + static_cast<double>(i), a = even->data()[kStep * i], b = odd->data()[kStep * i];
       const Waves here(count, frequency, u);
       for (std::size_t h = 0; h < count; ++h) {
         out[h] += a * here.cosine[h];

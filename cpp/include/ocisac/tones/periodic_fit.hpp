@@ -48,10 +48,10 @@ class PeriodicSignals {
   [[nodiscard]] std::size_t rows() const { return rows_; }
   [[nodiscard]] std::size_t count() const { return energies_.size(); }
   [[nodiscard]] std::size_t half() const { return (rows_ + 1) / 2; }  // rows from the middle to the end
-  // True: one signal in each lane, in dense strips of 16, (width/16 × half × 16). Few signals are dense, (count ×
-  // half).
-  [[nodiscard]] bool in_lanes() const { return in_lanes_; }
-  [[nodiscard]] std::size_t width() const { return width_; }
+  // One signal in each lane, in dense strips of 16: (width/16 × half × 16), 0 beyond `count`. place: of a signal's
+  // first row.
+  [[nodiscard]] std::size_t width() const;
+  [[nodiscard]] std::size_t place(std::size_t s) const;
   [[nodiscard]] const std::vector<double>& energies() const { return energies_; }  // (count) Σ y(n)²
   [[nodiscard]] const std::vector<double>& even() const { return even_; }          // y(u) + y(−u), y(0) once
   [[nodiscard]] const std::vector<double>& odd() const { return odd_; }            // y(u) − y(−u)
@@ -62,8 +62,7 @@ class PeriodicSignals {
   void add_trend();
 
   std::vector<double> samples_;
-  std::size_t rows_, width_ = 0;
-  bool in_lanes_ = false;
+  std::size_t rows_;
   std::vector<double> energies_, even_, odd_, trend_;
 };
 
@@ -76,9 +75,13 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
 PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, double lower, double upper,
                             int max_steps = 30);
 
-// Power per row of texture at a tone, by what a fit leaves: the spectrum of texture falls with the square of the
-// frequency (Field 1987), and is seen half-way between the harmonics. 0 for white noise on average.
-double texture_power(std::span<const double> residual, double frequency);
+// What the model's fit at this frequency leaves of each signal.
+std::vector<double> residual_of(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
+                                double frequency);
+
+// Power per row of texture at a tone in each signal, by what a fit leaves: the spectrum of texture falls with the
+// square of the frequency (Field 1987), and is seen half-way between the harmonics. 0 for white noise on average.
+std::vector<double> texture_powers(std::span<const double> residuals, std::size_t rows, double frequency);
 
 // Standard error at the minimum, from the residual, by the sandwich estimate. It allows for noise that is common to the
 // signals of a group (the `group` neighbouring signals of one frame), increases with the light, or is correlated from
