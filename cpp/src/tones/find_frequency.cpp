@@ -512,7 +512,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
       coherence < kMostly)
     flags |= flag::model_misfit;
   const double bend = largest_of(residual, signals.rows(), final, bend_of_frequency);
-  const double std = std::hypot(own_std, std::max(bend, kTaken * wander / turning));
+  const double std = std::hypot(own_std, bend > 0 ? std::max(bend, kTaken * wander / turning) : 0.0);
   const double noise = noise_power(final, signals) * rows * static_cast<double>(signals.count());
   return {final.frequency,   std, final.total_periodic() / noise, final.model.harmonics.back(), flags,
           std::move(columns)};
