@@ -1,5 +1,6 @@
 """Standard input, output and error that are closed or full, as under cron, daemons and on full disks."""
 
+import json
 import os
 import resource
 import subprocess
@@ -129,3 +130,17 @@ def test_an_output_that_takes_a_part_and_no_more_is_one_line(words, unbuffered, 
         done = subprocess.run([*OCISAC, *words], stdout=out, stderr=subprocess.PIPE, **options)
     assert (done.returncode, done.stderr) == (2, b"ocisac: File too large\n")
     assert (folder / "out").stat().st_size == limit[0]
+
+
+@pytest.mark.parametrize("command", ["detect", "receive"])
+def test_results_in_a_file_are_all_there_beside_progress_on_a_terminal(command, folder, tmp_path):
+    """Those printed while the bar was shown went to the terminal."""
+    write_frames(tmp_path / "film.npy", np.stack(6 * [read_frames(folder / "b.png").frames[0]]))
+    terminal, stderr = os.openpty()
+    with open(tmp_path / "out", "w") as out:
+        words = [*OCISAC, command, "film.npy", "--row-time", "22.2us", "--json"]
+        done = subprocess.run(words, cwd=tmp_path, stdout=out, stderr=stderr, timeout=60, check=False)
+    os.close(stderr)
+    os.close(terminal)
+    frames = [json.loads(line)["frame"] for line in (tmp_path / "out").read_text().splitlines()]
+    assert (done.returncode, frames) == (0, [0, 1, 2, 3, 4, 5])

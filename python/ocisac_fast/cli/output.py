@@ -266,9 +266,12 @@ def progress(items: Iterable[_Item], what: str, total: int | None) -> Iterator[_
         yield from items
         return
     from rich.console import Console
-    from rich.progress import track
+    from rich.progress import Progress
 
-    yield from track(items, what, total, console=Console(stderr=True), transient=True)
+    # Results go through the bar on one terminal with it; elsewhere they stay where they belong.
+    is_shared = sys.stdout.isatty()
+    with Progress(console=Console(stderr=True), transient=True, redirect_stdout=is_shared) as bar:
+        yield from bar.track(items, total, description=what)
 
 
 _UNIT = re.compile("_(m_s|per_m|hz|s|rad|db)$")
