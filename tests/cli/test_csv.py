@@ -10,7 +10,7 @@ import pytest
 
 import ocisac_fast
 from ocisac_fast.cli.application import ocisac
-from ocisac_fast.cli.csv_files import csv_text
+from ocisac_fast.cli.csv_files import write_csv
 
 TESTBED = ("--row-time", "22.2us", "--exposure", "622us")
 DARK = ("--dark-level", "16")  # so that noise is not clipped at 0
@@ -20,12 +20,13 @@ def rows_of(path):
     return list(csv.DictReader(path.read_text().splitlines()))
 
 
-def test_csv_has_a_row_for_each_object_of_a_list():
+def test_csv_has_a_row_for_each_object_of_a_list(tmp_path):
     records = [
         {"frame": 0, "bits": "01", "flags": ["weak", "aliased"], "lights": [{"x": 1, "frame": 5}, {"x": 2, "y": None}]},
         {"frame": 1, "flags": [], "versions": {"numpy": "2"}, "places": [[1, 2], [3]], "holds": True},
     ]
-    assert csv_text(records).splitlines() == [
+    write_csv(tmp_path / "objects.csv", records)
+    assert (tmp_path / "objects.csv").read_text().splitlines() == [
         "frame,bits,flags,x,lights.frame,y,versions.numpy,places,holds",
         "0,01,weak aliased,1,5,,,,",
         "0,01,weak aliased,2,,,,,",

@@ -1,7 +1,11 @@
 """Standard input, output and error that are closed or full, as under cron, daemons and on full disks."""
 
+import json
 import os
+import re
 import resource
+import select
+import signal
 import subprocess
 import sys
 import time
@@ -10,6 +14,7 @@ import numpy as np
 import pytest
 
 from ocisac_fast.files import read_frames, write_frames
+from ocisac_fast.packets.transmission import transmit
 
 OCISAC = [sys.executable, "-m", "ocisac_fast.cli"]
 GAIN = ["--frequency", "500Hz", "--row-time", "22.2us", "--exposure", "1ms"]
@@ -129,3 +134,69 @@ def test_an_output_that_takes_a_part_and_no_more_is_one_line(words, unbuffered, 
         done = subprocess.run([*OCISAC, *words], stdout=out, stderr=subprocess.PIPE, **options)
     assert (done.returncode, done.stderr) == (2, b"ocisac: File too large\n")
     assert (folder / "out").stat().st_size == limit[0]
+
+
+@pytest.mark.parametrize("command", ["detect", "receive"])
+def test_results_in_a_file_are_all_there_beside_progress_on_a_terminal(command, folder, tmp_path):
+    """Those printed while the bar was shown went to the terminal."""
+    write_frames(tmp_path / "film.npy", np.stack(6 * [read_frames(folder / "b.png").frames[0]]))
+    terminal, stderr = os.openpty()
+    with open(tmp_path / "out", "w") as out:
+        words = [*OCISAC, command, "film.npy", "--row-time", "22.2us", "--json"]
+        done = subprocess.run(words, cwd=tmp_path, stdout=out, stderr=stderr, timeout=60, check=False)
+    os.close(stderr)
+    os.close(terminal)
+    frames = [json.loads(line)["frame"] for line in (tmp_path / "out").read_text().splitlines()]
+    assert (done.returncode, frames) == (0, [0, 1, 2, 3, 4, 5])
+
+
+@pytest.fixture(scope="module")
+def frames():
+    """Frames of 8 columns and 480 rows with packets of 15 000 chips per second; an exposure of 44.4 us."""
+    chips = transmit(b"Hello").chips.astype(float)
+    light = chips[(np.arange(2500 * 480 * 4) * 22.2e-6 / 4 * 15e3).astype(int) % len(chips)]
+    rows = np.convolve(light, np.ones(8) / 8, "same")[::4].reshape(-1, 480, 1)
+    return (40 + 150 * rows + np.random.default_rng(1).normal(0, 1, (2500, 480, 8))).astype(np.uint8)
+
+
+STREAM = ["--row-time", "22.2us", "--chip-rate", "15kHz", "--packets"]
+
+
+@pytest.mark.parametrize(("words", "ahead"), [(["receive", *STREAM], 0), (["detect", "--row-time", "22.2us"], 8)])
+def test_rows_of_a_live_stream_are_printed_as_they_come(words, ahead, frames):
+    """Those of `receive` were kept to the end; after an interrupt `detect` had no summary."""
+    command = [*OCISAC, words[0], "-", "--raw", "8x480", *words[1:]]
+    heard = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731 - a shell's background jobs ignore it
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, preexec_fn=heard, **pipes) as child:
+        shown, deadline = b"", time.monotonic() + 30
+        for number in (7, 15):  # its row is there before the next frame, of `detect` some frames later
+            child.stdin.write(frames[number - 7 + ahead * (number > 7) : number + 1 + ahead].tobytes())
+            child.stdin.flush()
+            while not re.search(rf"(?m)^ +(frame )?{number} ".encode(), shown):
+                assert select.select([child.stdout], [], [], max(deadline - time.monotonic(), 0))[0], shown
+                piece = os.read(child.stdout.fileno(), 1 << 16)
+                assert piece, child.stderr.read()
+                shown += piece
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=20)
+    assert (child.returncode, err, b"frames" in out) == (130, b"", True)
+
+
+PEAK = """
+import resource, subprocess, sys
+subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, check=True)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+"""
+
+
+@pytest.mark.parametrize("options", [[], ["--table", "t.csv"]])
+def test_memory_does_not_grow_with_a_stream(options, frames, tmp_path):
+    """It grew by 13.5 KB a frame, with a table by 4 KB."""
+    most = []
+    for count in (100, 2500):
+        frames[:count].tofile(tmp_path / "film")
+        words = [*OCISAC, "receive", "film", "--raw", "8x480", *STREAM, "--force", *options]
+        done = subprocess.run([sys.executable, "-c", PEAK, *words], cwd=tmp_path, stdout=subprocess.PIPE, check=True)
+        most.append(int(done.stdout))
+    assert most[1] - most[0] < 6000  # KiB

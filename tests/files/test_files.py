@@ -26,8 +26,9 @@ from hypothesis import given, settings, strategies as st
 
 from ocisac_fast.cli.outputs import read_input
 from ocisac_fast.files import FileError, FileWarning, atomic_path, open_recording, read_frames, write_frames, writing
-from ocisac_fast.files.parts import Ending
+from ocisac_fast.files.films import FirstFilm
 from ocisac_fast.files.reading import cut_recording
+from ocisac_fast.files.videos import Prefixed
 
 
 def random_frames(shape, dtype, seed=0):
@@ -910,22 +911,54 @@ def test_an_mp4_whose_index_is_before_its_frames_is_read_from_a_pipe_as_it_comes
     assert last.startswith("warning: standard input: truncated or damaged video")
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".mov"])
-def test_a_further_film_behind_an_mp4_is_named(tmp_path, suffix):
-    path = tmp_path / f"a{suffix}"
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=30)
-        stream.height, stream.width, stream.pix_fmt = 48, 64, "yuv420p"
+JOINED = {
+    "a.mp4": {},  # the index behind the frames
+    "b.mp4": {"movflags": "faststart"},
+    "c.mp4": {"movflags": "frag_keyframe+empty_moov"},  # places of fragments within the file
+    "d.mp4": {"movflags": "frag_keyframe+empty_moov+default_base_moof"},
+    "a.mov": {"movflags": "faststart"},
+    "a.asf": {},
+}
+
+
+@pytest.mark.parametrize("name", JOINED)
+def test_a_further_film_is_named_and_left_out(tmp_path, name):
+    """Nothing was said of one in a pipe, and fragments of it were read with the index of the first."""
+    path = tmp_path / name
+    with av.open(str(path), "w", options=JOINED[name]) as container:
+        stream = container.add_stream("mpeg4" if name.endswith("asf") else "libx264", rate=30)
+        stream.height, stream.width, stream.pix_fmt, stream.options = 48, 64, "yuv420p", {"g": "5"}
         for frame in random_frames((20, 48, 64), np.uint8):
             container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="gray").reformat(format="yuv420p")))
         container.mux(stream.encode(None))
-    path.write_bytes(2 * path.read_bytes())
+    data = path.read_bytes()
+    path.write_bytes(2 * data)
     with pytest.warns(FileWarning, match="a further film after the first, which is left out"):
         assert len(read_frames(path).frames) == 20
-    command = [sys.executable, "-c", SUMS.replace("RAW", "None")]
-    done = subprocess.run(command, input=path.read_bytes(), capture_output=True, check=True, timeout=60)
-    assert done.stdout.endswith(b"warning: standard input: a further film after the first, which is left out\n")
     assert cut_recording(path, 5) is None
+    command = [sys.executable, "-c", SUMS.replace("RAW", "None")]
+    for films, warned in ((1, []), (2, ["standard input: a further film after the first, which is left out"])):
+        done = subprocess.run(command, input=films * data, capture_output=True, check=True, timeout=60, text=False)
+        lines = done.stdout.decode().splitlines()
+        assert (len(lines[:20]), lines[20:]) == (20, [f"warning: {text}" for text in warned])
+
+
+def test_what_follows_a_film_in_a_pipe_is_skipped_in_pieces_of_any_size():
+    boxes = struct.pack(">I4s16x", 24, b"ftyp") + struct.pack(">I4sQ24x", 1, b"mdat", 40) + b"\0\0\0\x08free"
+    for size in (1, 7, 4096):
+        pipe = io.BytesIO(boxes + boxes + boxes)
+        film = FirstFilm(Prefixed(b"", pipe))
+        assert film.is_followed
+        film, read = FirstFilm(Prefixed(boxes[:9], io.BytesIO(boxes[9:] + boxes))), b""
+        while piece := film.read(size):
+            read += piece
+        assert (read[: len(boxes)], len(read) < len(boxes) + 24) == (boxes, True)  # less than a head
+
+    class Endless(io.RawIOBase):
+        def read(self, size=-1):
+            return bytes(np.random.default_rng(1).integers(0, 256, size, np.uint8))
+
+    assert not FirstFilm(Prefixed(boxes, Endless())).is_followed  # no box: nobody waits for the end
 
 
 def test_many_boxes_of_an_mp4_are_read_together():
@@ -936,11 +969,10 @@ def test_many_boxes_of_an_mp4_are_read_together():
             reads.append(size)
             return super().read(size)
 
-    boxes, codec = 100_000, types.SimpleNamespace(codec=types.SimpleNamespace(name="h264"))
+    boxes = 100_000
     file = File(struct.pack(">I4s8x", 16, b"ftyp") + boxes * struct.pack(">I4s", 8, b"free"))
-    ending = Ending(None, types.SimpleNamespace(codec_context=codec), file)
-    assert not ending.has_another_film
-    assert not ending.has_another_film  # once
+    assert not FirstFilm(file).is_followed
+    assert file.tell() == 0
     assert len(reads) < 8 * boxes / 4000
 
 

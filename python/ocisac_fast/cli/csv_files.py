@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import csv
-import io
 import json
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -16,17 +15,16 @@ from ocisac_fast.files.extras import pyarrow, savemat
 from ocisac_fast.files.writing import atomic_path
 
 
-def write_csv(path: str, records: Sequence[Mapping[str, Any]]) -> None:
+def write_csv(path: str, records: Iterable[Mapping[str, Any]]) -> None:
     """Write objects of JSON types to a file; ``-``: standard output."""
-    text = csv_text(records)
     if path == "-":
-        sys.stdout.write(text)
+        _write_rows(sys.stdout, records)
         return
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="")
+    with atomic_path(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
+        _write_rows(file, records)
 
 
-def write_parquet(path: str, records: Sequence[Mapping[str, Any]]) -> None:
+def write_parquet(path: str, records: Iterable[Mapping[str, Any]]) -> None:
     """Write objects of JSON types to a file; lists of plain values stay lists."""
     names, rows = _table(records)
     arrow = pyarrow()
@@ -35,7 +33,7 @@ def write_parquet(path: str, records: Sequence[Mapping[str, Any]]) -> None:
         pyarrow("pyarrow.parquet").write_table(table, temporary)
 
 
-def write_matlab(path: str, records: Sequence[Mapping[str, Any]]) -> None:
+def write_matlab(path: str, records: Iterable[Mapping[str, Any]]) -> None:
     """Write objects of JSON types as the struct ``results`` of columns: numbers (NaN: none) or cells of texts."""
     names, rows = _table(records)
     columns = {re.sub(r"\W", "_", name): _matlab_column([row.get(name) for row in rows]) for name in names}
@@ -52,24 +50,22 @@ def _matlab_column(values: list[Any]) -> Any:
 WRITERS = {".csv": write_csv, ".parquet": write_parquet, ".mat": write_matlab}
 
 
-def _table(records: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[dict[str, Any]]]:
+def _table(records: Iterable[Mapping[str, Any]]) -> tuple[list[str], list[dict[str, Any]]]:
     """Names of the columns, in the order of their first appearance, and rows."""
     rows = [row for record in records for row in _rows(record)]
     return list(dict.fromkeys(name for row in rows for name in row)), rows
 
 
-def csv_text(records: Sequence[Mapping[str, Any]]) -> str:
+def _write_rows(file: TextIO, records: Iterable[Mapping[str, Any]]) -> None:
     """CSV of objects. A list of objects becomes one row per element beside the other values, an object its members.
 
     Lists of plain values are joined by spaces, other lists are JSON; None is empty. Columns are in the order of their
     first appearance.
     """
-    names, rows = _table(records)
-    buffer = io.StringIO()
-    table = csv.writer(buffer, lineterminator="\n")
+    names = dict.fromkeys(name for record in records for row in _rows(record) for name in row)
+    table = csv.writer(file, lineterminator="\n")
     table.writerow(names)
-    table.writerows([_cell(row.get(name)) for name in names] for row in rows)
-    return buffer.getvalue()
+    table.writerows([_cell(row.get(name)) for name in names] for record in records for row in _rows(record))
 
 
 def _rows(record: Mapping[str, Any]) -> Iterator[dict[str, Any]]:

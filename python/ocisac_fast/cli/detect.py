@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterator
+from collections import Counter, defaultdict, deque
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any
 
 import click
@@ -22,6 +23,8 @@ _HEADER = ("light", "x", "y", "width", "height", "probability", "frequency", "ga
 
 _SPARE = ("probability", "data", "gain", "SNR")
 _SUMMARY = ("light", "in frames", "first x", "first y", "frequency", "gain", "SNR", "data")
+
+_MOST_FRAMES = 1024  # of a light's medians: a stream may have no end
 
 _KEYS = (
     "probability frequency_hz frequency_std_hz gain gain_std phase_rad mean snr_db carries_data reflection_of reason "
@@ -55,29 +58,31 @@ def detect(
     """
     options = {"false_alarms": false_alarms, "min_cycles": min_cycles}
     header = True
-    seen: dict[int, list[dict[str, Any]]] = {}
+    firsts: dict[int, dict[str, Any]] = {}
+    frames: Counter[int] = Counter()
+    seen: dict[int, deque[dict[str, Any]]] = defaultdict(lambda: deque(maxlen=_MOST_FRAMES))
     last: dict[str, Any] = {}
-    for found in detected_lights(file, picture, options, plot, search_every=search_every):
-        if as_json:
-            emit_json(found)
-            continue
-        title = "" if found["frames"] == 1 else f"frame {found['frame']}"
-        if picture.names(found["scan_axis"]) and found["frame"] == 0:
-            title = f"{title}, scan axis {found['scan_axis']}".removeprefix(", ")
-        rows = [_row(source, found["sources"], picture) for source in found["sources"]]
-        if rows or header:
-            emit_table(title, picture.headings(_HEADER), rows, left=("remark",), spare=picture.headings(_SPARE))
-        header, last = False, found
-        for source in found["sources"]:
-            seen.setdefault(source["light"], []).append(source)
-    if last.get("frame", 0) > 0:
-        rows = [_summary(every, picture) for _, every in sorted(seen.items())]
-        emit_table(
-            f"lights of {last['frame'] + 1} frames",
-            picture.headings(_SUMMARY),
-            rows,
-            spare=("data", "first x", "first y"),
-        )
+    try:
+        for found in detected_lights(file, picture, options, plot, search_every=search_every):
+            if as_json:
+                emit_json(found)
+                continue
+            title = "" if found["frames"] == 1 else f"frame {found['frame']}"
+            if picture.names(found["scan_axis"]) and found["frame"] == 0:
+                title = f"{title}, scan axis {found['scan_axis']}".removeprefix(", ")
+            rows = [_row(source, found["sources"], picture) for source in found["sources"]]
+            if rows or header:
+                emit_table(title, picture.headings(_HEADER), rows, left=("remark",), spare=picture.headings(_SPARE))
+            header, last = False, found
+            for source in found["sources"]:
+                firsts.setdefault(source["light"], source)
+                frames[source["light"]] += 1
+                seen[source["light"]].append(source)
+    finally:  # after an interrupt too
+        if last.get("frame", 0) > 0:
+            rows = [_summary(first, frames[light], seen[light], picture) for light, first in sorted(firsts.items())]
+            title = f"lights of {last['frame'] + 1} frames"
+            emit_table(title, picture.headings(_SUMMARY), rows, spare=("data", "first x", "first y"))
 
 
 def detected_lights(
@@ -135,8 +140,8 @@ def _row(source: dict[str, Any], every: list[dict[str, Any]], picture: PictureOp
     ]
 
 
-def _summary(every: list[dict[str, Any]], picture: PictureOptions) -> list[str]:
-    """The row of a light in the summary of a film: medians over the frames that show it."""
+def _summary(first: dict[str, Any], frames: int, every: Sequence[dict[str, Any]], picture: PictureOptions) -> list[str]:
+    """The row of a light in the summary of a film: medians over the last frames that show it."""
     unit = "hz" if picture.in_hertz else "cycles_per_row"
 
     def median(key: str) -> float:
@@ -144,9 +149,9 @@ def _summary(every: list[dict[str, Any]], picture: PictureOptions) -> list[str]:
         return statistics.median(known) if known else math.nan
 
     return [
-        str(every[0]["light"]),
-        str(len(every)),
-        *(str(every[0][name]) for name in ("x", "y")),
+        str(first["light"]),
+        str(frames),
+        *(str(first[name]) for name in ("x", "y")),
         rate(median(f"frequency_{unit}"), None, picture.in_hertz, 5),
         quantity(median("gain"), "", 3),
         number(median("snr_db"), "dB", 3),

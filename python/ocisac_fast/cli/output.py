@@ -10,6 +10,9 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
+from itertools import chain, zip_longest
+from tempfile import SpooledTemporaryFile
+from textwrap import wrap
 from typing import Any, TypeVar
 
 import click
@@ -23,9 +26,10 @@ _ESCAPED = re.compile(r"[\ud800-\udfff]|\\(?=x[0-9a-f]{2})")
 _AS_THEY_ARE = (int, bool, type(None))
 _TEXT_WIDTH = 24  # columns that a text has at the least
 _UNBROKEN = 20_000  # columns of output to a file or pipe: lines are not wrapped
+_IN_MEMORY = 1 << 24  # characters of a table's objects: a stream may have no end
 _Item = TypeVar("_Item")
 _collected: ContextVar[list[Any] | None] = ContextVar("collected", default=None)
-_csv: ContextVar[list[Any] | None] = ContextVar("csv", default=None)
+_tabled: ContextVar[Any] = ContextVar("tabled", default=None)
 _printed: ContextVar[bool] = ContextVar("printed", default=True)
 
 
@@ -76,15 +80,26 @@ def table_of_objects(paths: Sequence[str], as_json: bool) -> Iterator[None]:
         return
     from ocisac_fast.cli.csv_files import WRITERS, write_csv
 
-    records: list[dict[str, Any]] = []
-    tokens = _csv.set(records), _printed.set(as_json)
-    try:
-        yield
-    finally:
-        _csv.reset(tokens[0])
-        _printed.reset(tokens[1])
-        for path in paths if records else ():
-            WRITERS.get(os.path.splitext(path)[1].lower(), write_csv)(path, records)
+    with SpooledTemporaryFile(_IN_MEMORY, "w+", encoding="utf-8") as file:
+        tokens = _tabled.set(file), _printed.set(as_json)
+        try:
+            yield
+        finally:
+            _tabled.reset(tokens[0])
+            _printed.reset(tokens[1])
+            for path in paths if file.tell() else ():
+                WRITERS.get(os.path.splitext(path)[1].lower(), write_csv)(path, _Lines(file))
+
+
+class _Lines:
+    """The objects of a file of JSON, iterated as often as needed."""
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+
+    def __iter__(self) -> Iterator[Any]:
+        self._file.seek(0)
+        return map(json.loads, self._file)
 
 
 def is_collected() -> bool:
@@ -94,9 +109,10 @@ def is_collected() -> bool:
 
 def emit_json(record: Mapping[str, Any]) -> None:
     """Print one JSON object on a line of standard output, or keep it for a file of ``table_of_objects``."""
-    for records in (_collected.get(), _csv.get()):
-        if records is not None:
-            records.append(plain(record))
+    if (records := _collected.get()) is not None:
+        records.append(plain(record))
+    if (file := _tabled.get()) is not None:
+        file.write(json.dumps(plain(record)) + "\n")
     if not is_collected() and _printed.get():
         print(_line(record), flush=True)
 
@@ -145,81 +161,140 @@ def emit_facts(title: str, facts: Mapping[str, str]) -> None:
     emit_table(title, ["", ""], [[name, value] for name, value in facts.items()], header=False)
 
 
-def emit_table(
-    title: str,
-    header_row: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    header: bool = True,
-    left: Sequence[str] = (),
-    spare: Sequence[str] = (),
-) -> None:
-    """Print a table; with a header, columns after the first are right-aligned, except those in ``left``, of text.
+def emit_table(title: str, header_row: Sequence[str], rows: Iterable[Sequence[str]], **options: Any) -> None:
+    """Print a table; options as for ``Table``."""
+    table = Table(header_row, together=None, **options)
+    for row in rows:
+        table.add(row, title)
+    table.end(title)
 
-    Where a terminal is too narrow, columns are left out and named below: those in ``spare`` first, then from the right.
+
+class Table:
+    """A table whose rows are printed as they come, below the first ones, which determine the columns.
+
+    With a header, columns after the first are right-aligned, except those in ``left``, of text. Where a terminal is too
+    narrow, columns are left out and named below: those in ``spare`` first, then from the right.
     """
-    from rich.console import Console
 
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=_UNBROKEN)
-    cells = [[printable(cell) for cell in row] for row in rows]
-    dropped = _too_wide(console.width, header_row, cells, left, spare) if header else []
-    with console.capture() as shown:  # rich itself would end the program at a closed pipe
-        _print_table(console, title, header_row, cells, header, left, dropped)
-        if dropped:
-            console.print(f"not shown: {', '.join(dropped)} (--json has all)\n")
-    print(shown.get(), end="")
+    def __init__(
+        self,
+        names: Sequence[str],
+        header: bool = True,
+        left: Sequence[str] = (),
+        spare: Sequence[str] = (),
+        together: int | None = 8,
+    ) -> None:
+        """``together``: number of the first rows; None: all."""
+        from rich.console import Console
 
+        console = Console(highlight=False)
+        self._console = console if console.is_terminal else Console(highlight=False, width=_UNBROKEN)
+        self._names, self._header, self._left, self._spare, self._together = names, header, left, spare, together
+        self._rows: list[list[str]] = []  # to be printed
+        self._longest = [0] * len(names)  # characters of a cell
+        self._least: list[int] = []  # width of a column at the least; those of text fold
+        self._dropped: list[str] = []
+        self._widths: list[int] = []  # of the columns printed
+        self._edges: list[str] = []  # between them
+        self._foot: list[str] = []
 
-def _too_wide(
-    width: int, names: Sequence[str], cells: list[list[str]], left: Sequence[str], spare: Sequence[str]
-) -> list[str]:
-    """The columns to leave out; those of text fold, and are narrow at the least."""
-    wide = {
-        name: 3 + min(max(map(len, (name, *column))), _TEXT_WIDTH if name in (*left, names[0]) else width)
-        for name, *column in zip(names, *cells, strict=True)
-    }
-    dropped: list[str] = []
-    empty = [name for name, *column in zip(names, *cells, strict=True) if not any(column)]
-    for name in (*empty, *spare, *(name for name in reversed(names[1:]) if name not in left)):
-        if sum(wide.values()) + 1 <= width:
-            break
-        if wide.pop(name, None):
-            dropped.append(name)
-    return [name for name in names if name in dropped]
+    def add(self, row: Sequence[str], title: str) -> None:
+        """Print a row, or keep it until the first ones are there."""
+        self._rows.append([printable(cell) for cell in row])
+        self._longest = [max(known, len(cell)) for known, cell in zip(self._longest, self._rows[-1], strict=True)]
+        if self._widths:
+            self._go_on(title)
+        elif len(self._rows) == self._together:
+            self._begin(title)
 
+    def flush(self, title: str) -> None:
+        """Print the rows that are kept, before an error."""
+        if self._rows:
+            self._begin(title)
 
-def _print_table(
-    console: Any,
-    title: str,
-    names: Sequence[str],
-    cells: list[list[str]],
-    header: bool,
-    left: Sequence[str],
-    dropped: Sequence[str],
-) -> None:
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
+    def end(self, title: str) -> None:
+        """Print what is left, or a header without rows."""
+        if not self._widths:
+            self._begin(title)
+        with self._console.capture() as shown:
+            if self._dropped:
+                self._console.print(f"not shown: {', '.join(self._dropped)} (--json has all)\n")
+        print(*self._foot, shown.get(), sep="\n", end="")
 
-    heading = Text(printable(title), "table.title") if title else None  # a plain one would be read as markup
-    table = Table(title=heading, box=box.SIMPLE_HEAD if header else None, show_header=header)
-    kept = [k for k, name in enumerate(names) if not header or name not in dropped]
-    for k in kept:
-        is_number = header and k > 0 and names[k] not in left
-        longest = max((len(row[k]) for row in cells), default=0)
-        style = "" if header or k else "bold"
-        table.add_column(
-            names[k],
-            justify="right" if is_number else "left",
-            style=style,
-            overflow="fold",
-            no_wrap=is_number,
-            min_width=max(len(names[k]), min(longest, _TEXT_WIDTH)),
+    def _begin(self, title: str) -> None:
+        """Print a header and the rows that are kept."""
+        self._least = self._at_least()
+        self._dropped = self._too_wide() if self._header else []
+        with self._console.capture() as shown:  # rich itself would end the program at a closed pipe
+            self._draw(title)
+        lines = shown.get().split("\n")[:-1]
+        self._foot = [lines.pop()] if self._header else []
+        self._edges, self._widths = re.split("-+", lines[-1]), [len(line) for line in re.findall("-+", lines.pop())]
+        self._rows = []
+        print(*lines, sep="\n", flush=True)
+
+    def _go_on(self, title: str) -> None:
+        """Print a row in the columns of those before; below another header where a terminal has them narrower."""
+        if self._console.is_terminal and self._least != self._at_least():
+            self._begin(title)
+            return
+        row, kept = self._rows.pop(), self._kept()
+        if not self._console.is_terminal:
+            self._widths = [max(width, self._longest[k]) for k, width in zip(kept, self._widths, strict=True)]
+        sides = [">" if self._is_number(k) else "<" for k in kept]
+        cells = [wrap(row[k], width, drop_whitespace=False) for k, width in zip(kept, self._widths, strict=True)]
+        for line in zip_longest(*cells, fillvalue=""):
+            parts = zip(line, sides, self._widths, strict=True)
+            texts = (f"{text:{side}{width}}" for text, side, width in parts)
+            print(*chain(*zip(self._edges, texts, strict=False)), self._edges[-1], sep="", flush=True)
+
+    def _kept(self) -> list[int]:
+        return [k for k, name in enumerate(self._names) if not self._header or name not in self._dropped]
+
+    def _is_number(self, k: int) -> bool:
+        return self._header and k > 0 and self._names[k] not in self._left
+
+    def _at_least(self) -> list[int]:
+        folded = (
+            longest if self._is_number(k) else min(longest, _TEXT_WIDTH) for k, longest in enumerate(self._longest)
         )
-    for row in cells:
-        table.add_row(*(Text(row[k]) for k in kept))
-    console.print(table)
+        return [max(len(name), length) for name, length in zip(self._names, folded, strict=True)]
+
+    def _too_wide(self) -> list[str]:
+        """The columns to leave out."""
+        names, width = self._names, self._console.width
+        wide = {name: 3 + min(least, width) for name, least in zip(names, self._least, strict=True)}
+        dropped: list[str] = []
+        empty = [name for name, longest in zip(names, self._longest, strict=True) if not longest]
+        for name in (*empty, *self._spare, *(name for name in reversed(names[1:]) if name not in self._left)):
+            if sum(wide.values()) + 1 <= width:
+                break
+            if wide.pop(name, None):
+                dropped.append(name)
+        return [name for name in names if name in dropped]
+
+    def _draw(self, title: str) -> None:
+        """Draw header and rows, and a row of lines, not to be shown, that are as long as the columns are wide."""
+        from rich import box
+        from rich.rule import Rule
+        from rich.table import Table as Drawn
+        from rich.text import Text
+
+        heading = Text(printable(title), "table.title") if title else None  # a plain one would be read as markup
+        table = Drawn(title=heading, box=box.SIMPLE_HEAD if self._header else None, show_header=self._header)
+        for k in self._kept():
+            table.add_column(
+                self._names[k],
+                justify="right" if self._is_number(k) else "left",
+                style="" if self._header or k else "bold",
+                overflow="fold",
+                no_wrap=self._is_number(k),
+                min_width=max(len(self._names[k]), min(self._longest[k], _TEXT_WIDTH)),
+            )
+        for row in self._rows:
+            table.add_row(*(Text(row[k]) for k in self._kept()))
+        table.add_row(*(Rule(characters="-", style="none") for _ in self._kept()))
+        self._console.print(table)
 
 
 def quantity(value: float | None, unit: str, digits: int = 6) -> str:
@@ -266,9 +341,12 @@ def progress(items: Iterable[_Item], what: str, total: int | None) -> Iterator[_
         yield from items
         return
     from rich.console import Console
-    from rich.progress import track
+    from rich.progress import Progress
 
-    yield from track(items, what, total, console=Console(stderr=True), transient=True)
+    # Results go through the bar on one terminal with it; elsewhere they stay where they belong.
+    is_shared = sys.stdout.isatty()
+    with Progress(console=Console(stderr=True), transient=True, redirect_stdout=is_shared) as bar:
+        yield from bar.track(items, total, description=what)
 
 
 _UNIT = re.compile("_(m_s|per_m|hz|s|rad|db)$")

@@ -11,7 +11,7 @@ import click
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
-from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, facts_of, number, progress, quantity
+from ocisac_fast.cli.output import Table, emit_json, emit_summary, facts_of, number, progress, quantity
 from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures, rows_and_columns
@@ -42,33 +42,35 @@ def receive(
     cannot be read are named, and the exit code is 3.
     """
     rate = picture.check_frequency("--chip-rate", packet.chip_rate)
-    every = []
     errors = ErrorCount(sent)
     stream = PacketStream(packet, picture) if packet.asked else None
+    header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER, *([] if stream is None else ["payload"])]
+    table = None if as_json else Table(header, left=("flags", "bits", "payload"), spare=("rows per chip",))
+    title = ""
     stopped = failed = False
     try:
         for file in files:
             try:
                 for facts in _received(file, picture, plot, rate, stream):
                     named = ({"file": file} if len(files) > 1 else {}) | facts | errors.of(facts)
-                    if as_json:
+                    if table is None:
                         emit_json(named)
-                    else:
-                        every.append(named)
+                        continue
+                    axis = facts["scan_axis"] if stream is None else stream.scan_axis
+                    title = f"scan axis {axis}" if picture.names(axis) else ""
+                    table.add(_row(named, picture.in_hertz, stream is not None), title)
             except INPUT_ERRORS as error:
                 if len(files) == 1:
+                    if table is not None:
+                        table.flush(title)
                     raise
                 failed = True
                 click.echo(f"ocisac: {one_line(error_text(error))}", err=True)
             plot = None  # the first frame of the first file
     except KeyboardInterrupt:  # earlier results are printed
         stopped = True
-    if not as_json:
-        header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER, *([] if stream is None else ["payload"])]
-        table = [_row(facts, picture.in_hertz, stream is not None) for facts in every]
-        axis = stream.scan_axis if stream is not None else every[0]["scan_axis"] if every else "y"
-        title = f"scan axis {axis}" if picture.names(axis) else ""
-        emit_table(title, header, table, left=("flags", "bits", "payload"), spare=("rows per chip",))
+    if table is not None:
+        table.end(title)
     if stream is not None:
         emit_summary(stream.summary(), as_json)
     errors.report(as_json)

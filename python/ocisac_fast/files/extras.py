@@ -6,7 +6,7 @@ import contextlib
 import importlib
 import os
 from collections.abc import Iterator
-from typing import Any, BinaryIO
+from typing import Any
 
 from ocisac_fast.files.recording import FileError
 
@@ -28,7 +28,7 @@ def pyav() -> Any:
     return _library("av", "av")
 
 
-def opened_video(file: BinaryIO, container: str | None = None) -> Any:
+def opened_video(file: Any, container: str | None = None) -> Any:
     """A container of FFmpeg, which gets bytes and never a name: it would read one as a URL, and open others itself."""
     with interrupts():
         return pyav().open(_Read(file), format=container, options={"protocol_whitelist": ""})
@@ -41,7 +41,7 @@ class _Interrupted(Exception):
 class _Read:
     """A file as PyAV reads it, which hands on exceptions, but drops what is none, such as KeyboardInterrupt."""
 
-    def __init__(self, file: BinaryIO) -> None:
+    def __init__(self, file: Any) -> None:
         self._file = file
         self._interrupted = False
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 import os
@@ -75,7 +74,7 @@ class Ending:
     """
 
     def __init__(self, container: Any, stream: Any, file: Any) -> None:
-        """``file``: what the container reads, which can be rewound, or a `Prefixed`."""
+        """``file``: the `FirstFilm` that the container reads, of a file or of a `Prefixed`."""
         self._container, self._stream, self._file = container, stream, file
         self._codec = stream.codec_context.codec.name
         self._packets = self._frames = self._cut = self._end = 0
@@ -150,20 +149,10 @@ class Ending:
             return bool(count < self._stream.frames)
         return self._is_file_cut() or self._is_short(end)
 
-    @functools.cached_property
+    @property
     def has_another_film(self) -> bool:
-        """True if a further film follows that of an MP4, whose index FFmpeg does not read."""
-        at, films, end = 0, 0, self._size() if self._file.seekable() and self._head()[4:8] == b"ftyp" else 0
-        piece, begin = b"", 0
-        while films < 2 and at + 16 <= end:
-            if at + 16 > begin + len(piece):
-                piece, begin = self._at(at, os.SEEK_SET, self._file.read), at
-            head = piece[at - begin : at - begin + 16]
-            size = int.from_bytes(head[:4], "big")  # of a box: ISO 14496-12
-            size = int.from_bytes(head[8:], "big") if size == 1 else size or end
-            films += head[4:8] == b"ftyp"
-            at += max(size, 8)
-        return films > 1
+        """True if a further film follows, which is left out."""
+        return bool(self._file.is_followed)
 
     def _is_file_cut(self) -> bool:
         kind, head = self._container.format.name, self._head()

@@ -20,6 +20,7 @@ import numpy as np
 
 from ocisac_fast.files.colours import Conversion, rgb_format, rgb_white
 from ocisac_fast.files.extras import opened_video, pyav
+from ocisac_fast.files.films import FirstFilm
 from ocisac_fast.files.parts import HEAD_BYTES, JPEGS, Ending, decoded_part, video_key_frames
 from ocisac_fast.files.profiles import response_of_video, transfer_of
 from ocisac_fast.files.raw import MOST_BYTES, read_bytes, require_at_most
@@ -84,15 +85,16 @@ def open_video(
     try:
         if not is_path and not file.seekable():
             file = _seekable_where_needed(file)
+        film = FirstFilm(file, part is None)
         try:
-            opened = opened_video(file, container)
+            opened = opened_video(film, container)
         except OSError as error:
             if isinstance(error, av.FFmpegError) or error.errno != errno.EINVAL or not file.seekable():
                 raise
             file.seek(0)  # a cut file was asked for a place before its begin, where an index should be
-            file = Prefixed(b"", file)
-            opened = opened_video(file, container)
-        return _stream(av, opened, file, name, colour, part, source if is_path else None, status)
+            film = FirstFilm(Prefixed(b"", file))
+            opened = opened_video(film, container)
+        return _stream(av, opened, film, name, colour, part, source if is_path else None, status)
     except (FileError, MemoryError):  # PyAV's MemoryError is one of FFmpeg's errors too
         file.close()
         raise
