@@ -7,6 +7,7 @@
 #include <optional>
 #include <tuple>
 
+#include "columns/dense_rows.hpp"
 #include "core/legendre.hpp"
 #include "core/levels.hpp"
 #include "core/parallel.hpp"
@@ -219,20 +220,21 @@ struct Fitted {
   std::vector<double> squares;
 };
 
-// Columns first … first + count of `fitted`, from their light: its rest itself is squared.
-void fit_exactly(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from, std::size_t first,
-                 std::size_t count, const ToneCurve& curve, Fitted& fitted) {
-  const auto signals = column_signals(frames, frame, from + first, count, curve);
-  const Eigen::Map<const MatrixXd> light(signals.data(), plan.basis.rows(), static_cast<Index>(count));
-  fitted.parameters.middleCols(static_cast<Index>(first), static_cast<Index>(count)) = product(plan.weights, light);
-  const MatrixXd rest = beside(plan.basis, light);
-  for (std::size_t c = 0; c < count; ++c) fitted.squares[first + c] = rest.col(static_cast<Index>(c)).squaredNorm();
+// From the light of the columns from `from` on: the rest itself is squared.
+void fit_light(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from,
+               const ToneCurve& curve, Fitted& fitted) {
+  for_each_part(fitted.squares.size(), kColumnsInCache, [&](IndexRange part) {
+    const auto signals = column_signals(frames, frame, from + part.begin, part.size(), curve);
+    const Eigen::Map<const MatrixXd> light(signals.data(), plan.basis.rows(), static_cast<Index>(part.size()));
+    const MatrixXd rest = beside(plan.basis, light);
+    fitted.parameters.middleCols(static_cast<Index>(part.begin), light.cols()) = product(plan.weights, light);
+    Eigen::Map<Eigen::RowVectorXd>(&fitted.squares[part.begin], light.cols()) = rest.colwise().squaredNorm();
+  });
 }
 
-// All columns in one pass over the stored samples: what is left is a difference of squares. True for the columns where
-// it is resolved.
-std::vector<bool> fit_stored(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from,
-                             double dark, Fitted& fitted) {
+// The same in one pass over the stored samples, by differences of squares; false where these have too few digits.
+bool fit_stored(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from, double dark,
+                Fitted& fitted) {
   const std::size_t count = fitted.squares.size();
   thread_local Projection sums;  // reused from call to call
   project(frames, frame, from, count, *plan.sums, {}, sums);
@@ -240,28 +242,10 @@ std::vector<bool> fit_stored(const Plan& plan, const AnyFramesView& frames, std:
   const Eigen::Map<const RowMajor> all(sums.sums.data(), outputs, static_cast<Index>(count));
   fitted.parameters.noalias() = plan.of_sums.lazyProduct(all);
   for (const Index mean : {Index{0}, 3 * plan.terms}) fitted.parameters.row(mean).array() -= dark;
-  std::vector<bool> resolved(count);
-  for (std::size_t c = 0; c < count; ++c) fitted.squares[c] = sums.squares[c];
-  for (Index t = 0; t < terms; ++t)
-    for (std::size_t c = 0; c < count; ++c) {
-      const double sum = sums.sums[static_cast<std::size_t>(t) * count + c];
-      fitted.squares[c] -= sum * sum;
-    }
-  for (std::size_t c = 0; c < count; ++c) resolved[c] = fitted.squares[c] >= kResolvedRest * sums.squares[c];
-  return resolved;
-}
-
-void fit_block(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from,
-               const ToneCurve& curve, Fitted& fitted) {
-  const std::size_t count = fitted.squares.size();
-  std::vector<bool> resolved(count);
-  if (curve.kind == ToneCurve::Kind::linear) resolved = fit_stored(plan, frames, frame, from, curve.dark_level, fitted);
-  for (std::size_t first = 0; first < count; first += kColumnsInCache) {
-    const std::size_t here = std::min(kColumnsInCache, count - first);
-    const auto begin = resolved.begin() + static_cast<std::ptrdiff_t>(first);
-    if (std::all_of(begin, begin + static_cast<std::ptrdiff_t>(here), [](bool each) { return each; })) continue;
-    fit_exactly(plan, frames, frame, from, first, here, curve, fitted);
-  }
+  const Eigen::Map<const Eigen::RowVectorXd> squares(sums.squares.data(), static_cast<Index>(count));
+  Eigen::Map<Eigen::RowVectorXd> rest(fitted.squares.data(), squares.size());
+  rest = squares - all.topRows(terms).colwise().squaredNorm();
+  return (rest.array() >= kResolvedRest * squares.array()).all();
 }
 
 VaryingToneGain empty_result(std::size_t frames, std::size_t columns) {
@@ -294,7 +278,9 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
     const std::size_t first = block % blocks * kernels::kColumnsAtOnce;
     const std::size_t count = std::min(kernels::kColumnsAtOnce, shape.columns - first);
     Fitted fitted{RowMajor(plan.weights.rows(), static_cast<Index>(count)), std::vector<double>(count)};
-    fit_block(plan, frames, frame, first, camera.tone_curve, fitted);
+    const ToneCurve& curve = camera.tone_curve;
+    if (curve.kind != ToneCurve::Kind::linear || !fit_stored(plan, frames, frame, first, curve.dark_level, fitted))
+      fit_light(plan, frames, frame, first, curve, fitted);
     for (std::size_t i = 0; i < count; ++i) {
       const std::size_t index = frame * shape.columns + first + i;
       const double ambient = background.empty() ? 0 : background.size() == 1 ? background[0] : background[index];
