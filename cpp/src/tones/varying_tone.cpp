@@ -33,7 +33,8 @@ using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 18, 1>;
 // Share of a column's energy that the model leaves: below it, energies of model and column differ by too few digits.
 constexpr double kResolvedRest = 1e-6;
 
-constexpr std::size_t kPlaces = 8;  // of Gauss and Legendre along the rows, for the mean of the tone's amplitude
+constexpr int kPlaces = 8;  // of Gauss and Legendre along the rows, for the mean of the tone's amplitude
+using Places = Eigen::Array<double, kPlaces, 1>;
 
 // Harmonics in ascending order until half of the degrees of freedom are used, without those so close to half the row
 // rate that their polynomials overlap with their mirror images.
@@ -59,9 +60,9 @@ struct Plan {
   RowMajor of_sums;
   // Weights of the places; polynomials p at each, (places × terms), and with these variances and covariance of the
   // cosine pᵀa and the sine pᵀb.
-  Eigen::VectorXd shares;
-  RowMajor polynomials;
-  std::array<std::array<double, 3>, kPlaces> variances{};
+  Places shares;
+  Eigen::Matrix<double, kPlaces, Eigen::Dynamic> polynomials;
+  Places of_cosine, of_both, of_sine;
   Flags flags = 0;
 
   [[nodiscard]] bool resolvable() const { return !(flags & flag::unresolvable); }
@@ -77,8 +78,16 @@ void add_places(Plan& plan) {
   const EigenFactors of = symmetric_factors(recurrence);
   plan.shares = of.vectors.row(0).cwiseAbs2();
   plan.polynomials.resize(kPlaces, plan.terms);
-  for (Index i = 0; i < of.values.size(); ++i)
-    legendre(of.values(i), {plan.polynomials.row(i).data(), static_cast<std::size_t>(plan.terms)});
+  std::vector<double> polynomials(static_cast<std::size_t>(plan.terms));
+  for (Index i = 0; i < of.values.size(); ++i) {
+    legendre(of.values(i), polynomials);
+    plan.polynomials.row(i) = Eigen::Map<const Eigen::RowVectorXd>(polynomials.data(), plan.terms);
+  }
+  const auto covariance = [&](Index a, Index b) -> Places {
+    const MatrixXd block = plan.covariance.block(a * plan.terms, b * plan.terms, plan.terms, plan.terms);
+    return plan.polynomials.cwiseProduct(plan.polynomials * block).rowwise().sum();
+  };
+  plan.of_cosine = covariance(1, 1), plan.of_both = covariance(1, 2), plan.of_sine = covariance(2, 2);
 }
 
 void plan_sums(Plan& plan) {
@@ -124,13 +133,6 @@ Plan make_plan(std::size_t rows, double cycles_per_row, int degree, const ToneGa
   plan.weights << fit.weights.transpose(), steady.weights.transpose();
   plan.covariance = product(plan.weights, plan.weights.transpose());
   add_places(plan);
-  for (std::size_t i = 0; i < kPlaces; ++i) {
-    const Eigen::VectorXd p = plan.polynomials.row(static_cast<Index>(i)).transpose();
-    const auto covariance = [&](Index a, Index b) {
-      return p.dot(Eigen::VectorXd(plan.covariance.block(a * plan.terms, b * plan.terms, plan.terms, plan.terms) * p));
-    };
-    plan.variances[i] = {covariance(1, 1), covariance(1, 2), covariance(2, 2)};
-  }
   plan_sums(plan);
   return plan;
 }
@@ -145,40 +147,22 @@ std::shared_ptr<const Plan> plan_of(std::size_t rows, double cycles_per_row, int
 // Mean of the tone's amplitude over the rows; `slope`: its derivatives by the parameters.
 double mean_amplitude(const Plan& plan, const Vector& parameters, double noise, Vector& slope) {
   const Index terms = plan.terms;
-  double amplitude = 0;
+  const Places cosine = plan.polynomials.lazyProduct(parameters.segment(terms, terms)),
+               sine = plan.polynomials.lazyProduct(parameters.segment(2 * terms, terms)),
+               square = cosine.square() + sine.square();
+  // Bias of the length by noise across it, as in tone_gain.
+  const Places across =
+      noise * (sine * (sine * plan.of_cosine - 2 * cosine * plan.of_both) + cosine.square() * plan.of_sine) / square;
+  const Places scale = (square > 0).select(plan.shares / square.sqrt(), 0.0);
   slope = Vector::Zero(parameters.size());
-  for (std::size_t i = 0; i < kPlaces; ++i) {
-    const auto place = static_cast<Index>(i);
-    double cosine = 0, sine = 0;
-    for (Index t = 0; t < terms; ++t) {
-      cosine += plan.polynomials(place, t) * parameters(terms + t);
-      sine += plan.polynomials(place, t) * parameters(2 * terms + t);
-    }
-    const double square = cosine * cosine + sine * sine;
-    if (!(square > 0)) continue;
-    // Bias of the length by noise across it, as in tone_gain.
-    const auto& [of_cosine, of_both, of_sine] = plan.variances[i];
-    const double across =
-        noise * (sine * (sine * of_cosine - 2 * cosine * of_both) + cosine * cosine * of_sine) / square;
-    amplitude += plan.shares(place) * std::sqrt(std::max(square - across, 0.0));
-    const double scale = plan.shares(place) / std::sqrt(square);
-    for (Index t = 0; t < terms; ++t) {
-      slope(terms + t) += scale * cosine * plan.polynomials(place, t);
-      slope(2 * terms + t) += scale * sine * plan.polynomials(place, t);
-    }
-  }
-  return amplitude;
+  slope.segment(terms, terms) = plan.polynomials.transpose().lazyProduct((scale * cosine).matrix());
+  slope.segment(2 * terms, terms) = plan.polynomials.transpose().lazyProduct((scale * sine).matrix());
+  return (square > 0).select(plan.shares * (square - across).max(0.0).sqrt(), 0.0).sum();
 }
 
 // slopeᵀ·covariance·slope
 double quadratic(const MatrixXd& covariance, const Vector& slope) {
-  double sum = 0;
-  for (Index j = 0; j < slope.size(); ++j) {
-    double above = covariance(j, j) * slope(j) / 2;
-    for (Index i = 0; i < j; ++i) above += covariance(i, j) * slope(i);
-    sum += 2 * above * slope(j);
-  }
-  return std::max(sum, 0.0);
+  return std::max(slope.dot(Vector(covariance.lazyProduct(slope))), 0.0);
 }
 
 // Writes the result of a column, whose flags are there. `steady_gain`, `steady_std`: those of tone_gain.
