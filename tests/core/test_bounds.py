@@ -47,6 +47,17 @@ def test_chips_of_next_to_no_rows_are_refused():
             detector_error_rates(rows_per_chip, 0.0, 0.1)
 
 
+@pytest.mark.parametrize("chips", [14, 18, 22])
+def test_a_picture_under_a_long_exposure_is_not_searched_for_long(chips):
+    """A soft edge that no chips explain: every sequence of them is as likely as any."""
+    rows = np.arange(480)[:, None]
+    edge = 40 + 150 / (1 + np.exp((rows - 240) / 5)) + np.random.default_rng(1).normal(0, 2, (480, 16))
+    receiver = Receiver(Camera(22.2e-6, exposure=chips / 15e3, frame_time=1 / 30), chip_rate=15e3)
+    began = time.process_time()
+    assert receiver.push(np.clip(edge, 0, 255).astype(np.uint8)).outcome == "no_signal"
+    assert time.process_time() - began < 3  # 0.3 to 0.9 s; 6 to 60 s without a bound on the sequences
+
+
 @pytest.mark.parametrize("chip_rate", [None, 1e4])
 @pytest.mark.parametrize("shape", [(20_000, 4), (99_999, 1), (99_999, 10)])
 @pytest.mark.parametrize("program", ["Receiver", "receive"])

@@ -154,3 +154,32 @@ def test_thin_pulses_near_a_whole_number_of_rows_a_cycle():
         got = oc.calibrate(picture, frequency)
         wrong += not got.flags and abs(got.row_time - row_time) > 6 * got.row_time_std
     assert wrong <= 1  # a pulse that the third harmonic's alias resembles most
+
+
+def moved_rows(kind, random):
+    """Times of 720 rows that a pause parts, or that a lens correction pulls inwards."""
+    rows = np.arange(720.0)
+    if kind.startswith("pause"):
+        return rows + float(kind[5:]) * (rows >= 720 * random.uniform(0.25, 0.75))
+    from_middle = rows / 360 - 1
+    return 360 + 360 * from_middle * (1 - float(kind[4:]) * from_middle**2)
+
+
+@pytest.mark.parametrize("kind", ["pause3", "pause10", "pause30", "lens0.03", "lens0.1"])
+def test_rows_that_are_moved_are_a_part_of_the_error(kind):
+    """A frequency takes up most of a bend of the phase; the rest of the bend is seen."""
+    random, row_time, wrong = np.random.default_rng(11), 2.22e-5, {"find": 0, "calibrate": 0, "detect": 0}
+    for _ in range(30):
+        frequency = np.exp(random.uniform(np.log(3), np.log(60))) / (720 * row_time)
+        wave = np.sin(2 * np.pi * frequency * moved_rows(kind, random) * row_time + random.uniform(0, 6))
+        picture = 128 + 100 * wave[:, np.newaxis] + random.normal(0, 2, (720, 40))
+        picture = np.clip(picture, 0, 255).astype(np.uint8)
+        camera = oc.Camera(row_time, exposure=1e-5)
+        found, got = oc.find_frequency(picture, camera), oc.calibrate(picture, frequency)
+        answers = [("find", found, found.frequency / frequency - 1, found.frequency_std / frequency)]
+        answers += [("calibrate", got, got.row_time / row_time - 1, got.row_time_std / row_time)]
+        for light in oc.detect_sources(picture, camera)[:1]:
+            answers += [("detect", light, light.frequency / frequency - 1, light.frequency_std / frequency)]
+        for call, answer, error, std in answers:
+            wrong[call] += not answer.flags and abs(error) > max(5 * std, 0.002)
+    assert max(wrong.values()) <= 8  # pauses within a few cycles; 16 to 29 where bends are noise

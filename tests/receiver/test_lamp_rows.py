@@ -205,3 +205,18 @@ def test_edges_that_parts_of_the_columns_have_of_their_own_are_flagged(recording
     """Pins and labels of a circuit board fit a chip clock by chance: 661 bits at 9.7 dB, which halves do not share."""
     for got in ocisac.receive(read_frames(recordings / "no_light_board.jpg").frames, Camera(1.0, scan_axis="x")):
         assert not got.bits or got.flags & ~Flag.SATURATED
+
+
+def test_chips_of_a_lamp_that_fades_at_its_end_keep_their_rate():
+    """The level there is below that of the chips before, which moves the edges."""
+    fine = np.arange(0, 600, 0.05)
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        pitch, first, exposure = random.uniform(7, 14), random.uniform(60, 100), random.uniform(1, 2.5)
+        wave = (np.floor((fine - first) / pitch) % 2 == 0).astype(float)
+        wave = np.convolve(wave, np.ones(int(exposure / 0.05)) * 0.05 / exposure, "same")
+        end = first + pitch * random.uniform(8, 11)
+        fades = np.exp(-np.clip(fine - end, 0, None) / (pitch * random.uniform(1.2, 3))) * (fine >= first - exposure)
+        lamp = np.exp(-(((np.arange(300) - 150) / 60.0) ** 4))
+        got = ocisac.receive(photographed(1 + 30 * (wave * fades)[::20, None] * lamp, seed, noise=0.6), Camera(1.0))[0]
+        assert abs(got.rows_per_chip / pitch - 1) < 0.01

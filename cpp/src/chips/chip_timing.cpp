@@ -158,6 +158,14 @@ std::vector<std::uint8_t> inliers(const std::vector<double>& distance, double al
   return used;
 }
 
+// Of edges from their chips' places, rows.
+std::vector<double> distances(const Edges& edges, std::span<const double> chips, const ChipLattice& lattice) {
+  std::vector<double> distance(chips.size());
+  for (std::size_t k = 0; k < chips.size(); ++k)
+    distance[k] = std::abs(edges.rows[k] - place_on(lattice, chips[k], !edges.rising[k]));
+  return distance;
+}
+
 // Moves the phase to the mean of the rising and the falling edges' lattices.
 ChipLattice centred(ChipLattice lattice) {
   lattice.clock.phase += 0.5 * lattice.duty_offset;
@@ -197,8 +205,7 @@ std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
     const auto solved = solve(edges, chips, used);
     if (!solved) return std::nullopt;
     lattice = *solved;
-    for (std::size_t k = 0; k < chips.size(); ++k)
-      distance[k] = std::abs(edges.rows[k] - place_on(lattice, chips[k], !edges.rising[k]));
+    distance = distances(edges, chips, lattice);
     used = inliers(distance, 0.02);
   }
   std::size_t collisions = 0;
@@ -246,10 +253,12 @@ bool divides(const ChipTiming& timing, const ChipTiming& slower) {
 
 }  // namespace
 
-std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const double> chips) {
+std::optional<FittedLattice> fit_lattice(const Edges& edges, std::span<const double> chips) {
   if (chips.size() < kMinEdges) return std::nullopt;
-  const auto lattice = solve(edges, chips, std::vector<std::uint8_t>(chips.size(), 1));
-  return lattice ? std::optional(centred(*lattice)) : std::nullopt;
+  const auto of_all = solve(edges, chips, std::vector<std::uint8_t>(chips.size(), 1));
+  if (!of_all) return std::nullopt;
+  const auto of_most = solve(edges, chips, inliers(distances(edges, chips, *of_all), 0.02));
+  return FittedLattice{centred(of_most.value_or(*of_all)), centred(*of_all)};
 }
 
 namespace {

@@ -48,8 +48,13 @@ std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, Fre
 // True if the edges wander about the lattice along the rows: these were not read evenly, or chips are missing.
 bool wanders(const Edges& edges, const ChipLattice& lattice);
 
-// Least squares of rows = phase + rows_per_chip·chips + duty_offset·[falling]. `chips`: index of the chip that begins
-// at each edge. Absent if the edges do not determine it.
-std::optional<ChipLattice> fit_lattice(const Edges& edges, std::span<const double> chips);
+// Least squares of rows = phase + rows_per_chip·chips + duty_offset·[falling]: to all edges but those that specks or
+// wrong levels displace, and to all.
+struct FittedLattice {
+  ChipLattice lattice, of_all;
+};
+
+// `chips`: index of the chip that begins at each edge. Absent if the edges do not determine it.
+std::optional<FittedLattice> fit_lattice(const Edges& edges, std::span<const double> chips);
 
 }  // namespace ocisac

@@ -89,8 +89,13 @@ std::optional<FoundChips> detect_rows(const IterationContext& context, const Cha
     return std::nullopt;
   const ChipGrid grid = affecting_chips(clock, range.size());
   const double middle = swing_at((range.begin + range.end) / 2);
-  const ChipQuestion question{rows,       clock,      std::max(channel.noise / middle, kMinDetectorNoise),
-                              grid.first, grid.count, context.options.known};
+  const ChipQuestion question{.rows = rows,
+                              .clock = clock,
+                              .noise = std::max(channel.noise / middle, kMinDetectorNoise),
+                              .first = grid.first,
+                              .count = grid.count,
+                              .known = context.options.known,
+                              .effort = context.options.effort};
   FoundChips chips{context.detect(question), grid.first};
   for (std::size_t k = 0; k < grid.count; ++k) chips.levels[k] = known_level(question, k).value_or(chips.levels[k]);
   return chips;

@@ -110,7 +110,9 @@ Calibration find_lamp(const AnyFramesView& frames, const FrequencySearch& search
   }
   LightSource light = lamps.front();
   measure_together(light, lamps, frames, search);
-  const bool contested = answered(whole) && !agree(whole.frequency, whole.frequency_std, light);
+  // The error of a misfit is no allowance.
+  const double allowed = (whole.flags & flag::model_misfit) != 0 ? 0 : whole.frequency_std;
+  const bool contested = answered(whole) && !agree(whole.frequency, allowed, light);
   // The columns of the box among those of the frame.
   const ToneColumns own = tone_columns(part_of(frames, light.box), light.frequency, search.saturation);
   const std::size_t columns = shape_of(frames).columns;

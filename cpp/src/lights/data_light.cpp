@@ -172,6 +172,14 @@ std::optional<double> only_tone(std::vector<double> waveform) {
   return is_white(waveform) ? std::optional(frequency) : std::nullopt;
 }
 
+// Largest share of a waveform that is periodic: its strongest tone is the first or the second harmonic, as of rows of
+// pins or dots.
+double largest_periodic_share(std::span<const double> waveform, double frequency) {
+  const std::vector<double> even(waveform.size(), 1);
+  return std::max(periodic_share(waveform, even, frequency, kComparedHarmonics),
+                  periodic_share(waveform, even, frequency / 2, kComparedHarmonics));
+}
+
 // Amplitude: RMS of the mean light over the columns, local mean removed.
 void add_swing(const Patch& patch, std::size_t length, RefinedLight& light) {
   const Eigen::ArrayXd means = patch.array_of(patch.light).rowwise().mean();
@@ -212,7 +220,7 @@ std::optional<RefinedLight> find_data_light(const LitFrame& frame, const Suspect
                            ? 0.5 * (upper - lower)
                            : jackknife_std(waveform.matched, frequency, static_cast<double>(box.height) * frequency);
   RefinedLight light = light_of(waveform, patch, box, frequency, error, common_share(waveform));
-  light.periodic = periodic_share(waveform.matched, std::vector<double>(patch.rows, 1), frequency, kComparedHarmonics);
+  light.periodic = largest_periodic_share(waveform.matched, frequency);
   light.chance = chance_of(waveform.matched);
   light.only_tone = tone.has_value();
   light.edges = edges.size(), light.clock = clock_evidence(edges);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "lights/light_patch.hpp"
+#include "tones/surroundings.hpp"
 
 namespace ocisac {
 
@@ -28,6 +29,14 @@ double energy_of(std::span<const double> x, double frequency, std::size_t harmon
   return energy;
 }
 
+// The rows from the first to the last that is not 0.
+std::vector<double> own_rows(std::span<const double> profile) {
+  const auto is_zero = [](double x) { return x == 0; };
+  const auto first = std::ranges::find_if_not(profile, is_zero);
+  const auto last = std::find_if_not(profile.rbegin(), profile.rend(), is_zero).base();
+  return first < last ? std::vector<double>(first, last) : std::vector<double>();
+}
+
 }  // namespace
 
 double strongest_frequency(std::span<const double> profile, double lower, double upper) {
@@ -36,16 +45,22 @@ double strongest_frequency(std::span<const double> profile, double lower, double
 }
 
 double jackknife_std(std::span<const double> profile, double frequency, double cycles) {
-  const auto is_zero = [](double x) { return x == 0; };
-  const auto first = std::ranges::find_if_not(profile, is_zero);
-  const auto last = std::find_if_not(profile.rbegin(), profile.rend(), is_zero).base();
-  if (first >= last) return 0;
-  const std::vector<double> own(first, last);
+  const std::vector<double> own = own_rows(profile);
+  if (own.empty()) return 0;
   return jackknife_std(frequency, own.size(), cycles, 2, [&](std::size_t begin, std::size_t end) {
     std::vector<double> left = own;
     std::fill(left.begin() + static_cast<std::ptrdiff_t>(begin), left.begin() + static_cast<std::ptrdiff_t>(end), 0.0);
     return [left = std::move(left)](double f, std::size_t harmonics) { return energy_of(left, f, harmonics); };
   });
+}
+
+double bend_of_profile(std::span<const double> profile, double frequency) {
+  const std::vector<double> own = own_rows(profile);
+  const auto model = periodic_model(frequency, own.size(), kComparedHarmonics);
+  if (own.size() <= 2 * model.parameters()) return 0;
+  const double rows = static_cast<double>(own.size()), middle = 0.5 * (rows - 1);
+  const Complex level = 2 / rows * product(component_at(own, frequency), std::conj(turned(frequency * middle)));
+  return bend_of_frequency(residual_of(own, own.size(), model, frequency), frequency, level);
 }
 
 Complex component_at(std::span<const double> profile, double frequency, std::size_t first_row) {

@@ -121,12 +121,12 @@ std::optional<Decoded> detect_and_refine(std::span<const double> signal, const C
   if (!detected) return std::nullopt;
   decoded.detection = std::move(*detected);
   const auto [edges, chips] = edges_of(signal, decoded.grid, decoded.detection);
-  const auto lattice = fit_lattice(edges, chips);
-  if (!lattice) return decoded;
-  const ChipGrid refined = whole_chips(lattice->clock, signal.size());
+  const auto fit = fit_lattice(edges, chips);
+  if (!fit) return decoded;
+  const ChipGrid refined = whole_chips(fit->lattice.clock, signal.size());
   detected = slice(signal, refined, exposure_rows, carried_over(decoded.detection.bits, decoded.grid, refined));
-  if (detected) decoded = {refined, std::move(*detected), lattice->rows_per_chip_std};
-  decoded.uneven = wanders(edges, *lattice);
+  if (detected) decoded = {refined, std::move(*detected), fit->lattice.rows_per_chip_std};
+  decoded.uneven = wanders(edges, fit->of_all);
   return decoded;
 }
 

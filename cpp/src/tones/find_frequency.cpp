@@ -364,16 +364,17 @@ std::vector<double> summed(const ColumnBlocks& blocks) {
   return sums;
 }
 
-// Largest RMS deviation of the tone's phase along a signal, rad, by what the model leaves; 0 where it is not
-// significant. Rows after lost or repeated ones have another phase. Signals count by their share of the tone: one that
-// combines what differs between columns holds texture, and hardly any of it.
-double wander(const std::vector<double>& residual, std::size_t rows, const PeriodicFit& final) {
+// The largest of a measure of the tone in the signals, by what the model leaves. Rows after lost or repeated ones have
+// another phase. Signals count by their share of the tone: one that combines what differs between columns holds
+// texture, and hardly any of it.
+template <class Measure>
+double largest_of(const std::vector<double>& residual, std::size_t rows, const PeriodicFit& final, Measure measure) {
   const std::size_t count = residual.size() / rows;
   double largest = 0, strongest = 0;
   for (std::size_t s = 0; s < count; ++s) {
     const std::complex<double> level{final.amplitudes[s], -final.amplitudes[count + s]};
     strongest = std::max(strongest, std::abs(level));
-    largest = std::max(largest, std::abs(level) * phase_deviation({&residual[s * rows], rows}, final.frequency, level));
+    largest = std::max(largest, std::abs(level) * measure({&residual[s * rows], rows}, final.frequency, level));
   }
   return strongest > 0 ? largest / strongest : 0;
 }
@@ -468,19 +469,24 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   if (std::abs(coarse - sighted) * rows > 1) signals = combined(coarse);
   const PeriodicFit final = final_fit(signals, coarse, range);
   std::vector<double> residual;
-  const double std = frequency_std(signals.samples(), signals.rows(), signals.count() / blocks.frames, final.model,
-                                   final.frequency, &residual);
+  const double own_std = frequency_std(signals.samples(), signals.rows(), signals.count() / blocks.frames, final.model,
+                                       final.frequency, &residual);
   ToneColumns columns = spread_over_columns(blocks, used, all);
-  Flags flags = flags_of(final.frequency * rows, std * rows, columns.saturated);
+  Flags flags = flags_of(final.frequency * rows, own_std * rows, columns.saturated);
   if (final.frequency <= range.lower || final.frequency >= range.upper) flags |= flag::at_bound;
   if (!columns.saturated && is_rounding(frames, blocks, all)) flags |= flag::quantised;
   if ((!in_parts && !in_sum) || !is_significant(signals, final, signals.count())) flags |= flag::no_tone;
   constexpr double kJump = 0.075;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
+  constexpr double kTaken = 2;  // RMS phase that a frequency takes up of bends beyond linear ones, over what it leaves
   // RMS phase along the rows of one frame by the error of its frequency.
-  const double turned = kTwoPi * std * rows * std::sqrt(static_cast<double>(blocks.frames) / 12);
-  if (has_weak_fundamental(signals, final.frequency, range) ||
-      wander(residual, signals.rows(), final) > std::max(kJump, kSure * turned) || coherence < kMostly)
+  const double turning = kTwoPi * rows / std::sqrt(12.0);
+  const double wander = largest_of(residual, signals.rows(), final, phase_deviation);
+  const double turned = own_std * turning * std::sqrt(static_cast<double>(blocks.frames));
+  if (has_weak_fundamental(signals, final.frequency, range) || wander > std::max(kJump, kSure * turned) ||
+      coherence < kMostly)
     flags |= flag::model_misfit;
+  const double bend = largest_of(residual, signals.rows(), final, bend_of_frequency);
+  const double std = std::hypot(own_std, bend > 0 ? std::max(bend, kTaken * wander / turning) : 0.0);
   const double noise = noise_power(final, signals) * rows * static_cast<double>(signals.count());
   return {final.frequency,   std, final.total_periodic() / noise, final.model.harmonics.back(), flags,
           std::move(columns)};

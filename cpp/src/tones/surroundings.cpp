@@ -14,8 +14,10 @@
 #include "core/recently_used.hpp"
 #include "ocisac/light/exposure_response.hpp"
 #include "ocisac/rows/tone_search.hpp"
+#include "ocisac/tones/periodic_fit.hpp"
 #include "rows/fit.hpp"
 #include "rows/verdict.hpp"
+#include "tones/tone_combination.hpp"
 
 namespace ocisac {
 
@@ -260,6 +262,34 @@ double unevenness(std::span<const double> left, double cycles_per_row, double me
 
 double phase_deviation(std::span<const double> left, double cycles_per_row, Level level) {
   return deviation_of_parts(left, cycles_per_row, 0, level, true);
+}
+
+double bend_of_frequency(std::span<const double> left, double cycles_per_row, Level level) {
+  constexpr double kFewestCycles = 2, kHidden = 1.5;
+  const auto rows = static_cast<double>(left.size());
+  if (cycles_per_row * rows < kFewestCycles) return 0;
+  const MatrixXd steady = tone_design(centred_rows(left.size()), {{cycles_per_row}}, 2);
+  const Eigen::ArrayXd v = steady.col(1).array(), wave = -level.real() * steady.col(4) - level.imag() * steady.col(3);
+  MatrixXd known(steady.rows(), 6), bends(steady.rows(), 4);
+  known << steady, (v * wave).matrix();
+  Eigen::ArrayXd before = v, legendre = steady.col(2).array();  // P1, P2
+  for (Index k = 0; k < bends.cols(); ++k) {
+    bends.col(k) = (legendre * wave).matrix();
+    const auto degree = static_cast<double>(k + 2);
+    const Eigen::ArrayXd next = ((2 * degree + 1) * v * legendre - degree * before) / (degree + 1);
+    before = legendre;
+    legendre = next;
+  }
+  const MatrixXd basis = orthogonal_factors(known).basis;
+  bends = beside(basis, bends);
+  const MatrixXd rest = beside(basis, Eigen::Map<const VectorXd>(left.data(), std::ssize(left)));
+  const VectorXd angles = least_squares(bends, rest), noise = rest - bends * angles;
+  const double squares = noise.squaredNorm(), white = squares / (rows - 10);
+  const std::span<const double> unexplained(noise.data(), left.size());
+  if (!(rest.squaredNorm() - squares >
+        chance_energy(4) * (white + texture_powers(unexplained, left.size(), cycles_per_row)[0])))
+    return 0;
+  return kHidden * angles.head<2>().norm() / (std::numbers::pi * rows);
 }
 
 Surroundings surroundings(std::span<const double> column, std::span<const FittedLight> lights) {

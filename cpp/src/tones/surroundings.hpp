@@ -37,6 +37,12 @@ double unevenness(std::span<const double> left, double cycles_per_row, double me
 // The same along the rows alone of its phase, rad, which light that varies along the rows keeps.
 double phase_deviation(std::span<const double> left, double cycles_per_row, std::complex<double> level);
 
+// Error of the frequency of a tone whose phase bends along the rows, cycles per row; 0 where that is not significant.
+// Rows that a lens correction moves, or that a pause parts, turn the phase by θ(v), v from −1 to 1. Of its Legendre
+// coefficients those from the second to the fifth are seen; the first, which is the error, is at most 1.5 times as
+// large as the second and the third.
+double bend_of_frequency(std::span<const double> left, double cycles_per_row, std::complex<double> level);
+
 // `column`: linear light of one frame. A tone is accepted only if at most three of them leave white noise, so that a
 // light that varies along the rows, whose sidebands are no tones, has none.
 Surroundings surroundings(std::span<const double> column, std::span<const FittedLight> lights);

@@ -22,7 +22,9 @@ struct ReducedSearch {
 // gives the soft outputs (Franz and Anderson 1998): (count) log-likelihood ratios as of detect_sequence(). If no kept
 // sequence has the opposite chip, the ratio comes from the most likely sequence that differs from the best in a run of
 // up to four chips, or in two such runs an exposure apart. Run time is proportional to the sequences kept, which are
-// few at high signal-to-noise ratios.
-std::vector<double> search_reduced(const ChipEquations& equations, const ReducedSearch& search = {});
+// few at high signal-to-noise ratios; with `effort`, which is counted down with them, no more are kept in
+// the first exposures than later, and all ratios are 0 once it is used up.
+std::vector<double> search_reduced(const ChipEquations& equations, const ReducedSearch& search = {},
+                                   SearchEffort* effort = nullptr);
 
 }  // namespace ocisac

@@ -26,6 +26,7 @@ struct ChipQuestion {
   KnownChips known{};  // of these chips or others; used by `reduced` and `mlse`, optional for others
   // (rows) standard deviation of each; empty: `noise`. `inverse` uses `noise` alone.
   std::span<const double> row_noise{};
+  SearchEffort* effort = nullptr;  // counted down by `reduced`, which gives ratios of 0 once it is used up
 
   [[nodiscard]] double noise_of(std::size_t row) const {
     return (row_noise.empty() ? noise : row_noise[row]) / clock.share_at(static_cast<std::ptrdiff_t>(row));
