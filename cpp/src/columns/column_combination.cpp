@@ -62,35 +62,18 @@ Blocks make_blocks(std::span<const std::uint8_t> usable) {
   return blocks;
 }
 
-// (rows × blocks) sums of `light` over each block's usable columns.
+// (rows × blocks) sums of `light` over each block's usable columns; those of integers are exact.
 template <class T, class Light>
 void sum_blocks(const FramesView<const T>& view, std::span<const std::uint8_t> usable, const Blocks& blocks,
                 Light light, Matrix& sums) {
   for (std::size_t row = 0; row < view.rows; ++row)
     for (std::size_t block = 0; block < blocks.size(); ++block) {
-      double sum = 0;
-      for (std::size_t column = blocks[block].begin; column < blocks[block].end; ++column)
-        if (usable[column]) sum += light(view(0, row, column));
-      sums(static_cast<Index>(row), static_cast<Index>(block)) = sum;
+      const T* values = view.at(0, row, blocks[block].begin);
+      decltype(light(T{})) sum = 0;
+      for (std::size_t column = blocks[block].begin; column < blocks[block].end; ++column, values += view.column_stride)
+        sum += usable[column] != 0 ? light(*values) : 0;
+      sums(static_cast<Index>(row), static_cast<Index>(block)) = static_cast<double>(sum);
     }
-}
-
-// The same for stored integers, as differences of a row's prefix sums, which are exact; the usual case.
-template <class T>
-void sum_stored(const FramesView<const T>& view, std::span<const std::uint8_t> usable, const Blocks& blocks,
-                Matrix& sums) {
-  std::vector<std::int64_t> masks(view.columns), prefix(view.columns + 1, 0);
-  std::ranges::transform(usable, masks.begin(), [](std::uint8_t use) { return use ? -1 : 0; });
-  const std::size_t count = blocks.size();
-  for (std::size_t row = 0; row < view.rows; ++row) {
-    const T* values = view.at(0, row, 0);
-    std::int64_t sum = 0;
-    for (std::size_t column = 0; column < view.columns; ++column, values += view.column_stride)
-      prefix[column + 1] = sum += *values & masks[column];
-    double* of_row = &sums(static_cast<Index>(row), 0);
-    for (std::size_t block = 0; block < count; ++block)
-      of_row[block] = static_cast<double>(prefix[blocks[block].end] - prefix[blocks[block].begin]);
-  }
 }
 
 // Light of each block and row, summed over its columns, into `sums`, (rows × blocks), whose memory is reused. Returns
@@ -99,21 +82,17 @@ template <class T>
 double block_sums(const FramesView<const T>& view, const ToneCurve& curve, std::span<const std::uint8_t> usable,
                   const Blocks& blocks, Matrix& sums) {
   sums.resize(static_cast<Index>(view.rows), static_cast<Index>(blocks.size()));
-  double dark = 0;
-  const auto light = [&](auto value) { return linear_light(curve, static_cast<double>(value), sample_maximum<T>()); };
+  const auto sum = [&](auto light) { sum_blocks(view, usable, blocks, light, sums); };
   if constexpr (std::is_integral_v<T>) {
     if (curve.kind == ToneCurve::Kind::linear) {
-      sum_stored(view, usable, blocks, sums);
-      dark = curve.dark_level;
-    } else {
-      const auto table = light_table(view, curve);
-      sum_blocks(
-          view, usable, blocks, [&](T value) { return table->light[value]; }, sums);
+      sum([](T value) -> std::uint32_t { return value; });
+      return curve.dark_level;
     }
+    sum([table = light_table(view, curve)](T value) { return table->light[value]; });
   } else {
-    sum_blocks(view, usable, blocks, light, sums);
+    sum([&](T value) { return linear_light(curve, static_cast<double>(value), sample_maximum<T>()); });
   }
-  return dark;
+  return 0;
 }
 
 // Rows either side of the moving mean about which a light swings: many, so that slow light swings.

@@ -17,7 +17,7 @@ std::vector<std::size_t> radices_of(std::size_t length) {
   std::vector<std::size_t> radices;
   for (std::size_t rest = length; rest > 1; rest /= radices.back()) {
     std::size_t radix = 0;
-    for (const std::size_t one : {8u, 4u, 2u, 5u, 3u})
+    for (const std::size_t one : {4u, 2u, 5u, 3u})
       if (radix == 0 && rest % one == 0) radix = one;
     require(radix != 0, "length", length, "2^a·3^b·5^c");
     radices.push_back(radix);

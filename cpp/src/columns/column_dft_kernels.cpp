@@ -113,23 +113,6 @@ HWY_INLINE void short_dft(Complex<T> (&x)[5]) {
   x[4] = plus_j(first, of_first);
 }
 
-template <class T>
-HWY_INLINE void short_dft(Complex<T> (&x)[8]) {
-  Complex<T> even[4] = {x[0], x[2], x[4], x[6]}, odd[4] = {x[1], x[3], x[5], x[7]};
-  short_dft(even);
-  short_dft(odd);
-  const double half = std::numbers::sqrt2 / 2;
-  const auto one = times(half, minus_j(odd[1], odd[1])), three = times(-half, plus_j(odd[3], odd[3]));
-  x[0] = plus(even[0], odd[0]);
-  x[4] = minus(even[0], odd[0]);
-  x[1] = plus(even[1], one);
-  x[5] = minus(even[1], one);
-  x[2] = minus_j(even[2], odd[2]);
-  x[6] = plus_j(even[2], odd[2]);
-  x[3] = plus(even[3], three);
-  x[7] = minus(even[3], three);
-}
-
 // The inverse is the DFT of numbers whose real and imaginary parts are exchanged, with the turns in front of it.
 template <class T, std::size_t kRadix, bool kInverse, bool kTurns>
 HWY_INLINE void butterfly(T* rows, std::size_t apart, const T* turns, std::size_t pairs) {
@@ -167,8 +150,7 @@ void any_step(const DftStep<T>& step, T* rows, std::size_t blocks, std::size_t p
     case 2: return step_of<T, 2, kInverse>(step, rows, blocks, pairs);
     case 3: return step_of<T, 3, kInverse>(step, rows, blocks, pairs);
     case 4: return step_of<T, 4, kInverse>(step, rows, blocks, pairs);
-    case 5: return step_of<T, 5, kInverse>(step, rows, blocks, pairs);
-    default: return step_of<T, 8, kInverse>(step, rows, blocks, pairs);
+    default: return step_of<T, 5, kInverse>(step, rows, blocks, pairs);
   }
 }
 

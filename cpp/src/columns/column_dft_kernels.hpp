@@ -13,7 +13,7 @@ constexpr std::size_t kColumnPairs = 64 / sizeof(T);
 
 // A step of a mixed-radix DFT, in place, on blocks of `length` rows: decimation in frequency,
 //   X(j + q·length/radix) = w^{jq}·Σ_p x(j + p·length/radix)·e^{−j2πpq/radix}, w = e^{−j2π/length}.
-// turns: w^{jq} for j = 0 … length/radix − 1 and q = 1 … radix − 1, (real, imaginary) each. radix: 2, 3, 4, 5 or 8.
+// turns: w^{jq} for j = 0 … length/radix − 1 and q = 1 … radix − 1, (real, imaginary) each. radix: 2, 3, 4 or 5.
 template <class T>
 struct DftStep {
   std::size_t radix, length;

@@ -113,16 +113,6 @@ double step_of_samples(const AnyFramesView& frames) {
       frames);
 }
 
-double least_of_some(const AnyFramesView& frames, std::size_t frame, std::size_t column) {
-  return std::visit(
-      [&]<class T>(const FramesView<const T>& view) {
-        T least = std::numeric_limits<T>::max();
-        for_some(view, frame, column, 4, [&](T sample) { least = std::min(least, sample); });
-        return static_cast<double>(least);
-      },
-      frames);
-}
-
 PileCounts count_pile(const AnyFramesView& frames, std::size_t frame, const Pile& pile) {
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {

@@ -28,9 +28,6 @@ Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t col
 // without one. Where samples do not differ, 1 and 0.
 double step_of_samples(const AnyFramesView& frames);
 
-// The least of 64 rows of four columns.
-double least_of_some(const AnyFramesView& frames, std::size_t frame, std::size_t column);
-
 // Samples of each column, (columns,): at the level, at the value beside it and beyond it, and runs of rows at the
 // level.
 struct PileCounts {

@@ -38,41 +38,16 @@ using Eigen::MatrixXd;
 constexpr std::size_t kFewestRows = 8;
 constexpr std::size_t kMaxHarmonics = 31;
 
-double energy_of(std::span<const double> signal) {
-  return Eigen::Map<const Eigen::VectorXd>(signal.data(), std::ssize(signal)).squaredNorm();
-}
-
 // Signals scaled to unit energy, so that bright overlays do not dominate; constant ones are left out.
-PeriodicSignals unit_signals(std::span<const double> samples, std::size_t rows) {
+PeriodicSignals unit_signals(const PeriodicSignals& signals) {
   std::vector<double> out;
-  out.reserve(samples.size());
-  for (std::size_t first = 0; first < samples.size(); first += rows) {
-    const auto signal = samples.subspan(first, rows);
-    const double energy = energy_of(signal);
-    if (!(energy > 0)) continue;
-    const double scale = 1 / std::sqrt(energy);
-    std::ranges::transform(signal, std::back_inserter(out), [=](double v) { return scale * v; });
+  out.reserve(signals.samples().size());
+  for (std::size_t s = 0; s < signals.count(); ++s) {
+    if (!(signals.energies()[s] > 0)) continue;
+    const double scale = 1 / std::sqrt(signals.energies()[s]);
+    std::ranges::transform(signals.signal(s), std::back_inserter(out), [=](double v) { return scale * v; });
   }
-  return {std::move(out), rows};
-}
-
-// Converts a fit of unit signals to one of the samples as they were, without step and energies by harmonics.
-PeriodicFit unscaled(const PeriodicFit& of_unit, std::span<const double> samples, std::size_t rows) {
-  const std::size_t count = samples.size() / rows, used = of_unit.residual_energy.size();
-  PeriodicFit fit;
-  fit.model = of_unit.model;
-  for (auto* energies : {&fit.residual_energy, &fit.periodic_energy}) energies->resize(count);
-  fit.amplitudes.resize(2 * count);
-  for (std::size_t s = 0, place = 0; s < count; ++s) {
-    const double energy = energy_of(samples.subspan(s * rows, rows));
-    if (!(energy > 0)) continue;
-    fit.residual_energy[s] = energy * of_unit.residual_energy[place];
-    fit.periodic_energy[s] = energy * of_unit.periodic_energy[place];
-    for (const std::size_t part : {0U, 1U})
-      fit.amplitudes[part * count + s] = std::sqrt(energy) * of_unit.amplitudes[part * used + place];
-    ++place;
-  }
-  return fit;
+  return {std::move(out), signals.rows()};
 }
 
 // The strongest local maxima of the votes, in cycles per row.
@@ -218,7 +193,7 @@ bool stands_out(const PeriodicSignals& signals, double frequency) {
 // The fundamental of which `frequency` is a harmonic, or itself. Each of many parts pays for the harmonics of its
 // model, which a faint light does not repay; combined, it does. Texture is no fundamental of a light.
 double fundamental_of(const PeriodicSignals& combined, double frequency, const FrequencySearch& range) {
-  const PeriodicSignals signals = unit_signals(combined.samples(), combined.rows());
+  const PeriodicSignals signals = unit_signals(combined);
   if (signals.count() == 0) return frequency;
   Candidate best;
   for (const double factor : {1.0, 1.0 / 2, 1.0 / 3, 2.0, 3.0}) {
@@ -411,7 +386,7 @@ double coarse_frequency(const ColumnBlocks& blocks, const PeriodicSignals& parts
   const double frequency = coarse_frequency(parts, range);
   in_parts = std::isnan(frequency) || shows_tone(parts, blocks.frames * blocks.blocks, frequency);
   if (!in_parts && blocks.blocks > 1) {
-    const PeriodicSignals sums = unit_signals(summed(blocks), blocks.rows);
+    const PeriodicSignals sums = unit_signals({summed(blocks), blocks.rows});
     const double other = coarse_frequency(sums, range);
     if (!std::isnan(other) && shows_tone(sums, blocks.frames, other)) {
       in_sum = true;
@@ -475,7 +450,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const auto rows = static_cast<double>(blocks.rows);
   const FrequencySearch range = resolvable(search, rows);
   bool in_parts = false, in_sum = false;
-  const PeriodicSignals parts = unit_signals(blocks.signals, blocks.rows);
+  const PeriodicSignals stored(blocks.signals, blocks.rows), parts = unit_signals(stored);
   const double sighted = coarse_frequency(blocks, parts, range, in_parts, in_sum);
   if (std::isnan(sighted)) return nothing_found(blocks);
 
@@ -483,8 +458,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   std::vector<std::uint8_t> used;
   double coherence = 1;
   const auto combined = [&](double frequency) {
-    const auto model = periodic_model(frequency, blocks.rows, kComparedHarmonics);
-    all = unscaled(fit_periodic(parts, model, frequency, false), blocks.signals, blocks.rows);
+    all = fit_periodic(stored, periodic_model(frequency, blocks.rows, kComparedHarmonics), frequency, false);
     used = search.select_columns && in_parts ? tone_blocks(blocks, all) : std::vector<std::uint8_t>(blocks.blocks, 1);
     CombinedTone tone = combined_signals(blocks, used, all);
     coherence = tone.coherence;

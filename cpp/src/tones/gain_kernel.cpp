@@ -95,13 +95,9 @@ void ParametersOfSums(const FitSums& fit, double* parameters, double* noise_vari
 // NaN stays NaN.
 HWY_INLINE Vector not_negative(Vector v) { return hn::IfThenElse(hn::Lt(v, hn::Zero(d64)), hn::Zero(d64), v); }
 
-// (columns,): the octant's multiple of π/8 nearest to a direction (rad), the tangent of the rest, and the cosine.
-struct Directions {
-  double nearest[kColumnsAtOnce], tangent[kColumnsAtOnce], cosine[kColumnsAtOnce];
-};
-
-// Writes directions of (x, y) from element i on. Cosine and tangent share a division; for (0, 0) the cosine is √½.
-HWY_INLINE void find_direction(Vector x, Vector y, std::size_t i, Directions& to) {
+// Direction of (x, y): the octant's multiple of π/8 nearest to it (rad), the tangent of the rest, and the cosine.
+// Cosine and tangent share a division; for (0, 0) the cosine is √½.
+HWY_INLINE void find_direction(Vector x, Vector y, Vector& nearest, Vector& tangent, Vector& cosine) {
   constexpr double kOneEighth = 0.41421356237309504880;        // tan(π/8)
   constexpr double kOneSixteenth = 0.19891236737965800691;     // tan(π/16)
   constexpr double kThreeSixteenths = 0.66817863791929891999;  // tan(3π/16)
@@ -110,15 +106,13 @@ HWY_INLINE void find_direction(Vector x, Vector y, std::size_t i, Directions& to
   const auto past_first = hn::Gt(low, hn::Mul(constant(kOneSixteenth), high));
   const auto past_second = hn::Gt(low, hn::Mul(constant(kThreeSixteenths), high));
   const Vector turned = hn::IfThenElse(past_second, constant(1), hn::IfThenElseZero(past_first, constant(kOneEighth)));
-  const Vector nearest = hn::IfThenElse(past_second, constant(std::numbers::pi / 4),
-                                        hn::IfThenElseZero(past_first, constant(std::numbers::pi / 8)));
+  nearest = hn::IfThenElse(past_second, constant(std::numbers::pi / 4),
+                           hn::IfThenElseZero(past_first, constant(std::numbers::pi / 8)));
   const Vector beside = hn::NegMulAdd(turned, high, low), along = hn::MulAdd(turned, low, high);
   const Vector reciprocal = hn::Div(constant(1), hn::Mul(along, length));
-  const Vector cosine = hn::IfThenElse(hn::Gt(length, hn::Zero(d64)), hn::Mul(hn::Mul(x, along), reciprocal),
-                                       constant(std::numbers::sqrt2 / 2));
-  hn::StoreU(nearest, d64, to.nearest + i);
-  hn::StoreU(hn::Mul(hn::Mul(beside, length), reciprocal), d64, to.tangent + i);
-  hn::StoreU(cosine, d64, to.cosine + i);
+  tangent = hn::Mul(hn::Mul(beside, length), reciprocal);
+  cosine = hn::IfThenElse(hn::Gt(length, hn::Zero(d64)), hn::Mul(hn::Mul(x, along), reciprocal),
+                          constant(std::numbers::sqrt2 / 2));
 }
 
 // Angle of (x, y) in (−π, π], 0 for (0, 0). t is at most tan(π/16), where eleven terms of t − t³/3 + t⁵/5 − … have an
@@ -145,38 +139,19 @@ HWY_INLINE Vector wrapped(Vector phase) {
   return hn::IfThenElse(hn::Le(rest, constant(-std::numbers::pi)), hn::Add(rest, turn), rest);
 }
 
-// Loops over the columns of a block, whose last vector overlaps its neighbour. Roots and divisions dominate. While a
-// processor waits for one, it looks ahead by a limited number of instructions: in short loops those of several vectors
-// overlap (Zen 3: 71 cycles a vector; all in one loop: 92).
-void find_directions(const FittedTone& fit, Directions& to) {
-  const std::size_t lanes = hn::Lanes(d64), last = fit.count - lanes;
-  for (std::size_t c = 0; c < fit.count; c += lanes) {
-    const std::size_t i = std::min(c, last);
-    find_direction(hn::LoadU(d64, fit.cosine + i), hn::Neg(hn::LoadU(d64, fit.sine + i)), i, to);
-  }
-}
-
-void write_phases(const FittedTone& fit, const Directions& directions, double* HWY_RESTRICT phases) {
+// The last vector of the columns overlaps its neighbour. Copies of the arguments, which no output can overwrite: they
+// are read once.
+bool write_gains(const FittedTone fit, const GainOutputs out) {
   const std::size_t lanes = hn::Lanes(d64), last = fit.count - lanes;
   const Vector at_zero = constant(fit.phase_at_zero);
-  for (std::size_t c = 0; c < fit.count; c += lanes) {
-    const std::size_t i = std::min(c, last);
-    const Vector angle = angle_of(hn::LoadU(d64, fit.cosine + i), hn::Neg(hn::LoadU(d64, fit.sine + i)),
-                                  hn::LoadU(d64, directions.nearest + i), hn::LoadU(d64, directions.tangent + i));
-    hn::StoreU(wrapped(hn::Add(at_zero, angle)), d64, phases + i);
-  }
-}
-
-// Copies of the arguments, which no output can overwrite: they are read once.
-bool write_gains(const FittedTone fit, const Directions& directions, const GainOutputs out) {
-  const std::size_t lanes = hn::Lanes(d64), last = fit.count - lanes;
   const double per_depth = 1 / fit.full_depth_ratio;
   Vector remarks = hn::Zero(d64);
   for (std::size_t c = 0; c < fit.count; c += lanes) {
     const std::size_t i = std::min(c, last);
     const Vector mean = hn::LoadU(d64, fit.mean + i), variance_of_row = hn::LoadU(d64, fit.noise_variance + i);
     const Vector cosine = hn::LoadU(d64, fit.cosine + i), sine = hn::LoadU(d64, fit.sine + i);
-    const Vector direction = hn::LoadU(d64, directions.cosine + i);  // its cosine
+    Vector nearest, tangent, direction;  // its cosine
+    find_direction(cosine, hn::Neg(sine), nearest, tangent, direction);
     const Vector power = hn::MulAdd(cosine, cosine, hn::Mul(sine, sine));
     const Vector share_cosine = hn::Mul(direction, direction);
     const Vector share_sine = hn::Sub(constant(1), share_cosine);
@@ -206,6 +181,7 @@ bool write_gains(const FittedTone fit, const Directions& directions, const GainO
                        hn::IfThenElse(weak, constant(kWeakTone),
                                       hn::IfThenElseZero(hn::Lt(variance_of_row, constant(1)), constant(kLittleNoise))),
                        constant(kNoLight));
+    hn::StoreU(wrapped(hn::Add(at_zero, angle_of(cosine, hn::Neg(sine), nearest, tangent))), d64, out.phase + i);
     hn::StoreU(hn::Mul(amplitude, per_full_mean), d64, out.gain + i);
     hn::StoreU(hn::Mul(hn::Sqrt(not_negative(variance)), per_full_mean), d64, out.gain_std + i);
     hn::StoreU(mean, d64, out.mean + i);
@@ -214,14 +190,6 @@ bool write_gains(const FittedTone fit, const Directions& directions, const GainO
     remarks = hn::Max(remarks, remark);
   }
   return !hn::AllTrue(d64, hn::Eq(remarks, hn::Zero(d64)));
-}
-
-// For one vector of columns to kColumnsAtOnce columns.
-bool gains_of_block(const FittedTone& fit, const GainOutputs& out) {
-  Directions directions;
-  find_directions(fit, directions);
-  write_phases(fit, directions, out.phase);
-  return write_gains(fit, directions, out);
 }
 
 // Fewer columns than a vector has lanes, by way of padded copies.
@@ -237,28 +205,15 @@ bool gains_of_few(FittedTone fit, const GainOutputs& out) {
   pad(fit.sine, in[2]);
   pad(fit.noise_variance, in[3]);
   fit.count = hn::Lanes(d64);
-  const bool any = gains_of_block(fit, {padded[0], padded[1], padded[2], padded[3], padded[4], padded[5]});
+  const bool any = write_gains(fit, {padded[0], padded[1], padded[2], padded[3], padded[4], padded[5]});
   double* const to[] = {out.gain, out.gain_std, out.phase, out.mean, out.snr, out.remark};
   for (std::size_t i = 0; i < 6; ++i) std::copy_n(padded[i], count, to[i]);
   return any;
 }
 
 bool GainsOfFit(const FittedTone& fit, const GainOutputs& out) {
-  const std::size_t lanes = hn::Lanes(d64);
-  if (fit.count < lanes) return fit.count > 0 && gains_of_few(fit, out);
-  bool any = false;
-  for (std::size_t c = 0; c < fit.count; c += kColumnsAtOnce) {
-    const std::size_t i = std::min(c, fit.count - lanes);
-    FittedTone block = fit;
-    block.mean += i;
-    block.cosine += i;
-    block.sine += i;
-    block.noise_variance += i;
-    block.count = std::min(kColumnsAtOnce, fit.count - i);
-    any |= gains_of_block(block,
-                          {out.gain + i, out.gain_std + i, out.phase + i, out.mean + i, out.snr + i, out.remark + i});
-  }
-  return any;
+  if (fit.count >= hn::Lanes(d64)) return write_gains(fit, out);
+  return fit.count > 0 && gains_of_few(fit, out);
 }
 
 }  // namespace HWY_NAMESPACE

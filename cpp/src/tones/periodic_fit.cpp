@@ -213,8 +213,8 @@ PeriodicSignals::PeriodicSignals(std::vector<double> samples, std::size_t rows)
   odd_.assign(half() * width(), 0.0);
   for (std::size_t s = 0; s < count(); ++s) {
     const auto signal = this->signal(s);
-    for (std::size_t i = 0; i < half(); ++i) {
-      const std::size_t after = rows / 2 + i, before = rows - 1 - after, at = place(s) + i * kStrip;
+    std::size_t at = place(s);
+    for (std::size_t after = rows / 2, before = (rows - 1) / 2; after < rows; ++after, --before, at += kStrip) {
       even_[at] = after == before ? signal[after] : signal[after] + signal[before];
       odd_[at] = signal[after] - signal[before];
     }

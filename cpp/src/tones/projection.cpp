@@ -2,6 +2,7 @@
 
 #include <hwy/targets.h>
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -31,16 +32,8 @@ void put_weight(std::int32_t& pair, std::size_t group, int weight) {
   pair = static_cast<std::int32_t>(static_cast<std::uint32_t>(pair) | (group % 2 == 0 ? half : half << 16));
 }
 
-double largest_magnitude(std::span<const double> weights) {
-  double largest = 0;
-  for (const double weight : weights) largest = std::max(largest, std::abs(weight));
-  return largest;
-}
-
-double sum_of_magnitudes(std::span<const double> weights) {
-  double sum = 0;
-  for (const double weight : weights) sum += std::abs(weight);
-  return sum;
+Eigen::Map<const Eigen::VectorXd> output_of(std::span<const double> weights, std::size_t output, std::size_t groups) {
+  return {weights.data() + output * groups, static_cast<Eigen::Index>(groups)};
 }
 
 // Largest integer of a limb that keeps the sums within range; `largest` magnitude of each output's weights.
@@ -55,8 +48,7 @@ double largest_integer(std::span<const double> weights, std::span<const double> 
   if (limbs > 1) integer = std::min(integer, room / groups);  // the shape of further limbs is arbitrary
   for (std::size_t o = 0; o < largest.size(); ++o)
     if (largest[o] > 0)
-      integer =
-          std::min(integer, room * largest[o] / sum_of_magnitudes(weights.subspan(o * whole_groups, whole_groups)));
+      integer = std::min(integer, room * largest[o] / output_of(weights, o, whole_groups).lpNorm<1>());
   return std::max<double>(std::floor(integer), kernels::kMaxWeight);
 }
 
@@ -71,7 +63,7 @@ RowWeights::RowWeights(std::span<const double> weights, std::size_t outputs, std
   require(weights.size() == outputs * groups_, "weights", weights.size(), "outputs·(rows/row_group) values");
   for (const double w : weights) require_finite("weights", w);
   std::vector<double> largest;
-  for (std::size_t o = 0; o < outputs; ++o) largest.push_back(largest_magnitude(weights.subspan(o * groups_, groups_)));
+  for (std::size_t o = 0; o < outputs; ++o) largest.push_back(output_of(weights, o, groups_).lpNorm<Eigen::Infinity>());
   fold_exactly(largest);
 
   const double integer = largest_integer(weights, largest, rows, row_group, limbs);
@@ -102,11 +94,8 @@ void RowWeights::fold_exactly(std::span<const double> largest) {
   std::iota(output_order_.begin(), output_order_.end(), std::size_t{0});
   if (groups_ % 2 == 1 || outputs_ == 0) return;
   const auto deviation = [&](std::size_t o, double sign) {
-    const std::span<const double> row = std::span(weights_).subspan(o * groups_, groups_);
-    double worst = 0;
-    for (std::size_t g = 0; g < groups_ / 2; ++g)
-      worst = std::max(worst, std::abs(row[g] - sign * row[groups_ - 1 - g]));
-    return worst;
+    const auto row = output_of(weights_, o, groups_);
+    return (row - sign * row.reverse()).lpNorm<Eigen::Infinity>();
   };
   std::vector<double> signs;
   for (std::size_t o = 0; o < outputs_; ++o) {

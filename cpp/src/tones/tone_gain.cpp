@@ -421,27 +421,6 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
     flag_column(i);
 }
 
-// True if light of a column is not surely apart from black, or from its least and its largest sample, by its noise. A
-// square wave has crests that its fundamental does not tell.
-bool may_be_clipped(const AnyFramesView& frames, const Context& context, std::size_t frame, std::size_t column,
-                    double largest, const ToneGainView& result) {
-  constexpr double kBeyond = 1.2;  // σ beyond the light
-  const ToneCurve& curve = context.camera->tone_curve;
-  if (curve.kind != ToneCurve::Kind::linear || context.options->waveform == WaveformShape::square) return true;
-  double depth = 0;
-  for (std::size_t tone = 0; tone < context.tones.size(); ++tone) {
-    const std::size_t own = index_of(context, tone, frame) + column;
-    depth += result.gain[own] * result.mean[own];
-  }
-  const std::size_t start = index_of(context, 0, frame) + column;
-  const double noise = noise_of(result, start);
-  const auto within = [noise](double x, double deviations) { return x < 0 || x < deviations * noise; };
-  const double off = curve.dark_level + background_of(context, frame, column), least = result.mean[start] - depth;
-  return within(least - kHalfStep, kSure) || within(least + off - kHalfStep, kSure) ||
-         within(largest - off - result.mean[start] - depth, kBeyond) ||
-         within(least + off - least_of_some(frames, frame, column), kBeyond);
-}
-
 // Place of the largest of some 256 values times `sign`, the middle one of equals: columns at the edge of a lamp may
 // just reach a level at which others are clipped.
 std::size_t place_of_extreme(std::span<const double> values, double sign) {
@@ -468,8 +447,12 @@ void flag_clipped(const AnyFramesView& frames, const Context& context, std::size
   const std::span<const double> means = result.mean.subspan(frame * tops.size(), tops.size());
   const std::size_t start = index_of(context, 0, frame);
   const auto piles_at = [&](std::size_t column) {
-    if (!may_be_clipped(frames, context, frame, column, tops[column], result)) return Piles{};
-    const double least = least_light(frames, *context.camera) - kSure * noise_of(result, start + column);
+    const double noise = noise_of(result, start + column);
+    // Noise alone: nothing but a tone of linear light shows no more than its fundamental.
+    if (std::isnan(noise) && context.options->waveform == WaveformShape::tone &&
+        context.camera->tone_curve.kind == ToneCurve::Kind::linear)
+      return Piles{};
+    const double least = least_light(frames, *context.camera) - kSure * noise;
     return find_piles(frames, frame, column, least);
   };
   // Noise is known where there is light above dark.

@@ -7,6 +7,7 @@
 #include <optional>
 #include <tuple>
 
+#include "columns/dense_rows.hpp"
 #include "core/legendre.hpp"
 #include "core/levels.hpp"
 #include "core/parallel.hpp"
@@ -32,7 +33,8 @@ using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 18, 1>;
 // Share of a column's energy that the model leaves: below it, energies of model and column differ by too few digits.
 constexpr double kResolvedRest = 1e-6;
 
-constexpr std::size_t kPlaces = 8;  // of Gauss and Legendre along the rows, for the mean of the tone's amplitude
+constexpr int kPlaces = 8;  // of Gauss and Legendre along the rows, for the mean of the tone's amplitude
+using Places = Eigen::Array<double, kPlaces, 1>;
 
 // Harmonics in ascending order until half of the degrees of freedom are used, without those so close to half the row
 // rate that their polynomials overlap with their mirror images.
@@ -58,9 +60,9 @@ struct Plan {
   RowMajor of_sums;
   // Weights of the places; polynomials p at each, (places × terms), and with these variances and covariance of the
   // cosine pᵀa and the sine pᵀb.
-  Eigen::VectorXd shares;
-  RowMajor polynomials;
-  std::array<std::array<double, 3>, kPlaces> variances{};
+  Places shares;
+  Eigen::Matrix<double, kPlaces, Eigen::Dynamic> polynomials;
+  Places of_cosine, of_both, of_sine;
   Flags flags = 0;
 
   [[nodiscard]] bool resolvable() const { return !(flags & flag::unresolvable); }
@@ -76,8 +78,16 @@ void add_places(Plan& plan) {
   const EigenFactors of = symmetric_factors(recurrence);
   plan.shares = of.vectors.row(0).cwiseAbs2();
   plan.polynomials.resize(kPlaces, plan.terms);
-  for (Index i = 0; i < of.values.size(); ++i)
-    legendre(of.values(i), {plan.polynomials.row(i).data(), static_cast<std::size_t>(plan.terms)});
+  std::vector<double> polynomials(static_cast<std::size_t>(plan.terms));
+  for (Index i = 0; i < of.values.size(); ++i) {
+    legendre(of.values(i), polynomials);
+    plan.polynomials.row(i) = Eigen::Map<const Eigen::RowVectorXd>(polynomials.data(), plan.terms);
+  }
+  const auto covariance = [&](Index a, Index b) -> Places {
+    const MatrixXd block = plan.covariance.block(a * plan.terms, b * plan.terms, plan.terms, plan.terms);
+    return plan.polynomials.cwiseProduct(plan.polynomials * block).rowwise().sum();
+  };
+  plan.of_cosine = covariance(1, 1), plan.of_both = covariance(1, 2), plan.of_sine = covariance(2, 2);
 }
 
 void plan_sums(Plan& plan) {
@@ -123,13 +133,6 @@ Plan make_plan(std::size_t rows, double cycles_per_row, int degree, const ToneGa
   plan.weights << fit.weights.transpose(), steady.weights.transpose();
   plan.covariance = product(plan.weights, plan.weights.transpose());
   add_places(plan);
-  for (std::size_t i = 0; i < kPlaces; ++i) {
-    const Eigen::VectorXd p = plan.polynomials.row(static_cast<Index>(i)).transpose();
-    const auto covariance = [&](Index a, Index b) {
-      return p.dot(Eigen::VectorXd(plan.covariance.block(a * plan.terms, b * plan.terms, plan.terms, plan.terms) * p));
-    };
-    plan.variances[i] = {covariance(1, 1), covariance(1, 2), covariance(2, 2)};
-  }
   plan_sums(plan);
   return plan;
 }
@@ -144,40 +147,22 @@ std::shared_ptr<const Plan> plan_of(std::size_t rows, double cycles_per_row, int
 // Mean of the tone's amplitude over the rows; `slope`: its derivatives by the parameters.
 double mean_amplitude(const Plan& plan, const Vector& parameters, double noise, Vector& slope) {
   const Index terms = plan.terms;
-  double amplitude = 0;
+  const Places cosine = plan.polynomials.lazyProduct(parameters.segment(terms, terms)),
+               sine = plan.polynomials.lazyProduct(parameters.segment(2 * terms, terms)),
+               square = cosine.square() + sine.square();
+  // Bias of the length by noise across it, as in tone_gain.
+  const Places across =
+      noise * (sine * (sine * plan.of_cosine - 2 * cosine * plan.of_both) + cosine.square() * plan.of_sine) / square;
+  const Places scale = (square > 0).select(plan.shares / square.sqrt(), 0.0);
   slope = Vector::Zero(parameters.size());
-  for (std::size_t i = 0; i < kPlaces; ++i) {
-    const auto place = static_cast<Index>(i);
-    double cosine = 0, sine = 0;
-    for (Index t = 0; t < terms; ++t) {
-      cosine += plan.polynomials(place, t) * parameters(terms + t);
-      sine += plan.polynomials(place, t) * parameters(2 * terms + t);
-    }
-    const double square = cosine * cosine + sine * sine;
-    if (!(square > 0)) continue;
-    // Bias of the length by noise across it, as in tone_gain.
-    const auto& [of_cosine, of_both, of_sine] = plan.variances[i];
-    const double across =
-        noise * (sine * (sine * of_cosine - 2 * cosine * of_both) + cosine * cosine * of_sine) / square;
-    amplitude += plan.shares(place) * std::sqrt(std::max(square - across, 0.0));
-    const double scale = plan.shares(place) / std::sqrt(square);
-    for (Index t = 0; t < terms; ++t) {
-      slope(terms + t) += scale * cosine * plan.polynomials(place, t);
-      slope(2 * terms + t) += scale * sine * plan.polynomials(place, t);
-    }
-  }
-  return amplitude;
+  slope.segment(terms, terms) = plan.polynomials.transpose().lazyProduct((scale * cosine).matrix());
+  slope.segment(2 * terms, terms) = plan.polynomials.transpose().lazyProduct((scale * sine).matrix());
+  return (square > 0).select(plan.shares * (square - across).max(0.0).sqrt(), 0.0).sum();
 }
 
 // slopeᵀ·covariance·slope
 double quadratic(const MatrixXd& covariance, const Vector& slope) {
-  double sum = 0;
-  for (Index j = 0; j < slope.size(); ++j) {
-    double above = covariance(j, j) * slope(j) / 2;
-    for (Index i = 0; i < j; ++i) above += covariance(i, j) * slope(i);
-    sum += 2 * above * slope(j);
-  }
-  return std::max(sum, 0.0);
+  return std::max(slope.dot(Vector(covariance.lazyProduct(slope))), 0.0);
 }
 
 // Writes the result of a column, whose flags are there. `steady_gain`, `steady_std`: those of tone_gain.
@@ -219,20 +204,21 @@ struct Fitted {
   std::vector<double> squares;
 };
 
-// Columns first … first + count of `fitted`, from their light: its rest itself is squared.
-void fit_exactly(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from, std::size_t first,
-                 std::size_t count, const ToneCurve& curve, Fitted& fitted) {
-  const auto signals = column_signals(frames, frame, from + first, count, curve);
-  const Eigen::Map<const MatrixXd> light(signals.data(), plan.basis.rows(), static_cast<Index>(count));
-  fitted.parameters.middleCols(static_cast<Index>(first), static_cast<Index>(count)) = product(plan.weights, light);
-  const MatrixXd rest = beside(plan.basis, light);
-  for (std::size_t c = 0; c < count; ++c) fitted.squares[first + c] = rest.col(static_cast<Index>(c)).squaredNorm();
+// From the light of the columns from `from` on: the rest itself is squared.
+void fit_light(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from,
+               const ToneCurve& curve, Fitted& fitted) {
+  for_each_part(fitted.squares.size(), kColumnsInCache, [&](IndexRange part) {
+    const auto signals = column_signals(frames, frame, from + part.begin, part.size(), curve);
+    const Eigen::Map<const MatrixXd> light(signals.data(), plan.basis.rows(), static_cast<Index>(part.size()));
+    const MatrixXd rest = beside(plan.basis, light);
+    fitted.parameters.middleCols(static_cast<Index>(part.begin), light.cols()) = product(plan.weights, light);
+    Eigen::Map<Eigen::RowVectorXd>(&fitted.squares[part.begin], light.cols()) = rest.colwise().squaredNorm();
+  });
 }
 
-// All columns in one pass over the stored samples: what is left is a difference of squares. True for the columns where
-// it is resolved.
-std::vector<bool> fit_stored(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from,
-                             double dark, Fitted& fitted) {
+// The same in one pass over the stored samples, by differences of squares; false where these have too few digits.
+bool fit_stored(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from, double dark,
+                Fitted& fitted) {
   const std::size_t count = fitted.squares.size();
   thread_local Projection sums;  // reused from call to call
   project(frames, frame, from, count, *plan.sums, {}, sums);
@@ -240,28 +226,10 @@ std::vector<bool> fit_stored(const Plan& plan, const AnyFramesView& frames, std:
   const Eigen::Map<const RowMajor> all(sums.sums.data(), outputs, static_cast<Index>(count));
   fitted.parameters.noalias() = plan.of_sums.lazyProduct(all);
   for (const Index mean : {Index{0}, 3 * plan.terms}) fitted.parameters.row(mean).array() -= dark;
-  std::vector<bool> resolved(count);
-  for (std::size_t c = 0; c < count; ++c) fitted.squares[c] = sums.squares[c];
-  for (Index t = 0; t < terms; ++t)
-    for (std::size_t c = 0; c < count; ++c) {
-      const double sum = sums.sums[static_cast<std::size_t>(t) * count + c];
-      fitted.squares[c] -= sum * sum;
-    }
-  for (std::size_t c = 0; c < count; ++c) resolved[c] = fitted.squares[c] >= kResolvedRest * sums.squares[c];
-  return resolved;
-}
-
-void fit_block(const Plan& plan, const AnyFramesView& frames, std::size_t frame, std::size_t from,
-               const ToneCurve& curve, Fitted& fitted) {
-  const std::size_t count = fitted.squares.size();
-  std::vector<bool> resolved(count);
-  if (curve.kind == ToneCurve::Kind::linear) resolved = fit_stored(plan, frames, frame, from, curve.dark_level, fitted);
-  for (std::size_t first = 0; first < count; first += kColumnsInCache) {
-    const std::size_t here = std::min(kColumnsInCache, count - first);
-    const auto begin = resolved.begin() + static_cast<std::ptrdiff_t>(first);
-    if (std::all_of(begin, begin + static_cast<std::ptrdiff_t>(here), [](bool each) { return each; })) continue;
-    fit_exactly(plan, frames, frame, from, first, here, curve, fitted);
-  }
+  const Eigen::Map<const Eigen::RowVectorXd> squares(sums.squares.data(), static_cast<Index>(count));
+  Eigen::Map<Eigen::RowVectorXd> rest(fitted.squares.data(), squares.size());
+  rest = squares - all.topRows(terms).colwise().squaredNorm();
+  return (rest.array() >= kResolvedRest * squares.array()).all();
 }
 
 VaryingToneGain empty_result(std::size_t frames, std::size_t columns) {
@@ -294,7 +262,9 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
     const std::size_t first = block % blocks * kernels::kColumnsAtOnce;
     const std::size_t count = std::min(kernels::kColumnsAtOnce, shape.columns - first);
     Fitted fitted{RowMajor(plan.weights.rows(), static_cast<Index>(count)), std::vector<double>(count)};
-    fit_block(plan, frames, frame, first, camera.tone_curve, fitted);
+    const ToneCurve& curve = camera.tone_curve;
+    if (curve.kind != ToneCurve::Kind::linear || !fit_stored(plan, frames, frame, first, curve.dark_level, fitted))
+      fit_light(plan, frames, frame, first, curve, fitted);
     for (std::size_t i = 0; i < count; ++i) {
       const std::size_t index = frame * shape.columns + first + i;
       const double ambient = background.empty() ? 0 : background.size() == 1 ? background[0] : background[index];
