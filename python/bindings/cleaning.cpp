@@ -9,7 +9,7 @@ namespace ocisac::bindings {
 namespace {
 
 RowModel row_model(const std::string& name) {
-  for (const RowModel model : {RowModel::automatic, RowModel::tone, RowModel::chips, RowModel::rows})
+  for (const RowModel model : {RowModel::automatic, RowModel::tone, RowModel::chips, RowModel::rows, RowModel::slow})
     if (name == name_of(model)) return model;
   refuse("model", name, "auto, tone, chips or rows");
 }
@@ -145,6 +145,8 @@ void register_cleaning(py::module_& module) {
       .def_property_readonly("lights", &lights_by_colour)
       .def_readonly("verdicts", &SceneLight::verdicts)
       .def_readonly("unchanged", &SceneLight::unchanged)
+      .def("may_leave_slow", &SceneLight::may_leave_slow)
+      .def("join", &SceneLight::join, arg("other"))
       .def("full_level", &SceneLight::full_level, arg("frame"), arg("colour"));
   module.def("find_scene_light", &run_find_scene_light, arg("colours"), arg("camera"), arg("model"), arg("noise"),
              arg("toe"), arg("given"), arg("full"));

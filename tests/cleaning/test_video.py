@@ -205,3 +205,20 @@ def test_light_that_the_rows_deny_is_left() -> None:
         shades = 128 + 40 * shades / shades.std() + random.normal(0, 1.5, shades.shape)
         cleaned += not remove_bands(np.clip(np.rint(shades), 0, 255).astype(np.uint8), Camera(2e-5)).unchanged[0]
     assert cleaned == 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_slow_lamp_beside_a_fast_one_is_removed_too(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    periods, steps = (random.uniform(150, 220), random.uniform(50, 90)), random.uniform(0.1, 0.4, 2)
+    picture, cleaner, gains = boxes(seed, 480, 440, 0.3, 0.9, ground=0.5, count=60), VideoCleaner(CAMERA), []
+    for k in range(9):
+        turns = 2 * np.pi * (np.arange(480)[:, None] / periods + steps * k)
+        light = 1 + np.cos(turns) @ [0.2, 0.15]
+        part = picture[:, 4 * k :][:, :400]
+        stored, clean = shown(light, part, np.full(part.shape, 170.0), 100 * seed + k)
+        done = cleaner.push(stored)
+        gains.append(psnr(done.frames, clean) - psnr(stored, clean))
+    assert min(gains) > -0.1
+    assert np.median(gains) > 8  # 4 to 6 where the fast one alone is removed
+    assert done.slow_bands == (0,)

@@ -36,6 +36,7 @@ std::string_view name_of(RowModel model) {
     case RowModel::automatic: return "auto";
     case RowModel::tone: return "tone";
     case RowModel::chips: return "chips";
+    case RowModel::slow: return "slow";
     case RowModel::given: return "given";
     case RowModel::rows: break;
   }

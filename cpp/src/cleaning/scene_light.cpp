@@ -153,6 +153,13 @@ double SceneLight::full_level(std::size_t frame, std::size_t colour) const {
   return 1 + least / own;
 }
 
+void SceneLight::join(const SceneLight& other) {
+  for (std::size_t frame = 0; frame < verdicts.size(); ++frame) {
+    verdicts[frame].slow_bands = other.verdicts[frame].slow_bands;
+    if (other.unchanged.empty()) verdicts[frame].texture_change += other.verdicts[frame].texture_change;
+  }
+}
+
 SceneLight left_alone(const StoredScene& scene, std::string reason) {
   ModelledLight even;
   even.light.assign(scene.rows(), 1);
@@ -256,7 +263,7 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
                             const std::string& no_other) {
   if (given.empty() && has_equal_rows(scene)) return left_alone(scene, objection_to(CleaningVerdict{}));
   std::vector<SlowLight> slow;
-  if (given.empty() && (model == RowModel::automatic || model == RowModel::tone))
+  if (given.empty() && (model == RowModel::automatic || model == RowModel::tone || model == RowModel::slow))
     slow = find_slow_lights(pictures_of(scene), earlier);
   std::optional<SceneLight> slow_found;
   if (!slow.empty() && std::ranges::all_of(slow, [](const SlowLight& own) { return own.objection.empty(); }))
@@ -271,6 +278,8 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
     found.slow = std::move(slow);
     return found;
   };
+  if (model == RowModel::slow && slow_found) return *std::move(slow_found);
+  if (model == RowModel::slow) return none_but(slow.front().objection.empty() ? kWouldGrow : slow.front().objection);
   if (!no_other.empty() && !slow_found) return none_but(no_other);
   std::vector<ColourLights> lights =
       given.empty() ? lights_of(scene, model) : std::vector<ColourLights>(given.begin(), given.end());

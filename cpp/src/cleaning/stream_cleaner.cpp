@@ -108,7 +108,7 @@ StreamCleaner::StreamCleaner(const Camera& camera, const StreamOptions& options)
     : camera_(camera), options_(options), frame_time_(camera.frame_time) {
   check(camera);
   check_stored(options.noise, options.toe.value_or(0));
-  require(options.model != RowModel::given, "model", name_of(options.model), "auto, tone, chips or rows");
+  require(options.model != RowModel::given, "model", name_of(options.model), "auto, tone, chips, rows or slow");
 }
 
 StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours, std::optional<double> time) {

@@ -7,7 +7,7 @@
 #include "ocisac/cleaning/stream_cleaner.hpp"
 
 struct ocisac_cleaner {
-  ocisac::StreamCleaner stream;
+  ocisac::StreamCleaner stream, slow;  // slow: of what the first leaves
   ocisac::ScanAxis axis;
   double row_time;  // s
   double max_gain;
@@ -99,6 +99,15 @@ void clean_as(const ocisac_cleaner& cleaner, const ocisac::StreamCleaner::Frame&
   }
 }
 
+void clean(const ocisac_cleaner& cleaner, const ocisac::StreamCleaner::Frame& frame,
+           const std::vector<ocisac::AnyFramesView>& views) {
+  if (!frame.light.unchanged.empty()) return;
+  const auto clean_frame = std::holds_alternative<ocisac::FramesView<const std::uint8_t>>(views.front())
+                               ? clean_as<std::uint8_t>
+                               : clean_as<std::uint16_t>;
+  clean_frame(cleaner, frame, views);
+}
+
 ocisac_cleaned cleaned_of(const ocisac_cleaner& cleaner, const ocisac::SceneLight& found) {
   const ocisac::ColourLights& lights = found.lights.front();
   const ocisac::ModelledLight& light = lights.of(0);
@@ -128,8 +137,9 @@ int ocisac_cleaner_create(const ocisac_cleaner_options* options, ocisac_cleaner*
                     "a finite number above 1");
     const ocisac::Camera camera{all.row_time, {}, known(all.frame_time), tone_curve_of(all)};
     ocisac::StreamCleaner stream(camera, {model_of(all), known(all.noise), known(all.toe)});
-    *cleaner =
-        new ocisac_cleaner{std::move(stream), scan_axis_of(all), all.row_time, all.max_gain, all.mean_level != 0};
+    ocisac::StreamCleaner slow(camera, {ocisac::RowModel::slow, known(all.noise), 0});
+    *cleaner = new ocisac_cleaner{std::move(stream), std::move(slow), scan_axis_of(all),
+                                  all.row_time,      all.max_gain,    all.mean_level != 0};
   });
 }
 
@@ -148,13 +158,15 @@ int ocisac_cleaner_push_stamped(ocisac_cleaner* cleaner, const ocisac_plane* pla
     const ocisac_stamp stated = completed(stamp, unknown, "stamp");
     if (cleaned != nullptr) completed(cleaned, empty_cleaned(), "cleaned");  // refuses a wrong size before any change
     const std::vector<ocisac::AnyFramesView> views = views_of(planes, count, cleaner->axis);
-    const ocisac::StreamCleaner::Frame frame = cleaner->stream.push(views, known(stated.time));
+    ocisac::StreamCleaner::Frame frame = cleaner->stream.push(views, known(stated.time));
     cleaner->unchanged = frame.light.unchanged;
-    if (frame.light.unchanged.empty()) {
-      if (planes->format == OCISAC_GRAY8)
-        clean_as<std::uint8_t>(*cleaner, frame, views);
-      else
-        clean_as<std::uint16_t>(*cleaner, frame, views);
+    clean(*cleaner, frame, views);
+    if (frame.light.may_leave_slow()) {
+      const auto slow = cleaner->slow.push(views, known(stated.time));
+      clean(*cleaner, slow, views);
+      frame.light.join(slow.light);
+    } else {
+      cleaner->slow.forget();
     }
     if (cleaned != nullptr) answer(cleaned, cleaned_of(*cleaner, frame.light), "cleaned");
   });

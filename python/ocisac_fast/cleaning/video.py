@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Literal, NoReturn
 
 import numpy as np
@@ -13,6 +13,7 @@ from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning.bands import (
     CleanedFrames,
     CleaningOptions,
+    Done,
     Task,
     collected,
     colours_of,
@@ -30,7 +31,8 @@ class VideoCleaner:
     precise from frame to frame, and gets its phase from the frame; other lights are found in each frame. Shares move
     with the picture, and become the mean of several estimates. A tone slower than 128 rows per cycle is compared with
     up to 7 frames before, in which the picture stays and the phase advances; until the third frame of a film it is
-    left. A frame for which that fails, such as the first of another scene, is cleaned as a picture again.
+    left. It is searched in what a faster light leaves, too (unless the bands are kept: those are the faster light's). A
+    frame for which that fails, such as the first of another scene, is cleaned as a picture again.
 
     Args:
         camera, model, keep, level, options: as in :func:`remove_bands`.
@@ -48,7 +50,9 @@ class VideoCleaner:
     ) -> None:
         self._camera = camera
         self._task = Task(model, keep, level, options or CleaningOptions())
-        self._stream = _core.StreamCleaner(camera._handle, model, self._task.options.noise, self._task.options.toe)
+        noise, toe = self._task.options.noise, self._task.options.toe
+        self._stream = _core.StreamCleaner(camera._handle, model, noise, toe)
+        self._slow = _core.StreamCleaner(camera._handle, "slow", noise, 0.0)
 
     def __reduce__(self) -> NoReturn:
         """A copy would share the state of its stream."""
@@ -65,7 +69,17 @@ class VideoCleaner:
         Returns:
             :class:`CleanedFrames` of this frame.
         """
-        return self._cleaned(frame, lambda colours: self._stream.push(colours, time))
+        stack = self._stacked(frame)
+        done = self._done(stack, self._stream.push(colours_of(stack), time))
+        if self._task.keep == "picture" and done.light.may_leave_slow():
+            found = self._slow.push(colours_of(done.pictures), time)
+            done.light.join(found[1])
+            if not found[1].unchanged:
+                slow = self._done(done.pictures, found)
+                done = replace(done, pictures=slow.pictures, marks=np.maximum(done.marks, slow.marks))
+        else:
+            self._slow.forget()
+        return collected([done], self._camera, np.ndim(frame))
 
     @checked
     def again(self, frame: npt.ArrayLike, ago: int) -> CleanedFrames:
@@ -78,15 +92,20 @@ class VideoCleaner:
         Returns:
             :class:`CleanedFrames` of it: unchanged where the last frame has no slow light, or another one.
         """
-        return self._cleaned(frame, lambda colours: self._stream.again(colours, ago))
+        stack = self._stacked(frame)
+        done = self._done(stack, self._stream.again(colours_of(stack), ago))
+        return collected([done], self._camera, np.ndim(frame))
 
-    def _cleaned(self, frame: npt.ArrayLike, found: Callable[[list[npt.NDArray[Any]]], Any]) -> CleanedFrames:
+    def _stacked(self, frame: npt.ArrayLike) -> npt.NDArray[Any]:
         stack = stacked(frame, "frame", self._camera.scan_axis)
         if len(stack) != 1:
             raise ValueError(f"frame: got {len(stack)} frames, allowed: one")
-        estimate = estimate_of(stack, found(colours_of(stack)))
-        return collected([finished(estimate, self._camera, self._task)], self._camera, np.ndim(frame))
+        return stack
+
+    def _done(self, stack: npt.NDArray[Any], found: Any) -> Done:
+        return finished(estimate_of(stack, found), self._camera, self._task)
 
     def forget(self) -> None:
         """Clean the next frame as a picture."""
         self._stream.forget()
+        self._slow.forget()

@@ -16,8 +16,8 @@ namespace ocisac {
 
 // automatic: a tone that explains 90 % of the swing that rows have in common, else chips that explain 92 %, else a tone
 // that explains 50 %, else arbitrary rows.
-// given: by the caller; it is not searched.
-enum class RowModel { automatic, tone, chips, rows, given };
+// slow: tones slower than kSlowestRows alone. given: by the caller; it is not searched.
+enum class RowModel { automatic, tone, chips, rows, slow, given };
 
 std::string_view name_of(RowModel model);
 

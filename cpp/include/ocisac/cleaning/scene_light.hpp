@@ -22,6 +22,11 @@ struct SceneLight {
   std::string unchanged;                  // why the frames are better left as they are; else empty
   std::vector<SlowLight> slow;            // of each frame; empty where another light is removed or given
 
+  // A light is removed that leaves slow ones.
+  [[nodiscard]] bool may_leave_slow() const { return unchanged.empty() && slow.empty(); }
+  // Verdicts on the frames without this light and another one that was searched in what it leaves.
+  void join(const SceneLight& other);
+
   // Full light of a colour, relative to the mean light of its row light. Where the shares of the colours are alike,
   // that which lifts pixels by one factor: that of the colour whose light varies least, so that the picture keeps its
   // colours.
