@@ -192,6 +192,21 @@ FOREIGN = {
 }
 
 
+@pytest.mark.parametrize("workers", [0, 1])
+def test_nothing_is_written_in_a_folder_that_has_the_name_now(sources, tmp_path, workers):
+    """Rows of the recordings that were being measured were."""
+    results = tmp_path / "c"
+
+    def report(done):
+        if done.finished == 1 and not (tmp_path / "moved").exists():
+            results.rename(tmp_path / "moved")
+            results.mkdir()
+
+    with cluster(workers=workers) as client, pytest.raises(ResultsError, match="c: moved or removed during the run"):
+        measure_recordings(sources, CLEANING, client=client, output=results, report=report)
+    assert list(results.iterdir()) == []
+
+
 @pytest.mark.parametrize("kind", FOREIGN)
 @pytest.mark.parametrize("is_changed", [False, True])
 def test_a_cleaned_file_that_no_run_wrote_stays(sources, tmp_path, kind, is_changed):

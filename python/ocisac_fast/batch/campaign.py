@@ -142,7 +142,8 @@ class _Campaign:
         """Measure what is not finished."""
         self._look_at_results()
         folder = None if self._results is None else self._results.folder
-        locks = () if self._results is None else self._results.locks
+        is_here = client is None or isinstance(client, Workers)
+        locks = self._results.locks if self._results is not None and is_here else ()
         work = Work(self._task, folder, self._max_frames, build(), client is not None, locks)
         self._tell()
         if self._waiting:

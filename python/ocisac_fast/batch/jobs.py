@@ -87,7 +87,7 @@ class Work:
         max_frames: longer recordings are cut into stretches of about this length.
         client_build: version and commit that workers must have.
         is_one_of_several: False: the process has the machine for itself.
-        locks: descriptors of the folder's lock, which processes of this machine hold too, to their end.
+        locks: descriptors of the folder, locked, which processes of this machine hold too, to their end.
     """
 
     task: Task
@@ -108,7 +108,7 @@ class Work:
         if build() != self.client_build:
             here, there = (" ".join(each.values()) for each in (build(), self.client_build))
             raise VersionError(f"ocisac_fast: a worker has {here}, this process {there}; allowed: the same")
-        results = None if self.folder is None else Results(self.folder)
+        results = None if self.folder is None else Results(self.folder, self.locks)
         # Workers share a machine, a process for each processor: one thread decodes.
         with _one_at_a_time, decoder_threads(1 if self.is_one_of_several else 0):
             return [self._report(job, results) for job in jobs]

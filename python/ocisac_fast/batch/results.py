@@ -68,10 +68,10 @@ class Results:
         locks: descriptor of the folder, while a run writes here.
     """
 
-    def __init__(self, folder: str | os.PathLike[str]) -> None:
+    def __init__(self, folder: str | os.PathLike[str], locks: tuple[int, ...] = ()) -> None:
         self.folder = os.fspath(folder)
         self._system, self._root = file_system(self.folder)
-        self.locks: tuple[int, ...] = ()
+        self.locks = locks
         protocol = self._system.protocol  # one name, or several
         self.is_local = "file" in ((protocol,) if isinstance(protocol, str) else protocol)
         self._lengths: dict[str, int] = {}  # of the manifest
