@@ -54,8 +54,11 @@ double jackknife_std(std::span<const double> profile, double frequency, double c
   });
 }
 
-double bend_of_profile(std::span<const double> profile, double frequency) {
-  const std::vector<double> own = own_rows(profile);
+double bend_of_profile(std::span<const double> profile, double frequency, double margin) {
+  std::vector<double> own = own_rows(profile);
+  const auto left_out = static_cast<std::ptrdiff_t>(margin / frequency);
+  if (std::ssize(own) <= 2 * left_out) return 0;
+  own = {own.begin() + left_out, own.end() - left_out};
   const auto model = periodic_model(frequency, own.size(), kComparedHarmonics);
   if (own.size() <= 2 * model.parameters()) return 0;
   const double rows = static_cast<double>(own.size()), middle = 0.5 * (rows - 1);

@@ -76,8 +76,9 @@ double jackknife_std(double frequency, std::size_t rows, double cycles, int step
 double strongest_frequency(std::span<const double> profile, double lower, double upper);
 double jackknife_std(std::span<const double> profile, double frequency, double cycles);
 
-// Error of the frequency of a profile whose phase bends along its rows (bend_of_frequency).
-double bend_of_profile(std::span<const double> profile, double frequency);
+// Error of the frequency of a profile whose phase bends along its rows (bend_of_frequency). `margin`: cycles at either
+// end that are left out.
+double bend_of_profile(std::span<const double> profile, double frequency, double margin = 0);
 
 // Σ_n x(n)·e^(−j2πf(first + n)).
 std::complex<double> component_at(std::span<const double> profile, double frequency, std::size_t first_row = 0);
