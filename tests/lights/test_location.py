@@ -150,3 +150,16 @@ class TestCommand:
             code, _, (line,) = run("locate", lights, *words)
             assert code == 2
             assert message in line
+
+
+def test_a_camera_straight_below_a_light_is_found():
+    """Two poses of three lights at a right angle are one there: noise leaves a solver none of them."""
+    random = np.random.default_rng(0)
+    for noise in (0.0, 0.3):
+        for _ in range(40):
+            (a, b), height = random.uniform(0.5, 2, 2), random.uniform(1, 4)
+            places = np.array([[0, 0, height], [a, 0, height], [0, b, height]])
+            pixels = places[:, :2] / height * 1500 + (960, 540) + random.normal(0, noise, (3, 2))
+            got = of.locate_camera(places, pixels, focal=1500.0, centre=(960.0, 540.0))
+            poses = [got.position, *got.alternatives]
+            assert min(np.linalg.norm(pose) for pose in poses) < max(0.1 * height, 6 * np.linalg.norm(got.position_std))

@@ -20,6 +20,8 @@ from ocisac_fast.core.results import Result
 _COLLINEAR = 1e-3  # second over first singular value of the lights' places
 _LIKELIHOOD = 9.2  # max. difference of the sums of squares of alternatives: 1 % for two degrees of freedom
 _MAX_TRIPLES = 20
+# Of three lights in the picture, standard errors: where two poses are nearly one, noise leaves none of them.
+_MOVES = np.array([[[0, 0]] * 3, *np.random.default_rng(0).normal(0, 1, (8, 3, 2))])
 _MAX_STARTS = 12  # number of best initial poses that are refined
 _WORST_STD = 0.3  # of the distance to the lights; above it no location is returned
 
@@ -144,8 +146,10 @@ def _poses(world: Float64s, image: Float64s, lens: _Lens, noise: float) -> list[
     triples = list(itertools.combinations(range(len(world)), 3))
     for triple in triples[:: max(1, len(triples) // _MAX_TRIPLES)]:
         chosen = list(triple)
-        found = cv2.solveP3P(world[chosen], image[chosen], lens.matrix, lens.distortion, cv2.SOLVEPNP_AP3P)
-        starts += list(zip(found[1], found[2], strict=True))
+        for moves in _MOVES if len(world) == 3 else _MOVES[:1]:
+            moved = image[chosen] + noise * moves
+            found = cv2.solveP3P(world[chosen], moved, lens.matrix, lens.distortion, cv2.SOLVEPNP_AP3P)
+            starts += list(zip(found[1], found[2], strict=True))
     if len(world) > 3:
         spread = np.linalg.svd(world - world.mean(axis=0), compute_uv=False)
         flat = spread[2] <= _COLLINEAR * spread[0]
