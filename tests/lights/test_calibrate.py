@@ -183,3 +183,14 @@ def test_rows_that_are_moved_are_a_part_of_the_error(kind):
         for call, answer, error, std in answers:
             wrong[call] += not answer.flags and abs(error) > max(5 * std, 0.002)
     assert max(wrong.values()) <= 8  # pauses within a few cycles; 16 to 29 where bends are noise
+
+
+def test_harmonics_that_fold_onto_a_lower_fundamental_are_in_doubt():
+    """The second harmonic of 0.4 cycles a row is 0.2 there: PWM of either frequency explains the rows."""
+    random, row_time, frequency = np.random.default_rng(3), 20e-6, 20_000.2
+    for start in random.uniform(0, 1, 12):
+        lamp = oc.SquareWave(frequency, duty=0.2, phase=float(2 * np.pi * start))
+        light = oc.integrate_exposure(lamp, oc.Camera(row_time, exposure=10e-6), 1080)
+        picture = 20 + 200 * light[:, np.newaxis] + random.normal(0, 1, (1080, 64))
+        got = oc.calibrate(np.clip(np.rint(picture), 0, 255).astype(np.uint8), frequency)
+        assert got.flags & Flag.MODEL_MISFIT or got.row_time == pytest.approx(row_time, rel=1e-4)

@@ -82,30 +82,55 @@ std::vector<ocisac::AnyFramesView> views_of(const ocisac_plane* planes, std::siz
   return views;
 }
 
-// The views are of memory that the caller lets us write.
+// Planes that are written to.
 template <class Sample>
-void clean_as(const ocisac_cleaner& cleaner, const ocisac::StreamCleaner::Frame& frame,
-              const std::vector<ocisac::AnyFramesView>& views) {
+using Planes = std::vector<ocisac::FramesView<Sample>>;
+
+template <class Sample>
+void restore(const ocisac_cleaner& cleaner, const ocisac::StreamCleaner::Frame& frame, const Planes<Sample>& planes) {
   const ocisac::ColourLights& lights = frame.light.lights.front();
   for (std::size_t colour = 0; colour < lights.of_colour.size(); ++colour) {
     const ocisac::ModelledLight& light = lights.of(colour);
     std::vector<double> rows = light.light;
     for (double& row : rows) row = std::min(row, light.full);  // brighter rows are fully lit rows with noise
     const double level = cleaner.mean_level ? 1 : frame.light.full_level(0, colour);
-    const auto& view = std::get<ocisac::FramesView<const Sample>>(views[colour]);
-    const ocisac::FramesView<Sample> same{
-        const_cast<Sample*>(view.data), 1, view.rows, view.columns, 0, view.row_stride, view.column_stride};
-    frame.stored.restore<Sample>(0, colour, frame.light.shares[colour], {rows, level, cleaner.max_gain}, {same});
+    frame.stored.restore<Sample>(0, colour, frame.light.shares[colour], {rows, level, cleaner.max_gain},
+                                 {planes[colour]});
   }
 }
 
-void clean(const ocisac_cleaner& cleaner, const ocisac::StreamCleaner::Frame& frame,
-           const std::vector<ocisac::AnyFramesView>& views) {
-  if (!frame.light.unchanged.empty()) return;
-  const auto clean_frame = std::holds_alternative<ocisac::FramesView<const std::uint8_t>>(views.front())
-                               ? clean_as<std::uint8_t>
-                               : clean_as<std::uint16_t>;
-  clean_frame(cleaner, frame, views);
+// Cleans planes of the caller's memory; a failure leaves them as they are. Slow light is searched in a copy that is
+// without the faster one.
+template <class Sample>
+ocisac::SceneLight clean_as(ocisac_cleaner& cleaner, const std::vector<ocisac::AnyFramesView>& views,
+                            std::optional<double> time) {
+  ocisac::StreamCleaner::Frame frame = cleaner.stream.push(views, time);
+  Planes<Sample> planes, copies;
+  for (const auto& view : views) {
+    const auto& plane = std::get<ocisac::FramesView<const Sample>>(view);
+    planes.push_back(
+        {const_cast<Sample*>(plane.data), 1, plane.rows, plane.columns, 0, plane.row_stride, plane.column_stride});
+  }
+  if (!frame.light.may_leave_slow()) {
+    cleaner.slow.forget();
+    if (frame.light.unchanged.empty()) restore(cleaner, frame, planes);
+    return std::move(frame.light);
+  }
+  const std::size_t rows = planes[0].rows, columns = planes[0].columns;
+  std::vector<Sample> memory(planes.size() * rows * columns);
+  std::vector<ocisac::AnyFramesView> copied;
+  for (std::size_t k = 0; k < planes.size(); ++k) {
+    copies.push_back(ocisac::dense_view(&memory[k * rows * columns], 1, rows, columns));
+    copied.push_back(ocisac::dense_view<const Sample>(&memory[k * rows * columns], 1, rows, columns));
+  }
+  restore(cleaner, frame, copies);
+  const ocisac::StreamCleaner::Frame slow = cleaner.slow.push(copied, time);
+  if (slow.light.unchanged.empty()) restore(cleaner, slow, copies);
+  frame.light.join(slow.light);
+  for (std::size_t k = 0; k < planes.size(); ++k)
+    for (std::size_t n = 0; n < rows; ++n)
+      for (std::size_t c = 0; c < columns; ++c) planes[k](0, n, c) = copies[k](0, n, c);
+  return std::move(frame.light);
 }
 
 ocisac_cleaned cleaned_of(const ocisac_cleaner& cleaner, const ocisac::SceneLight& found) {
@@ -158,17 +183,10 @@ int ocisac_cleaner_push_stamped(ocisac_cleaner* cleaner, const ocisac_plane* pla
     const ocisac_stamp stated = completed(stamp, unknown, "stamp");
     if (cleaned != nullptr) completed(cleaned, empty_cleaned(), "cleaned");  // refuses a wrong size before any change
     const std::vector<ocisac::AnyFramesView> views = views_of(planes, count, cleaner->axis);
-    ocisac::StreamCleaner::Frame frame = cleaner->stream.push(views, known(stated.time));
-    cleaner->unchanged = frame.light.unchanged;
-    clean(*cleaner, frame, views);
-    if (frame.light.may_leave_slow()) {
-      const auto slow = cleaner->slow.push(views, known(stated.time));
-      clean(*cleaner, slow, views);
-      frame.light.join(slow.light);
-    } else {
-      cleaner->slow.forget();
-    }
-    if (cleaned != nullptr) answer(cleaned, cleaned_of(*cleaner, frame.light), "cleaned");
+    const auto clean = planes->format == OCISAC_GRAY8 ? clean_as<std::uint8_t> : clean_as<std::uint16_t>;
+    const ocisac::SceneLight light = clean(*cleaner, views, known(stated.time));
+    cleaner->unchanged = light.unchanged;
+    if (cleaned != nullptr) answer(cleaned, cleaned_of(*cleaner, light), "cleaned");
   });
 }
 

@@ -217,6 +217,18 @@ bool has_weak_fundamental(const PeriodicSignals& signals, double frequency, cons
   return false;
 }
 
+// True where the strongest harmonic may be a fundamental, of which the second or third harmonic, folded at half the row
+// rate, is taken for this one: both explain the rows.
+bool may_be_folded(const PeriodicFit& fit, std::size_t rows) {
+  const auto cycle = static_cast<std::size_t>(std::lround(1 / fit.frequency));  // rows
+  if (!(std::abs(static_cast<double>(cycle) * fit.frequency - 1) * static_cast<double>(rows) < 1)) return false;
+  const auto strongest =
+      static_cast<std::size_t>(std::ranges::max_element(fit.harmonic_energy) - fit.harmonic_energy.begin());
+  const std::size_t order = fit.model.harmonics[strongest];
+  const auto meets = [&](std::size_t folded) { return (folded + 1) % cycle == 0 || (folded - 1) % cycle == 0; };
+  return order > 1 && (meets(2 * order) || meets(3 * order));
+}
+
 PeriodicFit refined(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
                     const FrequencySearch& range) {
   const double start = std::clamp(frequency, range.lower, range.upper);
@@ -482,8 +494,8 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const double turning = kTwoPi * rows / std::sqrt(12.0);
   const double wander = largest_of(residual, signals.rows(), final, phase_deviation);
   const double turned = own_std * turning * std::sqrt(static_cast<double>(blocks.frames));
-  if (has_weak_fundamental(signals, final.frequency, range) || wander > std::max(kJump, kSure * turned) ||
-      coherence < kMostly)
+  if (has_weak_fundamental(signals, final.frequency, range) || may_be_folded(final, signals.rows()) ||
+      wander > std::max(kJump, kSure * turned) || coherence < kMostly)
     flags |= flag::model_misfit;
   const double bend = largest_of(residual, signals.rows(), final, bend_of_frequency);
   const double std = std::hypot(own_std, bend > 0 ? std::max(bend, kTaken * wander / turning) : 0.0);
