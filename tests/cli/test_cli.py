@@ -229,6 +229,7 @@ LIGHT = ("--frequency", "5", *TESTBED)
         (TESTBED, "--waveform tone: needs --frequency"),
         (("--waveform", "chips", "--bits", "01", *TESTBED), "--waveform chips: needs --chip-rate"),
         (("--waveform", "chips", "--bits", "012", "--chip-rate", "1kHz", *TESTBED), "levels: got '012'"),
+        (("--frequency", "nan", *TESTBED), "Invalid value for '--frequency': got 'nan'"),
         (("--frequency", "-5", *TESTBED), "--frequency: got -5"),
         ((*LIGHT, "--tilt", "3"), "--tilt: needs --lamp-width"),
         ((*LIGHT, "--jitter", "-1us"), "--jitter: got -1e-06"),

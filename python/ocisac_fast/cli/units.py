@@ -53,7 +53,7 @@ class Quantity(float):
         """
         match = _QUANTITY.fullmatch(text)
         if match is None:
-            return cls(float(text))  # the caller checks inf and nan
+            return cls(float(text))  # the caller checks inf
         number, divisor, written = match.groups()
         value = float(number) / float(divisor or 1.0)
         if not written:
@@ -87,6 +87,8 @@ class QuantityType(ParameterType):
             return "auto"
         try:
             quantity = Quantity.parse(str(value), self._unit)
+            if math.isnan(quantity):
+                raise ValueError("not a number")
         except (ValueError, ZeroDivisionError, OverflowError):
             auto = " or auto" if self._automatic else ""
             self.fail(f"got {shown(value)}, allowed: a number with or without unit, such as {self._example}{auto}")
