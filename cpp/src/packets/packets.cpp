@@ -155,10 +155,11 @@ class ChipEvidence {
   // Of a pause of the sender: dark, bright, toggling or anything else.
   [[nodiscard]] double of_pause(std::ptrdiff_t begin, std::ptrdiff_t end) const {
     constexpr std::array kPatterns{0b00U, 0b11U, 0b01U, 0b10U};
+    const std::ptrdiff_t first = std::max(begin, std::ptrdiff_t{0}), last = std::min(end, std::ssize(llr_));
     double most = 0;
     for (const unsigned pattern : kPatterns) {
       double sum = -std::log(static_cast<double>(kPatterns.size()));
-      for (std::ptrdiff_t k = begin; k < end; ++k) sum += of_chip(k, (pattern >> ((k - begin) % 2) & 1U) != 0);
+      for (std::ptrdiff_t k = first; k < last; ++k) sum += of_chip(k, (pattern >> ((k - begin) % 2) & 1U) != 0);
       most = std::max(most, sum);
     }
     return most;
