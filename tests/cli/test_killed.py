@@ -44,3 +44,18 @@ def test_what_a_killed_command_left_is_removed_by_the_next(tmp_path: Path) -> No
 
 def hidden(folder: Path) -> list[Path]:
     return sorted(folder.glob(".*"))
+
+
+def test_what_a_second_writer_left_is_removed_too(tmp_path: Path) -> None:
+    out = tmp_path / "out.mkv"
+    with atomic_path(out) as first:
+        first.write_bytes(b"first")
+        with atomic_path(out) as second:
+            second.write_bytes(b"second")
+            names = hidden(tmp_path)
+    for name in names:
+        name.mkdir()
+        (name / "new.mkv").write_bytes(b"left")
+    with atomic_path(out) as third:
+        third.write_bytes(b"third")
+    assert (hidden(tmp_path), out.read_bytes()) == ([], b"third")

@@ -32,6 +32,7 @@ _PICTURES = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".jpg": "JPEG", ".j
 _JPEG: dict[str, Any] = {"quality": 95, "subsampling": 0}
 _PNG_HEADER = 33  # bytes of the signature and of IHDR
 _MAX_SUFFIX = 16  # bytes; no supported kind of file has a longer one
+_USUAL_FOLDERS = 3  # of writers of one file at a time, which the next one removes if they were killed
 _places: ContextVar[Mapping[str, _Place]] = ContextVar("places", default=types.MappingProxyType({}))
 
 
@@ -174,14 +175,17 @@ class _Temporary:
     file: int
 
     def __init__(self, around: Path, name: str, suffix: str, mode: int) -> None:
-        mark = hashlib.blake2b(os.fsencode(name), digest_size=8).hexdigest()
+        salts = (bytes([k]) if k else b"" for k in range(_USUAL_FOLDERS))
+        usual = [hashlib.blake2b(os.fsencode(name), digest_size=8, salt=salt).hexdigest() for salt in salts]
         self._own = f"new{suffix}"
-        with contextlib.suppress(OSError):  # none there, no locks, or its process lives
-            self._take(around / f".{mark}", needs_lock=True)
-            self.close()
-        while True:
+        for mark in usual:
+            with contextlib.suppress(OSError):  # none there, no locks, or its process lives
+                self._take(around / f".{mark}", needs_lock=True)
+                self.close()
+        for mark in itertools.chain(
+            usual, iter(lambda: secrets.token_hex(8), "")
+        ):  # others where processes write the same
             folder = around / f".{mark}"
-            mark = secrets.token_hex(8)  # of the next, where another process writes the same
             with contextlib.suppress(FileExistsError):
                 folder.mkdir(0o700)
                 with contextlib.suppress(BlockingIOError, FileNotFoundError):  # it was taken for what is left
