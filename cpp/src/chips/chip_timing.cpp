@@ -158,7 +158,7 @@ std::vector<std::uint8_t> inliers(const std::vector<double>& distance, double al
   return used;
 }
 
-// Of edges from their chips' places, rows.
+// Measures how far each edge lies from the place of its chip, rows.
 std::vector<double> distances(const Edges& edges, std::span<const double> chips, const ChipLattice& lattice) {
   std::vector<double> distance(chips.size());
   for (std::size_t k = 0; k < chips.size(); ++k)

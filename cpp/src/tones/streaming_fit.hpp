@@ -44,7 +44,7 @@ class StreamingFit {
   // and resized; its memory is reused.
   void estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count, Columns& to) const;
 
-  // Of the rows: flags of the tones, covariance of the parameters.
+  // The model of the rows holds the flags of the tones and the covariance of the parameters.
   [[nodiscard]] const HarmonicModel& model() const { return model_; }
   [[nodiscard]] std::size_t rows_added() const {  // the first ones
     return weights_.groups() * static_cast<std::size_t>(weights_.row_group());

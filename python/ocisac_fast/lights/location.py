@@ -20,7 +20,7 @@ from ocisac_fast.core.results import Result
 _COLLINEAR = 1e-3  # second over first singular value of the lights' places
 _LIKELIHOOD = 9.2  # max. difference of the sums of squares of alternatives: 1 % for two degrees of freedom
 _MAX_TRIPLES = 20
-# Of three lights in the picture, standard errors: where two poses are nearly one, noise leaves none of them.
+# Noise moves three lights in the picture so, in standard errors: a solver finds no pose where two are nearly one.
 _MOVES = np.array([[[0, 0]] * 3, *np.random.default_rng(0).normal(0, 1, (8, 3, 2))])
 _MAX_STARTS = 12  # number of best initial poses that are refined
 _WORST_STD = 0.3  # of the distance to the lights; above it no location is returned

@@ -75,7 +75,7 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
 PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, double lower, double upper,
                             int max_steps = 30);
 
-// What the model's fit at this frequency leaves of each signal.
+// Subtracts the model's fit at this frequency from each signal.
 std::vector<double> residual_of(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
                                 double frequency);
 
