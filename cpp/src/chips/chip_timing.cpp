@@ -151,8 +151,8 @@ std::optional<ChipLattice> solve(const Edges& edges, std::span<const double> chi
 }
 
 // Edges within three robust standard deviations (median); excludes edges displaced by specks or wrong levels.
-std::vector<std::uint8_t> inliers(const std::vector<double>& distance, double allowance) {
-  const double limit = 3 * (median(distance) / kMedianMagnitude + allowance);
+std::vector<std::uint8_t> inliers(const std::vector<double>& distance) {
+  const double limit = 3 * (median(distance) / kMedianMagnitude + 0.02);
   std::vector<std::uint8_t> used(distance.size());
   std::ranges::transform(distance, used.begin(), [&](double d) { return static_cast<std::uint8_t>(d <= limit); });
   return used;
@@ -206,7 +206,7 @@ std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
     if (!solved) return std::nullopt;
     lattice = *solved;
     distance = distances(edges, chips, lattice);
-    used = inliers(distance, 0.02);
+    used = inliers(distance);
   }
   std::size_t collisions = 0;
   std::array<std::array<double, 2>, 2> runs{};
@@ -257,7 +257,7 @@ std::optional<FittedLattice> fit_lattice(const Edges& edges, std::span<const dou
   if (chips.size() < kMinEdges) return std::nullopt;
   const auto of_all = solve(edges, chips, std::vector<std::uint8_t>(chips.size(), 1));
   if (!of_all) return std::nullopt;
-  const auto of_most = solve(edges, chips, inliers(distances(edges, chips, *of_all), 0.02));
+  const auto of_most = solve(edges, chips, inliers(distances(edges, chips, *of_all)));
   return FittedLattice{centred(of_most.value_or(*of_all)), centred(*of_all)};
 }
 

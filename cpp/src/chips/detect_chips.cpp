@@ -93,7 +93,7 @@ constexpr std::array kDetectors{
     Detector{"inverse", kLongestReducedExposure, [](Problem& p) { return invert_and_slice_chips(p.question); }},
     // The most likely sequences.
     Detector{"reduced", kLongestReducedExposure,
-             [](Problem& p) { return search_reduced(p.equations(), {}, p.question.effort); },
+             [](Problem& p) { return search_reduced(p.equations(), {.effort = p.question.effort}); },
              [](Problem&) { return true; }},
     // All sequences.
     Detector{"mlse", kLongestDetectedExposure, [](Problem& p) { return detect_sequence(p.question); }},

@@ -113,8 +113,8 @@ class Neighbours {
 
 class Search {
  public:
-  Search(const ChipEquations& equations, const ReducedSearch& search, SearchEffort* effort)
-      : equations_(equations), search_(search), effort_(effort), mask_((std::uint32_t{1} << equations.band()) - 1) {}
+  Search(const ChipEquations& equations, const ReducedSearch& search)
+      : equations_(equations), search_(search), mask_((std::uint32_t{1} << equations.band()) - 1) {}
 
   std::vector<double> run() {
     const std::vector<Kept> start{{0, 0.0F, {kNone, kNone}, {}}};
@@ -123,7 +123,8 @@ class Search {
       check_interrupt();
       extend(chip, chip == 0 ? std::span(start) : std::span(kept_).subspan(begins_[chip - 1]));
       begins_.push_back(kept_.size());
-      if (effort_ != nullptr && !effort_->take(static_cast<double>(kept_at(chip).size()) / kSequencesPerRow))
+      if (search_.effort != nullptr &&
+          !search_.effort->take(static_cast<double>(kept_at(chip).size()) / kSequencesPerRow))
         return std::vector<double>(equations_.count());
     }
     return look_back();
@@ -164,7 +165,7 @@ class Search {
       if (of_low == state) arrive(low++, 0);
       if (of_high == state) arrive(high++, 1);
     }
-    const bool first = effort_ == nullptr && chip < kFirstExposures * equations_.band();
+    const bool first = search_.effort == nullptr && chip < kFirstExposures * equations_.band();
     keep(first ? search_.max_first_sequences : search_.max_sequences);
   }
 
@@ -223,7 +224,6 @@ class Search {
 
   const ChipEquations& equations_;
   const ReducedSearch search_;
-  SearchEffort* effort_;
   std::uint32_t mask_;
   Feedback feedback_;
   std::vector<Kept> kept_, next_;  // of all chips in sequence; candidates at a chip before the selection
@@ -233,14 +233,14 @@ class Search {
 
 }  // namespace
 
-std::vector<double> search_reduced(const ChipEquations& equations, const ReducedSearch& search, SearchEffort* effort) {
+std::vector<double> search_reduced(const ChipEquations& equations, const ReducedSearch& search) {
   require(equations.band() <= static_cast<std::size_t>(kLongestReducedExposure), "exposure_chips", equations.band(),
           "at most 24 chips");
   require(search.max_sequences > 0, "max_sequences", search.max_sequences, "at least one sequence");
   require(search.max_first_sequences > 0, "max_first_sequences", search.max_first_sequences, "at least one sequence");
   require_positive("reach", search.reach);
   if (equations.count() == 0) return {};
-  return Search(equations, search, effort).run();
+  return Search(equations, search).run();
 }
 
 }  // namespace ocisac

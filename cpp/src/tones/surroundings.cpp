@@ -284,10 +284,11 @@ double bend_of_frequency(std::span<const double> left, double cycles_per_row, Le
   bends = beside(basis, bends);
   const MatrixXd rest = beside(basis, Eigen::Map<const VectorXd>(left.data(), std::ssize(left)));
   const VectorXd angles = least_squares(bends, rest), noise = rest - bends * angles;
-  const double squares = noise.squaredNorm(), white = squares / (rows - 10);
+  const double squares = noise.squaredNorm(),
+               white = squares / (rows - static_cast<double>(known.cols() + bends.cols()));
   const std::span<const double> unexplained(noise.data(), left.size());
-  if (!(rest.squaredNorm() - squares >
-        chance_energy(4) * (white + texture_powers(unexplained, left.size(), cycles_per_row)[0])))
+  if (!(rest.squaredNorm() - squares > chance_energy(static_cast<std::size_t>(bends.cols())) *
+                                           (white + texture_powers(unexplained, left.size(), cycles_per_row)[0])))
     return 0;
   return kHidden * angles.head<2>().norm() / (std::numbers::pi * rows);
 }
