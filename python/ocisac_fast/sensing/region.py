@@ -348,6 +348,8 @@ def _fitted(
         search: Literal["square", "auto"] = "square" if request.waveform == "square" else "auto"
         found = find_frequency(columns, camera, bounds=request.bounds, waveform=search, select=False)
         flags = found.flags & ~Flag.SATURATED
+        if found.may_be_texture:
+            flags &= ~Flag.MODEL_MISFIT
         if found.flags & Flag.NO_TONE:
             return None, flags
         cycles = found.cycles_per_row
