@@ -372,14 +372,24 @@ bool shows_tone(const PeriodicSignals& signals, std::size_t count, double freque
                         count);
 }
 
-// Sum of each frame's signals.
-std::vector<double> summed(const ColumnBlocks& blocks) {
+// Sum of the used signals of each frame.
+std::vector<double> summed(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used) {
   std::vector<double> sums(blocks.frames * blocks.rows);
   const auto rows = static_cast<Index>(blocks.rows), each = static_cast<Index>(blocks.blocks);
+  const Eigen::VectorXd weights =
+      Eigen::Map<const Eigen::Array<std::uint8_t, Eigen::Dynamic, 1>>(used.data(), each).cast<double>();
   for (std::size_t frame = 0; frame < blocks.frames; ++frame)
     Eigen::Map<Eigen::VectorXd>(&sums[frame * blocks.rows], rows) =
-        Eigen::Map<const MatrixXd>(&blocks.signals[frame * blocks.blocks * blocks.rows], rows, each).rowwise().sum();
+        Eigen::Map<const MatrixXd>(&blocks.signals[frame * blocks.blocks * blocks.rows], rows, each) * weights;
   return sums;
+}
+
+// The same beside what stands still, the mean of the frames.
+PeriodicSignals moving_light(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used) {
+  std::vector<double> sums = summed(blocks, used);
+  Eigen::Map<MatrixXd> frames(sums.data(), static_cast<Index>(blocks.rows), static_cast<Index>(blocks.frames));
+  frames.colwise() -= frames.rowwise().mean().eval();
+  return {std::move(sums), blocks.rows};
 }
 
 // The largest of a measure of the tone in the signals, by what the model leaves. Rows after lost or repeated ones have
@@ -397,14 +407,6 @@ double largest_of(const std::vector<double>& residual, std::size_t rows, const P
   return strongest > 0 ? largest / strongest : 0;
 }
 
-// Light of the blocks beside what stands still, the mean of the frames.
-PeriodicSignals moving_light(const ColumnBlocks& blocks) {
-  MatrixXd signals = Eigen::Map<const MatrixXd>(blocks.signals.data(), static_cast<Index>(blocks.rows * blocks.blocks),
-                                                static_cast<Index>(blocks.frames));
-  signals.colwise() -= signals.rowwise().mean().eval();
-  return {std::vector<double>(signals.data(), signals.data() + signals.size()), blocks.rows};
-}
-
 // Searches the parts of the frame, each with its own noise, phase and overlays. Without a significant tone, searches
 // their sum, which is better for a weak light over the whole frame. `in_parts`, `in_sum`: significance of the tone.
 double coarse_frequency(const ColumnBlocks& blocks, const PeriodicSignals& parts, const FrequencySearch& range,
@@ -412,7 +414,8 @@ double coarse_frequency(const ColumnBlocks& blocks, const PeriodicSignals& parts
   const double frequency = coarse_frequency(parts, range);
   in_parts = std::isnan(frequency) || shows_tone(parts, blocks.frames * blocks.blocks, frequency);
   if (!in_parts && blocks.blocks > 1) {
-    const PeriodicSignals sums = unit_signals({summed(blocks), blocks.rows});
+    const PeriodicSignals sums =
+        unit_signals({summed(blocks, std::vector<std::uint8_t>(blocks.blocks, 1)), blocks.rows});
     const double other = coarse_frequency(sums, range);
     if (!std::isnan(other) && shows_tone(sums, blocks.frames, other)) {
       in_sum = true;
@@ -548,7 +551,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
                       may_be_folded(final, signals.rows()) || wander > std::max(kJump, kSure * turned) ||
                       coherence < kMostly;
   const bool may_be_texture =
-      !misfit && !stands_out(blocks.frames > 1 ? moving_light(blocks) : signals, final.frequency);
+      !misfit && !stands_out(blocks.frames > 1 ? moving_light(blocks, used) : signals, final.frequency);
   if (misfit || may_be_texture) flags |= flag::model_misfit;
   const double bend = largest_of(residual, signals.rows(), final, bend_of_frequency);
   const double std = std::hypot(own_std, bend > 0 ? std::max(bend, kTaken * wander / turning) : 0.0,

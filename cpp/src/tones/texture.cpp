@@ -28,7 +28,7 @@ struct LinesAbout {
   ArrayXXd powers;
 };
 
-constexpr int kLines = 8;
+constexpr int kLines = 8;  // of the spectrum, up to 8 cycles apart
 
 double spacing_of_lines(double frequency, std::size_t rows) {
   return frequency / std::ceil(frequency * static_cast<double>(rows) / kLines);
