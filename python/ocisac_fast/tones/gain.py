@@ -96,7 +96,8 @@ def tone_gain(
             fitted in float64, many times slower; converting to float64 selects that fit.
         threads: maximum number, 1 to 1024, at most that of processors; the result does not depend on it.
         pooled: combine the columns of a frame first, weighted by brightness above the background, without saturated
-            columns.
+            columns. Columns that show the tone at phases that cancel are flagged MODEL_MISFIT (16 rows of 16 columns
+            are asked, in which the tone is half of what varies or more).
 
     Returns:
         :class:`ToneGain`.
