@@ -149,6 +149,7 @@ def test_a_row_time_is_needed(receiver):
         ("frames: 1", b"--config: got frames: 1, allowed: names of options, such as row-time"),
         ("duty=[-", b"duty: got no value, allowed: one in --config"),
         ("duty = []", b"duty: got no value, allowed: one in --config"),
+        ('row-time = ["22.2us", "3us"]', b"row-time: got several values, allowed: one in --config"),
     ],
 )
 def test_bad_values_of_a_file_of_options_are_refused(receiver, tmp_path, options, message):
