@@ -235,6 +235,27 @@ bool may_be_folded(const PeriodicFit& fit, std::size_t rows) {
   return order > 1 && (meets(2 * order) || meets(3 * order));
 }
 
+// RMS error of the frequency by harmonics above half the row rate that fold beside own ones: a tone of level r within
+// 1.5 cycles pulls by up to r/2 cycles, at a phase that is not known. Levels fall from the upper half of the own ones
+// with the square of the order, as an exposure makes them.
+double fold_error(const PeriodicFit& fit, double rows) {
+  const auto& orders = fit.model.harmonics;
+  const auto slope = [&](std::size_t i) { return static_cast<double>(orders[i]) * std::sqrt(fit.harmonic_energy[i]); };
+  double level = 0, information = 0, squares = 0;
+  for (std::size_t i = 0; i < orders.size(); ++i) {
+    information += slope(i) * slope(i);
+    if (static_cast<double>(orders[i] + 1) * fit.frequency > 0.25)
+      level = std::max(level, static_cast<double>(orders[i]) * slope(i));
+  }
+  for (double order = std::ceil(0.5 / fit.frequency); order * fit.frequency < 3; ++order)
+    for (std::size_t i = 0; i < orders.size(); ++i) {
+      const double cycles = order * fit.frequency, own = static_cast<double>(orders[i]) * fit.frequency;
+      if (std::abs(std::abs(cycles - std::nearbyint(cycles)) - own) * rows < 1.5)
+        squares += std::pow(slope(i) * level / (order * order), 2);
+    }
+  return std::sqrt(squares / 8) / information / rows;
+}
+
 PeriodicFit refined(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
                     const FrequencySearch& range) {
   const double start = std::clamp(frequency, range.lower, range.upper);
@@ -554,8 +575,10 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
       !misfit && !stands_out(blocks.frames > 1 ? moving_light(blocks, used) : signals, final.frequency);
   if (misfit || may_be_texture) flags |= flag::model_misfit;
   const double bend = largest_of(residual, signals.rows(), final, bend_of_frequency);
-  const double std = std::hypot(own_std, bend > 0 ? std::max(bend, kTaken * wander / turning) : 0.0,
-                                stored_tone.step > 0 ? rounding_of_frequency(stored_tone, final) : 0.0);
+  const double moved = bend > 0 ? std::max(bend, kTaken * wander / turning) : 0,
+               rounded = stored_tone.step > 0 ? rounding_of_frequency(stored_tone, final) : 0,
+               folded = range.harmonics == Harmonics::fundamental ? 0 : fold_error(final, rows),
+               std = std::hypot(std::hypot(own_std, moved), rounded, folded);
   const double noise = noise_power(final, signals) * rows * static_cast<double>(signals.count());
   return {final.frequency,    std,           final.total_periodic() / noise, final.model.harmonics.back(), flags,
           std::move(columns), may_be_texture};
