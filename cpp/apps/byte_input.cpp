@@ -23,6 +23,7 @@ constexpr int kPipeBytes = 1 << 20;  // larger pipe: fewer switches between writ
 ByteInput::ByteInput(const std::string& path)
     : descriptor_(path == "-" ? STDIN_FILENO : ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)),
       owned_(path != "-") {
+  if (descriptor_ < 0 && errno != ENOENT) throw std::system_error(errno, std::generic_category(), path);
   require(descriptor_ >= 0, "input", path, "a file that can be read, or -");
 #ifdef F_SETPIPE_SZ
   ::fcntl(descriptor_, F_SETPIPE_SZ, kPipeBytes);  // fails harmlessly where it is no pipe or not allowed

@@ -203,7 +203,7 @@ void add_output_options(CLI::App& app, Settings& settings, Written& written) {
 }
 
 // The parser would take a read that fails for the end of the file, hold a file of any length, pass over names that are
-// no options, and read the first value of an option whose list is empty, as in "duty = [".
+// no options, and read the first value of an option whose list is empty, as in "duty = [", or the last of several.
 class OptionsFile : public CLI::ConfigTOML {
  public:
   explicit OptionsFile(const CLI::App& app) : app_(app) {}
@@ -221,7 +221,8 @@ class OptionsFile : public CLI::ConfigTOML {
       const bool is_option = item.parents.empty() && app_.get_option_no_throw("--" + item.name) != nullptr;
       const std::string name = item.parents.empty() ? item.name : "[" + item.parents.front() + "]";
       require(is_option, "--config", name, "names of options, such as row-time");
-      require(!item.inputs.empty(), item.name, "no value", "one in --config");
+      require(item.inputs.size() == 1, item.name, item.inputs.empty() ? "no value" : "several values",
+              "one in --config");
     }
     return options;
   }

@@ -172,7 +172,7 @@ FrequencySearch search_of(const Camera& camera, const Bounds& bounds, const std:
 
 py::tuple tuple_of(const FoundFrequency& found) {
   return py::make_tuple(found.frequency, found.frequency_std, found.snr, found.harmonics, found.flags,
-                        columns_as_arrays(found.columns));
+                        columns_as_arrays(found.columns), found.may_be_texture);
 }
 
 namespace {

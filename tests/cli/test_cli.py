@@ -973,4 +973,4 @@ def test_pages_of_two_sizes_are_no_recording(command, second, run, square, tmp_p
 def test_frames_longer_than_their_time_are_refused_before_the_first_is_printed(run, square):
     code, out, (line,) = run("receive", square("a.png"), "--packets", "--frame-rate", "30kHz", "--row-time", "22.2us")
     assert (code, out) == (2, [])
-    assert "allowed: 1 to as many as the frame time holds" in line
+    assert "--frame-rate, --row-time: rows: got 720, allowed: 1 to as many as the frame time holds" in line

@@ -87,6 +87,13 @@ def test_python_takes_the_camera_of_the_command_line(path, run):
     assert json.loads(out[0])["gain"] == pytest.approx(THEORY, abs=3e-3)
 
 
+def test_webp_is_a_photograph_as_jpeg_is(tmp_path, run):
+    Image.fromarray(np.rint(230 * LIGHT).astype(np.uint8)).save(tmp_path / "a.webp")
+    assert read_frames(tmp_path / "a.webp").camera().tone_curve == "srgb"
+    _, _, err = run("gain", tmp_path / "a.webp", *GAIN, "--json")
+    assert err[0] == "ocisac: no tone curve is stated: srgb is taken, as usual for WEBP (--tone-curve)"
+
+
 def test_clean_takes_srgb_for_png(tmp_path, run):
     Image.fromarray(np.rint(230 * LIGHT).astype(np.uint8)).save(tmp_path / "a.png")
     code, _, err = run("clean", tmp_path / "a.png", tmp_path / "b.png", "--row-time", "22.2us", "--scan-axis", "y")

@@ -108,7 +108,7 @@ REFUSED: dict[str, dict[str, list[Any]]] = {
         ],
     },
     "tones.varying_tone_gain": {
-        "degree": [-1, 5], "frequency": [0.0, NAN], "waveform": ["saw"], "duty": [1.0], "threads": [0],
+        "degree": [-1, 5, -(2**63)], "frequency": [0.0, NAN], "waveform": ["saw"], "duty": [1.0], "threads": [0, 2**40],
         "background": [np.zeros(5)], "columns": [np.full((64, 8), NAN)],
     },
     "tones.tone_columns": {"frequency": [0.0, -5.0, NAN, INF]},

@@ -134,6 +134,13 @@ def test_bad_input_is_one_line_and_exit_code_2(receiver, options, message):
     assert message in done.stderr.decode()
 
 
+def test_why_an_input_cannot_be_opened_is_told(receiver):
+    words = [receiver, "--size", "40x720", "--row-time", "22.2us", "a" * 300]
+    done = subprocess.run(words, capture_output=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (1, b"")
+    assert done.stderr == b"ocisac-rx: " + b"a" * 300 + b": File name too long\n"
+
+
 def test_a_row_time_is_needed(receiver):
     done = subprocess.run([receiver, "--size", "40x720"], input=b"", capture_output=True, timeout=60, check=False)
     assert (done.returncode, done.stdout) == (2, b"")
@@ -149,6 +156,7 @@ def test_a_row_time_is_needed(receiver):
         ("frames: 1", b"--config: got frames: 1, allowed: names of options, such as row-time"),
         ("duty=[-", b"duty: got no value, allowed: one in --config"),
         ("duty = []", b"duty: got no value, allowed: one in --config"),
+        ('row-time = ["22.2us", "3us"]', b"row-time: got several values, allowed: one in --config"),
     ],
 )
 def test_bad_values_of_a_file_of_options_are_refused(receiver, tmp_path, options, message):

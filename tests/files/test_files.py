@@ -1149,6 +1149,23 @@ def test_a_file_of_this_machine_has_one_name(tmp_path, scheme):
         read_frames(f"{scheme}{tmp_path / 'a.npy'}")
 
 
+@pytest.mark.parametrize("name", ["mkdir", "open", "fstat", "stat"])
+def test_a_signal_while_an_output_is_begun_leaves_no_folder(tmp_path, monkeypatch, name):
+    call = getattr(os, name)
+
+    def interrupted(*arguments, **options):
+        made = call(*arguments, **options)
+        if any(tmp_path.iterdir()):
+            raise KeyboardInterrupt
+        return made
+
+    monkeypatch.setattr(os, name, interrupted)
+    with pytest.raises(KeyboardInterrupt), writing._Temporary(tmp_path, "x", ".npy", 0o600):
+        pass
+    monkeypatch.undo()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_temporary_files_of_many_writers_of_one_name_are_their_own(tmp_path):
     """One that is not locked yet is taken for what a killed process left; another then has its name."""
 

@@ -193,7 +193,7 @@ def test_sound_of_standard_input_is_kept_or_named(tmp_path: Path, name: str) -> 
         assert (b"warning: the sound of a pipe is left out, allowed: a file" in done.stderr) == is_pipe
 
 
-@pytest.mark.parametrize("replace", ["file", "pipe"])
+@pytest.mark.parametrize("replace", ["file", "pipe", "folder"])
 def test_sound_and_tags_are_those_of_the_file_that_was_opened(tmp_path, replace):
     for name in ("a.mkv", "b.mkv"):
         make_video(tmp_path / name, "yuv420p", BT709, LIMITED, "aac")
@@ -202,7 +202,7 @@ def test_sound_and_tags_are_those_of_the_file_that_was_opened(tmp_path, replace)
             (tmp_path / "b.mkv").replace(tmp_path / "a.mkv")
         else:
             (tmp_path / "a.mkv").unlink()
-            os.mkfifo(tmp_path / "a.mkv")
+            (os.mkfifo if replace == "pipe" else os.mkdir)(tmp_path / "a.mkv")
         with pytest.raises(FileError, match=r"a\.mkv: replaced while it was read"):
             write_frames(tmp_path / "out.mkv", iter(stream), like=stream)
     assert not (tmp_path / "out.mkv").exists()

@@ -19,6 +19,7 @@ from ocisac_fast import (
     Sum,
     Tone,
     TriangleWave,
+    Waveform,
     integrate_exposure,
     reference,
     sample_waveform,
@@ -368,3 +369,8 @@ def test_out_with_any_strides(step):
     columns = np.full((20, 3), np.nan)
     integrate_exposure(wave, camera, np.arange(20, dtype=np.uint8), start=0.5, out=columns[:, 1])
     np.testing.assert_array_equal(columns[:, 1], want[0])
+
+
+def test_the_base_class_is_no_waveform():
+    with pytest.raises(TypeError, match="Waveform: got the base class"):
+        Waveform()

@@ -77,3 +77,8 @@ def test_payloads_of_bytes_are_merged() -> None:
     seen = [{"light": 1, "time_s": 0.0, "receiver": name, "payload": payload} for name, payload in pairs]
     (merged,) = merge_receptions(seen)
     assert (merged["payload"], merged["agreement"]) == (b"x", pytest.approx(2 / 3))
+
+
+def test_what_an_iterator_gives_is_checked_as_it_comes():
+    with pytest.raises(ValueError, match="line 2: got 1, allowed: a JSON object"):
+        merge_receptions(iter([{"light": 1, "time_s": 0.0}, 1]))

@@ -499,3 +499,10 @@ def test_a_film_whose_lamp_changes_is_flagged(change):
     frames = light[:, :, None] + np.random.default_rng(1).normal(0, 1, (8, 480, 40))
     found = ocisac.sense_region(frames, of_camera, waveform="square")
     assert bool(found.flags & Flag.MODEL_MISFIT) == (change not in ("none", "dim"))
+
+
+def test_light_that_has_no_fourth_power_is_refused_by_its_tone_curve():
+    frames = 1e50 * (2.0 + np.sin(0.1 * np.arange(480)))[:, np.newaxis] * np.ones(3)
+    ocisac.sense_region(frames, Camera(ROW_TIME))
+    with pytest.raises(ValueError, match="as the largest light, allowed: 1e-60 to 1e60"):
+        ocisac.sense_region(frames, Camera(ROW_TIME, tone_curve="gamma"))

@@ -175,4 +175,17 @@ def test_rounding_is_flagged_in_samples_of_any_type(convert):
     levels = np.rint(light + np.random.default_rng(0).normal(0, 0.05, (720, 64))).astype(np.uint8)
     for pixels in (levels, convert(levels)):
         found = tone_gain(pixels, Camera(22.2e-6), 700.0, pooled=True)
-        assert found.flags & (Flag.QUANTISED | Flag.WEAK)
+        assert found.flags & (Flag.QUANTISED | Flag.WEAK | Flag.SATURATED)
+
+
+@pytest.mark.parametrize(("top", "step", "noise"), [(1023, 1, 4), (1023, 12, 12), (1.0, 0, 0.004)])
+def test_light_that_is_nearly_all_cut_off_is_clipped(top, step, noise):
+    rows = np.arange(480)
+    for seed in range(12):
+        random, frequency = np.random.default_rng(seed), 300.0 + 120 * seed
+        light = 1 + 0.12 * np.cos(2 * np.pi * frequency * 4e-5 * rows)[:, None]
+        stored = (top + 1.5 * noise) * light / light.min() + noise * random.standard_normal((480, 200))
+        stored = np.minimum(np.rint(stored / step) * step if step else stored, top)
+        pixels = stored.astype(np.uint16 if step else np.float32)
+        flags = tone_gain(pixels, Camera(4e-5), frequency, pooled=True).flags
+        assert flags & (Flag.SATURATED | Flag.QUANTISED)

@@ -13,10 +13,11 @@ ROW_TIME = 22.2e-6
 FIELDS = ("gain", "gain_std", "phase", "mean", "snr")
 
 
-def tone_columns(rows, cycles_per_row, columns=3, noise=1.0, seed=0, mean=100.0):
-    """Tones of random phase about `mean` with contrast 0.6."""
+def tone_columns(rows, cycles_per_row, columns=3, noise=1.0, seed=0, mean=100.0, phases=None):
+    """Tones of random phases, one for each column without a number of them, about `mean` with contrast 0.6."""
     random = np.random.default_rng(seed)
-    phase = 2 * np.pi * np.outer(np.arange(rows), cycles_per_row) + random.uniform(-np.pi, np.pi, columns)
+    phase = 2 * np.pi * np.outer(np.arange(rows), np.full(columns, cycles_per_row))
+    phase += random.uniform(-np.pi, np.pi, phases or columns)
     return mean * (1 + 0.6 * np.cos(phase)) + noise * random.standard_normal((rows, columns))
 
 
@@ -66,7 +67,10 @@ def test_agrees_with_the_reference(
     cycles = least * (0.48 / least) ** position
     random = np.random.default_rng(seed)
     row_step, column_step = steps
-    big = tone_columns(rows * abs(row_step), cycles / abs(row_step), columns * abs(column_step), seed=seed)
+    phases = 1 if pooled else None  # of columns that are not those of one lamp the reference says nothing
+    big = tone_columns(
+        rows * abs(row_step), cycles / abs(row_step), columns * abs(column_step), seed=seed, phases=phases
+    )
     big = np.stack([big * random.uniform(0.5, 1.2) for _ in range(max(frames, 1))]).clip(0, 255)
     floating = dtype.startswith("float")
     pixels = (big / 255 if floating else big).astype(dtype)
@@ -268,6 +272,21 @@ def test_pooled_columns_without_light_are_those_of_the_least_background():
     assert Flag(int(found.flags)) & Flag.NO_LIGHT
     assert found.mean == pytest.approx(-2.0)
     assert reference.tone_gain(frame, Camera(1e-5), 2e3, background=background, pooled=True).mean == pytest.approx(-2.0)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(120, 40), (480, 640)])
+@pytest.mark.parametrize("method", ["fit", "robust", "dft"])
+def test_pooled_columns_whose_phases_cancel_are_flagged_and_a_lamp_over_texture_is_not(rows, columns, method):
+    random = np.random.default_rng(rows)
+    places, noise = np.arange(rows)[:, None], random.normal(0, 2, (rows, columns))
+    texture = np.exp(0.2 * random.standard_normal((rows, columns)) + 0.3 * np.sin(0.1 * np.arange(columns)))
+    for advance, square in ((0.7, False), (0.7, True), (0.0, False), (0.0, True)):
+        wave = np.sin(2 * np.pi * 4e3 * ROW_TIME * (places + advance * np.arange(columns)))
+        light = texture * (70 + 40 * (np.sign(wave) if square else wave))
+        frame = np.clip(np.round(light + noise), 0, 255).astype(np.uint8)
+        waveform = "square" if square else "tone"
+        found = ocisac.tone_gain(frame, Camera(ROW_TIME), 4e3, method=method, waveform=waveform, pooled=True)
+        assert bool(Flag(int(found.flags)) & Flag.MODEL_MISFIT) is (advance > 0), (advance, square)
 
 
 GIVEN = {

@@ -162,12 +162,14 @@ def test_what_cannot_be_told_is_nan_and_flagged():
 
 
 @pytest.mark.parametrize(
-    ("slope", "flagged", "doubt"),
-    [(0.0, False, "columns show the tone at different phases"), (0.8, True, "0 dB below")],
+    ("phases", "slope", "flagged", "doubt"),
+    [(1, 0.0, False, ""), (8, 0.0, True, "columns show the tone at different phases"), (8, 0.8, True, "0 dB below")],
 )
-def test_the_command_looks_for_it(tmp_path, run, slope, flagged, doubt):
+def test_the_command_looks_for_it(tmp_path, run, phases, slope, flagged, doubt):
     file = tmp_path / "columns.npy"
-    np.save(file, columns_of(720, 3.3, 8, slope, noise=1.0).astype(np.float32))
+    columns = columns_of(720, 3.3, phases, slope, noise=1.0)
+    columns = np.repeat(columns, 8 // phases, axis=1) + np.random.default_rng(1).standard_normal((720, 8))
+    np.save(file, columns.astype(np.float32))
     where = ("--row-time", 1, "--region", "0,0,8,720")
     code, out, err = run("gain", file, "--frequency", 3.3 / 720, *where, "--json")
     assert (code, "model_misfit" in json.loads(*out)["flags"]) == (0, flagged)

@@ -110,8 +110,9 @@ Calibration find_lamp(const AnyFramesView& frames, const FrequencySearch& search
   }
   LightSource light = lamps.front();
   measure_together(light, lamps, frames, search);
-  // The error of a misfit is no allowance.
-  const double allowed = (whole.flags & flag::model_misfit) != 0 ? 0 : whole.frequency_std;
+  // The error of a misfit is no allowance, and it supports no light.
+  const bool misfit = (whole.flags & flag::model_misfit) != 0 && !whole.may_be_texture;
+  const double allowed = misfit ? 0 : whole.frequency_std;
   const bool contested = answered(whole) && !agree(whole.frequency, allowed, light);
   // The columns of the box among those of the frame.
   const ToneColumns own = tone_columns(part_of(frames, light.box), light.frequency, search.saturation);
@@ -122,7 +123,7 @@ Calibration find_lamp(const AnyFramesView& frames, const FrequencySearch& search
   std::ranges::copy(own.strength, all.strength.begin() + first);
   // A lamp that is no likely tone, such as data, counts only beside a tone of the whole frame.
   const bool uncertain = light.share == 0 || light.probability < kMostly;
-  const bool doubtful = contested || (uncertain && !answered(whole)) || is_narrow(all);
+  const bool doubtful = contested || (uncertain && (misfit || !answered(whole))) || is_narrow(all);
   const Flags flags = flag_if(own.saturated, flag::saturated) | flag_if(doubtful, flag::model_misfit);
   return {kNaN, kNaN, {light.frequency, light.frequency_std, light.snr, 3, flags, std::move(all)}, light.probability};
 }

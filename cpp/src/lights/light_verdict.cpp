@@ -192,13 +192,16 @@ double contrast_odds(const SearchedFrame& in, const RefinedLight& light) {
 }
 
 // A faint pattern of whole rows is the camera's, that of its colour filter, of a picture at another size, or of the
-// blocks of its compression, whose errors differ from place to place.
+// blocks of its compression, whose errors differ from place to place. Rows of two exposures, by pairs, are bright and
+// dark.
 double pattern_odds(const RefinedLight& light) {
   const double spread =
       std::hypot(light.frequency_std, kNextToNone / static_cast<double>(light.box.height)) / light.frequency;
+  const double faint = std::exp(-light.depth / kFaintPattern);
   double pattern = 0;
-  for (const int rows : {2, 3, 4, 8, 16}) pattern += normal(std::log(light.frequency * rows), spread);
-  return 1 / (1 + kWholeRows * std::exp(-light.depth / kFaintPattern) * pattern);
+  for (const int rows : {2, 3, 4, 8, 16})
+    pattern += (rows == 4 ? 1 : faint) * normal(std::log(light.frequency * rows), spread);
+  return 1 / (1 + kWholeRows * pattern);
 }
 
 // Cloth and moiré have many tones in a narrow band, each a little different; the lamps of a scene send on few clocks,

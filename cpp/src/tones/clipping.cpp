@@ -16,15 +16,14 @@ namespace {
 constexpr std::size_t kRows = 64;   // few: looking at them takes 1 % of the time of a gain
 constexpr std::size_t kFewest = 4;  // samples that are a pile, or not chance
 
-// Visits samples of rows at places of low discrepancy, so that no period of the light hides others.
+// Visits samples of some rows.
 template <class T>
 void for_some(const FramesView<const T>& view, std::size_t frame, std::size_t column, std::size_t columns, auto visit) {
-  constexpr std::uint32_t kGolden = 2654435769;  // 2³² times the golden ratio's part
   const std::size_t width = std::min(columns, view.columns);
   const std::size_t first = std::min(column - std::min(column, width / 2), view.columns - width);
   const std::size_t count = std::min(view.rows, kRows * columns / width);
   for (std::uint32_t i = 0; i < count; ++i) {
-    const std::size_t row = count < view.rows ? std::uint64_t{i * kGolden} * view.rows >> 32U : i;
+    const std::size_t row = count < view.rows ? some_row(i, view.rows) : i;
     const T* const samples = view.at(frame, row, first);
     for (std::size_t c = 0; c < width; ++c) visit(samples[static_cast<std::ptrdiff_t>(c) * view.column_stride]);
   }
@@ -68,6 +67,11 @@ void count(Count& to, bool is) {
 }
 
 }  // namespace
+
+std::size_t some_row(std::uint32_t i, std::size_t rows) {
+  constexpr std::uint32_t kGolden = 2654435769;  // 2³² times the golden ratio's part
+  return std::uint64_t{i * kGolden} * rows >> 32U;
+}
 
 Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t column, double least) {
   return std::visit(

@@ -10,6 +10,9 @@
 
 namespace ocisac {
 
+// Row i of some at places of low discrepancy, so that no period of the light hides others.
+std::size_t some_row(std::uint32_t i, std::size_t rows);
+
 // The smallest or the largest value of some samples where more have it than the value beside it (0: than half as
 // many), as stored, and the smallest step between any two of them.
 struct Pile {

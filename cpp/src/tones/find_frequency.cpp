@@ -26,6 +26,7 @@
 #include "tones/clipping.hpp"
 #include "tones/spectral_votes.hpp"
 #include "tones/surroundings.hpp"
+#include "tones/texture.hpp"
 #include "tones/tone_combination.hpp"
 
 namespace ocisac {
@@ -181,13 +182,18 @@ double noise_power(const PeriodicFit& fit, const PeriodicSignals& signals) {
   return std::max(fit.total_residual(), 1e-14 * fit.total_periodic()) / spare;
 }
 
-// True if noise and texture hardly explain the fundamental of this frequency.
+// True if noise and texture hardly explain the fundamental of this frequency. What stands still is the same in all
+// frames.
 bool stands_out(const PeriodicSignals& signals, double frequency) {
-  const auto model = periodic_model(frequency, signals.rows(), kComparedHarmonics);
+  constexpr double kChance = 1e-4;  // of some ten frequencies at which texture is strong
+  const auto model =
+      periodic_model(frequency, signals.rows(), std::max(kComparedHarmonics, orders_about(frequency, signals.rows())));
   const PeriodicFit fit = fit_periodic(signals, model, frequency, false);
-  const double texture = mean_of(
-      texture_powers(residual_of(signals.samples(), signals.rows(), model, frequency), signals.rows(), frequency));
-  return fit.harmonic_energy[0] > chance_energy(2 * signals.count()) * (noise_power(fit, signals) + texture);
+  const double energy = fit.harmonic_energy[0];
+  if (!(energy > chance_energy(2 * signals.count()) * noise_power(fit, signals))) return false;
+  const Texture texture =
+      texture_about(frequency, residual_of(signals.samples(), signals.rows(), model, frequency), signals.rows());
+  return texture.lines == 0 || texture.chance(energy / static_cast<double>(2 * signals.count())) < kChance;
 }
 
 // The fundamental of which `frequency` is a harmonic, or itself. Each of many parts pays for the harmonics of its
@@ -227,6 +233,27 @@ bool may_be_folded(const PeriodicFit& fit, std::size_t rows) {
   const std::size_t order = fit.model.harmonics[strongest];
   const auto meets = [&](std::size_t folded) { return (folded + 1) % cycle == 0 || (folded - 1) % cycle == 0; };
   return order > 1 && (meets(2 * order) || meets(3 * order));
+}
+
+// RMS error of the frequency by harmonics above half the row rate that fold beside own ones: a tone of level r within
+// 1.5 cycles pulls by up to r/2 cycles, at a phase that is not known. Levels fall from the upper half of the own ones
+// with the square of the order, as an exposure makes them.
+double fold_error(const PeriodicFit& fit, double rows) {
+  const auto& orders = fit.model.harmonics;
+  const auto slope = [&](std::size_t i) { return static_cast<double>(orders[i]) * std::sqrt(fit.harmonic_energy[i]); };
+  double level = 0, information = 0, squares = 0;
+  for (std::size_t i = 0; i < orders.size(); ++i) {
+    information += slope(i) * slope(i);
+    if (static_cast<double>(orders[i] + 1) * fit.frequency > 0.25)
+      level = std::max(level, static_cast<double>(orders[i]) * slope(i));
+  }
+  for (double order = std::ceil(0.5 / fit.frequency); order * fit.frequency < 3; ++order)
+    for (std::size_t i = 0; i < orders.size(); ++i) {
+      const double cycles = order * fit.frequency, own = static_cast<double>(orders[i]) * fit.frequency;
+      if (std::abs(std::abs(cycles - std::nearbyint(cycles)) - own) * rows < 1.5)
+        squares += std::pow(slope(i) * level / (order * order), 2);
+    }
+  return std::sqrt(squares / 8) / information / rows;
 }
 
 PeriodicFit refined(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
@@ -366,14 +393,24 @@ bool shows_tone(const PeriodicSignals& signals, std::size_t count, double freque
                         count);
 }
 
-// Sum of each frame's signals.
-std::vector<double> summed(const ColumnBlocks& blocks) {
+// Sum of the used signals of each frame.
+std::vector<double> summed(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used) {
   std::vector<double> sums(blocks.frames * blocks.rows);
   const auto rows = static_cast<Index>(blocks.rows), each = static_cast<Index>(blocks.blocks);
+  const Eigen::VectorXd weights =
+      Eigen::Map<const Eigen::Array<std::uint8_t, Eigen::Dynamic, 1>>(used.data(), each).cast<double>();
   for (std::size_t frame = 0; frame < blocks.frames; ++frame)
     Eigen::Map<Eigen::VectorXd>(&sums[frame * blocks.rows], rows) =
-        Eigen::Map<const MatrixXd>(&blocks.signals[frame * blocks.blocks * blocks.rows], rows, each).rowwise().sum();
+        Eigen::Map<const MatrixXd>(&blocks.signals[frame * blocks.blocks * blocks.rows], rows, each) * weights;
   return sums;
+}
+
+// The same beside what stands still, the mean of the frames.
+PeriodicSignals moving_light(const ColumnBlocks& blocks, const std::vector<std::uint8_t>& used) {
+  std::vector<double> sums = summed(blocks, used);
+  Eigen::Map<MatrixXd> frames(sums.data(), static_cast<Index>(blocks.rows), static_cast<Index>(blocks.frames));
+  frames.colwise() -= frames.rowwise().mean().eval();
+  return {std::move(sums), blocks.rows};
 }
 
 // The largest of a measure of the tone in the signals, by what the model leaves. Rows after lost or repeated ones have
@@ -398,7 +435,8 @@ double coarse_frequency(const ColumnBlocks& blocks, const PeriodicSignals& parts
   const double frequency = coarse_frequency(parts, range);
   in_parts = std::isnan(frequency) || shows_tone(parts, blocks.frames * blocks.blocks, frequency);
   if (!in_parts && blocks.blocks > 1) {
-    const PeriodicSignals sums = unit_signals({summed(blocks), blocks.rows});
+    const PeriodicSignals sums =
+        unit_signals({summed(blocks, std::vector<std::uint8_t>(blocks.blocks, 1)), blocks.rows});
     const double other = coarse_frequency(sums, range);
     if (!std::isnan(other) && shows_tone(sums, blocks.frames, other)) {
       in_sum = true;
@@ -427,10 +465,13 @@ std::vector<double> samples_of(const AnyFramesView& frames, std::size_t column) 
   return samples;
 }
 
-// True for a tone that rounding of a gradient makes: smaller than half a step, beside noise of less than half a step,
-// which would dither it. `all`: of the sums of the blocks.
-bool is_rounding(const AnyFramesView& frames, const ColumnBlocks& blocks, const PeriodicFit& all) {
-  constexpr double kExact = 1e-12;  // of the light: rounding of doubles
+// The column with the largest tone, its amplitude, and the step of the stored values. `all`: of the sums of the blocks.
+struct StoredTone {
+  std::vector<double> samples;
+  double amplitude = 0, step = 0;
+};
+
+StoredTone strongest_column(const AnyFramesView& frames, const ColumnBlocks& blocks, const PeriodicFit& all) {
   const std::size_t count = blocks.frames * blocks.blocks;
   double largest = 0;
   std::size_t strongest = 0;
@@ -440,11 +481,41 @@ bool is_rounding(const AnyFramesView& frames, const ColumnBlocks& blocks, const 
     largest = amplitude;
     strongest = s % blocks.blocks;
   }
-  const std::vector<double> samples = samples_of(frames, strongest * blocks.width);
-  const double step = step_of_samples(frames), amplitude = largest / static_cast<double>(blocks.width),
-               light = *std::ranges::max_element(samples, {}, [](double v) { return std::abs(v); });
-  if (!(amplitude > kExact * std::abs(light))) return true;
-  return amplitude < 0.5 * step && noise_of_differences(samples) < step * step / 4;
+  return {samples_of(frames, strongest * blocks.width), largest / static_cast<double>(blocks.width),
+          step_of_samples(frames)};
+}
+
+// True for a tone that rounding of a gradient makes: smaller than half a step, beside noise of less than half a step,
+// which would dither it.
+bool is_rounding(const StoredTone& tone) {
+  constexpr double kExact = 1e-12;  // of the light: rounding of doubles
+  const double light = *std::ranges::max_element(tone.samples, {}, [](double v) { return std::abs(v); });
+  if (!(tone.amplitude > kExact * std::abs(light))) return true;
+  return tone.amplitude < 0.5 * tone.step && noise_of_differences(tone.samples) < tone.step * tone.step / 4;
+}
+
+// Rows after which the phase comes again within half a cycle by the end of the frame.
+std::size_t rows_until_repeated(double frequency, std::size_t rows) {
+  std::size_t period = 1;
+  while (period < rows &&
+         std::abs(std::remainder(frequency * static_cast<double>(period), 1.0)) * static_cast<double>(rows) >= 0.5)
+    ++period;
+  return period;
+}
+
+// Standard error of the frequency by rounding, of variance 1/12 in steps, times exp(−2π²σ²) beside noise of σ steps:
+// the Cramér–Rao bound of as many rows as see different phases. Others see the same error, which is like the tone and
+// leaves nothing in the residual.
+double rounding_of_frequency(const StoredTone& tone, const PeriodicFit& final) {
+  const std::size_t rows = tone.samples.size();
+  const std::vector<double> left = residual_of(tone.samples, rows, final.model, final.frequency);
+  const double steps = tone.amplitude / tone.step, square = tone.step * tone.step,
+               noise = std::inner_product(left.begin(), left.end(), left.begin(), 0.0) /
+                       (square * static_cast<double>(rows)),
+               different = static_cast<double>(rows_until_repeated(final.frequency, rows));
+  constexpr double kMostOfRounding = 0.25;  // its variance
+  return std::exp(-kTwoPi * std::numbers::pi * std::max(noise - kMostOfRounding, 0.0)) /
+         (std::numbers::sqrt2 * std::numbers::pi * steps * static_cast<double>(rows) * std::sqrt(different));
 }
 
 void check(const FrequencySearch& search) {
@@ -486,7 +557,8 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.frequency * rows, own_std * rows, columns.saturated);
   if (final.frequency <= range.lower || final.frequency >= range.upper) flags |= flag::at_bound;
-  if (!columns.saturated && is_rounding(frames, blocks, all)) flags |= flag::quantised;
+  const StoredTone stored_tone = strongest_column(frames, blocks, all);
+  if (!columns.saturated && is_rounding(stored_tone)) flags |= flag::quantised;
   if ((!in_parts && !in_sum) || !is_significant(signals, final, signals.count())) flags |= flag::no_tone;
   constexpr double kJump = 0.075;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
   constexpr double kTaken = 2;  // RMS phase that a frequency takes up of bends beyond linear ones, over what it leaves
@@ -494,14 +566,22 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const double turning = kTwoPi * rows / std::sqrt(12.0);
   const double wander = largest_of(residual, signals.rows(), final, phase_deviation);
   const double turned = own_std * turning * std::sqrt(static_cast<double>(blocks.frames));
-  if (has_weak_fundamental(signals, final.frequency, range) || may_be_folded(final, signals.rows()) ||
-      wander > std::max(kJump, kSure * turned) || coherence < kMostly)
-    flags |= flag::model_misfit;
+  // Rows of two exposures in turns, one by one or by pairs.
+  const bool is_of_pairs = std::abs(final.frequency - 0.25) < kSure * own_std || final.frequency > 0.5 - 1 / rows;
+  const bool misfit = is_of_pairs || has_weak_fundamental(signals, final.frequency, range) ||
+                      may_be_folded(final, signals.rows()) || wander > std::max(kJump, kSure * turned) ||
+                      coherence < kMostly;
+  const bool may_be_texture =
+      !misfit && !stands_out(blocks.frames > 1 ? moving_light(blocks, used) : signals, final.frequency);
+  if (misfit || may_be_texture) flags |= flag::model_misfit;
   const double bend = largest_of(residual, signals.rows(), final, bend_of_frequency);
-  const double std = std::hypot(own_std, bend > 0 ? std::max(bend, kTaken * wander / turning) : 0.0);
+  const double moved = bend > 0 ? std::max(bend, kTaken * wander / turning) : 0,
+               rounded = stored_tone.step > 0 ? rounding_of_frequency(stored_tone, final) : 0,
+               folded = range.harmonics == Harmonics::fundamental ? 0 : fold_error(final, rows),
+               std = std::hypot(std::hypot(own_std, moved), rounded, folded);
   const double noise = noise_power(final, signals) * rows * static_cast<double>(signals.count());
-  return {final.frequency,   std, final.total_periodic() / noise, final.model.harmonics.back(), flags,
-          std::move(columns)};
+  return {final.frequency,    std,           final.total_periodic() / noise, final.model.harmonics.back(), flags,
+          std::move(columns), may_be_texture};
 }
 
 }  // namespace ocisac

@@ -15,6 +15,7 @@
 #include "rows/verdict.hpp"
 #include "tones/harmonic_kernels.hpp"
 #include "tones/row_moments.hpp"
+#include "tones/texture.hpp"
 #include "tones/tone_combination.hpp"
 
 namespace ocisac {
@@ -419,41 +420,6 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, do
   return best;
 }
 
-std::vector<double> texture_powers(std::span<const double> residuals, std::size_t height, double frequency) {
-  constexpr int kLines = 8;  // half-way between harmonics, or a part of that, up to 8 cycles apart
-  const Signals all = as_matrix(residuals, height);
-  std::vector<double> found(static_cast<std::size_t>(all.cols()));
-  const auto rows = static_cast<double>(height);
-  const double step = frequency / std::ceil(frequency * rows / kLines);
-  std::vector<double> orders, lines, waves;
-  for (int k = 0; k < kLines && frequency + (k + 0.5) * step < 0.5; ++k) {
-    lines.push_back(frequency + (k + 0.5) * step);
-    orders.push_back(lines.back() / frequency);
-  }
-  if (lines.empty()) return found;
-  const RowSampling sampling = centred_rows(height);
-  append_tones(waves, sampling, lines);
-  const MatrixXd parts = transposed_product(matrix_of(waves, sampling), all);
-  for (std::size_t s = 0; s < found.size(); ++s) {
-    const double white = noise_of_differences(residuals.subspan(s * height, height)),
-                 count = static_cast<double>(lines.size());
-    const auto own = parts.col(static_cast<Index>(s));
-    const double mean = own.squaredNorm() / rows / count;
-    if (!(2 * count * mean > chance_energy(2 * lines.size()) * white)) continue;
-    const auto power = [&](std::size_t k) { return own.segment<2>(2 * static_cast<Index>(k)).squaredNorm() / rows; };
-    std::vector<double> powers;
-    for (std::size_t k = 0; k < lines.size(); ++k) powers.push_back((power(k) - white) * orders[k] * orders[k]);
-    const double texture = std::max(median(std::move(powers)) / std::numbers::ln2, 0.0);
-    double evidence = count * (std::log(mean) + 1);  // over noise of one power
-    for (std::size_t k = 0; k < lines.size(); ++k) {
-      const double expected = white + texture / (orders[k] * orders[k]);
-      evidence -= std::log(expected) + power(k) / expected;
-    }
-    found[s] = evidence > 2 ? texture : mean - white;
-  }
-  return found;
-}
-
 namespace {
 
 // Variance of the sum of residual × derivative by texture: a harmonic h counts with h², and texture has the power 1/h²
@@ -463,7 +429,7 @@ double texture_score(const PeriodicModel& model, double frequency, const MatrixX
   double mean = 0, variance = 0;
   const std::span<const double> rest(residual.data(), static_cast<std::size_t>(residual.size()));
   const auto rows = static_cast<std::size_t>(residual.rows());
-  const std::vector<double> textures = texture_powers(rest, rows, frequency);
+  const std::vector<Texture> textures = textures_about(frequency, rest, rows);
   for (Index s = 0; s < residual.cols(); ++s) {
     double flat = 0, steep = 0;
     for (std::size_t k = 0; k < model.harmonics.size(); ++k) {
@@ -472,11 +438,11 @@ double texture_score(const PeriodicModel& model, double frequency, const MatrixX
       flat += energy;
       steep += energy * static_cast<double>(model.harmonics[k] * model.harmonics[k]);
     }
-    const double power = steep > 0 ? textures[static_cast<std::size_t>(s)] * flat / steep : 0;
+    const Texture& texture = textures[static_cast<std::size_t>(s)];
+    const double power = steep > 0 ? texture.power() * flat / steep : 0;
     if (!(power > 0)) continue;
     mean += power / static_cast<double>(residual.cols());
-    const double white = noise_of_differences(rest.subspan(static_cast<std::size_t>(s) * rows, rows));
-    variance += (white + power) * derivative.col(s).squaredNorm();
+    variance += (texture.white + power) * derivative.col(s).squaredNorm();
   }
   return std::max(variance, mean * derivative.rowwise().sum().squaredNorm());
 }

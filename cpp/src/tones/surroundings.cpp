@@ -17,6 +17,7 @@
 #include "ocisac/tones/periodic_fit.hpp"
 #include "rows/fit.hpp"
 #include "rows/verdict.hpp"
+#include "tones/texture.hpp"
 #include "tones/tone_combination.hpp"
 
 namespace ocisac {
@@ -288,7 +289,7 @@ double bend_of_frequency(std::span<const double> left, double cycles_per_row, Le
                white = squares / (rows - static_cast<double>(known.cols() + bends.cols()));
   const std::span<const double> unexplained(noise.data(), left.size());
   if (!(rest.squaredNorm() - squares > chance_energy(static_cast<std::size_t>(bends.cols())) *
-                                           (white + texture_powers(unexplained, left.size(), cycles_per_row)[0])))
+                                           (white + texture_about(cycles_per_row, unexplained, left.size()).power())))
     return 0;
   return kHidden * angles.head<2>().norm() / (std::numbers::pi * rows);
 }

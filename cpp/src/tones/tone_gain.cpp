@@ -355,8 +355,8 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, c
   return fit->well_posed() ? fit : nullptr;
 }
 
-constexpr double kHalfStep = 0.5;         // between stored values
-constexpr std::size_t kSomeColumns = 16;  // that tell of a frame
+constexpr double kHalfStep = 0.5;  // between stored values
+constexpr std::size_t kSome = 16;  // columns, and rows, that tell of a frame
 constexpr Flags kUnusable = flag::saturated | flag::unresolvable | flag::no_light;
 
 double noise_of(const ToneGainView& result, std::size_t index) {
@@ -365,14 +365,17 @@ double noise_of(const ToneGainView& result, std::size_t index) {
 
 // Samples of a column at a pile that stand for lost ones. Noise below half a step makes piles itself, as does a lamp
 // that is off (none are lost above 0). Black at 0 loses as many as noise takes to the value beside; of noise σ below a
-// step exp(−step²/8σ²) of what it loses without steps (within 25 %).
-double lost_samples(const Context& context, double off, const Pile& pile, double noise, const PileCounts& counts,
-                    std::size_t column) {
+// step exp(−step²/8σ²) of what it loses without steps (within 25 %). Where nearly all are at the top and the tone, of
+// this amplitude, is below half a step, noise is unknown.
+double lost_samples(const Context& context, double off, const Pile& pile, double noise, double amplitude,
+                    const PileCounts& counts, std::size_t column) {
   const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
   const double at = counts.at[column], steps = noise / pile.step;
   const bool may_be_off = pile.level < pile.beside && (!is_linear || pile.level <= off + kHalfStep * pile.step);
   if (may_be_off && pile.level > 0 && counts.runs[column] < kMostly * at) return 0;
-  if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < kHalfStep))) return 0;
+  const bool is_nearly_all = at > (1 - kSmallShare) * static_cast<double>(context.shape.rows) &&
+                             amplitude < kHalfStep * (pile.level - pile.beside);
+  if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < kHalfStep && !is_nearly_all))) return 0;
   if (!may_be_off || !is_linear || !(steps < 1)) return at;
   return std::min(at * std::exp(-1.0 / 8 / std::max(steps * steps - 1.0 / 12, 0.0)), counts.beside[column] / steps);
 }
@@ -408,7 +411,8 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
     const std::size_t index = index_of(context, 0, frame) + i;
     if (result.flags[index] & kUnusable) continue;
     const double off = context.camera->tone_curve.dark_level + background_of(context, frame, i);
-    const double noise = noise_of(result, index), lost = lost_samples(context, off, pile, noise, counts, i);
+    const double noise = noise_of(result, index), amplitude = result.gain[index] * result.mean[index],
+                 lost = lost_samples(context, off, pile, noise, amplitude, counts, i);
     PiledColumns own;
     own.add(1, counts, i, lost);
     if (own.are_clipped(context.shape.rows))
@@ -589,7 +593,7 @@ void gains_of_model(const AnyFramesView& frames, const Context& context, IndexRa
 struct PooledColumn {
   std::vector<double> signal;  // (rows,), linear light; empty: none are
   double background = 0;
-  bool saturated = false, negative = false;
+  bool saturated = false, misfit = false;
   std::vector<double> weights{}, totals{};  // of the columns
   double noise_variance = 1;                // of a column, in steps
 };
@@ -680,6 +684,34 @@ double noise_of_column(const AnyFramesView& frames, std::size_t at, const Contex
   return (own - share * common).square().mean() / (context.step * context.step) / (1 - weights[brightest]);
 }
 
+// True where columns show the tone at phases that cancel in their sum, by some rows of some columns in which it is most
+// of what varies.
+bool cancels(const AnyFramesView& frames, std::size_t at, const Tone& tone, std::span<const double> weights) {
+  const std::size_t every = 1 + weights.size() / kSome;
+  Eigen::Matrix<double, kSome, kSome> light = light.Zero();  // (columns × rows)
+  Eigen::Matrix<double, kSome, 2> waves;
+  Eigen::Array<double, kSome, 1> weight = weight.Zero();
+  std::visit(
+      [&](const auto& view) {
+        for (std::uint32_t i = 0; i < kSome; ++i) {
+          const std::size_t row = some_row(i, view.rows);
+          const Phasor wave = phasor(tone.cycles_per_row, static_cast<double>(row));
+          waves.row(i) << wave.cosine, wave.sine;
+          for (std::size_t c = every / 2; c < weights.size(); c += every) {
+            light(static_cast<Eigen::Index>(c / every), i) = static_cast<double>(view(at, row, c));
+            weight(static_cast<Eigen::Index>(c / every)) = weights[c];
+          }
+        }
+      },
+      frames);
+  light.colwise() -= light.rowwise().mean().eval();
+  const Eigen::Matrix<double, kSome, 2> levels = light * waves;
+  const Eigen::Array<double, kSome, 1> sizes = levels.rowwise().norm(), tones = 2.0 / kSome * sizes.square(),
+                                       all = light.rowwise().squaredNorm(), noise = (all - tones).max(0).sqrt();
+  const double sum = (weight.matrix().transpose() * levels).norm();
+  return sum < kNearlyAll * (weight * (sizes - noise)).sum() && (weight * tones).sum() > kMostly * (weight * all).sum();
+}
+
 // `frames` holds `frame` of the context, light by `curve`, as its frame number `at`; `one` holds it as it is stored.
 PooledColumn pool_columns(const AnyFramesView& frames, std::size_t at, const Context& context, std::size_t frame,
                           const ToneCurve& curve, const AnyFramesView& one) {
@@ -689,8 +721,9 @@ PooledColumn pool_columns(const AnyFramesView& frames, std::size_t at, const Con
   PooledColumn pooled;
   const std::vector<Flags> flags = flags_of_columns(one, context, frame, light);
   const auto weights = weigh_columns(context, frame, light, stored, flags, pooled.saturated);
-  for (const Flags own : flags) pooled.negative |= (own & flag::model_misfit) != 0;
+  for (const Flags own : flags) pooled.misfit |= (own & flag::model_misfit) != 0;
   pooled.signal = pooled_rows(frames, at, curve, weights);
+  for (const Tone& tone : context.tones) pooled.misfit |= cancels(frames, at, tone, weights);
   for (std::size_t column = 0; column < weights.size(); ++column)
     pooled.background += weights[column] * background_of(context, frame, column);
   if (context.step > 0 && weights.size() > 1)
@@ -735,7 +768,7 @@ PooledColumn strongest_columns(const AnyFramesView& frames, const Context& conte
     }
   if (first == columns) return {};
   std::size_t end = first + 1;
-  while (end - first < kSomeColumns && (is_usable(end) || (first > 0 && is_usable(first - 1))))
+  while (end - first < kSome && (is_usable(end) || (first > 0 && is_usable(first - 1))))
     if (is_usable(end))
       ++end;
     else
@@ -922,7 +955,7 @@ double levels_of(const Context& context, const Tone& tone, const PooledColumn& p
   const auto& weights = pooled.weights;
   const double squares = std::inner_product(weights.begin(), weights.end(), weights.begin(), 0.0),
                rows = static_cast<double>(context.shape.rows);
-  const std::size_t every = 1 + weights.size() / kSomeColumns;
+  const std::size_t every = 1 + weights.size() / kSome;
   std::vector<ColumnOfSteps> some;
   for (std::size_t k = every / 2; k < weights.size(); k += every)
     some.push_back({weights[k] * static_cast<double>(every), result.mean[i] * weights[k] / squares / context.step,
@@ -941,7 +974,7 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
     PooledColumn pooled = pool_columns(frames, context, frame);
     std::ranges::copy(pooled.signal, &signals[frame * rows]);
     background[frame] = pooled.background;
-    known[frame] = flag_if(pooled.saturated, flag::saturated) | flag_if(pooled.negative, flag::model_misfit);
+    known[frame] = flag_if(pooled.saturated, flag::saturated) | flag_if(pooled.misfit, flag::model_misfit);
     if (pooled.noise_variance < 1) quiet[frame] = std::move(pooled);
   });
   Camera camera = *context.camera;

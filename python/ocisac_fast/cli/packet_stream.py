@@ -75,7 +75,11 @@ class PacketStream:
         if self._camera is None:
             self._camera = camera
             self._receiver = self._make(self._camera)
-            require_in_frame_time(rows_and_columns(frame.shape, camera)[0], camera)
+            rows = rows_and_columns(frame.shape, camera)[0]
+            try:
+                require_in_frame_time(rows, camera)
+            except ValueError as error:
+                raise ValueError(f"--frame-rate, --row-time: {error}") from None
         self._frames += 1
         self._rows = rows_and_columns(frame.shape, self._camera)[0]
         if self._tones:

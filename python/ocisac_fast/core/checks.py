@@ -97,6 +97,7 @@ ShareAboveZero = Annotated[float, Within(0.0, 1.0, above=True)]
 ShareBelowOne = Annotated[float, Within(0.0, 1.0, below=True)]
 InnerShare = Annotated[float, Within(0.0, 1.0, above=True, below=True)]
 Count = Annotated[int, Within(1)]
+Threads = Annotated[int, Within(1, 1024)]
 
 
 def _with_errors(text: str | None) -> str | None:

@@ -1,9 +1,9 @@
 """Range and tone curve that a picture or video file states.
 
 PNG states the curve in its cICP, sRGB or gAMA chunk, JPEG and TIFF in EXIF's ColorSpace, all of them in an ICC
-profile, a video in its transfer characteristics. Without a statement JPEG is sRGB, and a video of a lossy codec has
-the curve of BT.709, since cameras write them so; other files are linear, as sensor values are: a wrong curve biases
-every gain.
+profile, a video in its transfer characteristics. Without a statement JPEG and WebP are sRGB, and a video of a lossy
+codec has the curve of BT.709, since cameras write them so; other files are linear, as sensor values are: a wrong curve
+biases every gain.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def response_of_picture(image: Image, chunks: bytes) -> LightResponse:
         return _power(1.0 / float(image.info["gamma"]), "PNG gAMA chunk")
     if image.getexif().get_ifd(_EXIF_IFD).get(_EXIF_COLOR_SPACE) == _EXIF_SRGB:
         return LightResponse("srgb", stated_by="EXIF ColorSpace")
-    return LightResponse("srgb" if image.format in ("JPEG", "MPO") else "linear", assumed_for=str(image.format))
+    return LightResponse("srgb" if image.format in ("JPEG", "MPO", "WEBP") else "linear", assumed_for=str(image.format))
 
 
 def _power(gamma: float, stated_by: str) -> LightResponse:

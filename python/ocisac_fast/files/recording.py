@@ -69,7 +69,8 @@ class _Recorded:
         """The camera: range, tone curve, levels and frame rate of the file, with what no file states.
 
         ``dataclasses.replace(camera, tone_curve="srgb")`` changes a value. Where the file states no tone curve
-        (``response.assumed_for``), it is sRGB for JPEG, that of BT.709 for lossy videos (H.264, HEVC), else linear.
+        (``response.assumed_for``), it is sRGB for JPEG and WebP, that of BT.709 for lossy videos (H.264, HEVC), else
+        linear.
 
         Args:
             row_time: time from one row to the next, s, above 0; None: unknown, rates are per row.

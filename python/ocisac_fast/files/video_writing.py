@@ -207,11 +207,11 @@ def _again(video: VideoFormat) -> Any:
     """
     if video.status is None:
         return video.path.open("rb")
-    file = os.fdopen(os.open(video.path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb")
-    if not os.path.samestat(os.fstat(file.fileno()), video.status):
-        file.close()
+    file = os.open(video.path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+    if not os.path.samestat(os.fstat(file), video.status):
+        os.close(file)
         raise FileError(f"{video.path}: replaced while it was read")
-    return file
+    return os.fdopen(file, "rb")
 
 
 def _copied(original: Any, copies: dict[int, Any]) -> Iterator[Any]:

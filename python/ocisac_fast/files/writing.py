@@ -171,8 +171,7 @@ class _Temporary:
     so that the umask applies.
     """
 
-    folder: int  # descriptors
-    file: int
+    folder = file = -1  # descriptors
 
     def __init__(self, around: Path, name: str, suffix: str, mode: int) -> None:
         salts = (bytes([k]) if k else b"" for k in range(_USUAL_FOLDERS))
@@ -182,29 +181,28 @@ class _Temporary:
             with contextlib.suppress(OSError):  # none there, no locks, or its process lives
                 self._take(around / f".{mark}", needs_lock=True)
                 self.close()
-        for mark in itertools.chain(
-            usual, iter(lambda: secrets.token_hex(8), "")
-        ):  # others where processes write the same
-            folder = around / f".{mark}"
-            with contextlib.suppress(FileExistsError):
-                folder.mkdir(0o700)
-                with contextlib.suppress(BlockingIOError, FileNotFoundError):  # it was taken for what is left
-                    self._take(folder, needs_lock=False)
-                    break
-        held = Path(f"/proc/self/fd/{self.folder}")
-        self.path = (held if held.exists() else folder) / self._own
-        try:
+        try:  # a signal may come at any time
+            for mark in itertools.chain(
+                usual, iter(lambda: secrets.token_hex(8), "")
+            ):  # others where processes write the same
+                self._name = around / f".{mark}"
+                with contextlib.suppress(FileExistsError):
+                    self._name.mkdir(0o700)
+                    with contextlib.suppress(BlockingIOError, FileNotFoundError):  # it was taken for what is left
+                        self._take(self._name, needs_lock=False)
+                        break
+            held = Path(f"/proc/self/fd/{self.folder}")
+            self.path = (held if held.exists() else self._name) / self._own
             self.file = os.open(self._own, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode, dir_fd=self.folder)
+            if os.fstat(self.file).st_uid != os.fstat(self.folder).st_uid:
+                raise PermissionError(errno.EACCES, "its temporary folder was exchanged", name)
         except BaseException:
             self.close()
             raise
-        if os.fstat(self.file).st_uid != os.fstat(self.folder).st_uid:
-            self.close()
-            raise PermissionError(errno.EACCES, "its temporary folder was exchanged", name)
 
     def _take(self, folder: Path, *, needs_lock: bool) -> None:
         """Open and lock a folder that still has its name."""
-        self._name, self.file = folder, -1  # none yet
+        self._name = folder
         self.folder = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         try:
             try:
@@ -214,18 +212,22 @@ class _Temporary:
                     raise
             if not os.path.samestat(os.fstat(self.folder), os.stat(folder, follow_symlinks=False)):
                 raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(folder))
-        except BaseException:
-            os.close(self.folder)
+        except OSError:
+            self._let_go()
             raise
 
     def close(self) -> None:
-        with contextlib.suppress(OSError):  # it has its name
+        with contextlib.suppress(OSError):  # it has its name, or there is none yet
             os.unlink(self._own, dir_fd=self.folder)
         with contextlib.suppress(OSError):  # moved, or not of this kind
             self._name.rmdir()
-        if self.file >= 0:
-            os.close(self.file)
-        os.close(self.folder)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        for descriptor in (self.file, self.folder):
+            if descriptor >= 0:
+                os.close(descriptor)
+        self.file = self.folder = -1
 
     def __enter__(self) -> _Temporary:
         return self

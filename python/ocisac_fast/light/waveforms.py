@@ -39,6 +39,9 @@ class Waveform:
     _made: ClassVar[Callable[..., _core.Waveform]]  # of the arguments; of two parts for a combination
     __array_ufunc__ = None  # NumPy leaves the operators to this class
 
+    def __init__(self) -> None:
+        raise TypeError("Waveform: got the base class, allowed: Tone, SquareWave and other waveforms")
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "_handle", self._made(*self._values().values()))
 

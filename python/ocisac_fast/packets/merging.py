@@ -48,7 +48,7 @@ def merge_receptions(lines: Iterable[str | Mapping[str, Any]], *, window: NotNeg
 def _read(line: str | Mapping[str, Any], number: int) -> dict[str, Any]:
     try:
         record = parsed_json(line) if isinstance(line, str) else dict(line)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"line {number}: got {shown(line)}, allowed: a JSON object") from error
     if not isinstance(record, dict):
         raise ValueError(f"line {number}: got {shown(line)}, allowed: a JSON object")

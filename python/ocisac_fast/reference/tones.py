@@ -28,9 +28,9 @@ def tone_gain(
 ) -> ToneGain:
     """As :func:`ocisac_fast.tone_gain`: ``numpy.linalg.lstsq`` on the design matrix, ``numpy.fft.rfft`` for the DFT.
 
-    Flags, such as those of multiples of half the row rate and of few cycles, are equal, except QUANTISED, which is
-    missing. So are harmonics above half the row rate, which a square wave is fitted with where it is the only tone:
-    they are tested by their truth.
+    Flags, such as those of multiples of half the row rate and of few cycles, are equal, except QUANTISED and that of
+    pooled columns that cancel, which are missing. So are harmonics above half the row rate, which a square wave is
+    fitted with where it is the only tone: they are tested by their truth.
     """
     stored = np.asarray(columns)
     light = linear_light(stored, camera)

@@ -57,7 +57,7 @@ def pooled_gain(fitted: Fitted, ambient: Ambient) -> PooledGain:
     by = np.stack([-gain * gain * m, z.real, -z.imag]) / light  # half the derivatives of gain^2
     variance = float((noise * np.einsum("ajk,ab,bjk->jk", by, c, by)).sum())
     variance += _ambient_variance(by[0], ambient) + (_by_cycles(fitted, by) * fitted.cycles_std) ** 2
-    chance = float((noise**2).sum()) * (c[1, 1] ** 2 + c[2, 2] ** 2 + 2 * c[1, 2] ** 2) / 2.0 / light**2
+    chance = float(((noise / light) ** 2).sum()) * (c[1, 1] ** 2 + c[2, 2] ** 2 + 2 * c[1, 2] ** 2) / 2.0
     both = variance + chance  # variance of gain^2 / 4
     with np.errstate(invalid="ignore"):  # rounding leaves an ill-posed fit a variance below 0
         std = np.sqrt(both) / gain if gain**4 > 4.0 * both else (4.0 * both) ** 0.25

@@ -123,7 +123,7 @@ def find_periodic(frames: npt.ArrayLike, camera: Camera) -> FoundPeriodic:
     if np.ndim(frames) == 1:
         raise ValueError("frames: got 1 dimension, allowed: (rows, columns) or (frames, rows, columns)")
     pictures = as_grey_frames(frames, "frames", camera.scan_axis)[:SEARCHED]
-    check_size(pictures)
+    check_size(pictures, camera)
     in_order = camera.in_time_order
     lights = [
         PeriodicRegion(one.region, one.frequency * camera.row_period, one.frequency_std * camera.row_period)

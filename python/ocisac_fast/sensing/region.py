@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.core.arrays import Float64s, as_grey_frames, stored_box
 from ocisac_fast.core.checks import InnerShare, NotNegative, Positive, Within, checked, checked_class, shown
 from ocisac_fast.core.flags import Flag
@@ -226,7 +227,7 @@ def measure(
 ) -> SensedRegion:
     """:func:`sense_region` of a request."""
     region = as_grey_frames(frames, "frames", camera.scan_axis)
-    check_size(region)
+    check_size(region, camera)
     width, height = stored_box(Region(0, 0, region.shape[2], region.shape[1]), region.shape[1:], camera.scan_axis)[2:]
     camera = camera.in_time_order
     tones = [f * camera.row_period for f in request.others]
@@ -295,7 +296,7 @@ def background_light(
         ValueError: wrong shapes or types, or frequencies that are not finite and above 0.
     """
     region = as_grey_frames(frames, "frames", camera.scan_axis)
-    check_size(region)
+    check_size(region, camera)
     camera = camera.in_time_order
     frequencies = _frequencies("tones", tones)
     model = make_model(region.shape[1], 0.0, (), [f * camera.row_period for f in frequencies])
@@ -308,11 +309,12 @@ def background_light(
     return BackgroundLight(np.asarray(columns.mean()), np.asarray(spread))
 
 
-def check_size(frames: npt.NDArray[Any]) -> None:
+def check_size(frames: npt.NDArray[Any], camera: Camera) -> None:
     """Refuse frames whose largest light has no fourth power; what is not finite is refused later."""
-    largest = float(np.abs(frames).max())
-    if largest > 0.0 and not 1.0 / _MOST <= largest <= _MOST:
-        raise ValueError(f"frames: got {largest:g} as the largest value, allowed: 1e-60 to 1e60")
+    largest = np.abs(frames).max(keepdims=True)
+    for kind, size in (("value", float(largest.max())), ("light", float(np.abs(linear_light(largest, camera)).max()))):
+        if size > 0.0 and not 1.0 / _MOST <= size <= _MOST:
+            raise ValueError(f"frames: got {size:g} as the largest {kind}, allowed: 1e-60 to 1e60")
 
 
 def _frequencies(name: str, given: npt.ArrayLike) -> tuple[float, ...]:
@@ -348,6 +350,8 @@ def _fitted(
         search: Literal["square", "auto"] = "square" if request.waveform == "square" else "auto"
         found = find_frequency(columns, camera, bounds=request.bounds, waveform=search, select=False)
         flags = found.flags & ~Flag.SATURATED
+        if found.may_be_texture:
+            flags &= ~Flag.MODEL_MISFIT
         if found.flags & Flag.NO_TONE:
             return None, flags
         cycles = found.cycles_per_row

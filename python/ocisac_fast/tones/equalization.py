@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import Float64s, as_columns, in_time_order
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import Threads, checked
 from ocisac_fast.core.results import Result
 
 Light = TypeVar("Light", Float64s, npt.NDArray[np.float32])
@@ -73,7 +73,7 @@ def equalize(
     method: Literal["inverse", "wiener"] = "inverse",
     noise: npt.ArrayLike | None = None,
     max_boost: float = 10.0,
-    threads: int = 1,
+    threads: Threads = 1,
     out: npt.NDArray[Any] | None = None,
     report: bool = False,
 ) -> npt.NDArray[Any] | tuple[npt.NDArray[Any], EqualizerReport]:

@@ -16,7 +16,7 @@ from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.results import Result
 
 # Cycles per row, standard error, signal-to-noise ratio, highest harmonic, flags, (used, strength, saturated).
-CoreFound = tuple[float, float, float, int, int, tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool]]
+CoreFound = tuple[float, float, float, int, int, tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64], bool], bool]
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
@@ -53,7 +53,9 @@ class FoundFrequency(Result):
             the selected pixels, and no better columns exist), ``MODEL_MISFIT`` (half or a third of the frequency shows
             as well, with less than half of the amplitude: it may be the fundamental; or the phase jumps along the rows,
             as where rows are lost or repeated; or the columns show as many phases as a chessboard, a cloth or lamps of
-            different phases).
+            different phases; or it has four rows, or two, as rows of two exposures in turns; or ``may_be_texture``).
+        may_be_texture: the tone hardly exceeds the texture that the spectrum shows beside it, or stands still in all
+            frames.
     """
 
     frequency: float
@@ -64,6 +66,7 @@ class FoundFrequency(Result):
     harmonics: int
     columns: ToneColumns
     flags: Flag
+    may_be_texture: bool
 
 
 @checked
@@ -88,8 +91,8 @@ def find_frequency(
     camera has a frame time, the changes from frame to frame tell the frequency of four frames or more.
 
     The standard error comes from the residual and allows noise that neighbouring columns share, that grows with the
-    light, that is correlated from row to row (speckle, text), or that is texture of the scene. In white noise the error
-    of f is at the Cramer-Rao bound of the model above.
+    light, that is correlated from row to row (speckle, text), or that is texture of the scene, and for rounding, of
+    which rows of one phase see the same. In white noise the error of f is at the Cramer-Rao bound of the model above.
 
     Args:
         columns: (rows,), (rows, columns) or (frames, rows, columns), rows in time order, all of one light; the phase
@@ -119,7 +122,7 @@ def find_frequency(
 
 def found_of(values: CoreFound, row_period: float) -> FoundFrequency:
     """Convert the core's values."""
-    cycles, cycles_std, snr, harmonics, flags, (used, strength, saturated) = values
+    cycles, cycles_std, snr, harmonics, flags, (used, strength, saturated), may_be_texture = values
     return FoundFrequency(
         frequency=cycles / row_period,
         frequency_std=cycles_std / row_period,
@@ -129,6 +132,7 @@ def found_of(values: CoreFound, row_period: float) -> FoundFrequency:
         harmonics=harmonics,
         columns=ToneColumns(used, strength, saturated),
         flags=Flag(flags),
+        may_be_texture=may_be_texture,
     )
 
 
@@ -221,4 +225,5 @@ def _over_frames(frames: npt.NDArray[np.generic], camera: Camera, found: FoundFr
         harmonics=1,
         columns=replace(found.columns, used=np.ones_like(found.columns.used)),
         flags=found.flags & Flag.SATURATED,
+        may_be_texture=False,
     )

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import Float64s, as_columns
-from ocisac_fast.core.checks import check_arguments
+from ocisac_fast.core.checks import Threads, check_arguments
 from ocisac_fast.core.results import Result
 
 _NO_BACKGROUND = np.zeros(0)
@@ -58,7 +58,7 @@ def tone_gain(
     duty: float = 0.5,
     background: npt.ArrayLike = 0.0,
     efficiency: float = 1.0,
-    threads: int = 1,
+    threads: Threads = 1,
     pooled: bool = False,
 ) -> ToneGain:
     """Normalised gain of tones in every pixel column, with its standard error.
@@ -96,7 +96,8 @@ def tone_gain(
             fitted in float64, many times slower; converting to float64 selects that fit.
         threads: maximum number, 1 to 1024, at most that of processors; the result does not depend on it.
         pooled: combine the columns of a frame first, weighted by brightness above the background, without saturated
-            columns.
+            columns. Columns that show the tone at phases that cancel are flagged MODEL_MISFIT (16 rows of 16 columns
+            are asked, in which the tone is half of what varies or more).
 
     Returns:
         :class:`ToneGain`.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ocisac_fast import _core
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.core.arrays import Float64s, as_columns
-from ocisac_fast.core.checks import checked
+from ocisac_fast.core.checks import Threads, Within, checked
 from ocisac_fast.core.results import Result
 from ocisac_fast.tones.gain import background_values, result_shape
 
@@ -45,11 +45,11 @@ def varying_tone_gain(
     camera: Camera,
     frequency: float,
     *,
-    degree: int = 2,
+    degree: Annotated[int, Within(0, 4)] = 2,
     waveform: Literal["tone", "square"] = "tone",
     duty: float = 0.5,
     background: npt.ArrayLike = 0.0,
-    threads: int = 1,
+    threads: Threads = 1,
 ) -> VaryingToneGain:
     """Gain of a tone in light with a gradient, or of a frequency that drifts or differs slightly from the given one.
 

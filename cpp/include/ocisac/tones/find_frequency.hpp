@@ -31,6 +31,7 @@ struct FoundFrequency {
   std::size_t harmonics;  // the highest one in the final fit
   Flags flags;  // saturated, few_cycles, no_tone, at_bound; model_misfit: half or a third of the frequency shows, too
   ToneColumns columns;
+  bool may_be_texture = false;  // model_misfit is set for this alone
 };
 
 // One frequency, shared by all columns and frames; amplitudes and phases are free.

@@ -79,10 +79,6 @@ PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, do
 std::vector<double> residual_of(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
                                 double frequency);
 
-// Power per row of texture at a tone in each signal, by what a fit leaves: the spectrum of texture falls with the
-// square of the frequency (Field 1987), and is seen half-way between the harmonics. 0 for white noise on average.
-std::vector<double> texture_powers(std::span<const double> residuals, std::size_t rows, double frequency);
-
 // Standard error at the minimum, from the residual, by the sandwich estimate. It allows for noise that is common to the
 // signals of a group (the `group` neighbouring signals of one frame), increases with the light, or is correlated from
 // row to row (Newey and West 1987, Bartlett weights; lag by Andrews 1991), and for texture at the tone. NaN without

@@ -1,0 +1,33 @@
+// Texture about a tone, in what a fit of the tone leaves: it stands still from frame to frame, and its spectrum falls
+// with the square of the frequency (Field 1987) or is flat there.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "core/levels.hpp"
+
+namespace ocisac {
+
+// Powers are those of a row: a sum of squares over the number of squares.
+struct Texture {
+  double white = 0;              // of the noise
+  double flat = 0, falling = 0;  // of texture at the tone, if its spectrum is flat there, or falls
+  double odds = 0;               // probability that it falls
+  std::size_t lines = 0;         // of the spectrum that tell it; 0: texture does not exceed the noise
+
+  [[nodiscard]] double power() const { return odds > 1 - kSmallShare ? falling : flat; }
+  // Probability that noise and texture have this power at a tone, or more: of exponential variates, whose mean is
+  // known from `lines` others (Lomax 1954).
+  [[nodiscard]] double chance(double power) const;
+};
+
+// Seen half-way between the harmonics of the tone, or a part of that, up to 8 cycles apart.
+// `residuals`: (signals × rows). The second averages the signals' spectra.
+// Harmonics that have to be fitted with the tone, since they leak there.
+std::size_t orders_about(double frequency, std::size_t rows);
+std::vector<Texture> textures_about(double frequency, std::span<const double> residuals, std::size_t rows);
+Texture texture_about(double frequency, std::span<const double> residuals, std::size_t rows);
+
+}  // namespace ocisac
