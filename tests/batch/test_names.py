@@ -264,7 +264,7 @@ def test_a_server_that_says_nothing_is_not_waited_for(monkeypatch):
     remote._bounded.cache_clear()
     with socket.create_server(("127.0.0.1", 0)) as silent:
         url = f"http://127.0.0.1:{silent.getsockname()[1]}/a.npy"
-        with pytest.raises(OSError, match="Timeout|no answer"):
+        with pytest.raises(OSError, match=r"Timeout|no answer"):
             read_frames(url)
     remote._bounded.cache_clear()
 

@@ -72,7 +72,8 @@ def _bounded() -> dict[str, Any]:
         async def text(self, encoding: str | None = None, errors: str = "strict") -> str:
             return (await self.read()).decode(encoding or self.charset or "utf-8", errors)
 
-    return {"response_class": Response, "timeout": aiohttp.ClientTimeout(None, sock_connect=_SILENCE, sock_read=_SILENCE)}
+    timeout = aiohttp.ClientTimeout(total=None, sock_connect=_SILENCE, sock_read=_SILENCE)
+    return {"response_class": Response, "timeout": timeout}
 
 
 @contextlib.contextmanager
