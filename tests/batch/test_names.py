@@ -18,7 +18,7 @@ from lamp_recordings import ROW_TIME, SHORT, lamp
 
 from ocisac_fast.batch import Task, measure_recordings, read_failures, read_results, summarize
 from ocisac_fast.batch.recordings import find_recordings
-from ocisac_fast.files import FileError, open_recording, read_frames, write_frames
+from ocisac_fast.files import FileError, open_recording, read_frames, remote, write_frames
 from ocisac_fast.files.remote import state_of
 
 GAIN = Task("gain", {"frequency": "500Hz", "row_time": ROW_TIME})
@@ -256,6 +256,17 @@ def server(tmp_path):
         threading.Thread(target=started.serve_forever, daemon=True).start()
         yield f"http://127.0.0.1:{started.server_port}"
         started.shutdown()
+
+
+def test_a_server_that_says_nothing_is_not_waited_for(monkeypatch):
+    pytest.importorskip("aiohttp")
+    monkeypatch.setattr(remote, "_SILENCE", 0.5)
+    remote._bounded.cache_clear()
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"http://127.0.0.1:{silent.getsockname()[1]}/a.npy"
+        with pytest.raises(OSError, match=r"Timeout|no answer"):
+            read_frames(url)
+    remote._bounded.cache_clear()
 
 
 def test_what_a_server_answers_is_the_failure_of_one_recording(server, tmp_path, run, batch):

@@ -15,6 +15,8 @@ import av
 import numpy as np
 import pytest
 
+from ocisac_fast.files import read_frames
+
 TURN = (0, 65536, 0, -65536, 0, 0, 120 << 16, 0, 1 << 30)  # as phones held upright write it
 TIMES = [0, 3000, 6100, 12000, 15003]  # of 90 kHz: the rate varies
 ROWS, COLUMNS = 120, 160
@@ -138,20 +140,36 @@ def test_a_run_that_is_stopped_leaves_nothing_or_a_film_that_plays(tmp_path, kee
         assert len(facts_of(target)[2]) == done
 
 
-def test_a_run_that_is_stopped_while_it_waits_for_more_of_a_pipe_writes_nothing(tmp_path):
-    """PyAV drops what interrupts its reads: the run went on with the part of the film that was there, as its whole."""
-    source, target = tmp_path / "in.mkv", tmp_path / "out.mkv"
-    write_film(source, count=60)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("keep", [False, True])
+@pytest.mark.parametrize("name", ["in.mkv", "in.npy"])
+def test_a_run_that_is_stopped_while_it_waits_for_more_of_a_pipe(tmp_path, name, keep, number):
+    """PyAV drops what interrupts its reads: the run went on with the part of the film that was there, as its whole.
+
+    A handler that only notes a signal does not end a read: with --keep-partial the run waited on.
+    """
+    source, target = tmp_path / name, tmp_path / "out.mkv"
+    write_film(tmp_path / "in.mkv", count=60)
+    if name == "in.npy":
+        np.save(source, read_frames(tmp_path / "in.mkv").frames)
     target.write_bytes(b"before")
-    command = [sys.executable, "-m", "ocisac_fast.cli", "clean", "-", str(target), *CLEAN, "--json", "--force"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    words = ["clean", "-", str(target), *CLEAN, "--json", "--force", *["--keep-partial"] * keep]
+    command, pipes = [sys.executable, "-m", "ocisac_fast.cli", *words], dict.fromkeys(("stdin", "stdout", "stderr"), -1)
+    with subprocess.Popen(command, **pipes) as process:
         whole = source.read_bytes()
         process.stdin.write(whole[: 3 * len(whole) // 4])
         process.stdin.flush()
-        process.stdout.readline()  # of the first frame
+        done = [process.stdout.readline() for _ in range(5)]
         time.sleep(2)  # till all that came is decoded
-        process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
+        process.send_signal(number)
+        try:
+            process.wait(30)  # its input stays open
+        finally:
+            process.kill()
+        rest, err = process.stdout.read(), process.stderr.read()
+    assert process.returncode == 128 + number, err
     assert b"Traceback" not in err
-    assert target.read_bytes() == b"before"
+    if keep:
+        assert len(facts_of(target)[2]) == len(done) + rest.count(b"\n") < 60
+    else:
+        assert target.read_bytes() == b"before"

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import sys
 
 import click
@@ -11,6 +12,7 @@ import pytest
 import ocisac_fast
 from ocisac_fast.cli.application import ocisac
 from ocisac_fast.cli.csv_files import write_csv
+from ocisac_fast.cli.output import Table
 
 TESTBED = ("--row-time", "22.2us", "--exposure", "622us")
 DARK = ("--dark-level", "16")  # so that noise is not clipped at 0
@@ -127,6 +129,25 @@ def test_tables_fit_into_a_narrow_terminal(run, square, monkeypatch):
         assert max(map(len, lines)) <= 80, command
     header = next(line for line in run("detect", film, *TESTBED, *DARK)[1] if "light" in line)
     assert header.split()[:5] == ["light", "x", "y", "width", "height"]
+
+
+@pytest.mark.parametrize("name", ["x.npy", "a_rather_long_name_of_a_recording.npy"])
+def test_all_rows_are_printed_at_every_width_of_a_terminal(name, monkeypatch, capsys):
+    """A row below the first ones failed where the terminal was too narrow for them."""
+    names = ("frame", "file", "SNR", "rows per chip", "chip rate", "flags", "bits", "payload")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
+    for width in range(5, 121):
+        monkeypatch.setenv("COLUMNS", str(width))
+        table = Table(names, left=("file", "flags", "bits", "payload"), spare=("rows per chip",))
+        for k in range(30):
+            table.add([str(k), name, "56.3 dB", "3.003", "15 k", "none", k * "z", k // 9 * "qqqq "], "")
+        table.end("")
+        out = click.unstyle(capsys.readouterr().out)
+        assert [int(number) for number in re.findall(r"(?m)^  (\d+) ", out)] == list(range(30)), width
+        assert (out.count("z"), out.count("q")) == (435, 4 * 36), width
+        assert all(column in out for column in names)
+        assert width < 70 or max(map(len, out.splitlines())) <= width
 
 
 def test_detect_sums_up_a_film(run, square):

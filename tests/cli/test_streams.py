@@ -1,5 +1,6 @@
 """Standard input, output and error that are closed or full, as under cron, daemons and on full disks."""
 
+import io
 import json
 import os
 import re
@@ -200,3 +201,30 @@ def test_memory_does_not_grow_with_a_stream(options, frames, tmp_path):
         done = subprocess.run([sys.executable, "-c", PEAK, *words], cwd=tmp_path, stdout=subprocess.PIPE, check=True)
         most.append(int(done.stdout))
     assert most[1] - most[0] < 6000  # KiB
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("words", [STREAM, STREAM[:-1]])
+def test_what_came_before_a_signal_is_printed(words, number, frames):
+    """First rows that wait for others, and frames that were gathered, were lost; the header announces more of them."""
+    command = [*OCISAC, "receive", "-", *words]
+    heard = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731 - a shell's background jobs ignore it
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    announced = io.BytesIO()
+    np.save(announced, frames[:30])
+    with subprocess.Popen(command, preexec_fn=heard, **pipes) as child:
+        child.stdin.write(announced.getvalue()[: -24 * frames[0].nbytes])
+        child.stdin.flush()
+        time.sleep(3)  # till all of it is read
+        child.send_signal(number)
+        out, err = child.communicate(timeout=20)
+    assert (child.returncode, err, out.count(b" dB ")) == (128 + number, b"", 6)
+
+
+@pytest.mark.parametrize("words", [STREAM, STREAM[:-1]])
+def test_what_came_before_an_error_is_printed(words, frames, tmp_path):
+    np.save(tmp_path / "film.npy", frames[:30])
+    with open(tmp_path / "film.npy", "ab") as film:
+        film.write((tmp_path / "film.npy").read_bytes()[:-1])
+    done = subprocess.run([*OCISAC, "receive", tmp_path / "film.npy", *words], capture_output=True, timeout=60)
+    assert (done.returncode, done.stdout.count(b" dB "), b"truncated" in done.stderr) == (2, 59, True)

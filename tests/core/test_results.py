@@ -100,6 +100,12 @@ def test_flags_are_texts_by_name_and_numbers_by_a_form():
 def test_results_survive_pickling():
     found = received()
     assert pickle.loads(pickle.dumps(found)).bits == found.bits
+    frame = np.random.default_rng(0).normal(100, 9, (2, 200, 8))
+    camera = ocisac_fast.Camera(22.2e-6)
+    for one in (found, ocisac_fast.tone_gain(frame, camera, 500.0), ocisac_fast.find_frequency(frame[0], camera)):
+        again = pickle.loads(pickle.dumps(one))
+        assert (one == again, hash(one) == hash(again), one == camera) == (True, True, False)
+    assert ocisac_fast.tone_gain(frame, camera, 500.0) != ocisac_fast.tone_gain(frame, camera, 501.0)
 
 
 def test_the_package_lists_what_is_public():

@@ -175,3 +175,7 @@ class TestBothAtOnce:
             & (front.exposure < best.exposure * (1 - 1e-9))
         )
         assert not np.any(better)
+
+    def test_times_in_milliseconds_are_refused_before_they_fill_the_memory(self) -> None:
+        with pytest.raises(ValueError, match=r"bounds: got 6.6e\+08 cycles of 20000 Hz, allowed: at most a million"):
+            flicker_front(500.0, [FlickeringLight(20000.0)], bounds=(1000.0, 33000.0))

@@ -1018,6 +1018,18 @@ def test_a_file_that_is_overwritten_is_refused_as_it_grows_and_as_standard_input
                 list(stream)
 
 
+def test_a_file_that_is_overwritten_is_refused_whose_time_is_as_before(tmp_path):
+    path = tmp_path / "a.npy"
+    np.save(path, random_frames((9, 48, 64), np.uint8))
+    time = path.stat().st_mtime_ns
+    with open_recording(path) as stream:
+        next(iter(stream))
+        path.write_bytes(npy_bytes(random_frames((9, 48, 64), np.uint8, 1)))
+        os.utime(path, ns=(time, time))
+        with pytest.raises(FileError, match="changed while it was read"):
+            list(stream)
+
+
 @pytest.mark.parametrize("suffix", ["npy", "raw", "text"])
 @pytest.mark.parametrize("head", [0, 3, 5000])
 def test_a_pause_of_non_blocking_standard_input_is_no_end(suffix, head, monkeypatch):

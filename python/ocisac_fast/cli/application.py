@@ -123,8 +123,8 @@ def run(arguments: list[str], command: click.Command = ocisac) -> int:
             signal.signal(number, handler)
 
 
-class _Terminated(BaseException):
-    """SIGTERM or SIGHUP as an exception: incomplete files are removed during unwinding."""
+class _Terminated(KeyboardInterrupt):
+    """SIGTERM or SIGHUP as an interrupt: incomplete files are removed during unwinding."""
 
 
 def _stop(number: int, _: Any) -> None:
@@ -141,10 +141,10 @@ def _run(arguments: list[str], command: click.Command) -> int:
         return 0
     except click.exceptions.Exit as done:
         return done.exit_code
-    except (KeyboardInterrupt, click.Abort):
-        return 130
     except _Terminated as stopped:
         return 128 + int(stopped.args[0])
+    except (KeyboardInterrupt, click.Abort):
+        return 130
     except BrokenPipeError:
         return 141
     except MemoryError as error:

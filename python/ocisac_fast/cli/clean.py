@@ -122,17 +122,45 @@ def _naming(source: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _stopping(keep_partial: bool) -> Iterator[list[int]]:
-    """With ``keep_partial`` Ctrl-C, SIGTERM and SIGHUP wait until a frame is done: their numbers."""
-    asked: list[int] = []
+def _stopping(keep_partial: bool) -> Iterator[_Signals]:
+    """With ``keep_partial`` Ctrl-C, SIGTERM and SIGHUP wait until a frame is done."""
+    asked = _Signals()
     before = {}
     try:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if keep_partial else ():
-            before[number] = signal.signal(number, lambda got, _: asked.append(got))
+            before[number] = signal.signal(number, asked.note)
         yield asked
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+class _Stopped(BaseException):
+    """A signal came while a frame was read."""
+
+
+class _Signals(list[int]):
+    """The numbers of those that came: they interrupt reading, which may wait for ever, and nothing else."""
+
+    _is_reading = False
+
+    def note(self, number: int, _: Any) -> None:
+        self.append(number)
+        if self._is_reading:
+            self._is_reading = False
+            raise _Stopped
+
+    def read(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        """The frames before a signal."""
+        ahead = iter(frames)
+        with contextlib.suppress(_Stopped):
+            while True:
+                self._is_reading = True
+                frame = None if self else next(ahead, None)
+                self._is_reading = False
+                if frame is None:
+                    break
+                yield frame
 
 
 @dataclasses.dataclass
@@ -144,7 +172,7 @@ class _Cleaner:
     _is_carried: bool  # the light, from frame to frame
     _mark: bool
     _options: dict[str, Any]
-    _stop: list[int]  # not empty where the rest is left out
+    _stop: _Signals
     _as_json: bool
     facts: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     marks: list[Frame] = dataclasses.field(default_factory=list)
@@ -157,11 +185,7 @@ class _Cleaner:
     def frames(self, stored: Iterable[Frame]) -> Iterator[Frame]:
         camera: Camera | None = None
         waiting: list[Frame] = []
-        for raw in stored:
-            if self._stop:
-                if not self.facts:
-                    raise _Unchanged
-                break
+        for raw in self._stop.read(stored):
             form, region = self._stream.picture, self._picture.region
             if form is not None and region is not None and form.alphas[-1] is not None:
                 form.alphas[-1] = cropped(form.alphas[-1], region)
@@ -173,6 +197,8 @@ class _Cleaner:
                 waiting.append(view)
                 continue
             yield from self._carried(view, camera) if self._is_carried else self._together([view], camera)
+        if self._stop and not self.facts:
+            raise _Unchanged
         if camera is not None:
             yield from self._decided(camera)
         if waiting and camera is not None:

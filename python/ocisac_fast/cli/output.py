@@ -10,10 +10,9 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
-from itertools import chain, zip_longest
+from itertools import zip_longest
 from tempfile import SpooledTemporaryFile
-from textwrap import wrap
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import click
 import numpy as np
@@ -25,7 +24,6 @@ from ocisac_fast.core.flags import Flag, Named
 _ESCAPED = re.compile(r"[\ud800-\udfff]|\\(?=x[0-9a-f]{2})")
 _AS_THEY_ARE = (int, bool, type(None))
 _TEXT_WIDTH = 24  # columns that a text has at the least
-_UNBROKEN = 20_000  # columns of output to a file or pipe: lines are not wrapped
 _IN_MEMORY = 1 << 24  # characters of a table's objects: a stream may have no end
 _Item = TypeVar("_Item")
 _collected: ContextVar[list[Any] | None] = ContextVar("collected", default=None)
@@ -172,8 +170,8 @@ def emit_table(title: str, header_row: Sequence[str], rows: Iterable[Sequence[st
 class Table:
     """A table whose rows are printed as they come, below the first ones, which determine the columns.
 
-    With a header, columns after the first are right-aligned, except those in ``left``, of text. Where a terminal is too
-    narrow, columns are left out and named below: those in ``spare`` first, then from the right.
+    With a header, columns after the first are right-aligned, except those in ``left``, of text, which folds. Where a
+    terminal is too narrow, columns are left out and named below: those in ``spare`` first, then from the right.
     """
 
     def __init__(
@@ -187,114 +185,97 @@ class Table:
         """``together``: number of the first rows; None: all."""
         from rich.console import Console
 
-        console = Console(highlight=False)
-        self._console = console if console.is_terminal else Console(highlight=False, width=_UNBROKEN)
+        self._console = Console()
+        self._room = self._console.width if self._console.is_terminal else sys.maxsize
         self._names, self._header, self._left, self._spare, self._together = names, header, left, spare, together
         self._rows: list[list[str]] = []  # to be printed
-        self._longest = [0] * len(names)  # characters of a cell
-        self._least: list[int] = []  # width of a column at the least; those of text fold
-        self._dropped: list[str] = []
-        self._widths: list[int] = []  # of the columns printed
-        self._edges: list[str] = []  # between them
-        self._foot: list[str] = []
+        self._longest = [0] * len(names)  # width of a cell
+        self._least: list[int] = []  # width of a column at the least, where it is not to be left out
+        self._widths: dict[int, int] = {}  # of the columns printed
 
     def add(self, row: Sequence[str], title: str) -> None:
         """Print a row, or keep it until the first ones are there."""
+        from rich.cells import cell_len
+
         self._rows.append([printable(cell) for cell in row])
-        self._longest = [max(known, len(cell)) for known, cell in zip(self._longest, self._rows[-1], strict=True)]
-        if self._widths:
-            self._go_on(title)
-        elif len(self._rows) == self._together:
-            self._begin(title)
+        lengths = [cell_len(cell) for cell in self._rows[-1]]
+        self._longest = [max(known, length) for known, length in zip(self._longest, lengths, strict=True)]
+        if self._widths or len(self._rows) == self._together:
+            self._print(title)
 
     def flush(self, title: str) -> None:
         """Print the rows that are kept, before an error."""
         if self._rows:
-            self._begin(title)
+            self._print(title)
 
     def end(self, title: str) -> None:
         """Print what is left, or a header without rows."""
         if not self._widths:
+            self._print(title)
+        if self._header:
+            print()
+        if dropped := [name for k, name in enumerate(self._names) if k not in self._widths]:
+            print(f"not shown: {', '.join(dropped)} (--json has all)\n")
+
+    def _print(self, title: str) -> None:
+        """Print the rows that are kept; below another header where they do not fit those of a terminal."""
+        rows, self._rows = self._rows, []
+        least = [
+            max(len(name), longest if self._is_number(k) else min(longest, _TEXT_WIDTH))
+            for k, (name, longest) in enumerate(zip(self._names, self._longest, strict=True))
+        ]
+        is_new = not self._widths or (self._console.is_terminal and least != self._least)
+        if is_new or not self._console.is_terminal:
+            self._least, self._widths = least, self._fitted(least)
+        if is_new:
             self._begin(title)
-        with self._console.capture() as shown:
-            if self._dropped:
-                self._console.print(f"not shown: {', '.join(self._dropped)} (--json has all)\n")
-        print(*self._foot, shown.get(), sep="\n", end="")
+        for row in rows:
+            print(*self._lines(row), sep="\n", flush=True)
 
     def _begin(self, title: str) -> None:
-        """Print a header and the rows that are kept."""
-        self._least = self._at_least()
-        self._dropped = self._too_wide() if self._header else []
-        with self._console.capture() as shown:  # rich itself would end the program at a closed pipe
-            self._draw(title)
-        lines = shown.get().split("\n")[:-1]
-        self._foot = [lines.pop()] if self._header else []
-        self._edges, self._widths = re.split("-+", lines[-1]), [len(line) for line in re.findall("-+", lines.pop())]
-        self._rows = []
-        print(*lines, sep="\n", flush=True)
+        """Print a header."""
+        total = sum(self._widths.values()) + 3 * len(self._widths) - 1
+        if title:
+            print("", self._bold(printable(title).center(total)))
+        if self._header:
+            print("", *map(self._bold, self._lines(self._names)), f" {'─' * min(total, self._room - 1)}", sep="\n")
 
-    def _go_on(self, title: str) -> None:
-        """Print a row in the columns of those before; below another header where a terminal has them narrower."""
-        if self._console.is_terminal and self._least != self._at_least():
-            self._begin(title)
-            return
-        row, kept = self._rows.pop(), self._kept()
-        if not self._console.is_terminal:
-            self._widths = [max(width, self._longest[k]) for k, width in zip(kept, self._widths, strict=True)]
-        sides = [">" if self._is_number(k) else "<" for k in kept]
-        cells = [wrap(row[k], width, drop_whitespace=False) for k, width in zip(kept, self._widths, strict=True)]
-        for line in zip_longest(*cells, fillvalue=""):
-            parts = zip(line, sides, self._widths, strict=True)
-            texts = (f"{text:{side}{width}}" for text, side, width in parts)
-            print(*chain(*zip(self._edges, texts, strict=False)), self._edges[-1], sep="", flush=True)
+    def _bold(self, text: str) -> str:
+        return click.style(text, bold=True) if self._console.color_system else text
 
-    def _kept(self) -> list[int]:
-        return [k for k, name in enumerate(self._names) if not self._header or name not in self._dropped]
+    def _lines(self, row: Sequence[str]) -> Iterator[str]:
+        """The lines of a row: text that is wider than its column folds."""
+        from rich.text import Text
+
+        sides: list[Literal["left", "right"]] = ["right" if self._is_number(k) else "left" for k in self._widths]
+        cells = [
+            Text(row[k]).wrap(self._console, width, justify=side, overflow="fold")
+            for (k, width), side in zip(self._widths.items(), sides, strict=True)
+        ]
+        blanks = [Text(" " * width) for width in self._widths.values()]
+        edge, between = ("  ", "   ") if self._header else (" ", "  ")
+        for parts in zip_longest(*cells):
+            texts = (str(part or blank) for part, blank in zip(parts, blanks, strict=True))
+            yield (edge + between.join(texts)).rstrip()
 
     def _is_number(self, k: int) -> bool:
         return self._header and k > 0 and self._names[k] not in self._left
 
-    def _at_least(self) -> list[int]:
-        folded = (
-            longest if self._is_number(k) else min(longest, _TEXT_WIDTH) for k, longest in enumerate(self._longest)
-        )
-        return [max(len(name), length) for name, length in zip(self._names, folded, strict=True)]
-
-    def _too_wide(self) -> list[str]:
-        """The columns to leave out."""
-        names, width = self._names, self._console.width
-        wide = {name: 3 + min(least, width) for name, least in zip(names, self._least, strict=True)}
-        dropped: list[str] = []
-        empty = [name for name, longest in zip(names, self._longest, strict=True) if not longest]
-        for name in (*empty, *self._spare, *(name for name in reversed(names[1:]) if name not in self._left)):
-            if sum(wide.values()) + 1 <= width:
+    def _fitted(self, least: Sequence[int]) -> dict[int, int]:
+        """The columns there is room for, and their widths; lines that are still too wide wrap at the terminal."""
+        kept, numbers = dict(enumerate(least)), [k for k in range(len(least)) if self._is_number(k)]
+        empty = [k for k, longest in enumerate(self._longest) if not longest and self._header]
+        spare = [self._names.index(name) for name in self._spare]
+        for k in (*empty, *spare, *reversed(numbers)):
+            if sum(kept.values()) + 3 * len(kept) + 1 <= self._room:
                 break
-            if wide.pop(name, None):
-                dropped.append(name)
-        return [name for name in names if name in dropped]
-
-    def _draw(self, title: str) -> None:
-        """Draw header and rows, and a row of lines, not to be shown, that are as long as the columns are wide."""
-        from rich import box
-        from rich.rule import Rule
-        from rich.table import Table as Drawn
-        from rich.text import Text
-
-        heading = Text(printable(title), "table.title") if title else None  # a plain one would be read as markup
-        table = Drawn(title=heading, box=box.SIMPLE_HEAD if self._header else None, show_header=self._header)
-        for k in self._kept():
-            table.add_column(
-                self._names[k],
-                justify="right" if self._is_number(k) else "left",
-                style="" if self._header or k else "bold",
-                overflow="fold",
-                no_wrap=self._is_number(k),
-                min_width=max(len(self._names[k]), min(self._longest[k], _TEXT_WIDTH)),
-            )
-        for row in self._rows:
-            table.add_row(*(Text(row[k]) for k in self._kept()))
-        table.add_row(*(Rule(characters="-", style="none") for _ in self._kept()))
-        self._console.print(table)
+            kept.pop(k, None)
+        texts = sorted(kept.keys() - numbers, key=self._longest.__getitem__)
+        free = self._room - 3 * len(kept) - 1 - sum(kept[k] for k in kept.keys() - texts)
+        for count, k in enumerate(texts):  # each has its share of the room, or all that it needs
+            kept[k] = max(len(self._names[k]), 1, min(self._longest[k], free // (len(texts) - count)))
+            free -= kept[k]
+        return kept
 
 
 def quantity(value: float | None, unit: str, digits: int = 6) -> str:

@@ -14,7 +14,7 @@ from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
 from ocisac_fast.cli.output import Table, emit_json, emit_summary, facts_of, number, progress, quantity
 from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
-from ocisac_fast.cli.pictures import PictureOptions, open_pictures, rows_and_columns
+from ocisac_fast.cli.pictures import PictureOptions, open_pictures, rows_and_columns, stack
 from ocisac_fast.cli.sent_files import ErrorCount
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files.recording import Frame
@@ -47,7 +47,8 @@ def receive(
     header = [*(["file"] if len(files) > 1 else []), "frame", *_HEADER, *([] if stream is None else ["payload"])]
     table = None if as_json else Table(header, left=("flags", "bits", "payload"), spare=("rows per chip",))
     title = ""
-    stopped = failed = False
+    stopped: KeyboardInterrupt | None = None
+    failed = False
     try:
         for file in files:
             try:
@@ -67,15 +68,15 @@ def receive(
                 failed = True
                 click.echo(f"ocisac: {one_line(error_text(error))}", err=True)
             plot = None  # the first frame of the first file
-    except KeyboardInterrupt:  # earlier results are printed
-        stopped = True
+    except KeyboardInterrupt as signal:  # earlier results are printed
+        stopped = signal
     if table is not None:
         table.end(title)
     if stream is not None:
         emit_summary(stream.summary(), as_json)
     errors.report(as_json)
-    if stopped:
-        raise KeyboardInterrupt
+    if stopped is not None:
+        raise stopped
     if failed:
         raise click.exceptions.Exit(SOME_FAILED)
 
@@ -89,36 +90,37 @@ def _received(
 ) -> Iterator[dict[str, Any]]:
     """The JSON objects of a file, generated as its frames are read."""
     with open_pictures(file, picture) as pictures:
-        if stream is not None:  # frame by frame, so that a payload of a live stream is printed at once
-            announced = pictures.frame_count
-            frames = pictures.frames if announced is None else _in_runs(pictures.frames)
-            for count, frame in enumerate(progress(frames, "receiving", announced)):
-                if plot is not None and count == 0:
-                    _plot_first(plot, frame[None], pictures.camera, rate)
-                yield from stream.push(frame, pictures.camera, count)
-            return
-        count = 0
-        for batch in progress(pictures.batches(), "receiving", 1 if pictures.frame_count == 1 else None):
+        announced, camera, count = pictures.frame_count, pictures.camera, 0
+        # A frame of a live stream is answered at once.
+        for run in _in_runs(progress(pictures.frames, "receiving", announced), 1 if announced is None else _RUN):
             if plot is not None and count == 0:
-                _plot_first(plot, batch[:1], pictures.camera, rate)
-            for result in receive_frames(batch, pictures.camera, chip_rate=rate):
-                yield picture.in_units(_facts(result, count, batch.shape[1:], pictures.camera))
-            count += len(batch)
+                _plot_first(plot, stack(run[:1]), camera, rate)
+            if stream is not None:
+                for k, frame in enumerate(run):
+                    yield from stream.push(frame, camera, count + k)
+            else:
+                for result in receive_frames(stack(run), camera, chip_rate=rate):
+                    yield picture.in_units(_facts(result, count, run[0].shape, camera))
+            count += len(run)
 
 
-def _in_runs(frames: Iterator[Frame]) -> Iterator[Frame]:
-    """The same frames, decoded some at a time: decoding displaces the interpreter and the receiver from the caches."""
-    failure: Exception | None = None
-    run: list[Frame] | None = None
-    while failure is None and run != []:
-        run = []
+def _in_runs(frames: Iterator[Frame], most: int) -> Iterator[list[Frame]]:
+    """Up to ``most`` frames at a time: decoding displaces the interpreter and the receiver from the caches.
+
+    An error or an interrupt is raised after the frames before it.
+    """
+    stopped: BaseException | None = None
+    while stopped is None:
+        run: list[Frame] = []
         try:
-            run.extend(itertools.islice(frames, _RUN))
-        except Exception as error:  # after the frames before it
-            failure = error
-        yield from run
-    if failure is not None:
-        raise failure
+            run.extend(itertools.islice(frames, most))
+        except BaseException as error:
+            stopped = error
+        if not run:
+            break
+        yield run
+    if stopped is not None:
+        raise stopped
 
 
 def _plot_first(plot: str, frames: Any, camera: Any, rate: float | None) -> None:

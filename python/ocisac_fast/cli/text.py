@@ -9,7 +9,7 @@ import select
 import sys
 from typing import Any, TextIO
 
-_ASCII = {"µ": "u", "μ": "u", "±": "+-", "–": "-", "°": "deg", "²": "^2", "·": "*", "×": "x"}
+_ASCII = {"µ": "u", "μ": "u", "±": "+-", "–": "-", "─": "-", "°": "deg", "²": "^2", "·": "*", "×": "x"}
 
 
 def is_utf8(stream: TextIO) -> bool:

@@ -28,6 +28,17 @@ class Result:
 
     __slots__ = ()
 
+    def __init_subclass__(cls) -> None:
+        cls.__eq__, cls.__hash__ = Result.__eq__, Result.__hash__  # type: ignore[method-assign] # not for arrays
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(_is_same(one, getattr(other, name)) for name, one in _fields(self))
+
+    def __hash__(self) -> int:
+        return hash((type(self), *(one for _, one in _fields(self) if isinstance(one, (str, int)))))
+
     def __repr__(self) -> str:
         return "\n".join(_wrapped(type(self).__name__, [f"{name}={text}" for name, text in self._shown()]))
 
@@ -70,6 +81,16 @@ def _fields(result: Any) -> Iterator[tuple[str, Any]]:
     for field in dataclasses.fields(result):
         if not field.name.startswith("_"):
             yield field.name, getattr(result, field.name)
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    """True for equal values; unknown ones, NaN, are the same."""
+    if isinstance(one, (list, tuple)) and type(one) is type(other):
+        return len(one) == len(other) and all(map(_is_same, one, other))
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        one, other = np.asarray(one), np.asarray(other)
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind in "fc")
+    return bool(one == other or (one != one and other != other))
 
 
 def _plain(value: Any) -> Any:

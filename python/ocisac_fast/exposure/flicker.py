@@ -24,6 +24,7 @@ from ocisac_fast.exposure.fronts import Points, efficient_points
 
 LONGEST_EXPOSURE = 0.1  # s, upper default bound
 MAINS_DRIFT = 0.01  # share; EN 50160: 50 Hz +- 1 % during 99.5 % of a year
+_MOST_NULLS = 1_000_000  # of a light
 
 
 @checked_class
@@ -193,7 +194,8 @@ def flicker_front(
         f_comm: Hz, above 0.
         lights: at least one.
         bounds: (shortest, longest) in s; None: above 0 and up to 0.1 s.
-        points: 2 to 10 million, equally spaced. The nulls of the lights within the bounds are added.
+        points: 2 to 10 million, equally spaced. The nulls of the lights within the bounds are added, at most a million
+            of each.
     """
     if len(lights) == 0:
         raise ValueError("lights: got none, allowed: at least one")
@@ -202,6 +204,10 @@ def flicker_front(
     low, high = (0.0, LONGEST_EXPOSURE) if bounds is None else bounds
     if not (0.0 <= low <= high < math.inf and high > 0.0):
         raise ValueError(f"bounds: got {low} to {high}, allowed: 0 <= shortest <= longest, above 0 (s)")
+    for light in lights:
+        if light.frequency * high > _MOST_NULLS:
+            got = f"{light.frequency * high:.6g} cycles of {light.frequency:g} Hz"
+            raise ValueError(f"bounds: got {got}, allowed: at most a million")
     nulls = [np.arange(1.0, math.floor(light.frequency * high) + 1.0) / light.frequency for light in lights]
     exposure = np.unique(np.concatenate([np.linspace(low, high, points), *nulls]))
     exposure = exposure[(exposure > 0.0) & (exposure >= low) & (exposure <= high)]

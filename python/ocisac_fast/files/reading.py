@@ -210,7 +210,7 @@ def _of_one_recording(path: str | os.PathLike[str], before: Any, frames: Iterato
             count += 1  # noqa: SIM113, `enumerate` would hold the frame
             del frame  # before the next one is made
         after = before and _state(path, before[1])
-        if not after or after[:3] == before[:3] or after[0] != before[0]:
+        if not after or after[0] != before[0]:
             return
-        if after[1] <= before[1] or after[3] != before[3]:
+        if after[3] != before[3] or (after[2] != before[2] and after[1] <= before[1]):
             raise FileError("changed while it was read: its frames may be of two recordings")

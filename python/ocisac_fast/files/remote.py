@@ -18,6 +18,7 @@ _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+(::|://)")
 _OF_THIS_MACHINE = re.compile(r"(.*::)?(file|local)://|(?!(zip|tar|libarchive)\b).*::(?!.*://)")
 _WHOLE = 64 << 20  # bytes; smaller files are fetched by one request
 _PIECE = 8 << 20
+_SILENCE = 30.0  # s, longest of a server
 
 
 def is_remote(path: str) -> bool:
@@ -55,7 +56,7 @@ def file_system(path: str) -> tuple[Any, str]:
 
 @functools.cache
 def _bounded() -> dict[str, Any]:
-    """Options of clients of HTTP, whose servers may send more than was asked for, without an end."""
+    """Options of clients of HTTP, whose servers may send nothing, or more than was asked for, without an end."""
     import aiohttp
 
     class Response(aiohttp.ClientResponse):  # type: ignore[misc]
@@ -71,7 +72,8 @@ def _bounded() -> dict[str, Any]:
         async def text(self, encoding: str | None = None, errors: str = "strict") -> str:
             return (await self.read()).decode(encoding or self.charset or "utf-8", errors)
 
-    return {"response_class": Response}
+    timeout = aiohttp.ClientTimeout(total=None, sock_connect=_SILENCE, sock_read=_SILENCE)
+    return {"response_class": Response, "timeout": timeout}
 
 
 @contextlib.contextmanager
@@ -84,6 +86,8 @@ def _one_line_errors(url: str) -> Iterator[None]:
     except FileNotFoundError as error:
         reason = f" ({error.__cause__})" if error.__cause__ else ""
         raise FileNotFoundError(errno.ENOENT, f"{os.strerror(errno.ENOENT)}{reason}", url) from error
+    except TimeoutError as error:
+        raise OSError(errno.ETIMEDOUT, f"no answer in {_SILENCE:g} s", url) from error
     except OSError:
         raise
     except Exception as error:
