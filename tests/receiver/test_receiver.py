@@ -390,6 +390,45 @@ def test_what_stands_still_is_flagged():
         assert all(one.bits and not one.flags for one in ocisac.receive(np.stack(moving), camera))
 
 
+@pytest.mark.parametrize("turned", [0, 1])
+@pytest.mark.parametrize("module", [6.3, 10.0, 16.0])
+def test_a_printed_code_is_flagged(module, turned):
+    """Columns of one module agree as a lamp's do, but their neighbours have other bits on one clock."""
+    for seed, modules in enumerate((25, 41)):
+        random = np.random.default_rng(seed)
+        row, column = np.indices((int(modules * module), int(modules * module)))
+        row, column = row + np.tan(np.radians(turned)) * column, column - np.tan(np.radians(turned)) * row
+        cells = random.integers(0, 2, (2 * modules, 2 * modules))
+        code = cells[(row / module).astype(int), (column / module + modules / 2).astype(int)]
+        picture = np.rint(40 + 180 * code + random.normal(0, 1.5, code.shape)).astype(np.uint8)
+        assert all(one.flags for one in ocisac.receive(picture, CAMERA) if one.bits)
+
+
+@pytest.mark.parametrize("lamps", [3, 4])
+@pytest.mark.parametrize("exposure", [0.02, 0.3])
+def test_lamps_on_one_clock_are_no_code(lamps, exposure):
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        chips = random.integers(0, 2, (lamps, 200))
+        light = [exposed_chips(each, 1080, 9.7, exposure * 9.7, -20.0) for each in chips]
+        pixels = 10 + 150 * np.repeat(np.transpose(light), 40, axis=1) * (np.arange(40 * lamps) % 40 < 30)
+        picture = np.clip(np.rint(pixels + random.normal(0, 2, pixels.shape)), 0, 255).astype(np.uint8)
+        got = ocisac.receive(picture, Camera(1.0, exposure * 9.7))
+        assert len(got) == lamps
+        assert not any(one.flags for one in got)
+
+
+def test_an_arc_of_light_is_no_code():
+    """Its columns show one lamp's bits, each in rows of its own."""
+    for seed in range(6):
+        frame = Frame(seed, 9.7, 0.1, gradient=1.5, noise=0, columns=1)
+        row, column = np.indices((1080, 240))
+        lit = np.abs(column - 40 - 160 * np.sin(np.pi * row / 1080)) < 10
+        pixels = 10 + 150 * frame.pixels * lit + np.random.default_rng(seed).normal(0, 1, lit.shape)
+        got = ocisac.receive(np.clip(np.rint(pixels), 0, 255).astype(np.uint8), CAMERA)
+        assert all(Flag.AMBIGUOUS_KIND not in one.flags for one in got)
+
+
 @pytest.mark.parametrize("at_black", [False, True])
 def test_clipped_light_is_not_read_at_twice_its_rate(at_black):
     """Light that is clipped at a level of which the receiver knows nothing: all bright runs are longer by a part of a

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <complex>
 #include <iterator>
 #include <numeric>
 #include <utility>
@@ -25,15 +26,21 @@ namespace {
 
 constexpr double kDarkShare = 0.25;    // of a bright chip of the lamp's width there
 constexpr double kInterpolated = 0.1;  // of the second differences of the other rows
+constexpr double kMostOthers = 2.5;    // lamps on one clock: 3/4 of the edges of random chips are no other one's, of 3
 constexpr double kSameClock = 0.005,
                  kDiffering = 0.05;  // rows per chip of the colours of one lamp; bits of two streams
 
+// Rows between two places, of a frame of so many.
+RowRange rows_between(double first, double last, std::size_t rows) {
+  const auto most = static_cast<double>(rows);
+  const double begin = std::clamp(first, 0.0, most), end = std::clamp(last, begin, most);
+  return {static_cast<std::size_t>(begin), static_cast<std::size_t>(end)};
+}
+
 // Rows of the chips, of a frame of so many.
 RowRange rows_of(const Received& received, std::size_t rows) {
-  const auto most = static_cast<double>(rows), chips = static_cast<double>(received.bits.size());
-  const double begin = std::clamp(received.phase, 0.0, most),
-               end = std::clamp(received.phase + chips * received.rows_per_chip, begin, most);
-  return {static_cast<std::size_t>(begin), static_cast<std::size_t>(end)};
+  const double chips = static_cast<double>(received.bits.size());
+  return rows_between(received.phase, received.phase + chips * received.rows_per_chip, rows);
 }
 
 // Every second row is the mean of its neighbours: a colour of a mosaic, whose own rows are half of them.
@@ -302,6 +309,35 @@ bool is_one_lamp(const Received& a, const Received& b) {
          differing(a, b) < kDiffering;
 }
 
+// Share of a light's squared changes from row to row that are in step with another one's chips, more than edges at
+// random places, and are none of its edges: where its chips stay as they are, or change the other way.
+double own_edges(const LightGroup& light, const Received& other) {
+  const ChipGrid grid = grid_of(other);
+  const auto& levels = other.detection.relative_levels;
+  std::vector<double> changes(light.swings.size());
+  std::adjacent_difference(light.swings.begin(), light.swings.end(), changes.begin());
+  changes.front() = 0;
+  std::complex<double> own;
+  double by_chance = 0;
+  for (std::size_t k = 1; k < grid.count; ++k) {
+    if (levels[k - 1] == 0 || levels[k] == 0) continue;
+    std::complex<double> edge;
+    const RowRange rows = rows_between(grid.centre(k - 1), grid.centre(k), changes.size());
+    for (std::size_t n = rows.begin; n < rows.end; ++n)
+      if (!(changes[n] * (other.bits[k] - other.bits[k - 1]) > 0))
+        edge += std::polar(changes[n] * changes[n], kTwoPi * static_cast<double>(n) / other.rows_per_chip);
+    own += edge, by_chance += std::norm(edge);
+  }
+  return std::sqrt(std::max(std::norm(own) - by_chance, 0.0)) / scalar_product(changes, changes);
+}
+
+// True if more lights have edges of their own on the light's clock than lamps do: modules of a printed code.
+bool is_of_code(const Received& received, std::span<const LightGroup> lights) {
+  double others = 0;
+  for (const LightGroup& light : lights) others += own_edges(light, received);
+  return others > kMostOthers;
+}
+
 // All lights of a frame, each from columns or rows of its own where there are several; first the one that all columns
 // show.
 std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std::size_t frame, const Camera& camera,
@@ -330,8 +366,10 @@ std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std:
     }
     std::ranges::move(periodic, std::back_inserter(sources));
     if (lights.empty()) sources = streams_of(whole, frame, camera, what);
+    if (sources.empty()) sources.push_back(std::move(whole.received));
+    for (Received& source : sources)
+      if (is_of_code(source, lights)) source.flags |= flag::ambiguous_kind;
   }
-  if (sources.empty()) return {std::move(whole.received)};
   for (std::size_t k = 0; k < sources.size(); ++k) sources[k].source = k;
   return sources;
 }

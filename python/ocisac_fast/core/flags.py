@@ -79,5 +79,6 @@ class Flag(Named):
     """``sense``: motions of several speeds fit the rows equally; the slowest of them is given, or NaN."""
     AMBIGUOUS_KIND = 1 << 27
     """``sense``: a modulated light, a moving texture and a still texture cannot be distinguished here. ``receive``: the
-    next frame shows the same rows (a picture that stands still, or a light in step with the frames), or two halves of
-    the columns differ by more than noise, as in a texture."""
+    next frame shows the same rows (a picture that stands still, or a light in step with the frames), two halves of
+    the columns differ by more than noise, as in a texture, or many columns have bits of their own on one clock, as in
+    a printed code."""

@@ -40,9 +40,10 @@ struct Received {
 // all of one shape. Several sources are separated by their columns (light_groups) or by dark rows between them, and the
 // colour of best quality is received of each. A single source may send a stream in each colour (colour_streams):
 // streams that differ are sources, each from the sum of colours that follows it alone; colours that agree are added
-// where that betters the signal-to-noise ratio by half. Further sources are returned only if decoded without a warning
-// flag, or periodic. Frames are decoded independently; bits of rows that another frame shows as well, or that two
-// halves of the columns do not share, are flagged (flag::ambiguous_kind).
+// where that betters the signal-to-noise ratio by half. Further sources are returned only if decoded without another
+// warning flag, or periodic. Frames are decoded independently; bits of rows that another frame shows as well, that two
+// halves of the columns do not share, or beside which many others have the same clock, as in a printed code, are
+// flagged (flag::ambiguous_kind).
 std::vector<Received> receive(std::span<const AnyFramesView> colours, const Camera& camera,
                               const ReceiveOptions& options = {});
 
