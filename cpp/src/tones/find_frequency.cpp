@@ -189,9 +189,9 @@ struct BesideTexture {
   Texture texture;
 };
 
-BesideTexture beside_texture(const PeriodicSignals& signals, double frequency) {
-  const std::size_t rows = signals.rows(), orders = std::max(kComparedHarmonics, orders_about(frequency, rows));
-  PeriodicFit fit = fit_periodic(signals, periodic_model(frequency, rows, orders), frequency, false);
+BesideTexture beside_texture(const PeriodicSignals& signals, double frequency, std::size_t harmonics) {
+  const std::size_t rows = signals.rows();
+  PeriodicFit fit = fit_periodic(signals, periodic_model(frequency, rows, harmonics), frequency, false);
   const double noise = noise_power(fit, signals);
   const Texture texture = texture_about(frequency, residual_of(signals.samples(), rows, fit.model, frequency), rows);
   return {std::move(fit), noise, texture};
@@ -199,14 +199,16 @@ BesideTexture beside_texture(const PeriodicSignals& signals, double frequency) {
 
 // True if noise and texture of its expected power hardly explain the fundamental of this frequency.
 bool stands_out(const PeriodicSignals& signals, double frequency) {
-  const BesideTexture found = beside_texture(signals, frequency);
+  const BesideTexture found = beside_texture(signals, frequency, kComparedHarmonics);
   return found.fit.harmonic_energy[0] > chance_energy(2 * signals.count()) * (found.noise + found.texture.power());
 }
 
-// True if texture, of a power that is not known better than the spectrum tells it, hardly explains these harmonics.
+// True if texture, of a power that is not known better than the spectrum tells it, hardly explains these harmonics:
+// all, and the fundamental alone, which half the frequency of a light has of texture.
 bool is_no_texture(const PeriodicSignals& signals, double frequency, const PeriodicModel& model) {
   constexpr double kChance = 1e-4;  // of some ten frequencies at which texture is strong
-  const BesideTexture found = beside_texture(signals, frequency);
+  const BesideTexture found =
+      beside_texture(signals, frequency, std::max(kComparedHarmonics, orders_about(frequency, signals.rows())));
   std::vector<double> powers;
   std::vector<std::size_t> orders;
   for (std::size_t i = 0; i < found.fit.model.harmonics.size(); ++i) {
@@ -214,7 +216,10 @@ bool is_no_texture(const PeriodicSignals& signals, double frequency, const Perio
     orders.push_back(found.fit.model.harmonics[i]);
     powers.push_back(found.fit.harmonic_energy[i] / static_cast<double>(2 * signals.count()));
   }
-  return found.texture.chance(powers, orders) < kChance;
+  const auto chance_of = [&](std::size_t count) {
+    return found.texture.chance(std::span(powers).first(count), std::span(orders).first(count));
+  };
+  return chance_of(1) < kNextToNone && chance_of(powers.size()) < kChance;
 }
 
 // The fundamental of which `frequency` is a harmonic, or itself. Each of many parts pays for the harmonics of its
