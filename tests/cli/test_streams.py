@@ -208,7 +208,7 @@ def test_memory_does_not_grow_with_a_stream(options, frames, tmp_path):
 def test_what_came_before_a_signal_is_printed(words, number, frames):
     """First rows that wait for others, and frames that were gathered, were lost; the header announces more of them."""
     command = [*OCISAC, "receive", "-", *words]
-    heard = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731 - a shell's background jobs ignore it
+    heard = lambda: signal.signal(number, signal.SIG_DFL)  # noqa: E731 - a shell's background jobs ignore some
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     announced = io.BytesIO()
     np.save(announced, frames[:30])

@@ -526,3 +526,18 @@ def test_rows_of_two_exposures_in_turns_are_no_light(period):
         found, calibrated = oc.find_frequency(pixels, PER_ROW), oc.calibrate(pixels, per_row)
         assert found.flags or found.frequency == pytest.approx(per_row, rel=0.003)
         assert calibrated.flags or calibrated.row_time == pytest.approx(1, rel=0.005)
+
+
+@pytest.mark.parametrize("duty", [0.1, 0.2])
+@pytest.mark.parametrize(("first", "last"), [(0.3, 0.75), (0.1, 0.9)])
+def test_pulses_in_a_part_of_the_rows_are_no_texture(first, last, duty):
+    """Side lobes of each harmonic lie beside it, as texture does."""
+    random, rows, camera = np.random.default_rng(4), np.arange(1080), Camera(18e-6, 100e-6)
+    right = 0
+    for _ in range(20):
+        lamp = oc.SquareWave(970 * random.uniform(0.9, 1.1), duty=duty, phase=random.uniform(0, 6))
+        light = oc.integrate_exposure(lamp, camera, 1080) * (rows > first * 1080) * (rows < last * 1080)
+        pixels = 20 + 180 * light[:, np.newaxis] + random.normal(0, 2, (1080, 60))
+        found = oc.find_frequency(np.clip(np.rint(pixels), 0, 255).astype(np.uint8), camera)
+        right += not found.flags and found.frequency == pytest.approx(lamp.frequency, rel=0.01)
+    assert right >= 18

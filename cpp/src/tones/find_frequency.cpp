@@ -182,18 +182,44 @@ double noise_power(const PeriodicFit& fit, const PeriodicSignals& signals) {
   return std::max(fit.total_residual(), 1e-14 * fit.total_periodic()) / spare;
 }
 
-// True if noise and texture hardly explain the fundamental of this frequency. What stands still is the same in all
-// frames.
+// A tone and harmonics beside texture, which is seen in what they leave.
+struct BesideTexture {
+  PeriodicFit fit;
+  double noise;  // power of the rest
+  Texture texture;
+};
+
+BesideTexture beside_texture(const PeriodicSignals& signals, double frequency, std::size_t harmonics) {
+  const std::size_t rows = signals.rows();
+  PeriodicFit fit = fit_periodic(signals, periodic_model(frequency, rows, harmonics), frequency, false);
+  const double noise = noise_power(fit, signals);
+  const Texture texture = texture_about(frequency, residual_of(signals.samples(), rows, fit.model, frequency), rows);
+  return {std::move(fit), noise, texture};
+}
+
+// True if noise and texture of its expected power hardly explain the fundamental of this frequency.
 bool stands_out(const PeriodicSignals& signals, double frequency) {
+  const BesideTexture found = beside_texture(signals, frequency, kComparedHarmonics);
+  return found.fit.harmonic_energy[0] > chance_energy(2 * signals.count()) * (found.noise + found.texture.power());
+}
+
+// True if texture, of a power that is not known better than the spectrum tells it, hardly explains these harmonics:
+// all, and the fundamental alone, which half the frequency of a light has of texture.
+bool is_no_texture(const PeriodicSignals& signals, double frequency, const PeriodicModel& model) {
   constexpr double kChance = 1e-4;  // of some ten frequencies at which texture is strong
-  const auto model =
-      periodic_model(frequency, signals.rows(), std::max(kComparedHarmonics, orders_about(frequency, signals.rows())));
-  const PeriodicFit fit = fit_periodic(signals, model, frequency, false);
-  const double energy = fit.harmonic_energy[0];
-  if (!(energy > chance_energy(2 * signals.count()) * noise_power(fit, signals))) return false;
-  const Texture texture =
-      texture_about(frequency, residual_of(signals.samples(), signals.rows(), model, frequency), signals.rows());
-  return texture.lines == 0 || texture.chance(energy / static_cast<double>(2 * signals.count())) < kChance;
+  const BesideTexture found =
+      beside_texture(signals, frequency, std::max(kComparedHarmonics, orders_about(frequency, signals.rows())));
+  std::vector<double> powers;
+  std::vector<std::size_t> orders;
+  for (std::size_t i = 0; i < found.fit.model.harmonics.size(); ++i) {
+    if (std::ranges::find(model.harmonics, found.fit.model.harmonics[i]) == model.harmonics.end()) continue;
+    orders.push_back(found.fit.model.harmonics[i]);
+    powers.push_back(found.fit.harmonic_energy[i] / static_cast<double>(2 * signals.count()));
+  }
+  const auto chance_of = [&](std::size_t count) {
+    return found.texture.chance(std::span(powers).first(count), std::span(orders).first(count));
+  };
+  return chance_of(1) < kNextToNone && chance_of(powers.size()) < kChance;
 }
 
 // The fundamental of which `frequency` is a harmonic, or itself. Each of many parts pays for the harmonics of its
@@ -488,9 +514,8 @@ StoredTone strongest_column(const AnyFramesView& frames, const ColumnBlocks& blo
 // True for a tone that rounding of a gradient makes: smaller than half a step, beside noise of less than half a step,
 // which would dither it.
 bool is_rounding(const StoredTone& tone) {
-  constexpr double kExact = 1e-12;  // of the light: rounding of doubles
   const double light = *std::ranges::max_element(tone.samples, {}, [](double v) { return std::abs(v); });
-  if (!(tone.amplitude > kExact * std::abs(light))) return true;
+  if (!(tone.amplitude > kEqual * std::abs(light))) return true;
   return tone.amplitude < 0.5 * tone.step && noise_of_differences(tone.samples) < tone.step * tone.step / 4;
 }
 
@@ -513,8 +538,7 @@ double rounding_of_frequency(const StoredTone& tone, const PeriodicFit& final) {
                noise = std::inner_product(left.begin(), left.end(), left.begin(), 0.0) /
                        (square * static_cast<double>(rows)),
                different = static_cast<double>(rows_until_repeated(final.frequency, rows));
-  constexpr double kMostOfRounding = 0.25;  // its variance
-  return std::exp(-kTwoPi * std::numbers::pi * std::max(noise - kMostOfRounding, 0.0)) /
+  return std::exp(-kTwoPi * std::numbers::pi * std::max(noise - 1.0 / 12, 0.0)) /
          (std::numbers::sqrt2 * std::numbers::pi * steps * static_cast<double>(rows) * std::sqrt(different));
 }
 
@@ -572,7 +596,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
                       may_be_folded(final, signals.rows()) || wander > std::max(kJump, kSure * turned) ||
                       coherence < kMostly;
   const bool may_be_texture =
-      !misfit && !stands_out(blocks.frames > 1 ? moving_light(blocks, used) : signals, final.frequency);
+      !misfit && !is_no_texture(blocks.frames > 1 ? moving_light(blocks, used) : signals, final.frequency, final.model);
   if (misfit || may_be_texture) flags |= flag::model_misfit;
   const double bend = largest_of(residual, signals.rows(), final, bend_of_frequency);
   const double moved = bend > 0 ? std::max(bend, kTaken * wander / turning) : 0,

@@ -56,11 +56,12 @@ Texture texture_of(const ArrayXd& orders, const ArrayXd& powers, double white, s
   Texture found{.white = white};
   const auto count = static_cast<std::size_t>(powers.size());
   const double mean = count == 0 ? 0 : powers.mean(), freedom = 2 * static_cast<double>(signals * count);
-  if (count == 0 || !(freedom * mean > chance_energy(2 * signals * count) * white)) return found;
-  found.lines = count;
+  if (count == 0) return found;
+  found.exceeds_noise = freedom * mean > chance_energy(2 * signals * count) * white;
+  found.lines = found.exceeds_noise ? count : signals * count;
+  found.flat = mean - white;
   const ArrayXd slope = orders.square().inverse();
   const auto evidence = [&](const ArrayXd& expected) { return -(expected.log() + powers / expected).sum(); };
-  found.flat = mean - white;
   const ArrayXd texture = (powers - white) / slope;
   found.falling = std::max(median({texture.begin(), texture.end()}) / std::numbers::ln2, 0.0);
   found.odds =
@@ -74,10 +75,25 @@ double white_of(std::span<const double> residuals, std::size_t rows, std::size_t
 
 }  // namespace
 
-double Texture::chance(double power) const {
+double Texture::chance(std::span<const double> powers, std::span<const std::size_t> orders) const {
   const auto count = static_cast<double>(lines);
-  const auto tail = [&](double texture) { return std::pow(1 + power / ((white + texture) * count), -count); };
-  return odds * tail(falling) + (1 - odds) * tail(flat);
+  double of_flat = 0, of_falling = 0;  // Σ over the expected powers
+  for (std::size_t i = 0; i < powers.size(); ++i) {
+    const auto order = static_cast<double>(orders[i]);
+    of_flat += powers[i] / (white + flat);
+    of_falling += powers[i] / (white + falling / (order * order));
+  }
+  // The negative binomial Σ C(n + j − 1, j)·pⁿ·(1 − p)ʲ, j = 0 … k − 1, with p = n/(n + Σ).
+  const auto tail = [&](double sum) {
+    const double share = count / (count + sum);
+    double term = std::pow(share, count), total = 0;
+    for (std::size_t j = 0; j < powers.size(); ++j) {
+      total += term;
+      term *= (1 - share) * (count + static_cast<double>(j)) / static_cast<double>(j + 1);
+    }
+    return total;
+  };
+  return odds * tail(of_falling) + (1 - odds) * tail(of_flat);
 }
 
 std::size_t orders_about(double frequency, std::size_t rows) {

@@ -15,12 +15,13 @@ struct Texture {
   double white = 0;              // of the noise
   double flat = 0, falling = 0;  // of texture at the tone, if its spectrum is flat there, or falls
   double odds = 0;               // probability that it falls
-  std::size_t lines = 0;         // of the spectrum that tell it; 0: texture does not exceed the noise
+  std::size_t lines = 0;         // of the spectrum that tell it, of all signals where it does not exceed the noise
+  bool exceeds_noise = false;
 
-  [[nodiscard]] double power() const { return odds > 1 - kSmallShare ? falling : flat; }
-  // Probability that noise and texture have this power at a tone, or more: of exponential variates, whose mean is
-  // known from `lines` others (Lomax 1954).
-  [[nodiscard]] double chance(double power) const;
+  [[nodiscard]] double power() const { return !exceeds_noise ? 0 : odds > 1 - kSmallShare ? falling : flat; }
+  // Probability that noise and texture have these powers at harmonics of these orders, or more in sum over the expected
+  // ones: k exponential variates over a mean that is known from `lines` others.
+  [[nodiscard]] double chance(std::span<const double> powers, std::span<const std::size_t> orders) const;
 };
 
 // Seen half-way between the harmonics of the tone, or a part of that, up to 8 cycles apart.
