@@ -1207,3 +1207,14 @@ def test_who_owns_the_folder_cannot_lead_an_output_elsewhere(tmp_path):
     assert (folder / "a.npy").read_bytes() == b"new"
     assert (kept / "new.npy").read_bytes() == b"kept"
     assert stat.S_IMODE((kept / "new.npy").stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize(("name", "curve"), [("p.jpg", "srgb"), ("p.png", "srgb"), ("p.npy", "linear")])
+def test_a_film_of_a_picture_states_the_curve_of_its_values(tmp_path, name, curve):
+    """It stated linear light, which the values of a JPEG are not."""
+    pixels = np.full((32, 48, 3), 120, np.uint8)
+    write_frames(tmp_path / name, pixels[np.newaxis])
+    with open_recording(tmp_path / name) as source:
+        write_frames(tmp_path / "film.mkv", iter(source), frame_rate=30.0, like=source)
+    response = read_frames(tmp_path / "film.mkv").response
+    assert (response.tone_curve, "transfer characteristics" in response.stated_by) == (curve, True)

@@ -100,6 +100,17 @@ def response_of_video(context: Any, dark: float, white: float, stated_range: str
     return LightResponse(curve.tone_curve, curve.gamma, dark, white, ", ".join(details), assumed_for)
 
 
+def transfer_stating(response: LightResponse) -> int:
+    """The transfer characteristics of values with this response; 2, unspecified, where no number states its curve.
+
+    A PNG file that states none is sRGB, as ``clean`` takes it.
+    """
+    curve = _SRGB if response.assumed_for == "PNG" else response
+    power = curve.gamma if curve.tone_curve == "gamma" else None
+    found = (n for n, of in _TRANSFERS.items() if of.tone_curve == curve.tone_curve and power in (None, of.gamma))
+    return next(found, 2)
+
+
 def transfer_of(context: Any) -> int:
     """The transfer characteristics of a video stream (ITU-T H.273); 2 if unspecified."""
     value = getattr(context, "color_trc", None)

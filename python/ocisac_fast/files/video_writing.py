@@ -14,11 +14,12 @@ import numpy as np
 
 from ocisac_fast.files.colours import Conversion
 from ocisac_fast.files.extras import opened_video, pyav
-from ocisac_fast.files.recording import FileError, FileWarning, Frame, RecordingStream, VideoFormat
+from ocisac_fast.files.profiles import transfer_stating
+from ocisac_fast.files.recording import FileError, FileWarning, Frame, LightResponse, RecordingStream, VideoFormat
 
 CODECS = {".mkv": "ffv1", ".mp4": "libx264", ".mov": "libx264"}
 USUAL_CRF = 10.0  # no difference can be seen
-_LIMITED_RANGE, _FULL_RANGE, _LINEAR_TRANSFER, _RGB_MATRIX = 1, 2, 8, 0
+_LIMITED_RANGE, _FULL_RANGE, _RGB_MATRIX = 1, 2, 0
 _SUBSAMPLED = ("yuv420p", "yuv422p", "yuv444p", "yuvj420p", "yuvj422p", "yuvj444p")
 _DEEP = ("yuv420p10le", "yuv422p10le", "yuv444p10le")
 _DEEPER = ("yuv420p12le", "yuv422p12le", "yuv444p12le")  # HEVC
@@ -28,7 +29,8 @@ _FILE_TAGS = ("major_brand", "minor_version", "compatible_brands", "encoder", "d
 def write_video(
     path: Path, frames: Iterable[Frame], frame_rate: float, like: RecordingStream | None, crf: float | None
 ) -> None:
-    """Write one frame at a time. Without ``like`` the stream states full range and linear transfer."""
+    """Write one frame at a time. Without a video as ``like`` the stream states full range and the curve of ``like``, or
+    linear transfer."""
     av = pyav()
     if not 0 < frame_rate < float("inf"):
         raise FileError(f"frame_rate: got {frame_rate}, allowed: above 0")
@@ -47,6 +49,9 @@ def write_video(
             frame = np.asarray(raw)
             if writer is None:
                 writer = _Writer(container, codec, frame, frame_rate, source, crf)
+                if source is None:
+                    response = LightResponse() if like is None else like.response
+                    writer.stream.codec_context.color_trc = transfer_stating(response)
                 sound = _sound(av, container, like, opened)
             writer.check(frame, count)
             time = None if like is None else like.time_of(count)
@@ -87,12 +92,11 @@ class _Writer:
         is_converted = stored.startswith("yuv")
         self._range = _FULL_RANGE if source is None or not _keeps_range(first, stored, source) else _LIMITED_RANGE
         context.color_range = self._range
-        context.color_trc = _LINEAR_TRANSFER if source is None else source.transfer
         self._convert: Conversion | None = None
         if codec == "libx265" and container.format.name in ("mp4", "mov"):
             context.codec_tag = "hvc1"  # without it Apple's players refuse the film
         if source is not None:
-            context.color_primaries = source.primaries
+            context.color_primaries, context.color_trc = source.primaries, source.transfer
             context.colorspace = self._matrix = source.matrix if is_converted or first.ndim == 2 else _RGB_MATRIX
             if is_converted:
                 self._convert = Conversion(stored, source.matrix, self._range == _LIMITED_RANGE)
