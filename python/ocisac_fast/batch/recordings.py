@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import AsyncIterator, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ocisac_fast.files.remote import archive_state, file_system, is_remote, state_of
+
+_MOST_FOLDERS = 10_000  # of a web server, whose links may lead on without an end
 
 
 class Entry(NamedTuple):
@@ -39,7 +41,7 @@ def find_recordings(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[s
             which cannot be measured.
 
     Raises:
-        ValueError: a pattern or a folder without a file.
+        ValueError: a pattern or a folder without a file; more than 10 000 folders of a web server below one.
     """
     every = (paths,) if isinstance(paths, (str, os.PathLike)) else paths
     found = {entry.path: entry for path in every for entry in _matching(os.fspath(path))}
@@ -107,8 +109,11 @@ def _remote(path: str) -> Iterator[Entry]:
     system, inner = file_system(path)
     entries: dict[str, Any] = {inner: {"size": None}}
     archive: str | None = None
+    walked = _bound_walks(system)
     with contextlib.suppress(Exception):  # whatever a server answers: measuring the path names the failure
         archive, entries = archive_state(path), _listed(system, inner)
+    if len(walked) > _MOST_FOLDERS:
+        raise ValueError(f"recordings: got {path}, allowed: at most {_MOST_FOLDERS} folders below one of a web server")
     # Listed names lack the host and the user of the path on some file systems, and the archive that they are in.
     place = next((each for each in (path.partition("::")[0], path) if each.endswith(inner)), None)
     for name, entry in entries.items():
@@ -118,6 +123,53 @@ def _remote(path: str) -> Iterator[Entry]:
                     entry.update(system.info(name))
             whole = place and place.removesuffix(inner) + name + path[len(place) :]
             yield _entry(whole or str(system.unstrip_protocol(name)), entry, archive)
+
+
+def _bound_walks(system: Any) -> list[str]:
+    """Have a web server's folders below one walked once each, links to those above them left out; those walked."""
+    walked: list[str] = []
+    if not {"http", "https"}.intersection(system.protocol):
+        return walked
+
+    async def walk(path: str, maxdepth: int | None = None, **options: Any) -> AsyncIterator[Any]:
+        if maxdepth is not None:  # a pattern without **
+            async for each in type(system)._walk(system, path, maxdepth, **options):
+                yield each
+            return
+        waiting: list[tuple[str, tuple[Any, ...]]] = [(path, ())]
+        while waiting and len(walked) <= _MOST_FOLDERS:
+            folder, above = waiting.pop()
+            walked.append(folder)
+            listing: list[Any] = []
+            with contextlib.suppress(OSError):
+                listing = await system._ls(folder, detail=True)
+            found = {each["name"].rstrip("/").removeprefix(folder.rstrip("/")): each for each in listing}
+            if [each for each in above if await _are_one(system, each, found)]:
+                continue
+            folders = {name: each for name, each in found.items() if name and each["type"] == "directory"}
+            yield folder, folders, {name: each for name, each in found.items() if name not in folders}
+            waiting += [(each["name"].rstrip("/"), (*above, found)) for each in folders.values()]
+
+    system._walk = walk
+    return walked
+
+
+async def _are_one(system: Any, one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Return True if two listings have the same names, whose files have the same sizes and times, one or more stated.
+
+    Names alone are no proof: ``data/data`` may hold another ``data`` with files of its own.
+    """
+    if one.keys() != other.keys():
+        return False
+    is_stated = False
+    for name in (name for name, each in one.items() if each["type"] != "directory" and not name.startswith("/?")):
+        states: list[str | None] = [None, None]
+        with contextlib.suppress(Exception):  # a name that leads nowhere
+            states = [state_of(await system._info(each[name]["name"])) for each in (one, other)]
+        if states[0] != states[1]:
+            return False
+        is_stated = is_stated or states[0] is not None
+    return is_stated
 
 
 def _listed(system: Any, path: str) -> dict[str, Any]:
