@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+from collections import deque
 from collections.abc import AsyncIterator, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -136,15 +137,16 @@ def _bound_walks(system: Any) -> list[str]:
             async for each in type(system)._walk(system, path, maxdepth, **options):
                 yield each
             return
-        waiting: list[tuple[str, tuple[Any, ...]]] = [(path, ())]
+        waiting: deque[tuple[str, tuple[Any, ...]]] = deque([(path, ())])
         while waiting and len(walked) <= _MOST_FOLDERS:
-            folder, above = waiting.pop()
+            folder, above = waiting.popleft()  # the nearest first: paths stay short
             walked.append(folder)
             listing: list[Any] = []
             with contextlib.suppress(OSError):
                 listing = await system._ls(folder, detail=True)
             found = {each["name"].rstrip("/").removeprefix(folder.rstrip("/")): each for each in listing}
-            if [each for each in above if await _are_one(system, each, found)]:
+            alike = [each for each in above if each.keys() == found.keys()]
+            if [each for each in alike if await _are_one(system, each, found)]:
                 continue
             folders = {name: each for name, each in found.items() if name and each["type"] == "directory"}
             yield folder, folders, {name: each for name, each in found.items() if name not in folders}
@@ -155,12 +157,10 @@ def _bound_walks(system: Any) -> list[str]:
 
 
 async def _are_one(system: Any, one: dict[str, Any], other: dict[str, Any]) -> bool:
-    """Return True if two listings have the same names, whose files have the same sizes and times, one or more stated.
+    """Return True if files of two listings of the same names have the same sizes and times, one or more stated.
 
     Names alone are no proof: ``data/data`` may hold another ``data`` with files of its own.
     """
-    if one.keys() != other.keys():
-        return False
     is_stated = False
     for name in (name for name, each in one.items() if each["type"] != "directory" and not name.startswith("/?")):
         states: list[str | None] = [None, None]
