@@ -6,13 +6,17 @@ import contextlib
 import hashlib
 import os
 from collections import deque
-from collections.abc import AsyncIterator, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ocisac_fast.files.remote import archive_state, file_system, is_remote, state_of
 
 _MOST_FOLDERS = 10_000  # of a web server, whose links may lead on without an end
+
+
+class EndlessError(ValueError):
+    """A folder has more folders below it than may be listed."""
 
 
 class Entry(NamedTuple):
@@ -42,7 +46,7 @@ def find_recordings(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[s
             which cannot be measured.
 
     Raises:
-        ValueError: a pattern or a folder without a file; more than 10 000 folders of a web server below one.
+        ValueError: a pattern or a folder without a file; more than 10 000 folders below one of a web server.
     """
     every = (paths,) if isinstance(paths, (str, os.PathLike)) else paths
     found = {entry.path: entry for path in every for entry in _matching(os.fspath(path))}
@@ -110,11 +114,12 @@ def _remote(path: str) -> Iterator[Entry]:
     system, inner = file_system(path)
     entries: dict[str, Any] = {inner: {"size": None}}
     archive: str | None = None
-    walked = _bound_walks(system)
-    with contextlib.suppress(Exception):  # whatever a server answers: measuring the path names the failure
+    try:
         archive, entries = archive_state(path), _listed(system, inner)
-    if len(walked) > _MOST_FOLDERS:
-        raise ValueError(f"recordings: got {path}, allowed: at most {_MOST_FOLDERS} folders below one of a web server")
+    except EndlessError:
+        raise
+    except Exception:  # whatever a server answers: measuring the path names the failure
+        pass
     # Listed names lack the host and the user of the path on some file systems, and the archive that they are in.
     place = next((each for each in (path.partition("::")[0], path) if each.endswith(inner)), None)
     for name, entry in entries.items():
@@ -126,52 +131,6 @@ def _remote(path: str) -> Iterator[Entry]:
             yield _entry(whole or str(system.unstrip_protocol(name)), entry, archive)
 
 
-def _bound_walks(system: Any) -> list[str]:
-    """Have a web server's folders below one walked once each, links to those above them left out; those walked."""
-    walked: list[str] = []
-    if not {"http", "https"}.intersection(system.protocol):
-        return walked
-
-    async def walk(path: str, maxdepth: int | None = None, **options: Any) -> AsyncIterator[Any]:
-        if maxdepth is not None:  # a pattern without **
-            async for each in type(system)._walk(system, path, maxdepth, **options):
-                yield each
-            return
-        waiting: deque[tuple[str, tuple[Any, ...]]] = deque([(path, ())])
-        while waiting and len(walked) <= _MOST_FOLDERS:
-            folder, above = waiting.popleft()  # the nearest first: paths stay short
-            walked.append(folder)
-            listing: list[Any] = []
-            with contextlib.suppress(OSError):
-                listing = await system._ls(folder, detail=True)
-            found = {each["name"].rstrip("/").removeprefix(folder.rstrip("/")): each for each in listing}
-            alike = [each for each in above if each.keys() == found.keys()]
-            if [each for each in alike if await _are_one(system, each, found)]:
-                continue
-            folders = {name: each for name, each in found.items() if name and each["type"] == "directory"}
-            yield folder, folders, {name: each for name, each in found.items() if name not in folders}
-            waiting += [(each["name"].rstrip("/"), (*above, found)) for each in folders.values()]
-
-    system._walk = walk
-    return walked
-
-
-async def _are_one(system: Any, one: dict[str, Any], other: dict[str, Any]) -> bool:
-    """Return True if files of two listings of the same names have the same sizes and times, one or more stated.
-
-    Names alone are no proof: ``data/data`` may hold another ``data`` with files of its own.
-    """
-    is_stated = False
-    for name in (name for name, each in one.items() if each["type"] != "directory" and not name.startswith("/?")):
-        states: list[str | None] = [None, None]
-        with contextlib.suppress(Exception):  # a name that leads nowhere
-            states = [state_of(await system._info(each[name]["name"])) for each in (one, other)]
-        if states[0] != states[1]:
-            return False
-        is_stated = is_stated or states[0] is not None
-    return is_stated
-
-
 def _listed(system: Any, path: str) -> dict[str, Any]:
     entry = None
     with contextlib.suppress(FileNotFoundError):
@@ -180,8 +139,28 @@ def _listed(system: Any, path: str) -> dict[str, Any]:
         return {path: {"size": None}}
     if entry and entry["type"] != "directory" and not path.endswith("/"):  # each page of http is a file
         return {path: entry}
-    found = system.find(path, detail=True) if entry else system.glob(path, detail=True)
+    if entry and "http" in system.protocol:
+        found = _files_below(system, path)
+    else:
+        found = system.find(path, detail=True) if entry else system.glob(path, detail=True)
     return {name: each for name, each in found.items() if "/?" not in name}  # links that sort
+
+
+def _files_below(system: Any, path: str) -> dict[str, Any]:
+    """Files in a web server's folder and those below it, the nearest first: ``find`` follows links without an end."""
+    waiting, found = deque([path]), {}
+    for _ in range(_MOST_FOLDERS):
+        if not waiting:
+            return found
+        with contextlib.suppress(OSError):
+            for entry in system.ls(waiting.popleft(), detail=True):
+                if "/?" in entry["name"]:
+                    continue
+                if entry["type"] == "directory":
+                    waiting.append(entry["name"])
+                else:
+                    found[entry["name"]] = entry
+    raise EndlessError(f"recordings: got {path}, allowed: at most {_MOST_FOLDERS} folders below one of a web server")
 
 
 def _entry(path: str, status: dict[str, Any], archive: str | None = "") -> Entry:
