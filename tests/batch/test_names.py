@@ -19,6 +19,7 @@ from lamp_recordings import ROW_TIME, SHORT, lamp
 from ocisac_fast.batch import Task, measure_recordings, read_failures, read_results, summarize
 from ocisac_fast.batch.recordings import find_recordings
 from ocisac_fast.files import FileError, open_recording, read_frames, remote, write_frames
+from ocisac_fast.files.pictures import ORIENTATION
 from ocisac_fast.files.remote import state_of
 
 GAIN = Task("gain", {"frequency": "500Hz", "row_time": ROW_TIME})
@@ -376,6 +377,19 @@ def test_a_recording_on_a_server_that_changes_while_it_is_read_is_refused(folder
     assert "changed while it was" in done.failures.to_pylist()[0]["message"]
 
 
+def test_folders_of_a_server_without_an_end_are_one_line(folder, tmp_path, monkeypatch, batch):
+    """Two links to one folder were 2^40 listings."""
+    place, url = folder
+    monkeypatch.setattr("ocisac_fast.batch.recordings._MOST_FOLDERS", 100)
+    for link in ("one", "two"):
+        (place / "d" / link).symlink_to(place / "d", target_is_directory=True)
+    code, _, err = batch(f"{url}/d/", "-o", tmp_path / "o", *WORDS)
+    assert (code, err) == (
+        2,
+        [f"ocisac: recordings: got {url}/d/, allowed: at most 100 folders below one of a web server"],
+    )
+
+
 def test_a_broken_configuration_of_file_systems_is_named(tmp_path, program):
     (tmp_path / "a.json").write_text("{")
     save(tmp_path / "a.npy")
@@ -383,6 +397,76 @@ def test_a_broken_configuration_of_file_systems_is_named(tmp_path, program):
     done = program("batch", "a.npy", "-o", "o", "--workers", 0, *WORDS, cwd=tmp_path, env=configured)
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
     assert done.stderr.startswith(f"ocisac: {tmp_path}: fsspec's configuration cannot be read: ")
+
+
+@pytest.fixture
+def pictures(tmp_path):
+    """Folder of a turned photograph, one with opacity, and frames of floats; a picture of Pillow."""
+    image = pytest.importorskip("PIL.Image")
+    place = tmp_path / "r"
+    place.mkdir()
+    frames = lamp(2, 1)
+    exif = image.Exif()
+    exif[ORIENTATION] = 6
+    grey = image.fromarray(frames[0])
+    grey.save(place / "photo.jpg", exif=exif)
+    grey.convert("RGBA").save(place / "opaque.png", exif=exif)
+    np.save(place / "float.npy", frames / np.float32(255))
+    return place, grey
+
+
+def cleaned(tmp_path, path, **options):
+    """What was cleaned, by the name of its recording."""
+    task = Task("clean", {"row_time": ROW_TIME, **options})
+    assert not measure_recordings(str(path), task, output=tmp_path / "o").failures.num_rows
+    rows = read_results(tmp_path / "o").to_pylist()
+    return {os.path.basename(row["path"].partition("::")[0]): row["cleaned"] for row in rows}
+
+
+def test_members_of_an_archive_are_cleaned_to_pictures_and_arrays_as_files_are(tmp_path, pictures):
+    """The suffix of the path is the archive's: pictures became films without turn and opacity, floats failed."""
+    place, _ = pictures
+    shutil.make_archive(str(tmp_path / "all"), "zip", place)
+    found = cleaned(tmp_path, f"zip://*::{tmp_path / 'all.zip'}")
+    names = {name: os.path.basename(path).partition("-")[2] for name, path in found.items()}
+    assert names == {"photo.jpg": "photo.png", "opaque.png": "opaque.png", "float.npy": "float.npy"}
+    image = pytest.importorskip("PIL.Image")
+    for name, mode in (("photo.jpg", "L"), ("opaque.png", "RGBA")):
+        with image.open(found[name]) as picture:
+            assert (picture.getexif()[ORIENTATION], picture.mode) == (6, mode)
+    assert np.load(found["float.npy"]).dtype == np.float32
+
+
+def test_the_kind_of_what_is_cleaned_is_that_of_the_recording_whatever_its_name(tmp_path, pictures):
+    place, grey = pictures
+    kinds = tmp_path / "kinds"
+    kinds.mkdir()
+    shutil.copy(place / "photo.jpg", kinds / "a.jpe")
+    shutil.copy(place / "opaque.png", kinds / "IMG_0001")
+    shutil.copy(place / "photo.jpg", kinds / "photo.tif")
+    shutil.copy(place / "float.npy", kinds / "array.png")
+    grey.convert("RGBA").save(kinds / "c.webp", lossless=True)
+    grey.save(kinds / "d.bmp")
+    grey.save(kinds / "e", "TIFF")
+    grey.save(kinds / "animated.png", save_all=True, append_images=[grey.rotate(180)])
+    write_frames(kinds / "film.mkv", lamp(2, 1))
+    (kinds / "film.mkv").rename(kinds / "film.png")
+    found = {name: os.path.splitext(path)[1] for name, path in cleaned(tmp_path, kinds).items()}
+    single = dict.fromkeys(("a.jpe", "IMG_0001", "photo.tif", "c.webp", "d.bmp"), ".png")
+    assert found == {**single, "e": ".tif", "array.png": ".npy", "film.png": ".mkv", "animated.png": ".mkv"}
+
+
+def test_a_picture_of_a_server_with_a_query_is_cleaned_to_a_picture(server, tmp_path, pictures):
+    place, _ = pictures
+    Server.body = (place / "photo.jpg").read_bytes()
+    (path,) = cleaned(tmp_path, f"{server}/photo.jpg?signature=a/b").values()
+    assert os.path.basename(path).partition("-")[2] == "photo.png"
+
+
+def test_raw_frames_are_cleaned_to_a_film_whatever_their_name(tmp_path):
+    (tmp_path / "a.png").write_bytes(lamp(2, 1).tobytes())
+    (path,) = cleaned(tmp_path, tmp_path / "a.png", raw="48x240").values()
+    assert path.endswith("-a.mkv")
 
 
 def test_listing_fetches_nothing(server):

@@ -18,6 +18,7 @@ from ocisac_fast.cli.errors import INPUT_ERRORS, error_text
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files import FileError, Part
 from ocisac_fast.files.extras import pyarrow
+from ocisac_fast.files.reading import lossless_suffix
 from ocisac_fast.files.remote import RemotePath, is_remote
 from ocisac_fast.files.videos import decoder_threads
 
@@ -145,7 +146,8 @@ class Work:
                 common = replace(job, frame_count=parts[-1].stop, start=start)
                 return Report(job, stretches=tuple(replace(common, part=part) for part in parts))
         if self.task.command == "clean" and results is not None:
-            with results.cleaned(job.entry) as (local, name, final):
+            suffix = lossless_suffix(path, raw=self.task.picture.raw)
+            with results.cleaned(job.entry, suffix) as (local, name, final):
                 found = Measurement.of(path, self.task, cleaned=local)
                 if os.path.exists(local):  # else every frame stays as it is
                     found.facts["cleaned"] = {name: os.stat(local).st_size}

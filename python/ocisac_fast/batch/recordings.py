@@ -5,11 +5,18 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+from collections import deque
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ocisac_fast.files.remote import archive_state, file_system, is_remote, state_of
+
+_MOST_FOLDERS = 10_000  # of a web server, whose links may lead on without an end
+
+
+class EndlessError(ValueError):
+    """A folder has more folders below it than may be listed."""
 
 
 class Entry(NamedTuple):
@@ -39,7 +46,7 @@ def find_recordings(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[s
             which cannot be measured.
 
     Raises:
-        ValueError: a pattern or a folder without a file.
+        ValueError: a pattern or a folder without a file; more than 10 000 folders below one of a web server.
     """
     every = (paths,) if isinstance(paths, (str, os.PathLike)) else paths
     found = {entry.path: entry for path in every for entry in _matching(os.fspath(path))}
@@ -107,8 +114,12 @@ def _remote(path: str) -> Iterator[Entry]:
     system, inner = file_system(path)
     entries: dict[str, Any] = {inner: {"size": None}}
     archive: str | None = None
-    with contextlib.suppress(Exception):  # whatever a server answers: measuring the path names the failure
+    try:
         archive, entries = archive_state(path), _listed(system, inner)
+    except EndlessError:
+        raise
+    except Exception:  # whatever a server answers: measuring the path names the failure
+        pass
     # Listed names lack the host and the user of the path on some file systems, and the archive that they are in.
     place = next((each for each in (path.partition("::")[0], path) if each.endswith(inner)), None)
     for name, entry in entries.items():
@@ -128,8 +139,28 @@ def _listed(system: Any, path: str) -> dict[str, Any]:
         return {path: {"size": None}}
     if entry and entry["type"] != "directory" and not path.endswith("/"):  # each page of http is a file
         return {path: entry}
-    found = system.find(path, detail=True) if entry else system.glob(path, detail=True)
+    if entry and "http" in system.protocol:
+        found = _files_below(system, path)
+    else:
+        found = system.find(path, detail=True) if entry else system.glob(path, detail=True)
     return {name: each for name, each in found.items() if "/?" not in name}  # links that sort
+
+
+def _files_below(system: Any, path: str) -> dict[str, Any]:
+    """Files in a web server's folder and those below it, the nearest first: ``find`` follows links without an end."""
+    waiting, found = deque([path]), {}
+    for _ in range(_MOST_FOLDERS):
+        if not waiting:
+            return found
+        with contextlib.suppress(OSError):
+            for entry in system.ls(waiting.popleft(), detail=True):
+                if "/?" in entry["name"]:
+                    continue
+                if entry["type"] == "directory":
+                    waiting.append(entry["name"])
+                else:
+                    found[entry["name"]] = entry
+    raise EndlessError(f"recordings: got {path}, allowed: at most {_MOST_FOLDERS} folders below one of a web server")
 
 
 def _entry(path: str, status: dict[str, Any], archive: str | None = "") -> Entry:

@@ -52,7 +52,6 @@ _NO_FILE = "other"  # type of pipes and devices, which could be waited for, for 
 _WHOLE = "all"
 _KEY = 16  # characters of a recording's key
 _MAX_STEM = 200  # bytes, of the 255 that file systems allow
-_PICTURES = {".png": ".png", ".jpg": ".png", ".jpeg": ".png", ".tif": ".tif", ".tiff": ".tif", ".npy": ".npy"}
 
 
 class ResultsError(ValueError):
@@ -319,7 +318,7 @@ class Results:
                     self._system.rm_file(self._path(place))
 
     @contextlib.contextmanager
-    def cleaned(self, entry: Entry) -> Iterator[tuple[str, str, str]]:
+    def cleaned(self, entry: Entry, suffix: str) -> Iterator[tuple[str, str, str]]:
         """A local path to write a cleaned recording to, its name below the folder, and the path where it will be.
 
         It gets this name at the end, after its rows: a run that is killed leaves nothing that no rows name.
@@ -327,9 +326,8 @@ class Results:
         Raises:
             FileError: something has the name, which no run wrote as it is.
         """
-        source = PurePosixPath(entry.path)
-        stem = source.stem.encode(errors="surrogateescape")[-_MAX_STEM:].decode(errors="ignore")
-        suffix = _PICTURES.get(source.suffix.lower(), ".mkv")
+        source = entry.path.partition("::")[0].partition("?")[0] if is_remote(entry.path) else entry.path
+        stem = PurePosixPath(source).stem.encode(errors="surrogateescape")[-_MAX_STEM:].decode(errors="ignore")
         name = f"cleaned/{entry.key}-{stem}{suffix}"
         place = self._path(name)
         with self._errors():

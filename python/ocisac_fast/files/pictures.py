@@ -39,7 +39,7 @@ _BEGINNING = re.compile(
     rb"|P[1-6]\s+(?:#[^\n]*\n\s*)*\d+\s+\d+\s",
     re.DOTALL,
 )
-_TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PIECES = ((273, 279), (324, 325))  # offsets and sizes of strips, of tiles
 _TIFF_BITS_PER_SAMPLE = 258
 _BAND_PIXELS = 1 << 20
@@ -52,7 +52,7 @@ _KEPT_CHUNKS = (b"cHRM", b"cICP", b"gAMA", b"iCCP", b"sRGB", b"pHYs", b"eXIf")
 
 def is_picture(head: bytes) -> bool:
     """Return True if a file that begins with these bytes (12 or more) is a picture of a supported kind."""
-    starts = (b"\x89PNG\r\n", JPEG, *_TIFF, b"BM")
+    starts = (b"\x89PNG\r\n", JPEG, *TIFF, b"BM")
     return (
         head.startswith(starts)
         or (head[:1] == b"P" and head[1:2] in b"123456" and head[2:3] in b" \t\r\n#")
@@ -156,7 +156,7 @@ def _end(image: Image, data: bytes, pages: int) -> int:
         is_preview = follows and not are_jpegs(data)
         own = is_preview or _OWN_PICTURES.search(data, 0, end) or data.endswith(b"SEFT")  # a trailer of Samsung
         return len(data) if own else end
-    if data.startswith(_TIFF):
+    if data.startswith(TIFF):
         image.seek(pages - 1)
         tags = image.tag_v2  # type: ignore[attr-defined]
         pieces = (piece for at, size in _PIECES for piece in zip(tags.get(at, ()), tags.get(size, ()), strict=False))
@@ -167,7 +167,7 @@ def _end(image: Image, data: bytes, pages: int) -> int:
 def _require_single(data: bytes, end: int) -> None:
     """FileError if a further picture begins at ``end`` or behind it; JPEGs of a TIFF may be its previews."""
     further = (found.start() for found in _BEGINNING.finditer(data, end))
-    if any(not (data.startswith(_TIFF) and data.startswith(JPEG, start)) for start in further):
+    if any(not (data.startswith(TIFF) and data.startswith(JPEG, start)) for start in further):
         raise FileError("a further picture after the first, allowed: one (several of JPEG or PNM, or a TIFF of pages)")
 
 

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 from ocisac_fast.core.checks import checked
 from ocisac_fast.files.arrays import MAGIC, open_array, stream_arrays
 from ocisac_fast.files.parts import JPEGS, parts_between
-from ocisac_fast.files.pictures import JPEG, are_jpegs, is_picture, most_bytes, next_jpeg, open_picture
+from ocisac_fast.files.pictures import JPEG, TIFF, are_jpegs, is_picture, most_bytes, next_jpeg, open_picture
 from ocisac_fast.files.raw import RawFormat, open_raw, read_whole, require_at_most, standard_input
 from ocisac_fast.files.recording import FileError, Frame, Part, Recording, RecordingStream
 from ocisac_fast.files.remote import RemotePath, is_remote
@@ -94,6 +94,21 @@ def cut_recording(path: str | os.PathLike[str], max_frames: int, *, raw: str | N
     with open_recording(path, raw=raw) as stream:
         key_frames = stream.key_frames(max_frames)
     return None if key_frames is None else parts_between(key_frames, max_frames)
+
+
+@checked
+def lossless_suffix(path: str | os.PathLike[str], *, raw: str | None = None) -> str:
+    """Suffix of the kind of file that holds a recording's processed frames, and what a picture states, without loss.
+
+    Arguments and errors as in ``read_frames``.
+    """
+    with open_recording(path, raw=raw) as stream:
+        kind, is_single = stream.kind, stream.frame_count == 1
+    if kind != "picture":
+        return ".npy" if kind == "array" else ".mkv"
+    with _place(path).open("rb") as file:
+        is_tiff = file.read(len(TIFF[0])) in TIFF
+    return ".tif" if is_tiff else ".png" if is_single else ".mkv"
 
 
 def _place(path: str | os.PathLike[str]) -> Path | RemotePath:
