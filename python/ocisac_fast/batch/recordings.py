@@ -148,7 +148,8 @@ def _listed(system: Any, path: str) -> dict[str, Any]:
 
 def _files_below(system: Any, path: str) -> dict[str, Any]:
     """Files in a web server's folder and those below it, the nearest first: ``find`` follows links without an end."""
-    waiting, found = deque([path]), {}
+    waiting = deque([path])
+    found: dict[str, Any] = {}
     for _ in range(_MOST_FOLDERS):
         if not waiting:
             return found
