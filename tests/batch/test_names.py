@@ -416,7 +416,7 @@ def pictures(tmp_path):
 
 
 def cleaned(tmp_path, path, **options):
-    """What was cleaned, by the name of its recording."""
+    """Clean the recordings of a path; return the place of each cleaned file by the name of its recording."""
     task = Task("clean", {"row_time": ROW_TIME, **options})
     assert not measure_recordings(str(path), task, output=tmp_path / "o").failures.num_rows
     rows = read_results(tmp_path / "o").to_pylist()

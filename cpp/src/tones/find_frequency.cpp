@@ -182,38 +182,37 @@ double noise_power(const PeriodicFit& fit, const PeriodicSignals& signals) {
   return std::max(fit.total_residual(), 1e-14 * fit.total_periodic()) / spare;
 }
 
-// A tone and harmonics beside texture, which is seen in what they leave.
+// A tone and harmonics, and the texture that is seen in what they leave.
 struct BesideTexture {
   PeriodicFit fit;
-  double noise;  // power of the rest
   Texture texture;
 };
 
 BesideTexture beside_texture(const PeriodicSignals& signals, double frequency, std::size_t harmonics) {
   const std::size_t rows = signals.rows();
   PeriodicFit fit = fit_periodic(signals, periodic_model(frequency, rows, harmonics), frequency, false);
-  const double noise = noise_power(fit, signals);
   const Texture texture = texture_about(frequency, residual_of(signals.samples(), rows, fit.model, frequency), rows);
-  return {std::move(fit), noise, texture};
+  return {std::move(fit), texture};
 }
 
 // True if noise and texture of its expected power hardly explain the fundamental of this frequency.
 bool stands_out(const PeriodicSignals& signals, double frequency) {
-  const BesideTexture found = beside_texture(signals, frequency, kComparedHarmonics);
-  return found.fit.harmonic_energy[0] > chance_energy(2 * signals.count()) * (found.noise + found.texture.power());
+  const auto [fit, texture] = beside_texture(signals, frequency, kComparedHarmonics);
+  return fit.harmonic_energy[0] > chance_energy(2 * signals.count()) * (noise_power(fit, signals) + texture.power());
 }
 
 // True if texture, of a power that is not known better than the spectrum tells it, hardly explains these harmonics:
 // all, and the fundamental alone, which half the frequency of a light has of texture.
 bool is_no_texture(const PeriodicSignals& signals, double frequency, const PeriodicModel& model) {
   constexpr double kChance = 1e-4;  // of some ten frequencies at which texture is strong
-  const BesideTexture found =
+  const auto found =
       beside_texture(signals, frequency, std::max(kComparedHarmonics, orders_about(frequency, signals.rows())));
   std::vector<double> powers;
   std::vector<std::size_t> orders;
   for (std::size_t i = 0; i < found.fit.model.harmonics.size(); ++i) {
-    if (std::ranges::find(model.harmonics, found.fit.model.harmonics[i]) == model.harmonics.end()) continue;
-    orders.push_back(found.fit.model.harmonics[i]);
+    const std::size_t order = found.fit.model.harmonics[i];
+    if (std::ranges::find(model.harmonics, order) == model.harmonics.end()) continue;
+    orders.push_back(order);
     powers.push_back(found.fit.harmonic_energy[i] / static_cast<double>(2 * signals.count()));
   }
   const auto chance_of = [&](std::size_t count) {

@@ -39,24 +39,22 @@ LinesAbout lines_about(double frequency, std::span<const double> residuals, std:
   const double step = spacing_of_lines(frequency, height);
   std::vector<double> lines, waves;
   for (int k = 0; k < kLines && frequency + (k + 0.5) * step < 0.5; ++k) lines.push_back(frequency + (k + 0.5) * step);
-  LinesAbout about{Map<const ArrayXd>(lines.data(), std::ssize(lines)) / frequency, {}};
-  if (lines.empty()) return about;
+  const auto count = std::ssize(lines);
   const RowSampling sampling = centred_rows(height);
   append_tones(waves, sampling, lines);
   const Map<const MatrixXd> left(residuals.data(), static_cast<Index>(height),
                                  std::ssize(residuals) / static_cast<Index>(height));
   const ArrayXXd squares = transposed_product(matrix_of(waves, sampling), left).array().square();
-  const auto count = std::ssize(lines);
-  about.powers = squares.reshaped(2, count * left.cols()).colwise().sum().reshaped(count, left.cols()) / rows;
-  return about;
+  return {Map<const ArrayXd>(lines.data(), count) / frequency,
+          squares.reshaped(2, count * left.cols()).colwise().sum().reshaped(count, left.cols()) / rows};
 }
 
 // `powers`: means over that many signals.
 Texture texture_of(const ArrayXd& orders, const ArrayXd& powers, double white, std::size_t signals) {
   Texture found{.white = white};
   const auto count = static_cast<std::size_t>(powers.size());
-  const double mean = count == 0 ? 0 : powers.mean(), freedom = 2 * static_cast<double>(signals * count);
   if (count == 0) return found;
+  const double mean = powers.mean(), freedom = 2 * static_cast<double>(signals * count);
   found.exceeds_noise = freedom * mean > chance_energy(2 * signals * count) * white;
   found.lines = found.exceeds_noise ? count : signals * count;
   found.flat = mean - white;
@@ -104,9 +102,7 @@ std::vector<Texture> textures_about(double frequency, std::span<const double> re
   const LinesAbout about = lines_about(frequency, residuals, rows);
   std::vector<Texture> found(residuals.size() / rows);
   for (std::size_t s = 0; s < found.size(); ++s)
-    found[s] = about.orders.size() == 0
-                   ? Texture{.white = white_of(residuals, rows, s)}
-                   : texture_of(about.orders, about.powers.col(static_cast<Index>(s)), white_of(residuals, rows, s), 1);
+    found[s] = texture_of(about.orders, about.powers.col(static_cast<Index>(s)), white_of(residuals, rows, s), 1);
   return found;
 }
 

@@ -24,11 +24,12 @@ struct Texture {
   [[nodiscard]] double chance(std::span<const double> powers, std::span<const std::size_t> orders) const;
 };
 
-// Seen half-way between the harmonics of the tone, or a part of that, up to 8 cycles apart.
-// `residuals`: (signals × rows). The second averages the signals' spectra.
-// Harmonics that have to be fitted with the tone, since they leak there.
-std::size_t orders_about(double frequency, std::size_t rows);
+// Texture is seen half-way between the harmonics of the tone, or a part of that, up to 8 cycles apart. `residuals`:
+// (signals × rows). The first looks at each signal, the second at the mean of their spectra.
 std::vector<Texture> textures_about(double frequency, std::span<const double> residuals, std::size_t rows);
 Texture texture_about(double frequency, std::span<const double> residuals, std::size_t rows);
+
+// Number of harmonics that a fit has to take off before, since they leak to where texture is seen.
+std::size_t orders_about(double frequency, std::size_t rows);
 
 }  // namespace ocisac

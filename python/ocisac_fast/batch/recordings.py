@@ -155,8 +155,6 @@ def _files_below(system: Any, path: str) -> dict[str, Any]:
             return found
         with contextlib.suppress(OSError):
             for entry in system.ls(waiting.popleft(), detail=True):
-                if "/?" in entry["name"]:
-                    continue
                 if entry["type"] == "directory":
                     waiting.append(entry["name"])
                 else:

@@ -37,6 +37,7 @@ def write_video(
     if crf is not None and not 0 <= crf <= 51:
         raise FileError(f"crf: got {crf}, allowed: 0 to 51")
     source = None if like is None else like.video
+    transfer = transfer_stating(LightResponse() if like is None else like.response)  # of what is no video
     suffix = path.suffix.lower()
     codec = CODECS[suffix]
     if source is not None and (codec != "ffv1" or crf is not None):
@@ -48,10 +49,7 @@ def write_video(
         for count, raw in enumerate(frames):
             frame = np.asarray(raw)
             if writer is None:
-                writer = _Writer(container, codec, frame, frame_rate, source, crf)
-                if source is None:
-                    response = LightResponse() if like is None else like.response
-                    writer.stream.codec_context.color_trc = transfer_stating(response)
+                writer = _Writer(container, codec, frame, frame_rate, source, crf, transfer)
                 sound = _sound(av, container, like, opened)
             writer.check(frame, count)
             time = None if like is None else like.time_of(count)
@@ -76,7 +74,14 @@ class _Writer:
     """The video stream of a container."""
 
     def __init__(
-        self, container: Any, codec: str, first: Frame, frame_rate: float, source: VideoFormat | None, crf: float | None
+        self,
+        container: Any,
+        codec: str,
+        first: Frame,
+        frame_rate: float,
+        source: VideoFormat | None,
+        crf: float | None,
+        transfer: int,
     ) -> None:
         check_frame(first, (np.uint8, np.uint16) if codec == "ffv1" or source is not None else (np.uint8,))
         self._shape, self._dtype, self._source = first.shape, first.dtype, source
@@ -92,11 +97,12 @@ class _Writer:
         is_converted = stored.startswith("yuv")
         self._range = _FULL_RANGE if source is None or not _keeps_range(first, stored, source) else _LIMITED_RANGE
         context.color_range = self._range
+        context.color_trc = transfer if source is None else source.transfer
         self._convert: Conversion | None = None
         if codec == "libx265" and container.format.name in ("mp4", "mov"):
             context.codec_tag = "hvc1"  # without it Apple's players refuse the film
         if source is not None:
-            context.color_primaries, context.color_trc = source.primaries, source.transfer
+            context.color_primaries = source.primaries
             context.colorspace = self._matrix = source.matrix if is_converted or first.ndim == 2 else _RGB_MATRIX
             if is_converted:
                 self._convert = Conversion(stored, source.matrix, self._range == _LIMITED_RANGE)

@@ -181,10 +181,9 @@ class _Temporary:
             with contextlib.suppress(OSError):  # none there, no locks, or its process lives
                 self._take(around / f".{mark}", needs_lock=True)
                 self.close()
+        others = iter(lambda: secrets.token_hex(8), "")  # where processes write the same
         try:  # a signal may come at any time
-            for mark in itertools.chain(
-                usual, iter(lambda: secrets.token_hex(8), "")
-            ):  # others where processes write the same
+            for mark in itertools.chain(usual, others):
                 self._name = around / f".{mark}"
                 with contextlib.suppress(FileExistsError):
                     self._name.mkdir(0o700)
