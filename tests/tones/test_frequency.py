@@ -541,3 +541,13 @@ def test_pulses_in_a_part_of_the_rows_are_no_texture(first, last, duty):
         found = oc.find_frequency(np.clip(np.rint(pixels), 0, 255).astype(np.uint8), camera)
         right += not found.flags and found.frequency == pytest.approx(lamp.frequency, rel=0.01)
     assert right >= 18
+
+
+@pytest.mark.parametrize("rows", [64, 120, 200])
+def test_a_lamp_near_half_the_row_rate_is_no_texture(rows):
+    """No line of the spectrum beside it tells of texture there."""
+    random = np.random.default_rng(2)
+    for cycles in np.linspace(1.5, 6, 10):
+        light = 100 + 40 * tone(0.5 - cycles / rows, rows, random.uniform(0, 6))[:, np.newaxis]
+        pixels = np.rint(light + random.normal(0, 1.5, (rows, 16))).astype(np.uint8)
+        assert not oc.find_frequency(pixels, PER_ROW).flags

@@ -195,14 +195,19 @@ BesideTexture beside_texture(const PeriodicSignals& signals, double frequency, s
   return {std::move(fit), texture};
 }
 
-// True if noise and texture of its expected power hardly explain the fundamental of this frequency.
-bool stands_out(const PeriodicSignals& signals, double frequency) {
-  const auto [fit, texture] = beside_texture(signals, frequency, kComparedHarmonics);
-  return fit.harmonic_energy[0] > chance_energy(2 * signals.count()) * (noise_power(fit, signals) + texture.power());
+// True if noise and something of this power hardly explain the fundamental.
+bool stands_out(const PeriodicSignals& signals, const PeriodicFit& fit, double power) {
+  return fit.harmonic_energy[0] > chance_energy(2 * signals.count()) * (noise_power(fit, signals) + power);
 }
 
-// True if texture, of a power that is not known better than the spectrum tells it, hardly explains these harmonics:
-// all, and the fundamental alone, which half the frequency of a light has of texture.
+// The same of texture of its expected power at this frequency.
+bool stands_out(const PeriodicSignals& signals, double frequency) {
+  const auto [fit, texture] = beside_texture(signals, frequency, kComparedHarmonics);
+  return stands_out(signals, fit, texture.power());
+}
+
+// True if noise, and texture of a power that is not known better than the spectrum tells it, hardly explains these
+// harmonics: all, and the fundamental alone, which half the frequency of a light has of texture.
 bool is_no_texture(const PeriodicSignals& signals, double frequency, const PeriodicModel& model) {
   constexpr double kChance = 1e-4;  // of some ten frequencies at which texture is strong
   const auto found =
@@ -218,7 +223,7 @@ bool is_no_texture(const PeriodicSignals& signals, double frequency, const Perio
   const auto chance_of = [&](std::size_t count) {
     return found.texture.chance(std::span(powers).first(count), std::span(orders).first(count));
   };
-  return chance_of(1) < kNextToNone && chance_of(powers.size()) < kChance;
+  return stands_out(signals, found.fit, 0) && chance_of(1) < kNextToNone && chance_of(powers.size()) < kChance;
 }
 
 // The fundamental of which `frequency` is a harmonic, or itself. Each of many parts pays for the harmonics of its
@@ -590,7 +595,8 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const double wander = largest_of(residual, signals.rows(), final, phase_deviation);
   const double turned = own_std * turning * std::sqrt(static_cast<double>(blocks.frames));
   // Rows of two exposures in turns, one by one or by pairs.
-  const bool is_of_pairs = std::abs(final.frequency - 0.25) < kSure * own_std || final.frequency > 0.5 - 1 / rows;
+  const bool is_of_pairs =
+      std::abs(final.frequency - 0.25) < kSure * own_std || final.frequency > 0.5 - kMostly / rows;
   const bool misfit = is_of_pairs || has_weak_fundamental(signals, final.frequency, range) ||
                       may_be_folded(final, signals.rows()) || wander > std::max(kJump, kSure * turned) ||
                       coherence < kMostly;

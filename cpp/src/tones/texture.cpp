@@ -55,8 +55,8 @@ Texture texture_of(const ArrayXd& orders, const ArrayXd& powers, double white, s
   const auto count = static_cast<std::size_t>(powers.size());
   if (count == 0) return found;
   const double mean = powers.mean(), freedom = 2 * static_cast<double>(signals * count);
-  found.exceeds_noise = freedom * mean > chance_energy(2 * signals * count) * white;
-  found.lines = found.exceeds_noise ? count : signals * count;
+  if (!(freedom * mean > chance_energy(2 * signals * count) * white)) return found;
+  found.lines = count;
   found.flat = mean - white;
   const ArrayXd slope = orders.square().inverse();
   const auto evidence = [&](const ArrayXd& expected) { return -(expected.log() + powers / expected).sum(); };
@@ -74,6 +74,7 @@ double white_of(std::span<const double> residuals, std::size_t rows, std::size_t
 }  // namespace
 
 double Texture::chance(std::span<const double> powers, std::span<const std::size_t> orders) const {
+  if (lines == 0) return 0;
   const auto count = static_cast<double>(lines);
   double of_flat = 0, of_falling = 0;  // Σ over the expected powers
   for (std::size_t i = 0; i < powers.size(); ++i) {

@@ -15,12 +15,11 @@ struct Texture {
   double white = 0;              // of the noise
   double flat = 0, falling = 0;  // of texture at the tone, if its spectrum is flat there, or falls
   double odds = 0;               // probability that it falls
-  std::size_t lines = 0;         // of the spectrum that tell it, of all signals where it does not exceed the noise
-  bool exceeds_noise = false;
+  std::size_t lines = 0;         // of the spectrum that tell it; 0: it does not exceed the noise
 
-  [[nodiscard]] double power() const { return !exceeds_noise ? 0 : odds > 1 - kSmallShare ? falling : flat; }
+  [[nodiscard]] double power() const { return odds > 1 - kSmallShare ? falling : flat; }
   // Probability that noise and texture have these powers at harmonics of these orders, or more in sum over the expected
-  // ones: k exponential variates over a mean that is known from `lines` others.
+  // ones: k exponential variates over a mean that is known from `lines` others. 0 without texture.
   [[nodiscard]] double chance(std::span<const double> powers, std::span<const std::size_t> orders) const;
 };
 
