@@ -189,3 +189,12 @@ def test_light_that_is_nearly_all_cut_off_is_clipped(top, step, noise):
         pixels = stored.astype(np.uint16 if step else np.float32)
         flags = tone_gain(pixels, Camera(4e-5), frequency, pooled=True).flags
         assert flags & (Flag.SATURATED | Flag.QUANTISED)
+
+
+@pytest.mark.parametrize("level", [100.3, 100.6])
+def test_a_faint_tone_of_two_steps_is_not_cut_off(level):
+    """Most rows have the largest value, beside noise of less than half a step: that is rounding."""
+    random, frequency = np.random.default_rng(3), 700.0
+    light = level + 0.3 * np.cos(2 * np.pi * frequency * ROW_TIME * np.arange(480))[:, None]
+    pixels = np.rint(light + random.normal(0, 0.1, (480, 32))).astype(np.uint8)
+    assert (tone_gain(pixels, Camera(ROW_TIME), frequency).flags == Flag.QUANTISED).all()

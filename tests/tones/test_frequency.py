@@ -526,6 +526,7 @@ def test_rows_of_two_exposures_in_turns_are_no_light(period):
         found, calibrated = oc.find_frequency(pixels, PER_ROW), oc.calibrate(pixels, per_row)
         assert found.flags or found.frequency == pytest.approx(per_row, rel=0.003)
         assert calibrated.flags or calibrated.row_time == pytest.approx(1, rel=0.005)
+        assert all(abs(light.frequency - 0.25) > 1e-3 for light in oc.detect_sources(pixels, PER_ROW))
 
 
 @pytest.mark.parametrize("duty", [0.1, 0.2])

@@ -17,7 +17,7 @@ struct Texture {
   double odds = 0;               // probability that it falls
   std::size_t lines = 0;         // of the spectrum that tell it; 0: it does not exceed the noise
 
-  [[nodiscard]] double power() const { return odds > 1 - kSmallShare ? falling : flat; }
+  [[nodiscard]] double power() const { return odds > kNearlyAll ? falling : flat; }
   // Probability that noise and texture have these powers at harmonics of these orders, or more in sum over the expected
   // ones: k exponential variates over a mean that is known from `lines` others. 0 without texture.
   [[nodiscard]] double chance(std::span<const double> powers, std::span<const std::size_t> orders) const;

@@ -365,16 +365,15 @@ double noise_of(const ToneGainView& result, std::size_t index) {
 
 // Samples of a column at a pile that stand for lost ones. Noise below half a step makes piles itself, as does a lamp
 // that is off (none are lost above 0). Black at 0 loses as many as noise takes to the value beside; of noise σ below a
-// step exp(−step²/8σ²) of what it loses without steps (within 25 %). Where nearly all are at the top and the tone, of
-// this amplitude, is below half a step, noise is unknown.
-double lost_samples(const Context& context, double off, const Pile& pile, double noise, double amplitude,
-                    const PileCounts& counts, std::size_t column) {
+// step exp(−step²/8σ²) of what it loses without steps (within 25 %). Where nearly all are at the top, noise is
+// unknown.
+double lost_samples(const Context& context, double off, const Pile& pile, double noise, const PileCounts& counts,
+                    std::size_t column) {
   const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
   const double at = counts.at[column], steps = noise / pile.step;
   const bool may_be_off = pile.level < pile.beside && (!is_linear || pile.level <= off + kHalfStep * pile.step);
   if (may_be_off && pile.level > 0 && counts.runs[column] < kMostly * at) return 0;
-  const bool is_nearly_all = at > (1 - kSmallShare) * static_cast<double>(context.shape.rows) &&
-                             amplitude < kHalfStep * (pile.level - pile.beside);
+  const bool is_nearly_all = pile.level > pile.beside && at > kNearlyAll * static_cast<double>(context.shape.rows);
   if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < kHalfStep && !is_nearly_all))) return 0;
   if (!may_be_off || !is_linear || !(steps < 1)) return at;
   return std::min(at * std::exp(-1.0 / 8 / std::max(steps * steps - 1.0 / 12, 0.0)), counts.beside[column] / steps);
@@ -411,8 +410,7 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
     const std::size_t index = index_of(context, 0, frame) + i;
     if (result.flags[index] & kUnusable) continue;
     const double off = context.camera->tone_curve.dark_level + background_of(context, frame, i);
-    const double noise = noise_of(result, index), amplitude = result.gain[index] * result.mean[index],
-                 lost = lost_samples(context, off, pile, noise, amplitude, counts, i);
+    const double noise = noise_of(result, index), lost = lost_samples(context, off, pile, noise, counts, i);
     PiledColumns own;
     own.add(1, counts, i, lost);
     if (own.are_clipped(context.shape.rows))
