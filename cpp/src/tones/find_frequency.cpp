@@ -595,8 +595,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const double wander = largest_of(residual, signals.rows(), final, phase_deviation);
   const double turned = own_std * turning * std::sqrt(static_cast<double>(blocks.frames));
   // Rows of two exposures in turns, one by one or by pairs.
-  const bool is_of_pairs =
-      std::abs(final.frequency - 0.25) < kSure * own_std || final.frequency > 0.5 - kMostly / rows;
+  const bool is_of_pairs = std::abs(final.frequency - 0.25) < kSure * own_std || final.frequency > 0.5 - kMostly / rows;
   const bool misfit = is_of_pairs || has_weak_fundamental(signals, final.frequency, range) ||
                       may_be_folded(final, signals.rows()) || wander > std::max(kJump, kSure * turned) ||
                       coherence < kMostly;
