@@ -55,7 +55,7 @@ def connected(processes, workers):
     for _ in range(workers):
         processes.add_worker()
     deadline = time.monotonic() + 60
-    while not processes.file.exists():
+    while not (processes.file.exists() and processes.file.read_text().rstrip().endswith("}")):  # it is written in place
         assert time.monotonic() < deadline
         time.sleep(0.05)
     with cluster(scheduler=str(processes.file)) as client:
