@@ -35,6 +35,13 @@ def test_chips_of_another_light_are_counted_as_wrong(monkeypatch):
     assert counts.silent == 3
 
 
+@pytest.mark.parametrize(("seed", "frames"), [(68040, 1), (68045, 1), (72050, 13)])
+def test_a_pause_of_the_read_out_is_no_silent_frame_where_edges_may_lie_off_the_clock(monkeypatch, seed, frames):
+    """Jitter of the sender, two exposures, hot rows beside it: edges off the clock take up the pause."""
+    monkeypatch.setattr(calibration, "FRAMES", frames)
+    assert calibration.counted(DeviceDraw.of(seed)).silent == 0
+
+
 @pytest.mark.parametrize(
     ("wrong", "expected", "good"), [(30, 20.0, True), (50, 20.0, False), (11, 23.0, False), (3, 4.0, None)]
 )

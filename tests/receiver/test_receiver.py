@@ -192,6 +192,17 @@ def test_standard_error_is_that_of_many_frames():
     assert 0.5 < np.sqrt(np.mean(off**2)) < 2
 
 
+@pytest.mark.parametrize("exposure", [0.15, 0.6, 0.9, 1.3])
+def test_the_error_of_a_rate_near_a_whole_number_of_rows_includes_rounding(exposure):
+    """Edges that lie between the exposures of two rows show the same row, chip after chip."""
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        rows_per_chip = random.integers(3, 8) + random.choice([-1, 1]) * 10 ** random.uniform(-3, -1.7)
+        frame = Frame(seed, rows_per_chip, exposure / rows_per_chip, gradient=1.0, rows=int(random.choice([240, 720])))
+        got = ocisac.receive(frame.as_bytes(), CAMERA)[0]
+        assert got.flags or abs(got.rows_per_chip - rows_per_chip) < 5 * got.rows_per_chip_std
+
+
 def test_a_square_wave_is_chips_in_turn():
     frame = Frame(3, rows_per_chip=9.3, exposure=0.5, kind="alternating")
     got = ocisac.receive(frame.as_bytes(), CAMERA)[0]

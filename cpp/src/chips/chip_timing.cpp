@@ -145,8 +145,12 @@ std::optional<ChipLattice> solve(const Edges& edges, std::span<const double> chi
   double squares = 0;
   for (std::size_t k = 0; k < chips.size(); ++k)
     if (used[k]) squares += std::pow(edges.rows[k] - place_on(lattice, chips[k], !edges.rising[k]), 2);
+  // Rounding is no noise where the rate is nearly a whole number of rows: it repeats itself from edge to edge.
+  const double chip = lattice.clock.rows_per_chip, span = std::abs(chips.back() - chips.front());
+  const double turns = std::max(span * std::abs(chip - std::nearbyint(chip)), 1.0);
+  const double rounded = edges.rounding() / (std::sqrt(3.0) * span * turns);
   lattice.rows_per_chip_std =
-      std::sqrt(solved->inverse(1, 1) * squares / std::max(count - static_cast<int>(unknowns), 1));
+      std::hypot(std::sqrt(solved->inverse(1, 1) * squares / std::max(count - static_cast<int>(unknowns), 1)), rounded);
   return lattice;
 }
 

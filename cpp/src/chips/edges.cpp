@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 
 namespace ocisac {
 
@@ -93,7 +94,7 @@ std::vector<std::size_t> prune_turning_points(std::span<const double> signal, st
   return points;
 }
 
-double crossing(std::span<const double> signal, std::size_t from, std::size_t to, double level) {
+void Edges::add(std::span<const double> signal, std::size_t from, std::size_t to, double level) {
   const bool up = signal[to] > signal[from];
   const auto passed = [&](std::size_t n) { return (signal[n] > level) == up; };
   const auto place = [&](std::size_t n) {
@@ -102,15 +103,21 @@ double crossing(std::span<const double> signal, std::size_t from, std::size_t to
   std::size_t first = from + 1, last = to;
   while (first < to && !passed(first)) ++first;
   while (last > first && passed(last - 1)) --last;
-  return 0.5 * (place(first) + place(last));
+  rows.push_back(0.5 * (place(first) + place(last)));
+  rising.push_back(up);
+  for (const std::size_t n : {first - 1, first}) {
+    const double share = (signal[n] - signal[from]) / (signal[to] - signal[from]);
+    roundings += share < kSmallShare || share > 1 - kSmallShare ? 0.5 : 0.0;
+  }
 }
+
+double Edges::rounding() const { return roundings / static_cast<double>(std::max<std::size_t>(rows.size(), 1)); }
 
 Edges edges_between(std::span<const double> signal, std::span<const std::size_t> points, double share,
                     std::size_t around) {
   Edges edges;
   for (std::size_t k = 1; k < points.size(); ++k) {
     const std::size_t from = points[k - 1], to = points[k];
-    const bool up = signal[to] > signal[from];
     const auto [darker, brighter] = std::minmax(signal[from], signal[to]);
     double low = darker, high = brighter;
     for (std::size_t i = k - 1 - std::min(k - 1, around); i < std::min(k + 1 + around, points.size()); ++i) {
@@ -119,8 +126,7 @@ Edges edges_between(std::span<const double> signal, std::span<const std::size_t>
     }
     double level = low + share * (high - low);
     if (level <= darker || level >= brighter) level = darker + share * (brighter - darker);
-    edges.rows.push_back(crossing(signal, from, to, level));
-    edges.rising.push_back(up);
+    edges.add(signal, from, to, level);
   }
   return edges;
 }

@@ -17,10 +17,16 @@ std::vector<std::size_t> prune_turning_points(std::span<const double> signal, st
 struct Edges {
   std::vector<double> rows;          // place of each edge, fractional rows, ascending
   std::vector<std::uint8_t> rising;  // 1: from dark to bright; alternates
-};
+  double roundings = 0;              // sum over the edges
 
-// Where the signal crosses a level between two rows on either side of it: the middle of its first and last passage.
-double crossing(std::span<const double> signal, std::size_t from, std::size_t to, double level);
+  // Adds the place where the signal crosses a level between two rows on either side of it: the middle of its first and
+  // last passage.
+  void add(std::span<const double> signal, std::size_t from, std::size_t to, double level);
+
+  // Mean range, rows, of the error of an edge's place by where between two rows it lies: 1 where the light changes
+  // between the exposures of two rows, 0 where it takes two rows or more.
+  [[nodiscard]] double rounding() const;
+};
 
 // Places where the signal crosses `share` of the height (from dark to bright) between neighbouring turning points, or,
 // where that crosses this edge, of the height between the darkest and the brightest of `around` more to either side:

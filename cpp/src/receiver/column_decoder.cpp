@@ -95,8 +95,7 @@ std::pair<Edges, std::vector<double>> edges_of(std::span<const double> signal, c
     const auto low = static_cast<std::size_t>(std::max(std::floor(grid.centre(k)), 0.0));
     const auto high = std::min(static_cast<std::size_t>(std::ceil(grid.centre(k + 1))), signal.size() - 1);
     if ((signal[low] > level) == up || (signal[high] > level) != up) continue;
-    result.first.rows.push_back(crossing(signal, low, high, level));
-    result.first.rising.push_back(up);
+    result.first.add(signal, low, high, level);
     result.second.push_back(static_cast<double>(grid.first + static_cast<std::ptrdiff_t>(k) + 1));
   }
   return result;

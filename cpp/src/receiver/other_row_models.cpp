@@ -60,13 +60,15 @@ bool jumps_in_middle(const FrameRows& frame) {
   return !frame.recent.empty();
 }
 
-bool clock_jumps(const FrameReading& reading) {
+bool clock_jumps(const FrameReading& reading, std::span<const double> signal) {
   if (reading.trust == Trust::fits || !reading.warp.empty()) return false;
-  const double chip = reading.channel.clock.rows_per_chip;
-  const auto off = fit_warp(reading.rest, {}, {hard_chips(reading), reading.first}, reading.channel, true);
-  const auto reach = static_cast<std::size_t>(kLeastChips * chip);
+  const ChipClock& clock = reading.channel.clock;
+  const bool takes_up_jumps = clock.edge_std > 0 && reading.nuisance.empty();
+  const auto off =
+      fit_warp(takes_up_jumps ? signal : reading.rest, {}, {hard_chips(reading), reading.first}, reading.channel, true);
+  const auto reach = static_cast<std::size_t>(kLeastChips * clock.rows_per_chip);
   std::optional<std::size_t> at;
-  double most = kSamePhase * chip;
+  double most = kSamePhase * clock.rows_per_chip;
   for (std::size_t row = 0; row + reach < off.size(); ++row)
     if (const double move = std::abs(off[row + reach] - off[row]); move > most) {
       most = move;

@@ -447,6 +447,19 @@ bool RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& fr
   return true;
 }
 
+namespace {
+
+// Any number of chips may be lost by a pause that a reading is not about.
+void put_in_doubt(const RowPause& pause, FrameReading& reading) {
+  const ChipClock& clock = reading.channel.clock;
+  reading.after_pause =
+      static_cast<std::ptrdiff_t>((static_cast<double>(pause.row) - clock.phase) / clock.rows_per_chip);
+  reading.pause = pause;
+  reading.trust = std::min(reading.trust, Trust::misfit);
+}
+
+}  // namespace
+
 RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   RowsRead best{.state = std::move(before)};
   std::optional<FrameReading>& reading = best.reading;
@@ -462,17 +475,13 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   best.is_new_model = reading && reading->pause && model.pause && reading->pause->chips() != model.pause->chips();
   state.other_models.pass_frame();
   const bool light_jumps = jumps_in_middle(frame);
-  const auto clock_does = [&] { return reading && clock_jumps(*reading); };
+  const auto clock_does = [&] { return reading && clock_jumps(*reading, frame.signal); };
   const auto try_pause = [&](bool searches, bool jumps) {
     Hypothesis pausing{model, frame.may_search, true};
     auto& pause = pausing.model.pause = possible_pause(frame, state);
     searches = searches && model.nuisance.scale.empty() && model.nuisance.before.empty();  // these are of whole frames
     if (!pause || (searches && try_hypothesis(pausing, frame, best)) || !jumps || !reading || reading->pause) return;
-    const ChipClock& clock = reading->channel.clock;
-    const double chips = (static_cast<double>(pause->row) - clock.phase) / clock.rows_per_chip;
-    reading->after_pause = static_cast<std::ptrdiff_t>(chips);
-    reading->pause = pause;  // of any number of chips
-    reading->trust = std::min(reading->trust, Trust::misfit);
+    put_in_doubt(*pause, *reading);
   };
   if (light_jumps) try_pause(true, true);
   if (fits() || (reading ? !state.other_models.is_due() : !frame.may_search)) {
@@ -483,6 +492,7 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
     if (!fits()) try_hypothesis(hypothesis, frame, best);
   const bool jumps = light_jumps || clock_does();
   if (best.is_new_model ? jumps || model.warped : jumps && !light_jumps) try_pause(true, jumps);
+  if (reading && model.pause && !reading->pause) put_in_doubt(*model.pause, *reading);
   if (fits())
     state.other_models.restart();
   else

@@ -88,8 +88,8 @@ std::optional<std::ptrdiff_t> longer_rows(const FrameRows& frame);
 // True where the light changes by more to the middle row than to any other, in recent frames: the read-out may pause.
 bool jumps_in_middle(const FrameRows& frame);
 // True if the chips of a misfit lie off its clock by other parts of a chip before and after the middle row, and nowhere
-// more than there.
-bool clock_jumps(const FrameReading& reading);
+// more than there. `signal`: the rows as they were read, since edges that may lie off the clock take up a jump.
+bool clock_jumps(const FrameReading& reading, std::span<const double> signal);
 
 struct RowsRead {
   std::optional<FrameReading> reading{};
