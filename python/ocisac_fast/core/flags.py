@@ -59,7 +59,7 @@ class Flag(Named):
     TOO_FEW_EDGES = 1 << 17
     """``receive``: fewer than 12 changes of the light (4 with a known rate): no bits, or the rate may be wrong."""
     LONG_EXPOSURE = 1 << 18
-    """``receive``: the exposure is longer than a chip; the bits are not to be trusted."""
+    """``receive``: the stated exposure is longer than a chip; the bits are not to be trusted."""
     PERIODIC = 1 << 19
     """``receive``: one rise and one fall over and over, as of a dimmed lamp (PWM) or still bars, from which data
     cannot be distinguished."""

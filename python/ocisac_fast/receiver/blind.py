@@ -83,7 +83,8 @@ def receive(
         frames: (rows,), (rows, columns) or (frames, rows, columns), or (frames, rows, columns, colours) for colour;
             rows in time order. Any strides, no copy for uint8, uint16, float32 and float64.
         camera: row time (if unknown, rates are per row) and where known the exposure, tone curve, dark and white level.
-            Exposures longer than a chip are flagged (LONG_EXPOSURE).
+            A stated exposure longer than a chip is flagged (LONG_EXPOSURE). State it where it may be: through one
+            above 1.2 chips the chips of a line code may look like other chips of a shorter exposure.
         chip_rate: Hz, above 0 and at most half the row rate; searched within 3 %; where every run is a multiple of n
             chips, the rate is an n-th of it, with fewer than 12 edges flagged (TOO_FEW_EDGES) and with fewer than 8 not
             tried. None: estimated, from 2 to 64 rows per chip and at least 4 chips per frame.
