@@ -414,6 +414,13 @@ std::optional<FrameReading> RowReader::read_with(const SignalModel& model, Frame
   return reading;
 }
 
+namespace {
+
+// Light of all rows, which does not fit those before or after a pause.
+bool is_of_whole_frames(const RowNuisance& nuisance) { return !nuisance.scale.empty() || !nuisance.before.empty(); }
+
+}  // namespace
+
 // True where the best reading is now that by the hypothesis, or this one is sure that there is no pause.
 bool RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& frame, RowsRead& best) const {
   const auto& [model, searches, refines] = hypothesis;
@@ -442,6 +449,7 @@ bool RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& fr
   if (told && std::max(exposure / *told, *told / exposure) > kMaxWrongExposure) return false;
   best.state.model = model;
   if (!model.nuisance.empty() || model.loose_edges) best.state.model.nuisance = other->nuisance;
+  if (is_of_whole_frames(best.state.model.nuisance)) best.state.model.pause.reset();
   best.reading = std::move(other);
   best.is_new_model = true;
   return true;
@@ -479,7 +487,7 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   const auto try_pause = [&](bool searches, bool jumps) {
     Hypothesis pausing{model, frame.may_search, true};
     auto& pause = pausing.model.pause = possible_pause(frame, state);
-    searches = searches && model.nuisance.scale.empty() && model.nuisance.before.empty();  // these are of whole frames
+    searches = searches && !is_of_whole_frames(model.nuisance);
     if (!pause || (searches && try_hypothesis(pausing, frame, best)) || !jumps || !reading || reading->pause) return;
     put_in_doubt(*pause, *reading);
   };
