@@ -960,22 +960,9 @@ std::uint32_t crc32(std::span<const std::uint8_t> bytes) {
 }
 
 std::string_view outcome_name(StretchOutcome outcome) {
-  switch (outcome) {
-    case StretchOutcome::placed: return "placed";
-    case StretchOutcome::waiting: return "waiting";
-    case StretchOutcome::repeated: return "repeated";
-    case StretchOutcome::unreadable: break;
-  }
-  return "unreadable";
+  return std::array{"placed", "waiting", "repeated", "unreadable"}[static_cast<std::size_t>(outcome)];
 }
 
-std::string_view lack_name(Lack lack) {
-  switch (lack) {
-    case Lack::header: return "header";
-    case Lack::place: return "place";
-    case Lack::none: break;
-  }
-  return "none";
-}
+std::string_view lack_name(Lack lack) { return std::array{"none", "header", "place"}[static_cast<std::size_t>(lack)]; }
 
 }  // namespace ocisac

@@ -1,6 +1,7 @@
 #include "ocisac/receiver/frame_order.hpp"
 
 #include <algorithm>
+#include <array>
 #include <stdexcept>
 #include <string>
 
@@ -10,15 +11,8 @@
 namespace ocisac {
 
 std::string_view outcome_name(FrameOutcome outcome) {
-  switch (outcome) {
-    case FrameOutcome::received: return "received";
-    case FrameOutcome::not_finite: return "not_finite";
-    case FrameOutcome::repeated: return "repeated";
-    case FrameOutcome::other_shape: return "other_shape";
-    case FrameOutcome::unsearched: return "unsearched";
-    case FrameOutcome::no_signal: break;
-  }
-  return "no_signal";
+  constexpr std::array names{"received", "no_signal", "not_finite", "repeated", "other_shape", "unsearched"};
+  return names[static_cast<std::size_t>(outcome)];
 }
 
 void check(const FrameStamp& stamp) {
