@@ -1,7 +1,8 @@
 #include "ocisac/chips/row_warp.hpp"
 
+#include <Eigen/Core>
+#include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -17,25 +18,25 @@ namespace {
 constexpr double kNearbyChips = 4;  // either side, for the noise of a row
 constexpr double kMaxCorrelation = 0.95;
 
-// Displacement and its rate: mean and covariance (xx, xr, rr).
+// Displacement and its rate: mean and covariance.
 struct Motion {
-  double x = 0, rate = 0;
-  std::array<double, 3> covariance{};
+  Eigen::Vector2d mean;
+  Eigen::Matrix2d covariance;
 };
 
+// From one row to the next.
+Eigen::Matrix2d step() { return Eigen::Matrix2d{{1, 1}, {0, 1}}; }
+
 Motion predicted(const Motion& last) {
-  const auto [xx, xr, rr] = last.covariance;
-  return {last.x + last.rate, last.rate, {xx + 2 * xr + rr, xr + rr, rr + kWarpStep * kWarpStep}};
+  Motion next{step() * last.mean, step() * last.covariance * step().transpose()};
+  next.covariance(1, 1) += kWarpStep * kWarpStep;
+  return next;
 }
 
 Motion updated(const Motion& before, double observed, double slope, double noise) {
-  const auto [xx, xr, rr] = before.covariance;
-  const double variance = slope * slope * xx + noise * noise;
-  const double gain = slope * xx / variance, rate_gain = slope * xr / variance;
-  const double off = observed - slope * before.x;
-  return {before.x + gain * off,
-          before.rate + rate_gain * off,
-          {xx - gain * slope * xx, xr - gain * slope * xr, rr - rate_gain * slope * xr}};
+  const Eigen::Vector2d seen = slope * before.covariance.col(0);
+  const Eigen::Vector2d gain = seen / (slope * seen[0] + noise * noise);
+  return {before.mean + gain * (observed - slope * before.mean[0]), before.covariance - gain * seen.transpose()};
 }
 
 // Cubic interpolation (Catmull–Rom), held at the ends.
@@ -87,26 +88,18 @@ RowWarp smooth_displacement(std::span<const double> observed, std::span<const do
                             std::span<const double> noise) {
   const std::size_t rows = observed.size();
   std::vector<Motion> filtered(rows);
-  Motion ahead{0, 0, {kWarpStd * kWarpStd, 0, kWarpRateStd * kWarpRateStd}};
+  Motion ahead{Eigen::Vector2d::Zero(), Eigen::Vector2d(kWarpStd, kWarpRateStd).cwiseAbs2().asDiagonal()};
   for (std::size_t n = 0; n < rows; ++n) {
     filtered[n] = updated(ahead, observed[n], slopes[n], noise[n]);
     ahead = predicted(filtered[n]);
   }
   RowWarp smooth(rows);
-  if (rows == 0) return smooth;
-  double x = filtered[rows - 1].x, rate = filtered[rows - 1].rate;
-  smooth[rows - 1] = x;
-  for (std::size_t n = rows - 1; n-- > 0;) {
+  Eigen::Vector2d mean = ahead.mean;  // of the row after, given all rows
+  for (std::size_t n = rows; n-- > 0;) {
     const Motion& now = filtered[n];
     const Motion next = predicted(now);
-    const auto [xx, xr, rr] = now.covariance;
-    const auto [pxx, pxr, prr] = next.covariance;
-    const double determinant = pxx * prr - pxr * pxr;
-    const double off = x - next.x, rate_off = rate - next.rate;
-    const double u = (prr * off - pxr * rate_off) / determinant, v = (pxx * rate_off - pxr * off) / determinant;
-    x = now.x + (xx + xr) * u + xr * v;
-    rate = now.rate + (xr + rr) * u + rr * v;
-    smooth[n] = x;
+    mean = now.mean + now.covariance * step().transpose() * (next.covariance.inverse() * (mean - next.mean));
+    smooth[n] = mean[0];
   }
   return smooth;
 }
