@@ -22,12 +22,11 @@ constexpr int kChips = 16, kApart = 67;
 // around the centre. Empty if that is outside of the rows.
 struct Weights {
   std::size_t begin = 0;
-  std::vector<double> of_row;
+  std::vector<double> of_row{};
 
-  void set_around(double centre, double reach, std::size_t rows) {
+  Weights(double centre, double reach, std::size_t rows) {
     const double first = std::max(std::ceil(centre - reach - 0.5), 0.0);
     const double last = std::min(std::floor(centre + reach + 0.5), static_cast<double>(rows) - 1);
-    of_row.clear();
     if (!(first <= last)) return;
     begin = static_cast<std::size_t>(first);
     double sum = 0;
@@ -35,7 +34,7 @@ struct Weights {
       of_row.push_back(std::max(std::min(centre + reach, row + 0.5) - std::max(centre - reach, row - 0.5), 0.0));
       sum += of_row.back();
     }
-    if (!(sum > 0)) return of_row.clear();
+    if (!(sum > 0)) of_row.clear();
     for (double& weight : of_row) weight /= sum;
   }
   [[nodiscard]] double sum_of(std::span<const double> rows) const { return sum_from(begin, rows); }
@@ -44,24 +43,7 @@ struct Weights {
     for (std::size_t n = 0; n < of_row.size(); ++n) sum += of_row[n] * rows[row + n];
     return sum;
   }
-  // Variance of their sum for independent rows of these standard deviations.
-  [[nodiscard]] double variance(const ChipQuestion& question) const {
-    double sum = 0;
-    for (std::size_t n = 0; n < of_row.size(); ++n) sum += std::pow(of_row[n] * question.noise_of(begin + n), 2);
-    return sum;
-  }
-  [[nodiscard]] double squares() const {
-    double sum = 0;
-    for (const double weight : of_row) sum += weight * weight;
-    return sum;
-  }
 };
-
-Weights weights_around(double centre, double reach, std::size_t rows) {
-  Weights weights;
-  weights.set_around(centre, reach, rows);
-  return weights;
-}
 
 double middle_of(const ChipClock& clock, double chip) { return clock.phase + (chip + 0.5) * clock.rows_per_chip; }
 
@@ -78,6 +60,12 @@ struct Response {
   std::vector<double> others;
   double noise = 0;  // variance
 
+  void add(double part, bool own) {
+    if (own)
+      gain = part;
+    else
+      others.push_back(part);
+  }
   [[nodiscard]] double llr(double value) const {
     double variance = noise;
     for (const double other : others) variance += 0.25 * other * other;
@@ -97,16 +85,21 @@ double chips_seen(const ChipClock& clock) {
   return std::ceil((0.5 * clock.exposure_rows + slicer_reach(clock) + 0.5) / clock.rows_per_chip - 0.5);
 }
 
-// Calls use(other, weight) with the weight of each chip in the decision value of `chip`.
-template <class Use>
-void for_each_chip_seen(const Weights& weights, double chip, const ChipClock& clock, Use use) {
+// Response of the decision value of `chip` to each chip, and to independent rows of the standard deviation
+// noise_of(row).
+template <class NoiseOf>
+Response slicer_response(const Weights& weights, double chip, const ChipClock& clock, NoiseOf noise_of) {
+  Response response;
+  for (std::size_t n = 0; n < weights.of_row.size(); ++n)
+    response.noise += std::pow(weights.of_row[n] * noise_of(weights.begin + n), 2);
   const double away = chips_seen(clock);
   for (double other = chip - away; other <= chip + away; ++other) {
     double sum = 0;
     for (std::size_t n = 0; n < weights.of_row.size(); ++n)
       sum += weights.of_row[n] * share(static_cast<double>(weights.begin + n), other, clock);
-    use(other, sum);
+    response.add(sum, other == chip);
   }
+  return response;
 }
 
 // ---- Inverse
@@ -141,13 +134,9 @@ Response inverse_response(ChipClock clock, double noise) {
   Response response;
   const double away = std::floor(0.4 * length / clock.rows_per_chip);
   for (double other = -away; other <= away; ++other) {
-    const double sum = weights_around(inverse_middle(clock, other), reach, rows).sum_of(chip);
-    if (other == 0)
-      response.gain = sum;
-    else
-      response.others.push_back(sum);
+    response.add(Weights(inverse_middle(clock, other), reach, rows).sum_of(chip), other == 0);
   }
-  const Weights weights = weights_around(inverse_middle(clock, 0), reach, rows);
+  const Weights weights(inverse_middle(clock, 0), reach, rows);
   for (std::size_t n = 0; n + weights.of_row.size() <= rows; ++n)
     response.noise += std::pow(noise * weights.sum_from(n, row), 2);
   return response;
@@ -158,19 +147,12 @@ Response inverse_response(ChipClock clock, double noise) {
 std::vector<double> slice_chips(const ChipQuestion& question) {
   const ChipClock clock = with_min_exposure(question.clock);
   std::vector<double> ratios(question.count);
-  Weights weights;
   for (std::size_t k = 0; k < question.count; ++k) {
     const auto chip = static_cast<double>(question.first + static_cast<std::ptrdiff_t>(k));
-    weights.set_around(middle_of(clock, chip), slicer_reach(clock), question.rows.size());
+    const Weights weights(middle_of(clock, chip), slicer_reach(clock), question.rows.size());
     if (weights.of_row.empty()) continue;
-    double gain = 0, variance = weights.variance(question);
-    for_each_chip_seen(weights, chip, clock, [&](double other, double part) {
-      if (other == chip)
-        gain = part;
-      else
-        variance += 0.25 * part * part;
-    });
-    ratios[k] = (weights.sum_of(question.rows) - 0.5) * gain / variance;
+    const auto noise_of = [&](std::size_t row) { return question.noise_of(row); };
+    ratios[k] = slicer_response(weights, chip, clock, noise_of).llr(weights.sum_of(question.rows));
   }
   return ratios;
 }
@@ -183,7 +165,7 @@ std::vector<double> invert_and_slice_chips(const ChipQuestion& question) {
   const Response response = inverse_response(clock, question.noise);
   for (std::size_t k = 0; k < question.count; ++k) {
     const auto chip = static_cast<double>(question.first + static_cast<std::ptrdiff_t>(k));
-    const auto weights = weights_around(inverse_middle(clock, chip), inverse_reach(clock), light.size());
+    const Weights weights(inverse_middle(clock, chip), inverse_reach(clock), light.size());
     if (!weights.of_row.empty()) ratios[k] = response.llr(weights.sum_of(light));
   }
   return ratios;
@@ -197,17 +179,8 @@ double slicer_error_rate(const ChipClock& clock, double noise) {
   for (int k = 0; k < kChips; ++k) {
     const double chip = first + k * kApart;
     const double rows = middle_of(used, 2 * chip) + used.exposure_rows + 4;
-    Weights weights;
-    weights.set_around(middle_of(used, chip), slicer_reach(used), static_cast<std::size_t>(rows));
-    double gain = 0;
-    std::vector<double> others;
-    for_each_chip_seen(weights, chip, used, [&](double other, double part) {
-      if (other == chip)
-        gain = part;
-      else
-        others.push_back(part);
-    });
-    sum += sliced_error_rate(gain, others, noise * std::sqrt(weights.squares()));
+    const Weights weights(middle_of(used, chip), slicer_reach(used), static_cast<std::size_t>(rows));
+    sum += slicer_response(weights, chip, used, [=](std::size_t) { return noise; }).error_rate();
   }
   return sum / kChips;
 }
