@@ -10,6 +10,12 @@
 
 namespace ocisac {
 
+// Exposures that are tried where none is known, of up to `longest` chips, in rows.
+std::vector<double> exposures_up_to(double longest, double rows_per_chip);
+
+// Rates that are tried within a relative tolerance: one is right within `slack` chips at either end of so many chips.
+std::vector<double> rates_within(double rows_per_chip, double tolerance, double chips, double slack);
+
 // Data shared by all iterations of a frame.
 struct IterationContext {
   std::span<const double> signal;

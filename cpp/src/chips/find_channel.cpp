@@ -96,13 +96,12 @@ std::optional<Start> guess(const IterationContext& context, RowRange part, const
 // Guesses over parts of the frame, rates and phases, in order of score.
 std::vector<Start> guesses(const IterationContext& context, const ChannelSearch& search, double exposure_rows) {
   const double chips = kSearchChips + exposure_rows / search.rows_per_chip;
-  const double rates = std::ceil(std::max(0.5 * chips * search.tolerance / kSearchSlack, 1.0));
+  const auto rates = rates_within(search.rows_per_chip, search.tolerance, chips, kSearchSlack);
   const double phases = std::ceil(0.5 / kSearchSlack);
   std::vector<Start> found;
   for (const RowRange& part : search_parts(context.signal, chips * search.rows_per_chip, context.options.warped))
-    for (double i = 0; i < rates; ++i)
+    for (const double period : rates)
       for (double j = 0; j < phases; ++j) {
-        const double period = search.rows_per_chip * (1 + search.tolerance * ((2 * i + 1) / rates - 1));
         const double middle = 0.5 * static_cast<double>(part.begin + part.end);
         const ChipClock clock{period, middle + (j / phases - std::floor(0.5 * chips)) * period,
                               std::max(exposure_rows, kShortestExposure)};
@@ -114,11 +113,8 @@ std::vector<Start> guesses(const IterationContext& context, const ChannelSearch&
 
 std::vector<double> exposures(const ChannelSearch& search, std::size_t rows) {
   if (search.exposure_rows) return {*search.exposure_rows};
-  std::vector<double> result;
   const double max_chips = std::min(search.max_exposure_chips, static_cast<double>(rows) / search.rows_per_chip);
-  for (double length = 0.5; length <= max_chips; length += length < 2 ? 0.5 : 1)
-    result.push_back(length * search.rows_per_chip);
-  return result;
+  return exposures_up_to(max_chips, search.rows_per_chip);
 }
 
 // Starts in order of score.
@@ -184,6 +180,19 @@ std::optional<RefinedChannel> compare_starts(const IterationContext& context, st
 }
 
 }  // namespace
+
+std::vector<double> exposures_up_to(double longest, double rows_per_chip) {
+  std::vector<double> result;
+  for (double length = 0.5; length <= longest; length += length < 2 ? 0.5 : 1) result.push_back(length * rows_per_chip);
+  return result;
+}
+
+std::vector<double> rates_within(double rows_per_chip, double tolerance, double chips, double slack) {
+  const double steps = std::ceil(std::max(0.5 * chips * tolerance / slack, 1.0));
+  std::vector<double> result;
+  for (double k = 0; k < steps; ++k) result.push_back(rows_per_chip * (1 + tolerance * ((2 * k + 1) / steps - 1)));
+  return result;
+}
 
 std::optional<RefinedChannel> find_channel(std::span<const double> signal, const ChannelSearch& search,
                                            const DetectChips& detect, const RefineOptions& options) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "chips/channel_growth.hpp"
 #include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
@@ -87,20 +88,7 @@ void correlate(std::span<const double> signal, const WindowSums& sums, std::span
 std::vector<double> exposures(const PreambleSearch& search, std::size_t chips) {
   if (search.exposure_rows) return {*search.exposure_rows};
   const double longest = std::min(search.max_exposure_chips, static_cast<double>(chips) - kMinChipsSeen);
-  std::vector<double> result;
-  for (double length = 0.5; length <= longest + 0.25; length += length < 2 ? 0.5 : 1)
-    result.push_back(length * search.rows_per_chip);
-  return result;
-}
-
-// Grid of rates within the tolerance; its error at either end of the preamble is at most the slack.
-std::vector<double> rates(const PreambleSearch& search, double chips_seen) {
-  const double steps = std::ceil(search.tolerance * 0.5 * std::max(chips_seen, 1.0) / kPhaseSlack);
-  std::vector<double> result;
-  for (double k = 0; k < steps; ++k)
-    result.push_back(search.rows_per_chip * (1 + search.tolerance * ((2 * k + 1) / steps - 1)));
-  if (result.empty()) result.push_back(search.rows_per_chip);
-  return result;
+  return exposures_up_to(longest + 0.25, search.rows_per_chip);
 }
 
 // `signal`: less its mean.
@@ -113,7 +101,7 @@ std::vector<Candidate> best_places(std::span<const double> signal, const WindowS
   for (double exposure_rows : exposures(search, preamble.size())) {
     const double seen = chips - exposure_rows / search.rows_per_chip;
     if (seen < std::min(kMinChipsSeen, 0.9 * chips)) continue;
-    for (double rows_per_chip : rates(search, seen))
+    for (double rows_per_chip : rates_within(search.rows_per_chip, search.tolerance, seen, kPhaseSlack))
       for (double k = 0, steps = std::ceil(1 / (kPlaceStep * rows_per_chip)); k < steps; ++k)
         correlate(signal, sums, preamble, {rows_per_chip, -k / steps - 0.5 * exposure_rows, exposure_rows}, k / steps,
                   places);
