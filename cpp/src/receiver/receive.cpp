@@ -109,18 +109,11 @@ double agreement_of_halves(const AnyFramesView& colour, const Received& received
   std::size_t middle = 0;
   for (double before = 0; middle < weights.size() && before + weights[middle] < 0.5; ++middle)
     before += weights[middle];
+  const auto other = static_cast<std::ptrdiff_t>(middle);
   for (std::size_t half = 0; half < 2; ++half) {
-    const std::size_t begin = half == 0 ? 0 : middle, end = half == 0 ? middle : weights.size();
-    const auto rows = std::visit(
-        [&](const auto& view) {
-          std::vector<double> sums(view.rows, 0.0);
-          for (std::size_t n = 0; n < view.rows; ++n)
-            for (std::size_t k = begin; k < end; ++k)
-              if (weights[k] > 0) sums[n] += weights[k] * static_cast<double>(view(received.frame, n, k));
-          return sums;
-        },
-        colour);
-    changes[half] = chip_values(rows, grid, exposure_rows);
+    std::vector<double> of_half(weights.begin(), weights.end());
+    std::fill(of_half.begin() + (half == 0 ? other : 0), half == 0 ? of_half.end() : of_half.begin() + other, 0.0);
+    changes[half] = chip_values(weighted_rows(colour, received.frame, {}, of_half), grid, exposure_rows);
     std::adjacent_difference(changes[half].begin(), changes[half].end(), changes[half].begin());
     changes[half].front() = 0;
   }
@@ -374,29 +367,14 @@ std::vector<Received> receive_frame(std::span<const AnyFramesView> colours, std:
   return sources;
 }
 
-constexpr std::size_t kComparedColumns = 128;  // of a source, evenly spaced, at most
-
 // Changes over a chip of the rows of a source in a frame, by its columns' weights, as stored: slow light cancels.
 std::vector<double> changes_of(const AnyFramesView& colour, std::size_t frame, const Received& source) {
-  return std::visit(
-      [&](const auto& view) {
-        std::vector<std::size_t> lit;
-        for (std::size_t k = 0; k < source.weights.size(); ++k)
-          if (source.weights[k] != 0) lit.push_back(k);
-        const std::size_t every = 1 + lit.size() / kComparedColumns;
-        const auto lag = static_cast<std::size_t>(std::max(std::round(source.rows_per_chip), 1.0));
-        const RowRange seen = rows_of(source, view.rows);
-        std::vector<double> rows, changes;
-        for (std::size_t n = seen.begin; n < seen.end; ++n) {
-          double sum = 0;
-          for (std::size_t k = 0; k < lit.size(); k += every)
-            sum += source.weights[lit[k]] * static_cast<double>(view(frame, n, lit[k]));
-          rows.push_back(sum);
-        }
-        for (std::size_t n = lag; n < rows.size(); ++n) changes.push_back(rows[n] - rows[n - lag]);
-        return changes;
-      },
-      colour);
+  const auto rows = weighted_rows(colour, frame, {}, source.weights);
+  const auto lag = static_cast<std::size_t>(std::max(std::round(source.rows_per_chip), 1.0));
+  const RowRange seen = rows_of(source, rows.size());
+  std::vector<double> changes;
+  for (std::size_t n = seen.begin + lag; n < seen.end; ++n) changes.push_back(rows[n] - rows[n - lag]);
+  return changes;
 }
 
 // True where another frame has the same chips, or explains the rows better than the chips do: a picture

@@ -11,6 +11,7 @@
 #include "ocisac/rows/chip_clock.hpp"
 #include "receiver/reading_trust.hpp"
 #include "receiver/rows_of_noise.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -57,16 +58,11 @@ std::vector<double> without_spikes(std::span<const double> signal, double exposu
   constexpr std::size_t kNearby = 2;  // rows either side
   std::vector<double> smooth(signal.begin(), signal.end()), off(signal.size());
   for (std::size_t n = kNearby; n + kNearby < signal.size(); ++n) {
-    std::array<double, 2 * kNearby + 1> near;
-    std::ranges::copy(signal.subspan(n - kNearby, near.size()), near.begin());
-    std::ranges::nth_element(near, near.begin() + kNearby);
-    smooth[n] = near[kNearby];
+    const auto near = signal.subspan(n - kNearby, 2 * kNearby + 1);
+    smooth[n] = median({near.begin(), near.end()});
     off[n] = std::abs(signal[n] - smooth[n]);
   }
-  std::vector<double> sorted = off;
-  std::ranges::nth_element(sorted, sorted.begin() + std::ssize(sorted) / 2);
-  const double most =
-      std::max(kFarOff * sorted[sorted.size() / 2], kSteep * std::sqrt(variance_of(smooth)) / exposure_rows);
+  const double most = std::max(kFarOff * median(off), kSteep * std::sqrt(variance_of(smooth)) / exposure_rows);
   for (std::size_t n = 0; n < off.size(); ++n)
     if (off[n] <= most) smooth[n] = signal[n];
   return smooth;
