@@ -32,17 +32,6 @@ constexpr std::size_t kCandidates = 16;
 constexpr double kMaxDuty = 0.2;       // chips, in the search; the bound after the fit is slightly larger
 constexpr double kMaxResidual = 0.17;  // chips; edges at random places have 1/√12 = 0.29
 
-// Noise of a single column: the lower quartile of the second differences comes from steady light.
-double noise_on_steady_light(std::span<const double> signal) {
-  std::vector<double> second;
-  for (std::size_t n = 2; n < signal.size(); ++n)
-    second.push_back(std::abs(signal[n] - 2 * signal[n - 1] + signal[n - 2]));
-  if (second.empty()) return 0;
-  const auto quarter = second.begin() + static_cast<std::ptrdiff_t>(second.size() / 4);
-  std::nth_element(second.begin(), quarter, second.end());
-  return *quarter / (0.3186 * std::sqrt(6.0));  // quartile of |x| for a normal x; variance of the difference
-}
-
 // Coherence of the edges with a lattice of one frequency.
 struct Coherence {
   double score = 0;  // fraction of the edges, 0 … 1
@@ -339,14 +328,14 @@ std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, Fre
 
 TimingSearch find_chip_timing(std::span<const double> signal, double noise, FrequencyRange range) {
   const double span = std::ranges::max(signal) - std::ranges::min(signal);
-  const double spread = std::isnan(noise) ? noise_on_steady_light(signal) : noise;
   TimingSearch search{std::nullopt, std::numeric_limits<std::size_t>::max()};
   for (std::size_t reach : kSmoothing) {
     const auto averaged = static_cast<double>(reach + 1);
     const double highest = reach == 0 ? range.highest : std::min(range.highest, 0.5 / averaged);
     if (range.lowest >= highest) break;
     const auto smooth = moving_mean(signal, reach);
-    const double hysteresis = std::min(6 * spread / std::sqrt(2 * averaged - 1), 0.08 * span);
+    // Without a known noise, by the span alone.
+    const double hysteresis = std::fmin(6 * noise / std::sqrt(2 * averaged - 1), 0.08 * span);
     const auto points = prune_turning_points(smooth, turning_points(smooth, hysteresis));
     search.edges = std::min(search.edges, points.size() - 1);
     std::vector<ChipTiming> lattices;

@@ -441,16 +441,6 @@ void refine_square(const CombinedColumn& column, const ColumnSearch& what, doubl
   }
 }
 
-// Chips that come again with each cycle of a wave that was removed are what its fit left of it.
-bool repeats_with(double frequency, const Received& received) {
-  const std::size_t count = received.bits.size();
-  const auto cycle = static_cast<std::size_t>(std::nearbyint(1 / (frequency * received.rows_per_chip)));
-  if (cycle == 0 || 2 * cycle > count) return false;
-  std::size_t changed = 0;
-  for (std::size_t k = cycle; k < count; ++k) changed += received.bits[k] != received.bits[k - cycle];
-  return static_cast<double>(changed) <= kSmallShare * static_cast<double>(count - cycle);
-}
-
 struct Share {
   double share = 0, rest = 0;
 };
@@ -535,10 +525,7 @@ bool decode_column(const CombinedColumn& column, const ColumnSearch& what, doubl
     other.signal = std::move(rest);
     Received tried{.frame = received.frame, .colour = received.colour};
     if (!decode(other, what, tried)) return;
-    if (square > 0) {
-      refine_square(column, what, square, other.signal, tried);
-      if (repeats_with(square, tried)) return;
-    }
+    if (square > 0) refine_square(column, what, square, other.signal, tried);
     if (better && tried.snr < kBetter * received.snr) return;
     received = std::move(tried);
     add_to_levels(received, difference(column.signal, other.signal), what.exposure_rows);
