@@ -14,6 +14,7 @@ namespace ocisac {
 namespace {
 
 constexpr float kNever = std::numeric_limits<float>::infinity();
+constexpr std::size_t kFirstExposures = 4;
 constexpr std::uint32_t kNone = ~std::uint32_t{0};
 constexpr double kSequencesPerRow = 2;  // kept ones that take as long as a row of a fit
 
@@ -64,8 +65,11 @@ class Neighbours {
       : equations_(equations), min_cost_(equations.count(), kNever) {
     for (const double ratio : ratios) chips_.push_back(ratio > 0 ? 0.5 : -0.5);
     find_gradient();
+    const std::size_t band = equations_.band();
     for (std::size_t chip = 0; chip < chips_.size(); ++chip) {
-      for (std::size_t count = 1; count <= kLongestRun; ++count) flip(chip, count);
+      for (std::size_t count = 1; count <= kLongestRun; ++count) flip(chip, count, 0);
+      for (const std::size_t apart : {band - 1, band})  // the ends of an exposure
+        if (apart >= 2) flip(chip, 2, apart);
     }
   }
   [[nodiscard]] double min_cost(std::size_t chip) const { return min_cost_[chip]; }
@@ -85,15 +89,21 @@ class Neighbours {
     }
   }
 
-  // A run of inverted chips.
-  void flip(std::size_t first, std::size_t count) {
-    if (first + count > chips_.size()) return;
+  // A run of inverted chips; with `apart`, a second such run that begins this far after the first.
+  void flip(std::size_t first, std::size_t count, std::size_t apart) {
+    if (first + apart + count > chips_.size()) return;
+    std::array<std::size_t, 2 * kLongestRun> flipped{};
+    std::size_t size = 0;
+    for (std::size_t k = 0; k < count; ++k) flipped[size++] = first + k;
+    if (apart > 0)
+      for (std::size_t k = 0; k < count; ++k) flipped[size++] = first + apart + k;
     double cost = 0;
-    for (std::size_t i = first; i < first + count; ++i) {
-      cost += -2 * chips_[i] * gradient_[i] + 0.5 * equations_.normal(i, 0);
-      for (std::size_t j = first; j < i; ++j) cost += 4 * chips_[i] * chips_[j] * equations_.normal(i, i - j);
+    for (std::size_t i = 0; i < size; ++i) {
+      cost += -2 * chips_[flipped[i]] * gradient_[flipped[i]] + 0.5 * equations_.normal(flipped[i], 0);
+      for (std::size_t j = 0; j < i; ++j)
+        cost += 4 * chips_[flipped[i]] * chips_[flipped[j]] * equations_.normal(flipped[i], flipped[i] - flipped[j]);
     }
-    for (std::size_t i = first; i < first + count; ++i) min_cost_[i] = std::min(min_cost_[i], std::max(cost, 0.0));
+    for (std::size_t i = 0; i < size; ++i) min_cost_[flipped[i]] = std::min(min_cost_[flipped[i]], std::max(cost, 0.0));
   }
 
   static constexpr std::size_t kLongestRun = 4;
@@ -155,7 +165,8 @@ class Search {
       if (of_low == state) arrive(low++, 0);
       if (of_high == state) arrive(high++, 1);
     }
-    keep(search_.max_sequences);
+    const bool first = search_.effort == nullptr && chip < kFirstExposures * equations_.band();
+    keep(first ? search_.max_first_sequences : search_.max_sequences);
   }
 
   // Keeps the most likely of next_, in order of their states.
@@ -226,6 +237,7 @@ std::vector<double> search_reduced(const ChipEquations& equations, const Reduced
   require(equations.band() <= static_cast<std::size_t>(kLongestReducedExposure), "exposure_chips", equations.band(),
           "at most 24 chips");
   require(search.max_sequences > 0, "max_sequences", search.max_sequences, "at least one sequence");
+  require(search.max_first_sequences > 0, "max_first_sequences", search.max_first_sequences, "at least one sequence");
   require_positive("reach", search.reach);
   if (equations.count() == 0) return {};
   return Search(equations, search).run();

@@ -298,6 +298,21 @@ RowRange longer(RowRange rows, std::size_t frame_rows) {
   return {begin, begin + size};
 }
 
+// The start, and fits to the known chips (else clocks near the start) with longer and shorter exposures.
+std::vector<ChannelEstimate> first_clocks(const IterationContext& context, const ChannelEstimate& start) {
+  const RefineOptions& options = context.options;
+  std::vector<ChannelEstimate> clocks{start};
+  if (options.exposure_known) return clocks;
+  for (const double longer : {-1.0, -0.5, 0.5, 1.0}) {
+    ChannelEstimate moved = with_exposure_moved(start, longer * start.clock.rows_per_chip);
+    auto fitted = options.known.levels.empty()
+                      ? std::nullopt
+                      : fit_channel(context.signal, options.known, moved.clock, {1, 0, true}, options.effort);
+    clocks.push_back(fitted && fitted->swing[0] > 0 ? std::move(*fitted) : std::move(moved));
+  }
+  return clocks;
+}
+
 double chips_apart(const ChipClock& a, const ChipClock& b, double row) {
   return std::abs((row - a.phase) / a.rows_per_chip - (row - b.phase) / b.rows_per_chip);
 }
@@ -369,7 +384,7 @@ std::optional<RefinedChannel> refine_channel(std::span<const double> signal, con
   const bool may_slip =
       end_error(start, {0, signal.size()}) > kUnsureFrame && closeness(start, signal.size()) < kCloseSequences;
   if (options.warped || context.is_used_up() || !may_slip) return found;
-  auto other = track_in_parallel(context, {start}, start.rows);
+  auto other = track_in_parallel(context, first_clocks(context, start), start.rows);
   if (!other || (found && found->channel.noise <= other->channel.noise)) return found;
   return other;
 }

@@ -66,7 +66,8 @@ TEST_CASE("the likelihood ratios are those of all sequences, known chips counted
           }
         }
         const auto found = ocisac::detect_sequence(frame.question);
-        const auto everything = ocisac::search_reduced(ocisac::ChipEquations(frame.question, 24), {1U << 20U, 1e9});
+        const auto everything =
+            ocisac::search_reduced(ocisac::ChipEquations(frame.question, 24), {1U << 20U, 1U << 20U, 1e9});
         for (std::size_t k = 0; k < kChips; ++k) {
           CHECK(found[k] == doctest::Approx(best[k][0] - best[k][1]).epsilon(1e-4));
           CHECK(std::abs(everything[k] - found[k]) <= 1e-3 * (1 + std::abs(found[k])));
