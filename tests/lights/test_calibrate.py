@@ -194,3 +194,9 @@ def test_harmonics_that_fold_onto_a_lower_fundamental_are_in_doubt():
         picture = 20 + 200 * light[:, np.newaxis] + random.normal(0, 1, (1080, 64))
         got = oc.calibrate(np.clip(np.rint(picture), 0, 255).astype(np.uint8), frequency)
         assert got.flags & Flag.MODEL_MISFIT or got.row_time == pytest.approx(row_time, rel=1e-4)
+
+
+def test_bounds_whose_frequency_overflows_are_refused():
+    picture = np.random.default_rng(0).random((64, 8))
+    with np.errstate(all="raise"), pytest.raises(ValueError, match="bounds"):
+        oc.calibrate(picture, np.float64(1e308), bounds=(np.float64(1e-5), np.float64(1e5)))

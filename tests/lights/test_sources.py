@@ -11,6 +11,7 @@ from hypothesis import example, given, settings, strategies as st
 from ocisac_fast import (
     Camera,
     Chips,
+    Flag,
     SquareWave,
     Tone,
     _core,
@@ -172,6 +173,20 @@ def test_dim_lamps_have_the_frequency_that_their_error_says():
         errors += [abs(light.frequency - frequency) / light.frequency_std for light in lights]
     assert len(errors) >= 45
     assert max(errors) < 5
+
+
+@pytest.mark.parametrize(("rows_per_cycle", "duty"), [(5.01, 0.3), (3.01, 0.3), (3.98, 0.15), (2.3223, 0.22)])
+def test_lamps_whose_harmonics_fold_beside_their_frequency_have_the_error_of_that(rows_per_cycle, duty):
+    frequency = 1.0 / (rows_per_cycle * ROW_TIME)
+    camera = Camera(row_time=ROW_TIME, exposure=0.1 / frequency)
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        wave = SquareWave(frequency, duty=duty, phase=rng.uniform(0, 2 * np.pi))
+        light = 146.0 * (integrate_exposure(wave, camera, 720) + 0.3)
+        picture = np.clip(np.rint(light[:, None] + rng.normal(size=(720, 32))), 0, 255).astype(np.uint8)
+        for found in detect_sources(picture, camera):
+            off = abs(found.frequency - frequency) / found.frequency_std
+            assert off < 5.0 or found.carries_data or Flag.MODEL_MISFIT in found.flags
 
 
 @pytest.mark.parametrize("seed", [2, 11])  # of these lights several parts are found

@@ -506,3 +506,17 @@ def test_light_that_has_no_fourth_power_is_refused_by_its_tone_curve():
     ocisac.sense_region(frames, Camera(ROW_TIME))
     with pytest.raises(ValueError, match="as the largest light, allowed: 1e-60 to 1e60"):
         ocisac.sense_region(frames, Camera(ROW_TIME, tone_curve="gamma"))
+
+
+@pytest.mark.parametrize("rows", [200, 480])
+def test_shading_that_explains_more_than_a_tone_is_none(rows):
+    """The refined frequency falls to 0."""
+    n = np.arange(rows)
+    for seed in range(4):
+        random = np.random.default_rng(seed)
+        light = (1 - 0.3 * (2 * n / rows - 1) ** 2) * (
+            1 + 0.05 * np.cos(2 * np.pi * 3.7 * n / rows + random.uniform(0, 6))
+        )
+        picture = np.clip(np.rint(115 * light[:, None] + random.normal(size=(rows, 60))), 0, 255).astype(np.uint8)
+        found = ocisac.sense_region(picture, Camera(2e-5, exposure=1.2e-3))
+        assert found.flags & (Flag.NO_TONE | Flag.AT_BOUND) or abs(found.frequency * 2e-5 * rows - 3.7) < 0.1

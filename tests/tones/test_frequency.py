@@ -552,3 +552,10 @@ def test_a_lamp_near_half_the_row_rate_is_no_texture(rows):
         light = 100 + 40 * tone(0.5 - cycles / rows, rows, random.uniform(0, 6))[:, np.newaxis]
         pixels = np.rint(light + random.normal(0, 1.5, (rows, 16))).astype(np.uint8)
         assert not oc.find_frequency(pixels, PER_ROW).flags
+
+
+@pytest.mark.parametrize("scale", [5e-324, 1e-200])
+def test_films_whose_squares_are_0_are_searched_without_a_warning(scale):
+    film = scale * np.random.default_rng(1).random((4, 64, 9))
+    with np.errstate(divide="raise", invalid="raise"):
+        assert oc.find_frequency(film, Camera(2e-5, frame_time=1 / 30)).flags

@@ -46,6 +46,20 @@ def test_other_tones_are_fitted_and_the_standard_error_covers_the_truth(frequenc
     assert np.abs(np.median(errors, axis=1)).max() < 2
 
 
+def test_hum_of_half_the_frequency_is_no_sideband_of_the_light():
+    """A light that varies along the rows shows f - d beside d: one tone at half of f is not both."""
+    frequency = 3.75 / (ROWS * 20e-6)
+    camera = Camera(20e-6, exposure=0.1 / frequency)
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        waves = [Tone(f, phase=random.uniform(0, 2 * np.pi)) for f in (frequency, 100.0)]
+        light, hum = (integrate_exposure(wave, camera, ROWS) for wave in waves)
+        pixels = stored(160 * (light + 0.3 * hum)[:, None] * np.linspace(0.5, 1, 8), random, dark=0.0, noise=1.0)
+        found = ocisac.tone_gain(pixels, camera, frequency, method="robust", pooled=True)
+        assert not found.flags.any()
+        assert abs(found.gain - np.sinc(0.1) / 1.3) < 4 * found.gain_std
+
+
 def test_a_tone_within_a_cycle_of_the_light_is_flagged():
     for seed in range(5):
         random = np.random.default_rng(seed)

@@ -389,7 +389,9 @@ BestExposure best_exposure_exact(std::span<const double> frequencies, std::span<
                                  const ExposureDomain& domain) {
   const auto tones = tones_of(frequencies, weights);
   check_domain(domain);
-  return exact_of_lobes(tones, domain);
+  const BestExposure best = exact_of_lobes(tones, domain);
+  require(best.exposure > 0, "weights", std::ranges::max(weights), "numbers large enough for an objective above 0");
+  return best;
 }
 
 BestExposure best_noisy_exposure(Tones tones, double noise_exposure, const ExposureWindow& window) {

@@ -32,7 +32,7 @@ LightSource source_of(const SearchedFrame& in, const Detection& found) {
   source.box = found.box;
   source.probability = found.probability;
   source.frequency = frequency;
-  source.frequency_std = std::hypot(light.frequency_std, light.bend) / row_time;
+  source.frequency_std = std::hypot(light.frequency_std, light.systematic.std) / row_time;
   source.gain = gain.gain, source.gain_std = gain.gain_std;
   source.phase = gain.phase;
   source.mean = gain.mean;
@@ -44,7 +44,7 @@ LightSource source_of(const SearchedFrame& in, const Detection& found) {
   source.reflection_by_phase = found.reflection_by_phase;
   source.merged = found.merged;
   source.joined = found.joined;
-  source.flags = gain.flags;
+  source.flags = gain.flags | flag_if(light.systematic.doubted, flag::model_misfit);
   return source;
 }
 

@@ -305,7 +305,7 @@ RefinedLight refined_light(const OwnPixels& pixels, double frequency, double noi
   }
   RefinedLight light{};
   light.frequency = frequency, light.frequency_std = standard_error(pixels, frequency);
-  light.bend = bend_of_profile(profile_of_own_rows(pixels).profile, frequency);
+  light.systematic = systematic_error(profile_of_own_rows(pixels).profile, frequency);
   light.phase = phase_at_start(tone, frequency, pixels.box.y);
   if (!(total > 0)) return light;
   const double explained = std::clamp(1 - rest / total, 0.0, 1.0);

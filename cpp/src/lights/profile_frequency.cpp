@@ -6,6 +6,7 @@
 
 #include "lights/light_patch.hpp"
 #include "tones/surroundings.hpp"
+#include "tones/tone_search.hpp"
 
 namespace ocisac {
 
@@ -37,6 +38,18 @@ std::vector<double> own_rows(std::span<const double> profile) {
   return first < last ? std::vector<double>(first, last) : std::vector<double>();
 }
 
+double bend_of(std::span<const double> rows, double frequency, double margin) {
+  const auto left_out = static_cast<std::size_t>(margin / frequency);
+  if (rows.size() <= 2 * left_out) return 0;
+  const auto own = rows.subspan(left_out, rows.size() - 2 * left_out);
+  const auto model = periodic_model(frequency, own.size(), kComparedHarmonics);
+  if (own.size() <= 2 * model.parameters()) return 0;
+  const double middle = 0.5 * (static_cast<double>(own.size()) - 1);
+  const Complex level = 2 / static_cast<double>(own.size()) *
+                        product(component_at(own, frequency), std::conj(turned(frequency * middle)));
+  return bend_of_frequency(residual_of(own, own.size(), model, frequency), frequency, level);
+}
+
 }  // namespace
 
 double strongest_frequency(std::span<const double> profile, double lower, double upper) {
@@ -54,16 +67,16 @@ double jackknife_std(std::span<const double> profile, double frequency, double c
   });
 }
 
-double bend_of_profile(std::span<const double> profile, double frequency, double margin) {
-  std::vector<double> own = own_rows(profile);
-  const auto left_out = static_cast<std::ptrdiff_t>(margin / frequency);
-  if (std::ssize(own) <= 2 * left_out) return 0;
-  own = {own.begin() + left_out, own.end() - left_out};
+SystematicError systematic_error(std::span<const double> profile, double frequency, double margin) {
+  const std::vector<double> own = own_rows(profile);
+  const auto rows = static_cast<double>(own.size());
   const auto model = periodic_model(frequency, own.size(), kComparedHarmonics);
-  if (own.size() <= 2 * model.parameters()) return 0;
-  const double rows = static_cast<double>(own.size()), middle = 0.5 * (rows - 1);
-  const Complex level = 2 / rows * product(component_at(own, frequency), std::conj(turned(frequency * middle)));
-  return bend_of_frequency(residual_of(own, own.size(), model, frequency), frequency, level);
+  if (own.size() <= 2 * model.parameters()) return {};
+  const PeriodicSignals signals(own, own.size());
+  const PeriodicFit fit = fit_periodic(signals, model, frequency, false);
+  const double std = std::hypot(bend_of(own, frequency, margin), fold_error(fit, rows, 1));
+  const double other = coarse_frequency(signals, {.lower = 1 / rows, .upper = 0.5 - 1 / rows});
+  return {std, std::abs(other - frequency) * rows > 1};
 }
 
 Complex component_at(std::span<const double> profile, double frequency, std::size_t first_row) {

@@ -76,9 +76,13 @@ double jackknife_std(double frequency, std::size_t rows, double cycles, int step
 double strongest_frequency(std::span<const double> profile, double lower, double upper);
 double jackknife_std(std::span<const double> profile, double frequency, double cycles);
 
-// Error of the frequency of a profile whose phase bends along its rows (bend_of_frequency). `margin`: cycles at either
-// end that are left out.
-double bend_of_profile(std::span<const double> profile, double frequency, double margin = 0);
+// Error of the frequency of a profile by its phase, which bends where rows are moved (bend_of_frequency), and by
+// harmonics that fold beside own ones (fold_error). `margin`: cycles at either end that bends are looked for without.
+struct SystematicError {
+  double std = 0;        // cycles per row
+  bool doubted = false;  // a frequency more than a cycle apart explains more of the profile
+};
+SystematicError systematic_error(std::span<const double> profile, double frequency, double margin = 0);
 
 // Σ_n x(n)·e^(−j2πf(first + n)).
 std::complex<double> component_at(std::span<const double> profile, double frequency, std::size_t first_row = 0);

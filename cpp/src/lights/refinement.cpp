@@ -348,7 +348,7 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
       const std::vector<double>& rows = is_long ? profile.even : profile.matched;
       if (is_long) frequency = strongest_frequency(rows, lower, upper);
       light = refined(patch, profile, box, frequency, jackknife_std(rows, frequency, cycles));
-      light.bend = bend_of_profile(profile.even, frequency, 1);  // windows of two cycles are cut at the ends
+      light.systematic = systematic_error(profile.even, frequency, 1);  // windows of two cycles are cut at the ends
       add_appearance(patch, swing, last, light);
     }
     light.amplitude = 2 * lit->amplitude;

@@ -8,6 +8,7 @@
 
 #include "core/levels.hpp"
 #include "lights/light_patch.hpp"
+#include "lights/profile_frequency.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/core/views.hpp"
 
@@ -18,7 +19,7 @@ constexpr double kMinRows = 24;  // of a light's box
 struct RefinedLight {
   Region box = {};                          // of the fundamental above 15 % of its largest amplitude
   double frequency = 0, frequency_std = 0;  // cycles per row
-  double bend = 0;                          // error of the frequency by rows that are moved, cycles per row
+  SystematicError systematic = {};          // of the frequency
   double phase = 0;                         // rad, of the fundamental's sum at row 0 of the picture
   double snr = 0;                           // periodic part over the residual, in the box
   double amplitude = 0;                     // of the fundamental, DN

@@ -28,6 +28,7 @@
 #include "tones/surroundings.hpp"
 #include "tones/texture.hpp"
 #include "tones/tone_combination.hpp"
+#include "tones/tone_search.hpp"
 
 namespace ocisac {
 
@@ -161,7 +162,8 @@ Candidate judged(const PeriodicSignals& signals, double frequency, const Frequen
   return {fit.frequency, misfit(fit.residual_energy, model, rows)};
 }
 
-// NaN for constant signals.
+}  // namespace
+
 double coarse_frequency(const PeriodicSignals& signals, const FrequencySearch& range) {
   if (signals.count() == 0) return kNaN;
   std::vector<double> frequencies = spectral_peaks(signals, range, 5);
@@ -174,6 +176,26 @@ double coarse_frequency(const PeriodicSignals& signals, const FrequencySearch& r
   }
   return best.frequency;
 }
+
+double fold_error(const PeriodicFit& fit, double rows, int power) {
+  const auto& orders = fit.model.harmonics;
+  const auto slope = [&](std::size_t i) { return static_cast<double>(orders[i]) * std::sqrt(fit.harmonic_energy[i]); };
+  double level = 0, information = 0, squares = 0;
+  for (std::size_t i = 0; i < orders.size(); ++i) {
+    information += slope(i) * slope(i);
+    if (static_cast<double>(orders[i] + 1) * fit.frequency > 0.25)
+      level = std::max(level, std::pow(orders[i], power - 1) * slope(i));
+  }
+  for (double order = std::ceil(0.5 / fit.frequency); order * fit.frequency < 3; ++order)
+    for (std::size_t i = 0; i < orders.size(); ++i) {
+      const double cycles = order * fit.frequency, own = static_cast<double>(orders[i]) * fit.frequency;
+      if (std::abs(std::abs(cycles - std::nearbyint(cycles)) - own) * rows < 1.5)
+        squares += std::pow(slope(i) * level / std::pow(order, power), 2);
+    }
+  return std::sqrt(squares / 8) / information / rows;
+}
+
+namespace {
 
 // Noise of a sample. The second term is the rounding error; it prevents that noiseless signals seem to consist of
 // harmonics.
@@ -263,27 +285,6 @@ bool may_be_folded(const PeriodicFit& fit, std::size_t rows) {
   const std::size_t order = fit.model.harmonics[strongest];
   const auto meets = [&](std::size_t folded) { return (folded + 1) % cycle == 0 || (folded - 1) % cycle == 0; };
   return order > 1 && (meets(2 * order) || meets(3 * order));
-}
-
-// RMS error of the frequency by harmonics above half the row rate that fold beside own ones: a tone of level r within
-// 1.5 cycles pulls by up to r/2 cycles, at a phase that is not known. Levels fall from the upper half of the own ones
-// with the square of the order, as an exposure makes them.
-double fold_error(const PeriodicFit& fit, double rows) {
-  const auto& orders = fit.model.harmonics;
-  const auto slope = [&](std::size_t i) { return static_cast<double>(orders[i]) * std::sqrt(fit.harmonic_energy[i]); };
-  double level = 0, information = 0, squares = 0;
-  for (std::size_t i = 0; i < orders.size(); ++i) {
-    information += slope(i) * slope(i);
-    if (static_cast<double>(orders[i] + 1) * fit.frequency > 0.25)
-      level = std::max(level, static_cast<double>(orders[i]) * slope(i));
-  }
-  for (double order = std::ceil(0.5 / fit.frequency); order * fit.frequency < 3; ++order)
-    for (std::size_t i = 0; i < orders.size(); ++i) {
-      const double cycles = order * fit.frequency, own = static_cast<double>(orders[i]) * fit.frequency;
-      if (std::abs(std::abs(cycles - std::nearbyint(cycles)) - own) * rows < 1.5)
-        squares += std::pow(slope(i) * level / (order * order), 2);
-    }
-  return std::sqrt(squares / 8) / information / rows;
 }
 
 PeriodicFit refined(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
@@ -605,7 +606,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const double bend = largest_of(residual, signals.rows(), final, bend_of_frequency);
   const double moved = bend > 0 ? std::max(bend, kTaken * wander / turning) : 0,
                rounded = stored_tone.step > 0 ? rounding_of_frequency(stored_tone, final) : 0,
-               folded = range.harmonics == Harmonics::fundamental ? 0 : fold_error(final, rows),
+               folded = range.harmonics == Harmonics::fundamental ? 0 : fold_error(final, rows, 2),
                std = std::hypot(std::hypot(own_std, moved), rounded, folded);
   const double noise = noise_power(final, signals) * rows * static_cast<double>(signals.count());
   return {final.frequency,    std,           final.total_periodic() / noise, final.model.harmonics.back(), flags,

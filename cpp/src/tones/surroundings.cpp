@@ -81,8 +81,9 @@ bool modulates(const std::vector<double>& tones, double cycles_per_row, double r
     const double side = (tones[i] - cycles_per_row) * rows;
     for (const double image : {tones[i] - cycles_per_row, tones[i] + cycles_per_row})
       if (std::abs(side) > 1 && std::abs(std::remainder(image, 0.25)) * rows < kSame) return true;
-    for (const double slow : tones)
-      if (slow * rows < kSlow && (std::abs(std::abs(side) - slow * rows) < kSame || std::abs(side) < kSame))
+    for (std::size_t j = 0; j < tones.size(); ++j)  // one tone, of half of f or slower than all of f, is no pair
+      if (const double slow = tones[j] * rows;
+          j != i && slow < kSlow && (std::abs(std::abs(side) - slow) < kSame || std::abs(side) < kSame))
         return true;
     for (std::size_t j = 0; j < i; ++j)
       if (std::abs(side + (tones[j] - cycles_per_row) * rows) < kSame) return true;

@@ -392,6 +392,8 @@ TEST_CASE("C: the best exposure, alone and without bands of other lights") {
   REQUIRE(ocisac_advise_exposure(&request, nullptr, 0, &advice) == OCISAC_OK);
   CHECK(advice.objective > 1 / (175 * std::numbers::pi));
   CHECK(std::isnan(advice.modulation));
+  request.comm_weight = 5e-324, request.sense_weight = 0;
+  check_refused(ocisac_advise_exposure(&request, nullptr, 0, &advice), "weights: got 5e-324");
 
   std::vector<ocisac_flicker> lights(2);
   for (auto& light : lights) ocisac_flicker_init(&light);

@@ -73,7 +73,8 @@ def calibrate(
         ValueError: a frequency that is not finite and above 0, or as for :func:`find_frequency`.
     """
     array = as_columns(columns, scan_axis=scan_axis)
-    per_row = None if bounds is None else (bounds[0] * frequency, bounds[1] * frequency)
+    frequency = float(frequency)
+    per_row = None if bounds is None else (float(bounds[0]) * frequency, float(bounds[1]) * frequency)
     row_time, row_time_std, values, probability = _core.calibrate(array, frequency, per_row, waveform, select)
     found = found_of(values, 1.0)
     return Calibration(row_time, row_time_std, found, found.flags, probability)

@@ -360,13 +360,15 @@ def _fitted(
         flags = Flag.FEW_CYCLES if cycles * rows < 1.0 else Flag(0)
     folded = abs((cycles + 0.5) % 1.0 - 0.5)
     model = make_model(rows, cycles, harmonics_of(request.waveform, request.duty, cycles, rows), tones)
-    if rows < model.design.shape[1] + 1 or min(folded, 0.5 - folded) < 1e-12:
+    if rows < model.design.shape[1] + 1 or min(folded, 0.5 - folded) < _RESOLVED:
         return None, flags | Flag.UNRESOLVABLE
     lit = Columns(region, camera, repeated=True)
     model = with_tones_shaped_by_light(lit, model, background, tones)
     if request.frequency is not None:
         return fit(lit, model), flags
     model = refine(lit, with_harmonics_above_noise(fit(lit, model), tones), tones)
+    if model.cycles < _RESOLVED:  # slow light explains the columns better than any tone
+        return None, flags | Flag.NO_TONE
     fitted = fit(lit, model)
     return dataclasses.replace(fitted, cycles_std=frequency_std(lit, fitted)), flags
 
@@ -487,4 +489,5 @@ def _column_flags(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, tone
 
 
 _JUDGED = 64
+_RESOLVED = 1e-12  # cycles per row
 _POOLED_FLAGS = Flag.WEAK | Flag.NO_LIGHT | Flag.NEAR_NULL | Flag.FEW_CYCLES

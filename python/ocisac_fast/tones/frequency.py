@@ -179,6 +179,8 @@ def _over_frames(frames: npt.NDArray[np.generic], camera: Camera, found: FoundFr
     changes = light - light.mean(axis=0)
     if not changes.any() or 10.0 * highest * lasts * (rows + count) > _MOST_TURNS:
         return found
+    largest = np.abs(changes).max()
+    light, changes = light / largest, changes / largest  # squares of tiny ones are 0
     grid = np.arange(2.0 / lasts, highest, 0.1 / lasts)
     if grid.size == 0:
         return found
