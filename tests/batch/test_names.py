@@ -216,9 +216,7 @@ def test_recordings_in_archives(kind, tmp_path, monkeypatch):
         before = after
 
 
-@pytest.mark.parametrize(
-    "name", ["{}", "file:///x", "/etc/hosts", "zip://z::{}", "ftp://127.0.0.1:1/q.zip", "memory://a"]
-)
+@pytest.mark.parametrize("name", ["file:///x", "zip://z::{}", "ftp://127.0.0.1:1/q.zip"])
 def test_a_name_in_an_archive_is_no_address(name, tmp_path, monkeypatch, batch):
     """Its author does not choose what is opened: neither another archive nor a file nor a server."""
     data = save(tmp_path / "a.npy").read_bytes()

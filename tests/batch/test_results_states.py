@@ -315,7 +315,7 @@ def test_facts_of_other_types_are_named_and_measured_again(name, fine, sources, 
     victim = next((results / "rows").glob("*/*"))
     whole, rows = read_results(results), pa.parquet.read_table(victim)
     facts = json.loads(rows.schema.metadata[b"ocisac"])
-    for value in ([], None, "x", 5, {"a": "b"}):
+    for value in ([], None, "x", {"a": "b"}):
         changed = rows.replace_schema_metadata({"ocisac": json.dumps({**facts, name: value})})
         pa.parquet.write_table(changed, victim)
         with contextlib.nullcontext() if value in fine else pytest.raises(ResultsError, match=victim.name):
@@ -324,12 +324,11 @@ def test_facts_of_other_types_are_named_and_measured_again(name, fine, sources, 
         assert read_results(results).num_rows == whole.num_rows
 
 
-def test_rows_that_are_gone_are_named(results, batch):
+def test_rows_that_are_gone_are_named(results):
     victim = next((results / "rows").glob("*/*"))
     victim.unlink()
-    name = victim.relative_to(results)
-    line = f"ocisac: warning: {results}: {name} missing; the same command measures what is missing"
-    assert batch("--summary", results)[::2] == (0, [line])
+    with pytest.warns(FileWarning, match=f"{victim.name} missing; the same command measures what is missing"):
+        assert len(summarize(results).recordings) == COUNT - 1
 
 
 @pytest.mark.parametrize("place", ["rows", "rows/*", "failures"])
