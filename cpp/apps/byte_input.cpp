@@ -18,6 +18,14 @@ namespace {
 
 constexpr int kPipeBytes = 1 << 20;  // larger pipe: fewer switches between writer and reader
 
+// True for the file that standard output was redirected to.
+bool is_standard_output(int descriptor) {
+  struct stat in {};
+  struct stat out {};
+  return ::fstat(descriptor, &in) == 0 && ::fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(in.st_mode) &&
+         in.st_dev == out.st_dev && in.st_ino == out.st_ino;
+}
+
 }  // namespace
 
 ByteInput::ByteInput(const std::string& path)
@@ -25,6 +33,8 @@ ByteInput::ByteInput(const std::string& path)
       owned_(path != "-") {
   if (descriptor_ < 0 && errno != ENOENT) throw std::system_error(errno, std::generic_category(), path);
   require(descriptor_ >= 0, "input", path, "a file that can be read, or -");
+  require(!is_standard_output(descriptor_), "input", path,
+          "another file than standard output, whose lines would be read");
 #ifdef F_SETPIPE_SZ
   ::fcntl(descriptor_, F_SETPIPE_SZ, kPipeBytes);  // fails harmlessly where it is no pipe or not allowed
 #endif

@@ -1,5 +1,6 @@
 """Recordings of a lamp for the tests of many."""
 
+import errno
 import os
 
 import numpy as np
@@ -21,6 +22,18 @@ def lamp(frames: int, seed: int, shape: tuple[int, int] = (240, 48)) -> np.ndarr
 def contents(folder):
     """Bytes of every file."""
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def close_folder(folder, monkeypatch):
+    """Whoever runs the tests may read every folder: the system's call refuses this one."""
+    listed = os.scandir
+
+    def scandir(path="."):
+        if os.fspath(path) == str(folder):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), path)
+        return listed(path)
+
+    monkeypatch.setattr(os, "scandir", scandir)
 
 
 def slowed(folder):

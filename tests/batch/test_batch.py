@@ -412,6 +412,16 @@ def test_the_command_and_its_exit_codes(campaign, truth, tmp_path, batch):
     assert "skipped" in " ".join(out)
 
 
+@pytest.mark.parametrize("command", ["gain", "detect", "receive", "sense", "calibrate", "clean"])
+def test_what_is_no_recording_is_not_read_to_its_end(command, tmp_path, monkeypatch):
+    """The hash of a sparse file of terabytes took hours."""
+    monkeypatch.setattr("ocisac_fast.batch.measuring.content_hash", lambda _: pytest.fail("hashed"))
+    (tmp_path / "a.bin").write_bytes(bytes(1 << 20))
+    options = {"frequency": "500Hz"} if command in ("gain", "calibrate") else {}
+    options |= {"row_time": ROW_TIME} if command != "calibrate" else {}
+    assert measure_recordings(tmp_path / "a.bin", Task(command, options), output=tmp_path / "o").progress.failed
+
+
 def test_a_recording_that_is_replaced_meanwhile_is_a_failure(tmp_path, monkeypatch, batch):
     from ocisac_fast.cli import gain
 

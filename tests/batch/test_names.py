@@ -8,13 +8,16 @@ import json
 import os
 import shutil
 import socket
+import subprocess
 import sys
 import threading
 import time
+import zipfile
 
+import fsspec
 import numpy as np
 import pytest
-from lamp_recordings import ROW_TIME, SHORT, lamp
+from lamp_recordings import ROW_TIME, SHORT, close_folder, lamp
 
 from ocisac_fast.batch import Task, measure_recordings, read_failures, read_results, summarize
 from ocisac_fast.batch.recordings import find_recordings
@@ -65,20 +68,50 @@ def test_links_to_folders_are_not_followed_but_where_they_are_named(tmp_path):
 
 @pytest.mark.parametrize("pattern", ["", "*/*.npy", "**/*.npy", "c*/*.npy"])
 def test_a_folder_that_cannot_be_read_is_a_failure(tmp_path, monkeypatch, pattern):
-    """Whoever runs the tests may read every folder: the system's call refuses this one."""
     wanted, closed = save(tmp_path / "r" / "campaign" / "a.npy"), tmp_path / "r" / "closed"
     save(closed / "b.npy")
-    listed = os.scandir
-
-    def scandir(path="."):
-        if os.fspath(path) == str(closed):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), path)
-        return listed(path)
-
-    monkeypatch.setattr(os, "scandir", scandir)
+    close_folder(closed, monkeypatch)
     done = measure_recordings(tmp_path / "r" / pattern, GAIN)
     assert set(done.table["path"].to_pylist()) == {str(wanted)}
     assert done.failures.to_pylist() == [{"path": str(closed), "message": "Permission denied"}]
+
+
+@pytest.mark.parametrize("pattern", ["", "/*/*.npy", "/**/*.npy"])
+def test_a_remote_folder_that_cannot_be_read_is_a_failure(monkeypatch, pattern):
+    system = fsspec.filesystem("memory")
+    system.store.clear()
+    for name in ("open/a.npy", "shut/b.npy"):
+        with fsspec.open(f"memory://r/{name}", "wb") as file:
+            np.save(file, lamp(SHORT, 0, (96, 8)))
+    listed = type(system).ls
+
+    def ls(self, path, detail=True, **options):
+        if path.endswith("/shut"):
+            raise RuntimeError("530 not for you")  # that of FTP is no OSError either
+        return listed(self, path, detail, **options)
+
+    monkeypatch.setattr(type(system), "ls", ls)
+    monkeypatch.setattr(type(system), "find", fsspec.AbstractFileSystem.find)
+    done = measure_recordings(f"memory://r{pattern}", GAIN)
+    assert done.table["path"].unique().to_pylist() == ["memory://r/open/a.npy"]
+    assert done.failures.to_pylist() == [{"path": "memory://r/shut", "message": "530 not for you"}]
+
+
+def test_folders_in_folders_of_any_depth(tmp_path):
+    """More than Python recurses; a path that is longer than the system takes is a failure."""
+    wanted, at = save(tmp_path / "x.npy"), os.open(tmp_path, os.O_RDONLY)
+    for name in [*["a"] * 1000, *["b" * 250] * 9]:
+        os.mkdir(name, dir_fd=at)
+        above, at = at, os.open(name, os.O_RDONLY, dir_fd=at)
+        os.close(above)
+    os.close(at)
+    try:
+        for pattern in ("", "**/*.npy"):
+            failures = {entry.path: entry.failure for entry in find_recordings(tmp_path / pattern)}
+            assert failures.pop(str(wanted)) == ""
+            assert set(failures.values()) == {"File name too long"}
+    finally:
+        subprocess.run(["rm", "-rf", str(tmp_path / "a")], check=True)
 
 
 @pytest.mark.parametrize("pattern", ["x/*.npy", "**/*.npy", "*/*.npy", "x/d/*/*.npy"])
@@ -181,6 +214,25 @@ def test_recordings_in_archives(kind, tmp_path, monkeypatch):
         assert (after.path, after.size, after.state == before.state) == (*before[:2], False)
         assert np.array_equal(read_frames(after.path).frames, np.load(tmp_path / "in" / "a.npy"))
         before = after
+
+
+@pytest.mark.parametrize("name", ["file:///x", "zip://z::{}", "ftp://127.0.0.1:1/q.zip"])
+def test_a_name_in_an_archive_is_no_address(name, tmp_path, monkeypatch, batch):
+    """Its author does not choose what is opened: neither another archive nor a file nor a server."""
+    data = save(tmp_path / "a.npy").read_bytes()
+    with zipfile.ZipFile(tmp_path / "other.zip", "w") as other:
+        other.writestr("z", data)
+    names = [f"b.npy::{name.format(tmp_path / 'other.zip')}", "zip://a.npy", "/a.npy"]
+    with zipfile.ZipFile(tmp_path / "all.zip", "w") as archive:
+        for each in ("a.npy", *names):
+            archive.writestr(each, data)
+    url = "zip://{}::" + str(tmp_path / "all.zip")
+    code, out, _ = batch(url.format("**"), tmp_path / "a.npy", "-o", tmp_path / "o", "--json", *WORDS)
+    assert (code, json.loads(*out)["finished"]) == (3, 2)
+    message = "a name that would be read as another path, allowed: a copy of it outside"
+    assert read_failures(tmp_path / "o").to_pylist() == [
+        {"path": url.format(each), "message": message} for each in sorted(names)
+    ]
 
 
 @pytest.mark.parametrize("kind", ["zip", "tar"])

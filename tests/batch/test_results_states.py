@@ -1,5 +1,6 @@
 """States of the results folder: what is ours is resumed or mended, what is not stays and is named."""
 
+import contextlib
 import errno
 import json
 import os
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
-from lamp_recordings import ROW_TIME, SHORT, contents, lamp
+from lamp_recordings import ROW_TIME, SHORT, close_folder, contents, lamp
 
 from ocisac_fast.batch import ResultsError, Task, cluster, measure_recordings, read_results, summarize
 from ocisac_fast.batch.results import Results
@@ -303,6 +304,47 @@ def test_a_damaged_file_is_named_and_the_same_command_mends_it(kind, damage, sou
     assert read_results(results).equals(whole)
     again = measure_recordings(sources, GAIN, output=results).progress
     assert (again.skipped, again.frames) == (COUNT, 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "fine"),
+    [("path", ["x"]), ("frames", [None, 5]), ("part", [None, []]), ("warnings", [[]]), ("cleaned", [None, {"a": "b"}])]
+    + [(name, [[], None, "x", 5, {"a": "b"}]) for name in ("task", "build")],
+)
+def test_facts_of_other_types_are_named_and_measured_again(name, fine, sources, results):
+    victim = next((results / "rows").glob("*/*"))
+    whole, rows = read_results(results), pa.parquet.read_table(victim)
+    facts = json.loads(rows.schema.metadata[b"ocisac"])
+    for value in ([], None, "x", {"a": "b"}):
+        changed = rows.replace_schema_metadata({"ocisac": json.dumps({**facts, name: value})})
+        pa.parquet.write_table(changed, victim)
+        with contextlib.nullcontext() if value in fine else pytest.raises(ResultsError, match=victim.name):
+            summarize(results)
+        assert measure_recordings(sources, GAIN, output=results).progress.finished == COUNT
+        assert read_results(results).num_rows == whole.num_rows
+
+
+def test_rows_that_are_gone_are_named(results):
+    victim = next((results / "rows").glob("*/*"))
+    victim.unlink()
+    with pytest.warns(FileWarning, match=f"{victim.name} missing; the same command measures what is missing"):
+        assert len(summarize(results).recordings) == COUNT - 1
+
+
+@pytest.mark.parametrize("place", ["rows", "rows/*", "failures"])
+@pytest.mark.parametrize("use", ["summary", "again", "resume"])
+def test_a_folder_of_results_that_cannot_be_listed_is_named(place, use, sources, results, batch, monkeypatch):
+    """What lies there is neither missing nor new: nothing is removed, counted or measured without it."""
+    (sources / "bad.npy").write_bytes(b"")
+    measure_recordings(sources, GAIN, output=results)
+    closed, before = next(results.glob(place)), contents(results)
+    close_folder(closed, monkeypatch)
+    words = {"summary": ["--summary", results], "again": [sources, "-o", results, "--again", *WORDS]}
+    code, _, (line,) = batch(*words.get(use, [sources, "-o", results, *WORDS]))
+    monkeypatch.undo()
+    assert code == 2
+    assert line.startswith(f"ocisac: {results}: {closed.relative_to(results)}: Permission denied")
+    assert contents(results) == before
 
 
 @pytest.mark.parametrize(

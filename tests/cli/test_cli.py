@@ -464,12 +464,13 @@ def test_the_demo_keeps_what_is_not_its_own(run, tmp_path, monkeypatch):
 
 def test_the_demo_ends_with_commands_that_run(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, out, err = run("demo")
+    code, out, err = run("demo", "--directory", "demo\x1b]0;\a")
     assert (code, err) == (0, [])
+    assert all(line.isprintable() for line in out)
     assert any(line.startswith("ocisac is ") for line in out)
     commands = [line.split()[1:] for line in out if line.startswith("  ocisac ")]
     assert len(commands) == 3
-    monkeypatch.chdir(tmp_path / "demo")
+    monkeypatch.chdir(tmp_path / "demo\x1b]0;\a")
     for words in commands:
         code, out, err = run(*words)
         assert (code, err) == (0, [])

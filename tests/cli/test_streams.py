@@ -93,6 +93,34 @@ def test_a_closed_output_is_no_file_s_number(folder):
     assert "more" not in (folder / "out.csv").read_text()
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["gain", "b.png", *GAIN, "--per-column", "/dev/stdout", "--force"],
+        ["receive", "out", "--raw", "6x20", "--row-time", "22.2us", "--json"],
+        ["receive", "-", "--raw", "6x20", "--row-time", "22.2us", "--json"],
+    ],
+)
+def test_a_file_that_is_standard_output_is_neither_read_nor_replaced(words, folder):
+    """As input it grew without an end; as an output it was replaced, and what was printed lost."""
+    (folder / "out").write_bytes(bytes(24000))
+    with open(folder / "out", "ab") as out, open(folder / "out", "rb") as read:
+        done = subprocess.run(
+            [*OCISAC, *words], cwd=folder, stdin=read, stdout=out, stderr=subprocess.PIPE, text=True, timeout=30
+        )
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "which is standard output too, allowed: another file" in done.stderr
+    assert (folder / "out").read_bytes() == bytes(24000)
+
+
+def test_a_configuration_in_the_working_folder_is_not_read(tmp_path):
+    """That of matplotlib is the first that it looks for, before any that a variable names; a pipe is waited for."""
+    os.mkfifo(tmp_path / "matplotlibrc")
+    words = ["lamp", "--exposures", "1/50s,1/100s", "--plot", "a.png"]
+    subprocess.run([*OCISAC, *words], cwd=tmp_path, stdout=subprocess.DEVNULL, check=True, timeout=30)
+    assert (tmp_path / "a.png").stat().st_size > 1000
+
+
 @pytest.mark.parametrize("words", [["info"], ["gain", "b.png", *GAIN], ["clean", "b.png", "c.png"]])
 @pytest.mark.parametrize("form", [[], ["--json"]])
 def test_a_closed_pipe_has_its_exit_code_and_the_work_is_done(words, form, folder):

@@ -26,6 +26,17 @@ from ocisac_fast.cleaning import VideoCleaner
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.parametrize("name", ["-", "out"])
+def test_a_file_that_is_standard_output_is_not_read(name, receiver, tmp_path):
+    path = tmp_path / "out"
+    path.write_bytes(bytes(ROWS * COLUMNS))
+    with open(path, "ab") as out, open(path, "rb") as read:
+        pipes = {"stdin": read, "stdout": out, "stderr": subprocess.PIPE, "cwd": tmp_path}
+        done = subprocess.run(command(receiver, name), **pipes, timeout=60, check=False)
+    assert (done.returncode, b"allowed: another file than standard output" in done.stderr) == (2, True)
+    assert path.read_bytes() == bytes(ROWS * COLUMNS)
+
+
 @pytest.mark.parametrize(("dtype", "name", "scale"), [("uint8", "gray8", 200), ("<u2", "gray16le", 40000)])
 @pytest.mark.parametrize("frequency", ["500Hz", None])
 def test_gains_are_those_of_the_library(receiver, dtype, name, scale, frequency):

@@ -38,6 +38,14 @@ def random_frames(shape, dtype, seed=0):
     return random.integers(0, np.iinfo(dtype).max, shape, dtype=dtype, endpoint=True)
 
 
+@pytest.mark.parametrize("suffix", [".npy", ".png", ".tif", ".mkv", ".mp4"])
+def test_equal_frames_are_equal_files(suffix, tmp_path):
+    """Matroska's numbers of a film and of its stream were random."""
+    for name in "ab":
+        write_frames(tmp_path / f"{name}{suffix}", random_frames((1, 64, 48), np.uint8))
+    assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+
+
 @pytest.mark.parametrize(
     ("suffix", "dtype", "shape"),
     [

@@ -331,8 +331,9 @@ def test_the_line_of_the_second_part_of_a_list_in_a_list(tmp_path):
         (".".join("a" * 100_000) + " = 1", "a key of more than 100 parts"),
         ("'='" + ".','" * 100_000 + " = 1", "a key of more than 100 parts"),
         ("x = [\n[" + " " * 100_000 + "\n1]]", "x: unknown key"),
+        ("a = 1\nb = " + "1" * 100_000, "an integer of too many digits"),
     ],
-    ids=["repeat", "levels", "utf8", "lists", "tables", "dots", "quoted", "blanks"],
+    ids=["repeat", "levels", "utf8", "lists", "tables", "dots", "quoted", "blanks", "digits"],
 )
 def test_files_that_are_no_scene_are_refused_in_time(tmp_path, text, message):
     began = time.perf_counter()

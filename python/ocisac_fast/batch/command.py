@@ -18,6 +18,7 @@ from ocisac_fast.batch.campaign import MAX_FRAMES, Progress, measure_recordings
 from ocisac_fast.batch.engines import cluster
 from ocisac_fast.batch.fields import FIELDS
 from ocisac_fast.batch.jobs import ClusterError, VersionError
+from ocisac_fast.batch.listing import ALL_BELOW, like, local_listing
 from ocisac_fast.batch.recordings import find_recordings
 from ocisac_fast.batch.results import Results
 from ocisac_fast.batch.summary import summarize
@@ -49,8 +50,8 @@ class _Recordings(InputFile):
 class _Folder(InputFile):
     def files(self, path: str | os.PathLike[str]) -> Iterator[str]:
         """The results below a folder."""
-        for folder, _, names in os.walk(path):
-            yield from (os.path.join(folder, name) for name in names if name != _SUMMARY)
+        found = like(local_listing, os.fspath(path), ALL_BELOW)
+        yield from (name for name in found if os.path.basename(name) != _SUMMARY)
 
 
 _RECORDINGS, _RESULTS = _Recordings(readable=False), _Folder(readable=False)

@@ -133,9 +133,9 @@ class Work:
 
     def _measured(self, job: Job, results: Results | None) -> Report:
         path = job.entry.path
+        if job.entry.failure:
+            raise FileError(job.entry.failure)
         is_local = not is_remote(path)
-        if is_local and os.path.isdir(path):
-            os.scandir(path).close()  # the reason why it was not searched
         if is_local and os.path.exists(path) and not os.path.isfile(path):
             raise FileError("a pipe, device or folder, allowed: a file")  # opening it could wait for ever
         job = replace(job, state=job.state or (job.entry.state if is_local else RemotePath(path).state))

@@ -70,10 +70,10 @@ class Measurement:
         cls, path: str, task: Task, *, part: Part | None = None, start: Start | None = None, cleaned: str | None = None
     ) -> Measurement:
         """Measure; ``start`` is needed for a part."""
-        digest = content_hash(path) if start is None else start.digest
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             rows = _rows(path, task, part, start, cleaned)
+        digest = content_hash(path) if start is None else start.digest  # once it is known to be a recording
         picture = task.picture
         with open_recording(path, raw=picture.raw) as stream:
             camera = picture.camera(stream)

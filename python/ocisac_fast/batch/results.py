@@ -29,6 +29,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from ocisac_fast.batch.fields import FAILURE, FIELDS, PATH, schema, table
+from ocisac_fast.batch.listing import remote_like
 from ocisac_fast.batch.measuring import build
 from ocisac_fast.batch.recordings import Entry
 from ocisac_fast.batch.task import Task
@@ -37,7 +38,7 @@ from ocisac_fast.cli.text import one_line
 from ocisac_fast.core.checks import parsed_json
 from ocisac_fast.files import FileError, FileWarning, Part, atomic_path
 from ocisac_fast.files.extras import pyarrow
-from ocisac_fast.files.remote import file_system, is_remote
+from ocisac_fast.files.remote import file_system, is_remote, is_url
 from ocisac_fast.files.writing import fixed_outputs
 
 _METADATA = b"ocisac"
@@ -50,6 +51,8 @@ _SAVING = 20.0  # the manifest is saved so seldom that it takes a twentieth of t
 _MOST_NAMED = 5
 _NO_FILE = "other"  # type of pipes and devices, which could be waited for, for ever
 _WHOLE = "all"
+_MISSING = -1  # length
+_FACTS: Any = {"path": str, "frames": int | None, "part": list | None, "warnings": list, "cleaned": dict | None}
 _KEY = 16  # characters of a recording's key
 _MAX_STEM = 200  # bytes, of the 255 that file systems allow
 
@@ -100,7 +103,7 @@ class Results:
                 self._lengths = self._manifest()
                 if again:
                     self._discard({entry.key for entry in entries})
-                elif there is None and _TASK not in self._lengths and self._system.exists(self._path(_MANIFEST)):
+                elif there is None and _TASK not in self._lengths and self._length(_MANIFEST) != _MISSING:
                     raise ResultsError(f"{self.folder}: {_MANIFEST} is not of `ocisac batch`; allowed: another folder")
                 self._lengths[_TASK] = self._write(_TASK, json.dumps(facts, indent=1).encode())
                 self._save_manifest()
@@ -175,9 +178,9 @@ class Results:
 
     def _discard(self, keys: set[str]) -> None:
         """Remove the files of the manifest; what is left is named, and refused where the recordings of ``keys`` go."""
-        there = [name for name in (_TASK, _MANIFEST, *_FOLDERS) if self._system.exists(self._path(name))]
+        there = [name for name in (_TASK, _MANIFEST, *_FOLDERS) if self._length(name) != _MISSING]
         stated = self._lengths.get(_TASK)
-        if there and (stated is None or self._length(_TASK) not in (-1, stated)):  # none: a run ended in between
+        if there and (stated is None or self._length(_TASK) not in (_MISSING, stated)):  # none: a run ended in between
             raise ResultsError(
                 f"{self.folder}: holds {there[0]}, and no {_MANIFEST} of `ocisac batch` that says what --again may "
                 "remove; allowed: another folder"
@@ -201,10 +204,10 @@ class Results:
             warnings.warn(text, FileWarning, stacklevel=4)
 
     def _length(self, name: str) -> int | None:
-        """-1 without such a file; None for a link, a pipe or a device."""
+        """``_MISSING`` without such a file; None for a link, a pipe or a device."""
         with contextlib.suppress(FileNotFoundError):
             return _length_of(self._system.info(self._path(name)))
-        return -1
+        return _MISSING
 
     def _all_found(self) -> dict[str, int | None]:
         """Lengths of all files but what killed runs left, which the next file of the same name removes."""
@@ -214,16 +217,16 @@ class Results:
 
     def _found(self, folder: str) -> dict[str, int | None]:
         """Lengths of what is below a folder of the results, by name below the results; None of what is no file."""
-        if not self._system.exists(self._path(folder)):
-            return {}
-        found = self._system.find(self._path(folder), detail=True)
-        start = len(self._path(""))
+        found, start = remote_like(self._system, self._path(folder)), len(self._path(""))
+        for name, entry in found.items():
+            if "failure" in entry:
+                raise ResultsError(one_line(f"{self.folder}: {name[start:]}: {entry['failure']}"))
         return {name[start:]: _length_of(entry) for name, entry in sorted(found.items())}
 
     def contains(self, path: str) -> bool:
         """True for this folder, which may be in the campaign's, and for a path in it, through any links."""
         if self.is_local:
-            return not is_remote(path) and Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self._root))
+            return not is_url(path) and Path(os.path.realpath(path)).is_relative_to(os.path.realpath(self._root))
         return f"{path.rstrip('/')}/".startswith(f"{self.folder.rstrip('/')}/")
 
     def task_facts(self) -> dict[str, Any]:
@@ -274,6 +277,8 @@ class Results:
             found = {place: length for place, length in self._found(kind).items() if _OURS.fullmatch(place)}
             for place in (place for place, length in found.items() if length is None):
                 self._require_file(place)
+            for gone in [name for name in self._lengths if name.startswith(f"{kind}/") and name not in found]:
+                del self._lengths[gone]  # measured again where it is of this run
             return {place: length for place, length in found.items() if length is not None}
 
     def holds(self, name: str, task: Task) -> tuple[dict[str, Any], dict[str, int]] | None:
@@ -293,7 +298,7 @@ class Results:
             with self._system.open(self._path(place), "rb") as file:
                 facts = _facts(pyarrow("pyarrow.parquet").read_schema(file))
             if "task" in facts:
-                return facts, {**facts.get("cleaned", {}), place: self._system.info(self._path(place))["size"]}
+                return facts, {**(facts.get("cleaned") or {}), place: self._system.info(self._path(place))["size"]}
         return {}, {}
 
     def write_rows(self, name: str, rows: Any, facts: dict[str, Any]) -> dict[str, int]:
@@ -359,22 +364,33 @@ class Results:
     def every_part(self) -> Iterator[tuple[dict[str, Any], Any]]:
         """Facts and rows of each file of rows of the folder's task, in the order of names."""
         task = {name: value for name, value in self.task_facts().items() if name != "version"}
-        for name in self.names():
-            rows = self._read_table(_place(name))
-            facts = _facts(rows.schema)
+        for place in self._to_read("rows"):
+            facts, rows = self._read_table(place)
             if facts.get("task") == task:
                 yield facts, rows
 
     def failures(self) -> Iterator[Any]:
         """The table of each file of failures."""
-        for name in self.names("failures"):
-            yield self._read_table(f"failures/{name}")
+        for place in self._to_read("failures"):
+            yield self._read_table(place)[1]
 
-    def _read_table(self, name: str) -> Any:
+    def _to_read(self, kind: str) -> list[str]:
+        """The files of rows or failures; a warning names those of the manifest that are not there."""
+        with self._errors():
+            stated = self._manifest()  # before the listing: a run may be going on
+        found = self._listed(kind)
+        if lost := sorted(name for name in stated if name.startswith(f"{kind}/") and name not in found):
+            text = f"{self.folder}: {lost[0]}{_more(lost[1:])} missing; the same command measures what is missing"
+            warnings.warn(text, FileWarning, stacklevel=4)
+        return [*found]
+
+    def _read_table(self, name: str) -> tuple[dict[str, Any], Any]:
+        """The facts and rows of a file."""
         with self._errors():
             data = self._system.cat_file(self._path(name))
         try:
-            return pyarrow("pyarrow.parquet").read_table(io.BytesIO(data))
+            rows = pyarrow("pyarrow.parquet").read_table(io.BytesIO(data))
+            return _facts(rows.schema), rows
         except (OSError, ValueError) as error:
             raise ResultsError(
                 f"{self.folder}/{name}: no whole Parquet file; the same `ocisac batch` measures its recording again, "
@@ -404,7 +420,7 @@ class Results:
 
     def _task(self) -> dict[str, Any] | None:
         """The facts in task.json; None without it."""
-        if not self._system.exists(self._path(_TASK)):
+        if self._length(_TASK) == _MISSING:
             return None
         facts = self._read_json(_TASK)
         if facts.get("command") not in [*FIELDS] or not isinstance(facts.get("options"), dict):
@@ -520,9 +536,17 @@ def _length_of(entry: Mapping[str, Any]) -> int | None:
 
 
 def _facts(rows: Any) -> dict[str, Any]:
-    """The facts beside the rows in a schema's metadata; empty where another program wrote it."""
+    """The facts beside the rows in a schema's metadata; empty where another program wrote it.
+
+    Raises:
+        ValueError: facts of a task of other types.
+    """
     found = parsed_json((rows.metadata or {}).get(_METADATA, b"{}"))
-    return found if isinstance(found, dict) else {}
+    if not isinstance(found, dict) or "task" not in found:
+        return {}
+    if not all(isinstance(found.get(name), kinds) for name, kinds in _FACTS.items()):
+        raise ValueError("facts of other types")
+    return found
 
 
 def _difference(there: dict[str, Any], wanted: dict[str, Any]) -> str:

@@ -13,7 +13,8 @@ import click
 from ocisac_fast import demo as testbed
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit_json, emit_table, facts_of, quantity
-from ocisac_fast.cli.outputs import OutputFolder
+from ocisac_fast.cli.outputs import OutputFolder, import_matplotlib
+from ocisac_fast.cli.text import printable
 
 
 @command
@@ -28,6 +29,7 @@ def demo(
     picture = directory / "demo.png"
     force = click.get_current_context().params["force"]
     result = testbed.run(directory, force=force)
+    import_matplotlib()
     testbed.draw(result, picture, force=force)
     if as_json:
         emit_json(
@@ -43,9 +45,10 @@ def demo(
     emit_table("Gain of every setting of the testbed", header, [_row(measured) for measured in result.measurements])
     worst = max(abs(measured.gain - measured.setting.theory) for measured in result.measurements)
     click.echo(f"largest difference from theory: {worst:.1e}")
-    click.echo(f"{len(result.received.bits)} chips received from {directory / 'chips.png'}: {result.received.bits}")
+    chips = printable(str(directory / "chips.png"))
+    click.echo(f"{len(result.received.bits)} chips received from {chips}: {result.received.bits}")
     click.echo(f"message: {result.text or 'not found'}")
-    click.echo(f"picture: {picture}")
+    click.echo(f"picture: {printable(str(picture))}")
     _show_what_next(directory)
 
 
@@ -61,11 +64,11 @@ def _show_what_next(directory: Path) -> None:
     """Print where the command is, and three commands for the recordings of the demo."""
     program = Path(sys.argv[0]).absolute()
     activate = program.parent / "activate"
-    click.echo(f"\nocisac is {program}")
+    click.echo(f"\nocisac is {printable(str(program))}")
     click.echo("Three things to try:\n")
     if shutil.which("ocisac") is None and activate.is_file():
-        click.echo(f"  . {os.path.relpath(activate)}")
-    click.echo(f"  cd {directory}")
+        click.echo(f"  . {printable(os.path.relpath(activate))}")
+    click.echo(f"  cd {printable(str(directory))}")
     for what, words in _TO_TRY.items():
         click.echo(f"\n  # {what}\n  ocisac {words}")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import stat
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -15,6 +16,7 @@ from ocisac_fast.files.remote import local_part
 from ocisac_fast.files.writing import fixed_outputs
 
 _STANDARD = "-"  # input or output
+_HERE = os.path.dirname(__file__)
 
 
 class InputFile(click.Path):
@@ -53,7 +55,15 @@ def draw(path: str | None, plot: str, *given: Any, **options: Any) -> None:
     if path is not None:
         from ocisac_fast import plots
 
+        import_matplotlib()
         getattr(plots, plot)(*given, path=path, **options)
+
+
+def import_matplotlib() -> None:
+    """Import it without reading a matplotlibrc of the working folder, which may be a stranger's, or a pipe."""
+    is_there = os.path.lexists("matplotlibrc")
+    with contextlib.suppress(ModuleNotFoundError), contextlib.chdir(_HERE) if is_there else contextlib.nullcontext():
+        import matplotlib  # noqa: F401
 
 
 @contextlib.contextmanager
@@ -67,6 +77,9 @@ def checked_outputs(force: bool) -> Iterator[None]:
     every = [(param, path) for param, path in _paths(context, OutputFile) if path != _STANDARD]
     outputs = [(param, path) for param, path in every if os.path.isfile(path) or not os.path.exists(path)]
     folders = list(_paths(context, OutputFolder))
+    for param, path in (*_paths(context, InputFile), *outputs):
+        if _is_standard_output(local_part(os.fspath(path))):
+            raise click.UsageError(f"{_label(param)}: got {path}, which is standard output too, allowed: another file")
     for k, (param, path) in enumerate(outputs):
         _check(param, path, [*folders, *outputs[:k]], context, force)
     with fixed_outputs([path for _, path in every], replace=force):
@@ -105,6 +118,14 @@ def _is_same(path: str, other: str | os.PathLike[str]) -> bool:
         return os.path.samestat(os.stat(path), os.stat(0 if other == _STANDARD else other))
     except (OSError, ValueError):
         return other != _STANDARD and os.path.realpath(path) == os.path.realpath(other)
+
+
+def _is_standard_output(path: str) -> bool:
+    """True for the file that standard output was redirected to: as input it grows, as output it is replaced."""
+    with contextlib.suppress(OSError, ValueError):
+        there = os.stat(0 if path == _STANDARD else path)
+        return stat.S_ISREG(there.st_mode) and os.path.samestat(there, os.fstat(1))
+    return False
 
 
 def _label(param: click.Parameter) -> str:

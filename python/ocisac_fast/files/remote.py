@@ -21,13 +21,18 @@ _PIECE = 8 << 20
 _SILENCE = 30.0  # s, longest of a server
 
 
+def is_url(path: str) -> bool:
+    """True for a path like a URL that is no local file."""
+    return bool(_URL.match(path)) and not os.path.lexists(path)
+
+
 def is_remote(path: str) -> bool:
     """Return True for a path that names its file system: ``s3://…``, ``memory://…``, ``zip::…``, and no local file.
 
     Raises:
         FileError: ``file://`` or ``simplecache::/…``: what is read, and what is not to be overwritten, has one name.
     """
-    if not _URL.match(path) or os.path.lexists(path):
+    if not is_url(path):
         return False
     if _OF_THIS_MACHINE.match(path):
         raise FileError(f"path: got {path}, allowed: the path alone of a file of this machine")

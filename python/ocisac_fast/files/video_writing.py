@@ -42,8 +42,9 @@ def write_video(
     codec = CODECS[suffix]
     if source is not None and (codec != "ffv1" or crf is not None):
         codec = "libx265" if source.codec == "hevc" else "libx264"
-    index_first = {} if suffix == ".mkv" else {"movflags": "+faststart"}  # readable from a pipe or if truncated
-    with av.open(str(path), "w", options=index_first) as container, contextlib.ExitStack() as opened:
+    # Matroska's numbers are random unless bits are to be the same; an index in front can be read from a pipe.
+    options = {"fflags": "+bitexact"} if suffix == ".mkv" else {"movflags": "+faststart"}
+    with av.open(str(path), "w", options=options) as container, contextlib.ExitStack() as opened:
         writer: _Writer | None = None
         sound: Iterator[Any] = iter(())
         for count, raw in enumerate(frames):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
+import sys
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -77,7 +78,14 @@ def _document(text: str) -> dict[str, Any]:
         if parts > _MAX_KEY_PARTS:
             line = text.count("\n", 0, token.start()) + 1
             raise _BadKey((), f"line {line}: a key of more than {_MAX_KEY_PARTS} parts")
-    return tomllib.loads(text)
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError as error:  # Python's limit of digits
+        long = re.search(rf"[0-9_]{{{sys.get_int_max_str_digits()},}}", text)
+        line = text.count("\n", 0, long.start() if long else 0) + 1
+        raise _BadKey((), f"line {line}: an integer of too many digits") from error
 
 
 class _BadKey(ValueError):
