@@ -58,6 +58,7 @@ std::vector<double> amplitude_spectrum(std::span<const double> signal) {
 ToneSpectrum tone_spectrum(const AnyFramesView& frame, const Camera& camera, std::optional<double> frequency,
                            const ToneGainOptions& options) {
   check(frame);
+  check(camera);
   if (frequency) require_positive("frequency", *frequency);
   ToneSpectrum result{kNaN, kNaN, kNaN, kNaN, kNaN, kNaN, kNaN, 0, 0, {}, {}};
   FrequencySearch search;

@@ -378,6 +378,10 @@ TEST_CASE("C: the tone of a picture and its spectrum") {
   CHECK(ocisac_find_frequency(&options, &frame, &tone) == OCISAC_BAD_ARGUMENT);
   CHECK(std::string(ocisac_last_error()) == "rows: got 400, allowed: 7");
   CHECK(ocisac_find_frequency(&options, &frame, nullptr) == OCISAC_BAD_ARGUMENT);
+  for (const double row_time : {0.0, std::numeric_limits<double>::quiet_NaN()}) {
+    options.row_time = row_time;
+    check_refused(ocisac_find_frequency(&options, &frame, &tone), "row_time: got ");
+  }
 }
 
 TEST_CASE("C: the best exposure, alone and without bands of other lights") {
