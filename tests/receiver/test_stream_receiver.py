@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import ocisac_fast as ocisac
-from ocisac_fast import Camera
+from ocisac_fast import Camera, Chips, Flag, integrate_exposure
 from ocisac_fast.cleaning import VideoCleaner
 from ocisac_fast.packets import PacketAssembler, PacketFormat
 from ocisac_fast.packets.goodput import possible_goodput
@@ -591,3 +591,20 @@ def test_the_rows_of_a_noisy_lamp_are_not_one_run_of_large_swings():
 def test_no_copy_shares_the_state_of_a_stream(stream):
     with pytest.raises(TypeError, match="cannot pickle"):
         copy.copy(stream)
+
+
+def test_chips_read_at_twice_their_rate_are_flagged():
+    """Through a stated exposure of more than a chip, without a chip rate: each chip is read twice."""
+    doubled = 0
+    for seed in range(24):
+        random = np.random.default_rng(seed)
+        rows_per_chip = random.uniform(6, 12)
+        camera = Camera(22.2e-6, random.uniform(1.2, 4.5) * rows_per_chip * 22.2e-6, 1 / 30)
+        chips = Chips(random.integers(0, 2, 400), 1 / (rows_per_chip * camera.row_time))
+        light = integrate_exposure(chips, camera, 720, start=40 * rows_per_chip * camera.row_time)
+        pixels = np.rint(16 + 90 * light[:, None] + random.normal(0, 0.6, (720, 16))).astype(np.uint8)
+        got = Receiver(camera, format=PacketFormat(line_code="none")).push(pixels)
+        if got.bits and abs(got.rows_per_chip / rows_per_chip - 0.5) < 0.01:
+            doubled += 1
+            assert got.flags & Flag.MODEL_MISFIT
+    assert doubled > 0

@@ -52,6 +52,17 @@ double most_sure(std::span<const double> seen, const RowRange& run) {
   return other > 0 ? std::log((1 - other) / other) : std::numeric_limits<double>::infinity();
 }
 
+// All runs between edges are of even numbers of chips, not by chance: the true chips are twice as long.
+bool are_doubled(std::span<const std::uint8_t> bits) {
+  std::size_t edges = 0, last = 0;
+  for (std::size_t k = 1; k < bits.size(); ++k) {
+    if (bits[k] == bits[k - 1]) continue;
+    if (edges++ > 0 && (k - last) % 2 != 0) return false;
+    last = k;
+  }
+  return std::exp2(-static_cast<double>(edges)) < kNextToNone * kNextToNone;
+}
+
 // A reading's chips that lie whole in the rows, and its channel.
 void describe(const FrameReading& reading, const FrameRows& rows, const RowReader& reader, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
@@ -80,7 +91,9 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   result.error_rate = expected_errors(result.llr) / static_cast<double>(result.llr.size());
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
   if (reading.trust != Trust::fits || !agrees || sureness < kSureCount) result.flags |= flag::model_misfit;
-  if (chip_period(whole_bits(reading, rows.signal.size()))) result.flags |= flag::periodic;
+  const auto bits = whole_bits(reading, rows.signal.size());
+  if (chip_period(bits)) result.flags |= flag::periodic;
+  if (!reader.options().chip_rate && are_doubled(bits)) result.flags |= flag::model_misfit;
 }
 
 }  // namespace
