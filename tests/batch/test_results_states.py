@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from lamp_recordings import ROW_TIME, SHORT, close_folder, contents, lamp
 
@@ -322,6 +323,19 @@ def test_facts_of_other_types_are_named_and_measured_again(name, fine, sources, 
             summarize(results)
         assert measure_recordings(sources, GAIN, output=results).progress.finished == COUNT
         assert read_results(results).num_rows == whole.num_rows
+
+
+def test_rows_of_other_options_are_measured_again_where_no_file_says_the_options(sources, results):
+    (results / "task.json").unlink()
+    assert measure_recordings(sources, OTHER, output=results).progress.skipped == 0
+    assert len(read_results(results)) == COUNT * SHORT
+
+
+def test_rows_of_another_recording_are_measured_again(sources, results):
+    first, second, _ = sorted(results.glob("rows/*/*"))
+    pq.write_table(pq.read_table(second), first, compression="none")  # not as long as the manifest says
+    assert measure_recordings(sources, GAIN, output=results).progress.skipped == COUNT - 1
+    assert len(set(read_results(results)["path"].to_pylist())) == COUNT
 
 
 def test_rows_that_are_gone_are_named(results):

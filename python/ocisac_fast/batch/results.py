@@ -31,7 +31,7 @@ from typing import Any
 from ocisac_fast.batch.fields import FAILURE, FIELDS, PATH, schema, table
 from ocisac_fast.batch.listing import remote_like
 from ocisac_fast.batch.measuring import build
-from ocisac_fast.batch.recordings import Entry
+from ocisac_fast.batch.recordings import Entry, digest
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.output import plain
 from ocisac_fast.cli.text import one_line
@@ -105,6 +105,8 @@ class Results:
                     self._discard({entry.key for entry in entries})
                 elif there is None and _TASK not in self._lengths and self._length(_MANIFEST) != _MISSING:
                     raise ResultsError(f"{self.folder}: {_MANIFEST} is not of `ocisac batch`; allowed: another folder")
+                if there is None:  # rows may be of other options
+                    self._lengths = {name: size for name, size in self._lengths.items() if not name.startswith("rows/")}
                 self._lengths[_TASK] = self._write(_TASK, json.dumps(facts, indent=1).encode())
                 self._save_manifest()
             try:
@@ -282,14 +284,11 @@ class Results:
             return {place: length for place, length in found.items() if length is not None}
 
     def holds(self, name: str, task: Task) -> tuple[dict[str, Any], dict[str, int]] | None:
-        """The facts of a whole file of rows of this task and version, and lengths of its files; None without them."""
+        """Facts of a whole file of rows of its recording, this task and version, lengths of its files; None without."""
         facts, written = self._written_with(_place(name))
-        is_whole = all(self._length(each) == length for each, length in written.items())
-        return (
-            (facts, written)
-            if is_whole and (facts.get("task"), facts.get("build")) == (task.facts(), build())
-            else None
-        )
+        if (facts.get("task"), facts.get("build")) != (task.facts(), build()) or digest(facts["path"]) != key_of(name):
+            return None
+        return (facts, written) if all(self._length(each) == length for each, length in written.items()) else None
 
     def _written_with(self, place: str) -> tuple[dict[str, Any], dict[str, int]]:
         """The facts of a whole file of rows, and lengths of its files; empty of what no run wrote."""
