@@ -175,7 +175,8 @@ def test_a_worker_whose_run_was_killed_publishes_nothing_beside_the_next(is_busy
         second = subprocess.run(**command, env=environment, stderr=subprocess.PIPE)
         assert (second.returncode, b"another run writes here" in second.stderr) == (2, True)
         worker.wait(20)
-    assert not psutil.wait_procs([worker], 2)[1]
+    left = psutil.wait_procs([worker], 2)[1]
+    assert all(each.status() == psutil.STATUS_ZOMBIE for each in left)  # ended, where process 1 takes no zombies
     assert bool(list(results.glob("cleaned/*"))) == is_busy
     assert subprocess.run(**command, env=environment).returncode == 0
     assert len(list(results.glob("cleaned/*"))) == len(list(results.glob("rows/*/*"))) == 1
