@@ -348,7 +348,7 @@ def test_rows_that_are_gone_are_named(results):
 @pytest.mark.parametrize("place", ["rows", "rows/*", "failures"])
 @pytest.mark.parametrize("use", ["summary", "again", "resume"])
 def test_a_folder_of_results_that_cannot_be_listed_is_named(place, use, sources, results, batch, monkeypatch):
-    """What lies there is neither missing nor new: nothing is removed, counted or measured without it."""
+    """The run ends before it removes, counts or measures anything: its results may lie there."""
     (sources / "bad.npy").write_bytes(b"")
     measure_recordings(sources, GAIN, output=results)
     closed, before = next(results.glob(place)), contents(results)

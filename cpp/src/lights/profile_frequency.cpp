@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "lights/light_patch.hpp"
+#include "tones/frequency_search.hpp"
 #include "tones/surroundings.hpp"
-#include "tones/tone_search.hpp"
 
 namespace ocisac {
 

@@ -112,6 +112,18 @@ std::ptrdiff_t row_of_pairs(const SignalModel& model, const FrameRows& frame) {
   return model.long_row.value_or(0) - static_cast<std::ptrdiff_t>(frame.first_row);
 }
 
+// Light of all rows, which does not fit those before or after a pause.
+bool is_of_whole_frames(const RowNuisance& nuisance) { return !nuisance.scale.empty() || !nuisance.before.empty(); }
+
+// Any number of chips may be lost by a pause that a reading is not about.
+void put_in_doubt(const RowPause& pause, FrameReading& reading) {
+  const ChipClock& clock = reading.channel.clock;
+  reading.after_pause =
+      static_cast<std::ptrdiff_t>((static_cast<double>(pause.row) - clock.phase) / clock.rows_per_chip);
+  reading.pause = pause;
+  reading.trust = std::min(reading.trust, Trust::misfit);
+}
+
 }  // namespace
 
 RowReader::RowReader(const Camera& camera, ChipOptions options) : camera_(camera), options_(std::move(options)) {
@@ -410,13 +422,6 @@ std::optional<FrameReading> RowReader::read_with(const SignalModel& model, Frame
   return reading;
 }
 
-namespace {
-
-// Light of all rows, which does not fit those before or after a pause.
-bool is_of_whole_frames(const RowNuisance& nuisance) { return !nuisance.scale.empty() || !nuisance.before.empty(); }
-
-}  // namespace
-
 // True where the best reading is now that by the hypothesis, or this one is sure that there is no pause.
 bool RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& frame, RowsRead& best) const {
   const auto& [model, searches, refines] = hypothesis;
@@ -450,19 +455,6 @@ bool RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& fr
   best.is_new_model = true;
   return true;
 }
-
-namespace {
-
-// Any number of chips may be lost by a pause that a reading is not about.
-void put_in_doubt(const RowPause& pause, FrameReading& reading) {
-  const ChipClock& clock = reading.channel.clock;
-  reading.after_pause =
-      static_cast<std::ptrdiff_t>((static_cast<double>(pause.row) - clock.phase) / clock.rows_per_chip);
-  reading.pause = pause;
-  reading.trust = std::min(reading.trust, Trust::misfit);
-}
-
-}  // namespace
 
 RowsRead RowReader::read(FrameRows& frame, LightState before) const {
   RowsRead best{.state = std::move(before)};

@@ -24,11 +24,11 @@
 #include "rows/fit.hpp"
 #include "rows/verdict.hpp"
 #include "tones/clipping.hpp"
+#include "tones/frequency_search.hpp"
 #include "tones/spectral_votes.hpp"
 #include "tones/surroundings.hpp"
 #include "tones/texture.hpp"
 #include "tones/tone_combination.hpp"
-#include "tones/tone_search.hpp"
 
 namespace ocisac {
 
@@ -222,7 +222,7 @@ bool stands_out(const PeriodicSignals& signals, const PeriodicFit& fit, double p
   return fit.harmonic_energy[0] > chance_energy(2 * signals.count()) * (noise_power(fit, signals) + power);
 }
 
-// The same of texture of its expected power at this frequency.
+// Compares the fundamental of this frequency with noise and texture of its expected power.
 bool stands_out(const PeriodicSignals& signals, double frequency) {
   const auto [fit, texture] = beside_texture(signals, frequency, kComparedHarmonics);
   return stands_out(signals, fit, texture.power());

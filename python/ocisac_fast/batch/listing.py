@@ -1,4 +1,4 @@
-"""What lies in folders of any file system: nothing recurses, and no folder that cannot be listed is left out."""
+"""Lists the files below folders of any file system, without recursion; states each folder that cannot be listed."""
 
 from __future__ import annotations
 
