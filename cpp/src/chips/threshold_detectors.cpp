@@ -24,7 +24,10 @@ struct Weights {
   std::size_t begin = 0;
   std::vector<double> of_row{};
 
-  Weights(double centre, double reach, std::size_t rows) {
+  Weights() = default;
+  Weights(double centre, double reach, std::size_t rows) { set_around(centre, reach, rows); }
+  void set_around(double centre, double reach, std::size_t rows) {
+    of_row.clear();
     const double first = std::max(std::ceil(centre - reach - 0.5), 0.0);
     const double last = std::min(std::floor(centre + reach + 0.5), static_cast<double>(rows) - 1);
     if (!(first <= last)) return;
@@ -86,10 +89,11 @@ double chips_seen(const ChipClock& clock) {
 }
 
 // Response of the decision value of `chip` to each chip, and to independent rows of the standard deviation
-// noise_of(row).
+// noise_of(row); its memory is used again.
 template <class NoiseOf>
-Response slicer_response(const Weights& weights, double chip, const ChipClock& clock, NoiseOf noise_of) {
-  Response response;
+void set_response(Response& response, const Weights& weights, double chip, const ChipClock& clock, NoiseOf noise_of) {
+  response.others.clear();
+  response.noise = 0;
   for (std::size_t n = 0; n < weights.of_row.size(); ++n)
     response.noise += std::pow(weights.of_row[n] * noise_of(weights.begin + n), 2);
   const double away = chips_seen(clock);
@@ -99,7 +103,6 @@ Response slicer_response(const Weights& weights, double chip, const ChipClock& c
       sum += weights.of_row[n] * share(static_cast<double>(weights.begin + n), other, clock);
     response.add(sum, other == chip);
   }
-  return response;
 }
 
 // ---- Inverse
@@ -147,12 +150,14 @@ Response inverse_response(ChipClock clock, double noise) {
 std::vector<double> slice_chips(const ChipQuestion& question) {
   const ChipClock clock = with_min_exposure(question.clock);
   std::vector<double> ratios(question.count);
+  Weights weights;
+  Response response;
   for (std::size_t k = 0; k < question.count; ++k) {
     const auto chip = static_cast<double>(question.first + static_cast<std::ptrdiff_t>(k));
-    const Weights weights(middle_of(clock, chip), slicer_reach(clock), question.rows.size());
+    weights.set_around(middle_of(clock, chip), slicer_reach(clock), question.rows.size());
     if (weights.of_row.empty()) continue;
-    const auto noise_of = [&](std::size_t row) { return question.noise_of(row); };
-    ratios[k] = slicer_response(weights, chip, clock, noise_of).llr(weights.sum_of(question.rows));
+    set_response(response, weights, chip, clock, [&](std::size_t row) { return question.noise_of(row); });
+    ratios[k] = response.llr(weights.sum_of(question.rows));
   }
   return ratios;
 }
@@ -180,7 +185,9 @@ double slicer_error_rate(const ChipClock& clock, double noise) {
     const double chip = first + k * kApart;
     const double rows = middle_of(used, 2 * chip) + used.exposure_rows + 4;
     const Weights weights(middle_of(used, chip), slicer_reach(used), static_cast<std::size_t>(rows));
-    sum += slicer_response(weights, chip, used, [=](std::size_t) { return noise; }).error_rate();
+    Response response;
+    set_response(response, weights, chip, used, [=](std::size_t) { return noise; });
+    sum += response.error_rate();
   }
   return sum / kChips;
 }
