@@ -284,7 +284,7 @@ class Results:
             return {place: length for place, length in found.items() if length is not None}
 
     def holds(self, name: str, task: Task) -> tuple[dict[str, Any], dict[str, int]] | None:
-        """Return facts and lengths of a file of rows that is whole and of its recording, this task and version; or None."""
+        """Return facts and lengths of a whole file of rows of its recording, this task and version; else None."""
         facts, written = self._written_with(_place(name))
         if (facts.get("task"), facts.get("build")) != (task.facts(), build()) or digest(facts["path"]) != key_of(name):
             return None
