@@ -185,8 +185,9 @@ def test_bits_and_numbers_are_those_of_their_definitions(
         assert_received(got, Frame(seed, rows_per_chip, exposure, noise=0.01, rows=rows, columns=columns))
 
 
-def test_standard_error_is_that_of_many_frames():
-    frames = [Frame(seed, rows_per_chip=7.37, exposure=0.6, gradient=1.0) for seed in range(60)]
+@pytest.mark.parametrize("exposure", [0.6, 0.05])  # edges of several rows, and between two
+def test_standard_error_is_that_of_many_frames(exposure):
+    frames = [Frame(seed, rows_per_chip=7.37, exposure=exposure, gradient=1.0) for seed in range(60)]
     got = [ocisac.receive(frame.pixels, CAMERA)[0] for frame in frames]
     off = np.array([(g.rows_per_chip - 7.37) / g.rows_per_chip_std for g in got])
     assert 0.5 < np.sqrt(np.mean(off**2)) < 2
