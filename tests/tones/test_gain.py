@@ -8,6 +8,7 @@ from hypothesis import example, given, settings, strategies as st
 
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag, _core, reference
+from ocisac_fast.camera.linear_light import stored_values
 
 ROW_TIME = 22.2e-6
 FIELDS = ("gain", "gain_std", "phase", "mean", "snr")
@@ -458,6 +459,41 @@ def test_rounding_of_dim_and_quiet_lamps_is_flagged(waveform, pooled, noise):
     assert flagged[beyond].all()
     assert beyond.any() or not pooled or noise == 0.6
     assert not flagged.any() or noise < 0.6
+
+
+def errors_of_rounded_light(curve, noise, exposures=(0.3, 1.9), dark=0.0, pooled=False):
+    """Errors in standard errors, and flags, of square waves of 25 to 89 DN in 16 columns of noise in DN of light."""
+    errors, flags = [], []
+    for seed in range(30):
+        random = np.random.default_rng(seed)
+        frequency, cycles = np.exp(random.uniform(np.log(3 / 720), np.log(0.2))), random.uniform(*exposures)
+        camera = Camera(1.0, cycles / frequency, tone_curve=curve, dark_level=dark, white_level=255.0)
+        wave = ocisac.integrate_exposure(ocisac.SquareWave(frequency, phase=random.uniform(0, 6)), camera, 720)
+        light = wave[:, None] * random.uniform(25, 89, 16) + noise * random.standard_normal((720, 16))
+        pixels = stored_values(np.maximum(light, 0), camera, np.uint8)
+        found = ocisac.tone_gain(pixels, camera, frequency, waveform="square", pooled=pooled)
+        errors.append((found.gain - abs(np.sinc(cycles))) / found.gain_std)
+        flags.append(found.flags)
+    return np.array(errors).ravel(), np.array(flags).ravel()
+
+
+@pytest.mark.parametrize("pooled", [True, False])
+@pytest.mark.parametrize("curve", ["linear", "gamma", "srgb"])
+def test_rounding_of_any_tone_curve_is_flagged(curve, pooled):
+    """Steps are those of the light that rows see: of sRGB 0.08 DN in black, 2.3 in white."""
+    errors, flags = errors_of_rounded_light(curve, 0.15, pooled=pooled)
+    assert np.sqrt(np.mean(errors[flags == Flag.QUANTISED] ** 2)) > 2
+    assert not (np.abs(errors[flags == 0]) > 5).any()
+    assert not (errors_of_rounded_light(curve, 1.5, pooled=pooled)[1] & Flag.QUANTISED).any()
+
+
+@pytest.mark.parametrize(("dark", "rounded"), [(15.0, False), (15.3, True)])
+def test_rows_without_the_lamp_are_rounded_as_the_dark_level_is(dark, rounded):
+    """Their error is in amplitude and mean. That of the lamp's level is in both alike, and leaves the gain."""
+    errors, flags = errors_of_rounded_light("linear", 0.12, exposures=(0.05, 0.1), dark=dark)
+    quantised = (flags & Flag.QUANTISED) != 0
+    assert (quantised.mean() > 0.9) if rounded else (quantised.mean() < 0.5)
+    assert not (np.abs(errors[flags == 0]) > 5).any()
 
 
 @pytest.mark.parametrize("rows_per_cycle", [8, 8.05, 7.3, 64])

@@ -91,6 +91,10 @@ AnyFramesView frame_of(const AnyFramesView& frames, std::size_t index) {
   return std::visit([&](const auto& view) -> AnyFramesView { return view.frame(index); }, frames);
 }
 
+double sample_maximum(const AnyFramesView& frames) {
+  return std::visit([]<class T>(const FramesView<const T>&) { return sample_maximum<T>(); }, frames);
+}
+
 double saturation_level(const AnyFramesView& frames, const ToneCurve& curve) {
   return std::visit([&]<class T>(const FramesView<const T>&) { return saturation_level<T>(curve); }, frames);
 }

@@ -27,14 +27,6 @@ FramesView<Sample> one_frame(FramesView<Sample> view, std::size_t frame) {
   return view;
 }
 
-double largest_sample(const AnyFramesView& frames) {
-  return std::visit(
-      [](const auto& view) {
-        return sample_maximum<std::remove_const_t<std::remove_reference_t<decltype(*view.data)>>>();
-      },
-      frames);
-}
-
 // Second differences along every so many rows, where bands cancel.
 void add_bends(const AnyFramesView& colour, std::size_t every, std::vector<double>& bends) {
   std::visit(
@@ -118,7 +110,7 @@ StoredScene::StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& cu
   columns_ = shape.columns;
   merged_ = std::min(blocks_of(rows_ * columns_, kWholePixels), kMostMerged);
   pixels_ = rows_ * blocks_of(columns_, merged_);
-  white_ = white_level(curve_, largest_sample(colours_.front())) - curve_.dark_level;
+  white_ = white_level(curve_, sample_maximum(colours_.front())) - curve_.dark_level;
   noise_ = noise || !is_read ? noise.value_or(0.5) : noise_of(colours_, shape);
   if (is_read) set_toe(toe);
 }
@@ -148,7 +140,7 @@ double StoredScene::variance_at(double value, double top) const {
 }
 
 void StoredScene::make_table() {
-  const double top = largest_sample(colours_.front());
+  const double top = sample_maximum(colours_.front());
   const auto count = static_cast<std::size_t>(top) + 1;
   const auto lit = [&](double value) { return lifted_light(linear_light(curve_, value, top), toe_, white_); };
   table_ = {};

@@ -17,6 +17,12 @@ double sinc(double x) {
   return (odd ? -sine : sine) / (std::numbers::pi * magnitude);
 }
 
+double exposure_cycles_of_gain(double gain) {
+  double low = 0, high = 1;
+  for (int step = 0; step < 40; ++step) (sinc((low + high) / 2) > gain ? low : high) = (low + high) / 2;
+  return low;
+}
+
 std::complex<double> exposure_response(double frequency, double exposure) {
   require_finite("frequency", frequency);
   require_not_negative("exposure", exposure);

@@ -31,6 +31,7 @@
 #include "tones/folded_harmonics.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
+#include "tones/rounding.hpp"
 #include "tones/streaming_fit.hpp"
 #include "tones/surroundings.hpp"
 
@@ -51,15 +52,20 @@ struct Context {
   const Camera* camera;
   const ToneGainOptions* options;
   Shape shape;
-  double step;                   // between samples, which are light; 0: they have fractions
+  StoredSteps steps;
   std::vector<double> others{};  // cycles per row of tones that are fitted too, without a result
   bool stored = true;            // samples as they were stored, which may be clipped
 };
 
-double background_of(const Context& context, std::size_t frame, std::size_t column) {
+// Of a column of a frame, or of a value of the result.
+double background_at(const Context& context, std::size_t index) {
   const auto& background = context.options->background;
   if (background.empty()) return 0;
-  return background.size() == 1 ? background[0] : background[frame * context.shape.columns + column];
+  return background.size() == 1 ? background[0] : background[index % (context.shape.frames * context.shape.columns)];
+}
+
+double background_of(const Context& context, std::size_t frame, std::size_t column) {
+  return background_at(context, frame * context.shape.columns + column);
 }
 
 // Index of column 0 in the result's arrays.
@@ -77,66 +83,29 @@ void take_off(const Context& context, std::size_t frame, std::size_t first, doub
   for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = mean[i] - dark - background_of(context, frame, first + i);
 }
 
-std::optional<double> exposure_cycles_of(const Context& context) {
+std::optional<double> exposure_cycles_of(const Context& context, const Tone& tone) {
   const auto& exposure = context.camera->exposure;
-  return exposure ? std::optional(context.tones[0].frequency * *exposure) : std::nullopt;
+  return exposure ? std::optional(tone.frequency * *exposure) : std::nullopt;
 }
 
-// x of 0 … 1 with sinc(x) = gain.
-double exposure_cycles_of_gain(double gain) {
-  double low = 0, high = 1;
-  for (int step = 0; step < 40; ++step) (sinc((low + high) / 2) > gain ? low : high) = (low + high) / 2;
-  return low;
-}
-
-// Share of the weight, mean of the lamp and of all light in steps, of a column.
-using ColumnOfSteps = std::array<double, 3>;
-
-// Levels that the rows of columns see, by the lamp's gain and phase. Rounding errs by −1/π·exp(−2π²σ²)·sin(2πx) for
-// light of x steps, alike in rows that see one level, and the amplitude by Σ w·error with its weights w, summed by
-// codes: the place of each between two codes is not known. Nor is the swing to half a step.
-double levels_of(const Context& context, const Tone& tone, double gain, double phase,
-                 std::span<const ColumnOfSteps> columns) {
-  constexpr std::size_t kCodes = 1024;  // of which rows of more come again
+RoundedTone rounded_tone(const Context& context, const Tone& tone, double gain, double phase) {
   const bool is_square = context.options->waveform == WaveformShape::square;
-  const double known = context.camera->exposure.value_or(0.0) * tone.frequency,
-               exposure = context.camera->exposure ? known : exposure_cycles_of_gain(gain),
-               box = std::max(exposure, kNextToNone), response = sinc(exposure),
-               duty = is_square ? context.options->duty : 0.5, least = std::max(std::abs(response), kNearNull);
-  const auto light_until = [duty](double cycles) {
-    return std::floor(cycles) * duty + std::min(cycles - std::floor(cycles), duty);
-  };
-  std::vector<std::complex<double>> codes(kCodes);
-  for (std::size_t n = 0; n < context.shape.rows; ++n) {
-    const double cycles = tone.cycles_per_row * static_cast<double>(n) + phase / kTwoPi - known / 2,
-                 wave = std::cos(kTwoPi * cycles), begin = cycles + (duty - box) / 2,
-                 light = is_square ? (light_until(begin + box) - light_until(begin)) / box - duty : response * wave / 2;
-    for (const auto& [share, mean, all] : columns)
-      for (const double more : {0.0, 0.5}) {
-        const double level = all + (gain * mean / duty + more) / least * light, code = std::nearbyint(level);
-        codes[static_cast<std::size_t>(std::abs(code) + more * kCodes) % kCodes] +=
-            share * wave / static_cast<double>(context.shape.rows) * std::polar(1.0, kTwoPi * (level - code));
-      }
-  }
-  double squares = 0;
-  for (const auto& code : codes) squares += std::norm(code);
-  return 1 / squares;
+  return {tone.cycles_per_row,
+          phase,
+          gain,
+          exposure_cycles_of(context, tone),
+          is_square ? context.options->duty : 0.0,
+          context.ratio,
+          context.shape.rows};
 }
 
-// RMS error of the amplitude by rounding, in steps, over the place of the levels between two codes. Rounding itself is
-// in the variance of the noise, of few levels with two standard deviations above 1/12.
-double rounding_pull(double levels, double noise_variance) {
-  const double noise = std::max(noise_variance - (1 + 1.8 / std::sqrt(levels)) / 12, 0.0);
-  return std::exp(-kTwoPi * std::numbers::pi * noise) / (std::numbers::pi * std::sqrt(levels));
-}
-
-// True if the amplitude error of value i by rounding may exceed that by noise of a variance in steps. From 1 on it is
-// below 10⁻⁸ of a step.
-template <typename Levels>
-bool is_quantised(const Context& context, double noise, const ToneGainView& result, std::size_t i,
-                  const Levels& levels) {
-  const double error = result.gain_std[i] * result.mean[i] * context.ratio / context.step;
-  return noise < 1 && rounding_pull(1, noise) > error && rounding_pull(levels(), noise) > error;
+// True if rounding may err by more than the standard error of value i beside noise of a variance. `error`: of the
+// levels that rows see.
+template <typename Error>
+bool is_quantised(const Context& context, double noise_variance, const ToneGainView& result, std::size_t i,
+                  const Error& error) {
+  const double own = result.gain_std[i] * result.mean[i] * context.ratio;
+  return most_rounding_error(context.steps, noise_variance) > own && error() > own;
 }
 
 // Writes gain, standard error, phase, mean, snr and flags of one tone for the columns from `first` of the result on;
@@ -152,8 +121,8 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
                                                      &result.mean[first], &result.snr[first], remarks.data()});
   for (std::size_t i = 0; i < count; ++i)
     result.flags[first + i] = tone.flags | flag_if(tops[i] >= level, flag::saturated);
-  if (!any && context.step <= 1 && !(tone.flags & (flag::unresolvable | flag::few_cycles))) return;
-  std::map<std::array<double, 3>, double> known;  // levels of about the same light
+  if (!any && context.steps.are_integers_of_light() && !(tone.flags & (flag::unresolvable | flag::few_cycles))) return;
+  std::map<std::array<double, 5>, double> known;  // of about the same light and noise
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t index = first + i;
     Flags& flags = result.flags[index];
@@ -164,18 +133,25 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
       flags |= flag::unresolvable;
       result.mean[index] = kNaN;
     }
-    const auto levels = [&] {
-      const double gain = result.gain[index], phase = result.phase[index], mean = result.mean[index] / context.step;
-      double& found = known[{std::round(8 * std::log2(mean * gain)), std::round(8 * gain), std::round(8 * phase)}];
-      if (found == 0) found = levels_of(context, tone, gain, phase, {{{1.0, mean, 0x1p15}}});
-      return found;
+    const double background = background_at(context, index), mean = result.mean[index], gain = result.gain[index],
+                 phase = result.phase[index], variance = estimates.noise_variance[i], step = context.steps.step;
+    const auto error = [&] {
+      const std::array<double, 5> place{8 * std::log2(mean * gain), 8 * gain, 8 * phase, 8 * std::sqrt(variance) / step,
+                                        8 * background / step};
+      std::array<double, 5> key;
+      std::ranges::transform(place, key.begin(), [](double x) { return std::round(x); });
+      const auto found = known.find(key);
+      if (found != known.end()) return found->second;
+      const RoundedColumn column{1, mean, background};
+      return known[key] =
+                 rounding_error(context.steps, rounded_tone(context, tone, gain, phase), {&column, 1}, variance);
     };
     if (flags & (flag::unresolvable | flag::no_light))
       mark_unknown(result, index);
     else if (remark == kernels::kWeakTone)
       flags |= flag::weak;
-    else if (context.step > 0 && (remark == kernels::kLittleNoise || context.step > 1) &&
-             is_quantised(context, estimates.noise_variance[i] / (context.step * context.step), result, index, levels))
+    else if (step > 0 && (remark == kernels::kLittleNoise || !context.steps.are_integers_of_light()) &&
+             is_quantised(context, variance, result, index, error))
       flags |= flag::quantised;
   }
 }
@@ -236,7 +212,7 @@ std::vector<int> harmonics_of(const Context& context, const Tone& tone) {
   const auto& options = *context.options;
   if (options.waveform != WaveformShape::square || options.method == GainMethod::dft) return {1};
   auto harmonics = square_wave_harmonics(tone.cycles_per_row, options.duty);
-  const auto folded = folded_harmonics_of(context, exposure_cycles_of(context)).orders;
+  const auto folded = folded_harmonics_of(context, exposure_cycles_of(context, context.tones[0])).orders;
   harmonics.insert(harmonics.end(), folded.begin(), folded.end());
   return harmonics;
 }
@@ -285,13 +261,12 @@ Context make_context(const AnyFramesView& frames, const Camera& camera, std::spa
                      const ToneGainOptions& options) {
   check(camera);
   check_shape(frames);
-  const bool is_light = camera.tone_curve.kind == ToneCurve::Kind::linear;
   Context context{{},
                   full_depth_ratio(options.waveform, options.duty),
                   &camera,
                   &options,
                   shape_of(frames),
-                  is_light ? step_of_samples(frames) : 0};
+                  {camera.tone_curve, sample_maximum(frames), step_of_samples(frames)}};
   check_options(options, context.shape);
   require(!frequencies.empty(), "frequency", "no values", "at least one frequency");
   for (const double frequency : frequencies) {
@@ -592,8 +567,8 @@ struct PooledColumn {
   std::vector<double> signal;  // (rows,), linear light; empty: none are
   double background = 0;
   bool saturated = false, misfit = false;
-  std::vector<double> weights{}, totals{};  // of the columns
-  double noise_variance = 1;                // of a column, in steps
+  double noise_variance = 0;  // of a column
+  std::vector<RoundedColumn> some{};
 };
 
 // Flags of each column by itself, where the brightest or the darkest may be clipped; else none.
@@ -671,7 +646,7 @@ std::vector<double> pooled_rows(const AnyFramesView& frames, std::size_t frame, 
   return signal;
 }
 
-// Variance of the brightest column about the pooled ones, in steps: noise, and rounding that is not common.
+// Variance of the brightest column about the pooled ones: noise, and rounding that is not common.
 double noise_of_column(const AnyFramesView& frames, std::size_t at, const Context& context,
                        std::span<const double> pooled, std::span<const double> weights) {
   const auto brightest = static_cast<std::size_t>(std::ranges::max_element(weights) - weights.begin());
@@ -679,7 +654,7 @@ double noise_of_column(const AnyFramesView& frames, std::size_t at, const Contex
   const Eigen::Map<const Eigen::ArrayXd> y(column.data(), std::ssize(column)), x(pooled.data(), std::ssize(pooled));
   const Eigen::ArrayXd own = y - y.mean(), common = x - x.mean();
   const double share = (own * common).sum() / std::max(common.square().sum(), std::numeric_limits<double>::min());
-  return (own - share * common).square().mean() / (context.step * context.step) / (1 - weights[brightest]);
+  return (own - share * common).square().mean() / (1 - weights[brightest]);
 }
 
 // True where columns show the tone at phases that cancel in their sum, by some rows of some columns in which it is most
@@ -724,9 +699,14 @@ PooledColumn pool_columns(const AnyFramesView& frames, std::size_t at, const Con
   for (const Tone& tone : context.tones) pooled.misfit |= cancels(frames, at, tone, weights);
   for (std::size_t column = 0; column < weights.size(); ++column)
     pooled.background += weights[column] * background_of(context, frame, column);
-  if (context.step > 0 && weights.size() > 1)
-    pooled.noise_variance = noise_of_column(frames, at, context, pooled.signal, weights);
-  pooled.weights = weights, pooled.totals = light.totals;
+  if (context.steps.step == 0) return pooled;
+  if (weights.size() > 1) pooled.noise_variance = noise_of_column(frames, at, context, pooled.signal, weights);
+  const std::size_t every = 1 + weights.size() / kSome;
+  for (std::size_t k = every / 2; k < weights.size(); k += every) {
+    const double background = background_of(context, frame, k), rows = static_cast<double>(context.shape.rows);
+    pooled.some.push_back(
+        {weights[k] * static_cast<double>(every), light.totals[k] / rows - stored.dark - background, background});
+  }
   return pooled;
 }
 
@@ -891,7 +871,7 @@ bool untie(const Context& context, const TiedHarmonics& harmonics, double exposu
 // else flags them. An exposure that is not known is that of a light of full depth with the largest gain.
 void untie_harmonics(const Context& context, const ToneGainView& result) {
   if (context.options->waveform != WaveformShape::square || result.gain.empty()) return;
-  const auto known = exposure_cycles_of(context);
+  const auto known = exposure_cycles_of(context, context.tones[0]);
   auto exposure_cycles = known;
   if (!known) {
     double largest = 0;
@@ -947,33 +927,20 @@ void gains_of(const AnyFramesView& frames, const Context& context, std::span<con
   flag_impossible(context, result);
 }
 
-// Levels of some of the columns, which see other ones where they are darker.
-double levels_of(const Context& context, const Tone& tone, const PooledColumn& pooled, std::size_t i,
-                 const ToneGainView& result) {
-  const auto& weights = pooled.weights;
-  const double squares = std::inner_product(weights.begin(), weights.end(), weights.begin(), 0.0),
-               rows = static_cast<double>(context.shape.rows);
-  const std::size_t every = 1 + weights.size() / kSome;
-  std::vector<ColumnOfSteps> some;
-  for (std::size_t k = every / 2; k < weights.size(); k += every)
-    some.push_back({weights[k] * static_cast<double>(every), result.mean[i] * weights[k] / squares / context.step,
-                    pooled.totals[k] / rows / context.step});
-  return levels_of(context, tone, result.gain[i], result.phase[i], some);
-}
-
 // Gains of the frames' pooled columns: one column of linear light each.
 void pooled_gains(const AnyFramesView& frames, const Context& context, const ToneGainView& result) {
   check_samples(frames);
   const std::size_t frame_count = context.shape.frames, rows = context.shape.rows;
   std::vector<double> signals(frame_count * rows), background(frame_count);
   std::vector<Flags> known(frame_count);
-  std::vector<PooledColumn> quiet(frame_count);
+  std::vector<PooledColumn> all(frame_count);
   for_each_block(frame_count, context.options->threads, [&](std::size_t frame) {
     PooledColumn pooled = pool_columns(frames, context, frame);
     std::ranges::copy(pooled.signal, &signals[frame * rows]);
     background[frame] = pooled.background;
     known[frame] = flag_if(pooled.saturated, flag::saturated) | flag_if(pooled.misfit, flag::model_misfit);
-    if (pooled.noise_variance < 1) quiet[frame] = std::move(pooled);
+    pooled.signal.clear();
+    all[frame] = std::move(pooled);
   });
   Camera camera = *context.camera;
   camera.tone_curve = {};
@@ -981,21 +948,20 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
   options.background = background;
   options.efficiency = 1;
   options.pooled = false;
-  const Context own{context.tones,
-                    context.ratio,
-                    &camera,
-                    &options,
-                    {frame_count, rows, 1},
-                    context.shape.columns == 1 ? context.step : 0,
-                    {},
-                    false};
+  const Context own{
+      context.tones, context.ratio, &camera, &options, {frame_count, rows, 1}, {camera.tone_curve, 1, 0}, {}, false};
   gains_of(dense_view<const double>(signals.data(), frame_count, rows, 1), own, known, result);
   for (std::size_t i = 0; i < result.gain.size(); ++i) {
-    const PooledColumn& pooled = quiet[i % frame_count];
-    const auto levels = [&] { return levels_of(context, context.tones[i / frame_count], pooled, i, result); };
-    if (!(result.flags[i] & (kUnusable | flag::weak)) &&
-        is_quantised(context, pooled.noise_variance, result, i, levels))
-      result.flags[i] |= flag::quantised;
+    const PooledColumn& pooled = all[i % frame_count];
+    if (pooled.some.empty() || (result.flags[i] & (kUnusable | flag::weak))) continue;
+    const double noise = noise_of(result, i),
+                 variance = context.shape.columns == 1 ? noise * noise : pooled.noise_variance;
+    const auto error = [&] {
+      const Tone& tone = context.tones[i / frame_count];
+      return rounding_error(context.steps, rounded_tone(context, tone, result.gain[i], result.phase[i]), pooled.some,
+                            variance);
+    };
+    if (is_quantised(context, variance, result, i, error)) result.flags[i] |= flag::quantised;
   }
 }
 

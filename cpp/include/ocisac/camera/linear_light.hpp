@@ -29,7 +29,8 @@ struct Shape {
 Shape shape_of(const AnyFramesView& frames);
 AnyFramesView frame_of(const AnyFramesView& frames, std::size_t index);
 
-// That of the samples' type.
+// Those of the samples' type.
+double sample_maximum(const AnyFramesView& frames);
 double saturation_level(const AnyFramesView& frames, const ToneCurve& curve);
 
 bool holds_integers(const AnyFramesView& frames);
