@@ -198,3 +198,29 @@ def test_a_faint_tone_of_two_steps_is_not_cut_off(level):
     light = level + 0.3 * np.cos(2 * np.pi * frequency * ROW_TIME * np.arange(480))[:, None]
     pixels = np.rint(light + random.normal(0, 0.1, (480, 32))).astype(np.uint8)
     assert (tone_gain(pixels, Camera(ROW_TIME), frequency).flags == Flag.QUANTISED).all()
+
+
+def rounded_lamp(level, noise, seed):
+    """Gains of 32 columns of square waves of 100 to 200 DN, cut off at a level, apart and pooled, and the true one."""
+    random = np.random.default_rng(seed)
+    camera = Camera(1.0, exposure=random.uniform(5, 15), dark_level=16)
+    light = integrate_exposure(SquareWave(1 / 101.4, phase=random.uniform(0, 6), duty=0.52), camera, ROWS)
+    stored = 16 + light[:, None] * random.uniform(100, 200, 32) + noise * random.standard_normal((ROWS, 32))
+    pixels = np.rint(np.minimum(stored, level)).astype(np.uint8)
+    apart, pooled = (
+        tone_gain(pixels, camera, 1 / 101.4, waveform="square", duty=0.52, pooled=pooled) for pooled in (False, True)
+    )
+    return apart, pooled, abs(np.sinc(camera.exposure / 101.4))
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.3, 0.45])
+def test_columns_of_different_light_that_share_a_level_are_clipped(noise):
+    """Little noise makes a pile of each column's own crest; one level for all of them is that of the camera."""
+    saturated, flagged = [], []
+    for seed in range(20):
+        clipped, pooled, gain = rounded_lamp(170, noise, seed)
+        assert pooled.flags & (Flag.SATURATED | Flag.QUANTISED) or abs(pooled.gain.item() - gain) < 5 * pooled.gain_std
+        saturated.append((clipped.flags & Flag.SATURATED) != 0)
+        flagged.append((rounded_lamp(250, noise, seed)[0].flags & Flag.SATURATED) != 0)
+    assert np.mean(saturated) > 0.25
+    assert np.mean(flagged) < 0.02

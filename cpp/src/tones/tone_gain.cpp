@@ -343,15 +343,31 @@ double noise_of(const ToneGainView& result, std::size_t index) {
 // step exp(−step²/8σ²) of what it loses without steps (within 25 %). Where nearly all are at the top, noise is
 // unknown.
 double lost_samples(const Context& context, double off, const Pile& pile, double noise, const PileCounts& counts,
-                    std::size_t column) {
+                    std::size_t column, bool is_shared) {
   const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
   const double at = counts.at[column], steps = noise / pile.step;
   const bool may_be_off = pile.level < pile.beside && (!is_linear || pile.level <= off + kHalfStep * pile.step);
   if (may_be_off && pile.level > 0 && counts.runs[column] < kMostly * at) return 0;
   const bool is_nearly_all = pile.level > pile.beside && at > kNearlyAll * static_cast<double>(context.shape.rows);
-  if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < kHalfStep && !is_nearly_all))) return 0;
+  if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < kHalfStep && !is_nearly_all && !is_shared)))
+    return 0;
   if (!may_be_off || !is_linear || !(steps < 1)) return at;
   return std::min(at * std::exp(-1.0 / 8 / std::max(steps * steps - 1.0 / 12, 0.0)), counts.beside[column] / steps);
+}
+
+// True if columns end at one level, though the most that they see is in proportion to their means: in some it would
+// lie two steps above the level if it is there in others (to half a step, in each).
+bool is_shared(const Context& context, std::size_t frame, const Pile& pile, const PileCounts& counts,
+               const ToneGainView& result) {
+  double least = kInfinity, most = 0;  // mean in shares of the level
+  for (std::size_t i = 0; i < context.shape.columns && pile.level > pile.beside; ++i) {
+    const std::size_t index = index_of(context, 0, frame) + i;
+    const double off = context.camera->tone_curve.dark_level + background_of(context, frame, i);
+    if (result.flags[index] & kUnusable || counts.at[i] <= counts.beside[i] || counts.beyond[i] > 0) continue;
+    least = std::min(least, result.mean[index] / (pile.level - off));
+    most = std::max(most, result.mean[index] / (pile.level - off + 2 * pile.step));
+  }
+  return most > least;
 }
 
 // Samples at a pile of columns with weights.
@@ -380,12 +396,13 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
     for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
       result.flags[index_of(context, tone, frame) + i] |= flag::saturated;
   };
+  const bool shared = is_shared(context, frame, pile, counts, result);
   PiledColumns left;
   for (std::size_t i = 0; i < context.shape.columns; ++i) {
     const std::size_t index = index_of(context, 0, frame) + i;
     if (result.flags[index] & kUnusable) continue;
     const double off = context.camera->tone_curve.dark_level + background_of(context, frame, i);
-    const double noise = noise_of(result, index), lost = lost_samples(context, off, pile, noise, counts, i);
+    const double noise = noise_of(result, index), lost = lost_samples(context, off, pile, noise, counts, i, shared);
     PiledColumns own;
     own.add(1, counts, i, lost);
     if (own.are_clipped(context.shape.rows))
