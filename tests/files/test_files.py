@@ -785,6 +785,12 @@ def test_a_file_is_written_with_the_usual_permissions(tmp_path):
     assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o640
 
 
+def test_a_link_into_a_missing_folder_names_that_folder(tmp_path):
+    (tmp_path / "link.png").symlink_to("elsewhere/p.png")
+    with pytest.raises(FileNotFoundError, match=r"no such directory to write to: '.*/elsewhere'"):
+        write_frames(tmp_path / "link.png", np.zeros((8, 8), np.uint8))
+
+
 def test_what_a_link_points_to_is_written(tmp_path):
     (tmp_path / "there").mkdir()
     target, link, dangling = tmp_path / "there" / "real.npy", tmp_path / "link.npy", tmp_path / "dangling.npy"

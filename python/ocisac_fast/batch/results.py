@@ -9,7 +9,8 @@
     results/cleaned/                  files written by ``clean``
 
 PATH is a digest of a recording's path, STATE of its size and time of change: a name says what is finished, so that no
-file has to be opened to know. A file counts if its length is the manifest's, and no other file is ever removed.
+file has to be opened to know. A file counts if its length is the manifest's, and no other file is removed, but for
+hidden ones of a killed run (``cleaned/.PATH.mkv``).
 """
 
 from __future__ import annotations

@@ -60,7 +60,8 @@ class _Place:
         try:
             self._descriptor = os.open(self._folder, os.O_DIRECTORY | getattr(os, "O_PATH", os.O_RDONLY))
         except (FileNotFoundError, NotADirectoryError):
-            raise FileNotFoundError(errno.ENOENT, "no such directory to write to", str(Path(path).parent)) from None
+            missing = self._folder if os.path.islink(path) else os.path.dirname(self.path)
+            raise FileNotFoundError(errno.ENOENT, "no such directory to write to", missing or ".") from None
 
     def close(self) -> None:
         os.close(self._descriptor)
