@@ -28,7 +28,9 @@ def clipped(kind, random, stored, dark):
     if kind == "black":  # the lower part of the noise of the dark lamp is lost
         offset = random.uniform(-0.2, 4)
         return np.rint(stored - dark + offset).clip(0, 255).astype(np.uint8), offset
-    if kind == "white":
+    if kind == "dark":  # as of limited range
+        pixels = np.rint(stored).clip(np.ceil(dark - 0.5), 255).astype(np.uint8)
+    elif kind == "white":
         pixels = np.rint(stored).clip(0, np.floor(stored.max() - random.uniform(-0.5, 0.4) * swing)).astype(np.uint8)
     elif kind == "floor":
         pixels = np.rint(stored).clip(np.ceil(stored.min() + random.uniform(-0.5, 0.4) * swing), 255).astype(np.uint8)
@@ -41,7 +43,7 @@ def clipped(kind, random, stored, dark):
     return pixels, dark * scale
 
 
-@pytest.mark.parametrize("kind", ["black", "white", "floor", "12 bits", "floats"])
+@pytest.mark.parametrize("kind", ["black", "dark", "white", "floor", "12 bits", "floats"])
 def test_clipping_that_shifts_a_gain_is_flagged_and_other_light_is_not(kind):
     biased, missed, right, flagged = 0, 0, 0, 0
     for seed in range(60):
@@ -59,7 +61,7 @@ def test_clipping_that_shifts_a_gain_is_flagged_and_other_light_is_not(kind):
     assert flagged <= 0.05 * right
 
 
-@pytest.mark.parametrize("kind", ["black", "white", "floor", "12 bits", "floats"])
+@pytest.mark.parametrize("kind", ["black", "dark", "white", "floor", "12 bits", "floats"])
 def test_pooled_columns_that_are_clipped_are_flagged_or_left_out(kind):
     biased, missed = 0, 0
     for seed in range(60):
