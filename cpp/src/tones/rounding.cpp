@@ -42,8 +42,8 @@ double StoredSteps::at(double light) const {
 }
 
 double most_rounding_error(const StoredSteps& steps, double noise_variance) {
-  constexpr double kMost = 4 / std::numbers::pi;  // weight of amplitude and mean in rows of one level
-  return kMost * std::sqrt(mean_square(noise_variance, steps.largest * steps.largest, kMost));
+  const double weight = 4 / std::numbers::pi;  // of amplitude and mean in rows of one level
+  return weight * std::sqrt(mean_square(noise_variance, steps.largest * steps.largest, weight));
 }
 
 // Rounding errs by −1/π·exp(−2π²σ²)·sin(2πx) for light of x steps, alike in rows that see one level, and amplitude and
