@@ -57,15 +57,10 @@ struct Context {
   bool stored = true;            // samples as they were stored, which may be clipped
 };
 
-// Of a column of a frame, or of a value of the result.
-double background_at(const Context& context, std::size_t index) {
+double background_of(const Context& context, std::size_t frame, std::size_t column) {
   const auto& background = context.options->background;
   if (background.empty()) return 0;
-  return background.size() == 1 ? background[0] : background[index % (context.shape.frames * context.shape.columns)];
-}
-
-double background_of(const Context& context, std::size_t frame, std::size_t column) {
-  return background_at(context, frame * context.shape.columns + column);
+  return background.size() == 1 ? background[0] : background[frame * context.shape.columns + column];
 }
 
 // Index of column 0 in the result's arrays.
@@ -99,13 +94,9 @@ RoundedTone rounded_tone(const Context& context, const Tone& tone, double gain, 
           context.shape.rows};
 }
 
-// True if rounding may err by more than the standard error of value i beside noise of a variance. `error`: of the
-// levels that rows see.
-template <typename Error>
-bool is_quantised(const Context& context, double noise_variance, const ToneGainView& result, std::size_t i,
-                  const Error& error) {
-  const double own = result.gain_std[i] * result.mean[i] * context.ratio;
-  return most_rounding_error(context.steps, noise_variance) > own && error() > own;
+// Error of value i in the units of rounding_error().
+double own_error(const Context& context, const ToneGainView& result, std::size_t i) {
+  return result.gain_std[i] * result.mean[i] * context.ratio;
 }
 
 // Writes gain, standard error, phase, mean, snr and flags of one tone for the columns from `first` of the result on;
@@ -122,7 +113,6 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
   for (std::size_t i = 0; i < count; ++i)
     result.flags[first + i] = tone.flags | flag_if(tops[i] >= level, flag::saturated);
   if (!any && context.steps.are_integers_of_light() && !(tone.flags & (flag::unresolvable | flag::few_cycles))) return;
-  std::map<std::array<double, 5>, double> known;  // of about the same light and noise
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t index = first + i;
     Flags& flags = result.flags[index];
@@ -133,26 +123,13 @@ void write_result(const Context& context, const Tone& tone, kernels::FittedTone 
       flags |= flag::unresolvable;
       result.mean[index] = kNaN;
     }
-    const double background = background_at(context, index), mean = result.mean[index], gain = result.gain[index],
-                 phase = result.phase[index], variance = estimates.noise_variance[i], step = context.steps.step;
-    const auto error = [&] {
-      const std::array<double, 5> place{8 * std::log2(mean * gain), 8 * gain, 8 * phase, 8 * std::sqrt(variance) / step,
-                                        8 * background / step};
-      std::array<double, 5> key;
-      std::ranges::transform(place, key.begin(), [](double x) { return std::round(x); });
-      const auto found = known.find(key);
-      if (found != known.end()) return found->second;
-      const RoundedColumn column{1, mean, background};
-      return known[key] =
-                 rounding_error(context.steps, rounded_tone(context, tone, gain, phase), {&column, 1}, variance);
-    };
     if (flags & (flag::unresolvable | flag::no_light))
       mark_unknown(result, index);
     else if (remark == kernels::kWeakTone)
       flags |= flag::weak;
-    else if (step > 0 && (remark == kernels::kLittleNoise || !context.steps.are_integers_of_light()) &&
-             is_quantised(context, variance, result, index, error))
-      flags |= flag::quantised;
+    else if (context.steps.step > 0 && (remark == kernels::kLittleNoise || !context.steps.are_integers_of_light()) &&
+             most_rounding_error(context.steps, estimates.noise_variance[i]) > own_error(context, result, index))
+      flags |= flag::quantised;  // until the frame is complete: flag_rounding()
   }
 }
 
@@ -427,6 +404,26 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
     flag_column(i);
 }
 
+// Clears the flags of columns in which rounding errs by less than the standard error.
+void flag_rounding(const Context& context, std::size_t tone, std::size_t frame, const ToneGainView& result) {
+  const double step = context.steps.step;
+  std::map<std::array<double, 5>, double> known;  // of about the same light and noise
+  for (std::size_t i = 0; i < context.shape.columns; ++i) {
+    const std::size_t index = index_of(context, tone, frame) + i;
+    if (!(result.flags[index] & flag::quantised)) continue;
+    const double background = background_of(context, frame, i), mean = result.mean[index], gain = result.gain[index],
+                 phase = result.phase[index], noise = noise_of(result, index);
+    std::array<double, 5> about{std::log2(mean * gain / step), gain, phase, noise / step, background / step};
+    for (double& value : about) value = std::round(8 * value);
+    const auto [found, is_new] = known.try_emplace(about, 0);
+    const RoundedColumn column{1, mean, background};
+    if (is_new)
+      found->second = rounding_error(context.steps, rounded_tone(context, context.tones[tone], gain, phase),
+                                     {&column, 1}, noise * noise);
+    if (!(found->second > own_error(context, result, index))) result.flags[index] &= ~flag::quantised;
+  }
+}
+
 // Place of the largest of some 256 values times `sign`, the middle one of equals: columns at the edge of a lamp may
 // just reach a level at which others are clipped.
 std::size_t place_of_extreme(std::span<const double> values, double sign) {
@@ -554,6 +551,8 @@ void gains_of_model(const AnyFramesView& frames, const Context& context, IndexRa
     return std::span(tops).subspan((frame - which.begin) * columns_of_frame, columns_of_frame);
   };
   const auto flag_frame = [&](std::size_t frame) {
+    for (std::size_t tone = 0; context.steps.step > 0 && tone < context.tones.size(); ++tone)
+      flag_rounding(context, tone, frame, result);
     if (context.stored) flag_clipped(frames, context, frame, top_of(frame), result);
   };
   for_each_block(pieces.size(), context.options->threads, [&](std::size_t block) {
@@ -985,12 +984,12 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
     if (pooled.some.empty() || (result.flags[i] & (kUnusable | flag::weak))) continue;
     const double noise = noise_of(result, i),
                  variance = context.shape.columns == 1 ? noise * noise : pooled.noise_variance;
-    const auto error = [&] {
-      const Tone& tone = context.tones[i / frame_count];
-      return rounding_error(context.steps, rounded_tone(context, tone, result.gain[i], result.phase[i]), pooled.some,
-                            variance);
-    };
-    if (is_quantised(context, variance, result, i, error)) result.flags[i] |= flag::quantised;
+    const double allowed = own_error(context, result, i);
+    if (most_rounding_error(context.steps, variance) > allowed &&
+        rounding_error(context.steps,
+                       rounded_tone(context, context.tones[i / frame_count], result.gain[i], result.phase[i]),
+                       pooled.some, variance) > allowed)
+      result.flags[i] |= flag::quantised;
   }
 }
 
