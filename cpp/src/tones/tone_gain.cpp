@@ -315,13 +315,6 @@ double noise_of(const ToneGainView& result, std::size_t index) {
   return result.gain[index] * result.mean[index] / std::sqrt(result.snr[index]);
 }
 
-// Rows in which a square wave is off, of a known exposure; else 0.
-double rows_without_light(const Context& context) {
-  const auto exposure = exposure_cycles_of(context, context.tones[0]);
-  if (context.options->waveform != WaveformShape::square || !exposure) return 0;
-  return static_cast<double>(context.shape.rows) * (1 - context.options->duty - *exposure);
-}
-
 // Samples of a column at a pile that stand for lost ones. Noise below half a step makes piles itself. So does a lamp
 // that is off, above 0 with one run of rows in a cycle: those that noise takes from the level start further ones, and
 // as many are lost as it takes above but not below. Black loses as many as noise takes to the value beside; of noise σ
@@ -336,10 +329,9 @@ double lost_samples(const Context& context, double off, const Pile& pile, double
   const bool is_nearly_all = pile.level > pile.beside && at > kNearlyAll * static_cast<double>(context.shape.rows);
   if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < kHalfStep && !is_nearly_all && !is_shared)))
     return 0;
-  if (may_be_off && pile.level > 0) {
-    const double cycles = context.tones[0].cycles_per_row * static_cast<double>(context.shape.rows);
-    at = std::max(counts.runs[column] - cycles, rows_without_light(context) - at) - 2.0 * counts.beyond[column];
-  }
+  if (may_be_off && pile.level > 0)
+    at = counts.runs[column] - context.tones[0].cycles_per_row * static_cast<double>(context.shape.rows) -
+         2.0 * counts.beyond[column];
   if (!may_be_off || !is_linear || !(steps < 1)) return at;
   return std::min(at * std::exp(-1.0 / 8 / std::max(steps * steps - 1.0 / 12, 0.0)), counts.beside[column] / steps);
 }
