@@ -961,19 +961,53 @@ double levels_of(const Context& context, const Tone& tone, const PooledColumn& p
   return levels_of(context, tone, result.gain[i], result.phase[i], some);
 }
 
+// Relative error of a pooled gain by noise that black cuts off, by the samples there in some rows and columns. Noise as
+// the fit leaves it, without texture.
+double pull_of_black(const AnyFramesView& frames, const Context& context, const PooledColumn& pooled, std::size_t i,
+                     const ToneGainView& result) {
+  constexpr std::uint32_t kRows = 64;
+  const std::size_t frame = i % context.shape.frames;
+  const Tone& tone = context.tones[i / context.shape.frames];
+  const auto &signal = pooled.signal, &weights = pooled.weights, &totals = pooled.totals;
+  const double squares = scalar_product(weights, weights), steady = mean_of(signal), step = context.step,
+               noise = std::min(std::pow(noise_of(result, i), 2), noise_of_differences(signal)),
+               variance = noise / squares / (step * step) - 1.0 / 12,
+               deviation = std::sqrt(std::max(variance, kNextToNone * kNextToNone));
+  const std::size_t every = 1 + weights.size() / kSome;
+  double lost = 0;
+  std::complex<double> tone_lost;
+  const auto look = [&](std::size_t row, std::size_t k) {
+    const Phasor wave = phasor(tone.cycles_per_row, static_cast<double>(row));
+    const double level = totals[k] / static_cast<double>(signal.size()) + (signal[row] - steady) * weights[k] / squares,
+                 off = context.camera->tone_curve.dark_level + background_of(context, frame, k),
+                 each = weights[k] * lost_at_black(level / step, deviation, off / step);
+    lost += each;
+    tone_lost += each * std::complex(wave.cosine, wave.sine);
+  };
+  std::visit(
+      [&](const auto& view) {
+        for (std::uint32_t n = 0; n < kRows; ++n)
+          for (std::size_t row = some_row(n, view.rows), k = every / 2; k < weights.size(); k += every)
+            if (view(frame, row, k) == 0) look(row, k);
+      },
+      frames);
+  const double gain = result.gain[i] * context.ratio, unit = static_cast<double>(every) * step / kRows / result.mean[i];
+  return unit * (lost + 2 * std::abs(tone_lost) / gain);
+}
+
 // Gains of the frames' pooled columns: one column of linear light each.
 void pooled_gains(const AnyFramesView& frames, const Context& context, const ToneGainView& result) {
   check_samples(frames);
   const std::size_t frame_count = context.shape.frames, rows = context.shape.rows;
   std::vector<double> signals(frame_count * rows), background(frame_count);
   std::vector<Flags> known(frame_count);
-  std::vector<PooledColumn> quiet(frame_count);
+  std::vector<PooledColumn> kept(frame_count);
   for_each_block(frame_count, context.options->threads, [&](std::size_t frame) {
     PooledColumn pooled = pool_columns(frames, context, frame);
     std::ranges::copy(pooled.signal, &signals[frame * rows]);
     background[frame] = pooled.background;
     known[frame] = flag_if(pooled.saturated, flag::saturated) | flag_if(pooled.misfit, flag::model_misfit);
-    if (pooled.noise_variance < 1) quiet[frame] = std::move(pooled);
+    kept[frame] = std::move(pooled);
   });
   Camera camera = *context.camera;
   camera.tone_curve = {};
@@ -991,11 +1025,16 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
                     false};
   gains_of(dense_view<const double>(signals.data(), frame_count, rows, 1), own, known, result);
   for (std::size_t i = 0; i < result.gain.size(); ++i) {
-    const PooledColumn& pooled = quiet[i % frame_count];
+    const PooledColumn& pooled = kept[i % frame_count];
     const auto levels = [&] { return levels_of(context, context.tones[i / frame_count], pooled, i, result); };
     if (!(result.flags[i] & (kUnusable | flag::weak)) &&
         is_quantised(context, pooled.noise_variance, result, i, levels))
       result.flags[i] |= flag::quantised;
+    if (context.step > 0 && holds_integers(frames) && !(result.flags[i] & (kUnusable | flag::weak))) {
+      const double pull = pull_of_black(frames, context, pooled, i, result);
+      result.gain_std[i] = std::hypot(result.gain_std[i], pull * result.gain[i]);
+      if (result.gain[i] < kWeak * result.gain_std[i]) result.flags[i] |= flag::weak;
+    }
   }
 }
 
