@@ -261,6 +261,14 @@ void register_tones(py::module_& module) {
   module.def("tone_gain", &tone_gain_arrays, arg("columns"), arg("camera"), arg("frequencies"), arg("method"),
              arg("waveform"), arg("duty"), arg("background"), arg("efficiency"), arg("threads"), arg("pooled"));
   module.def("tone_gain_as_given", &tone_gain_as_given);
+  module.def("lost_at_black", py::vectorize(lost_at_black), arg("level"), arg("deviation"), arg("off"));
+  module.def(
+      "folded_harmonics",
+      [](std::size_t rows, double cycles_per_row, double duty, double exposure_cycles) {
+        auto folded = folded_harmonics(rows, cycles_per_row, duty, exposure_cycles);
+        return std::pair{std::move(folded.orders), folded.error};
+      },
+      arg("rows"), arg("cycles_per_row"), arg("duty"), arg("exposure_cycles"));
   module.def("varying_tone_gain", &varying_tone_gain_arrays, arg("columns"), arg("camera"), arg("frequency"),
              arg("degree"), arg("waveform"), arg("duty"), arg("background"), arg("threads"));
   py::class_<RowWeights>(module, "RowWeights")

@@ -520,3 +520,43 @@ def test_shading_that_explains_more_than_a_tone_is_none(rows):
         picture = np.clip(np.rint(115 * light[:, None] + random.normal(size=(rows, 60))), 0, 255).astype(np.uint8)
         found = ocisac.sense_region(picture, Camera(2e-5, exposure=1.2e-3))
         assert found.flags & (Flag.NO_TONE | Flag.AT_BOUND) or abs(found.frequency * 2e-5 * rows - 3.7) < 0.1
+
+
+def square_errors(
+    rows, row_time, frame_time, *, exposure, frequency=1000.0, level=90.0, noise=0.6, dark=20.0, seeds=12
+):
+    """|gain - theory|/gain_std of unflagged films of a square lamp: six frames of 64 columns of bytes."""
+    errors = []
+    for seed in range(seeds):
+        random = np.random.default_rng([seed, 5])
+        of_camera = Camera(row_time, exposure, frame_time, dark_level=dark)
+        wave = ocisac.SquareWave(frequency, amplitude=2 * level, phase=random.uniform(0, 6))
+        light = ocisac.integrate_exposure(wave, of_camera, rows, start=0.0, frames=6)[:, :, None]
+        stored = dark + light * random.uniform(0.3, 1, 64) + noise * random.standard_normal((6, rows, 64))
+        pixels = np.rint(stored).clip(0, 255).astype(np.uint8)
+        found = ocisac.sense_region(pixels, of_camera, waveform="square")
+        if not found.flags:
+            errors.append((found.gain - np.sinc(frequency * exposure)) / found.gain_std)
+    return np.abs(errors)
+
+
+def test_noise_that_black_cuts_is_a_part_of_the_error():
+    """40 rows show no pile in a column; in 64 columns of six frames the gain is 20 standard errors of noise off."""
+    errors = square_errors(40, 193e-6, 10.3e-3, exposure=260e-6, level=25.0, noise=1.4, dark=0.0)
+    assert len(errors) >= 4
+    assert errors.max() < 4
+
+
+@pytest.mark.parametrize(
+    ("rows", "row_time", "frame_time", "exposure", "frequency"),
+    [
+        (200, 0.1992 / 1005, 0.04, 260e-6, 1005.0),  # the ninth harmonic 1.6 cycles from the fundamental
+        (480, 60e-6, 0.0371, 100e-6, 1000.0),
+    ],
+)
+def test_harmonics_above_half_the_row_rate_are_fitted_or_a_part_of_the_error(
+    rows, row_time, frame_time, exposure, frequency
+):
+    errors = square_errors(rows, row_time, frame_time, exposure=exposure, frequency=frequency)
+    assert len(errors) >= 10
+    assert errors.max() < 4

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ocisac_fast import Camera, Flag, SquareWave, Tone, integrate_exposure, tone_gain
+from ocisac_fast import Camera, Flag, SquareWave, Tone, _core, integrate_exposure, tone_gain
 
 ROW_TIME, ROWS = 22.2e-6, 1080
 
@@ -121,6 +121,54 @@ def test_a_bright_lamp_with_little_noise_above_black_has_no_flag():
         assert not tone_gain(pixels, camera, **asked, pooled=True).flags & Flag.SATURATED
         flagged += (tone_gain(pixels, camera, **asked).flags & Flag.SATURATED != 0).mean() / 8
     assert flagged <= 0.05
+
+
+@pytest.mark.parametrize(("level", "noise"), [(0.0, 0.6), (0.5, 1.0), (2.0, 1.0), (3.0, 4.0), (40.0, 4.0)])
+def test_light_that_black_adds_is_that_of_rounded_and_cut_noise(level, noise):
+    samples = np.rint(level + noise * np.random.default_rng(0).standard_normal(400_000))
+    at, lost = (samples <= 0).mean(), np.maximum(samples, 0).mean() - samples.mean()
+    assert at * _core.lost_at_black(level, noise, -1.0) == pytest.approx(lost, rel=0.03, abs=0.002)
+    assert at * _core.lost_at_black(level, noise, level - 0.01) <= 0.0105
+
+
+@pytest.mark.parametrize("method", ["fit", "robust"])
+@pytest.mark.parametrize("waveform", ["tone", "square"])
+def test_noise_that_black_cuts_is_a_part_of_the_error_of_a_pooled_gain(waveform, method):
+    """Light of 1.5 steps, which the exposure leaves above black: no column shows a pile."""
+    errors = []
+    for seed in range(20):
+        random = np.random.default_rng([seed, 11])
+        camera, frequency = Camera(133e-6, exposure=1145e-6), 1000.0
+        asked = {"frequency": frequency, "waveform": waveform, "pooled": True, "method": method}
+        wave = SquareWave(frequency, phase=random.uniform(0, 6), duty=0.13) if waveform == "square" else Tone(frequency)
+        if waveform == "square":
+            asked["duty"] = 0.13
+        light = integrate_exposure(wave, camera, 2160)
+        light = 1.45 * (light / light.mean())[:, None] * random.uniform(0.3, 1, 64)
+        pixels = np.rint(light + 0.887 * random.standard_normal(light.shape)).clip(0, 255).astype(np.uint8)
+        found = tone_gain(pixels, camera, **asked)
+        if not found.flags:
+            errors.append((found.gain - abs(np.sinc(frequency * camera.exposure))) / found.gain_std)
+    assert len(errors) >= 15
+    assert np.abs(errors).max() < 4.5
+    assert np.sqrt(np.mean(np.square(errors))) < 2
+
+
+def test_a_lamp_that_is_off_without_noise_loses_nothing_at_black():
+    """Noise that grows with the light is that of the bright rows; the dark ones have no light to lose."""
+    for seed in range(10):
+        random = np.random.default_rng([seed, 12])
+        camera = Camera(ROW_TIME, exposure=300e-6)
+        light = integrate_exposure(SquareWave(1000.0, phase=random.uniform(0, 6)), camera, ROWS)[:, None]
+        light = 150 * light * random.uniform(0.5, 1, 64)
+        stored = light + (0.1 + 0.1 * np.sqrt(light)) * random.standard_normal(light.shape)
+        pixels = np.rint(stored).clip(0, 255).astype(np.uint8)
+        found, truth = (
+            tone_gain(each, camera, 1000.0, waveform="square", pooled=True)
+            for each in (pixels, stored.astype(np.float32))
+        )
+        assert not found.flags
+        assert found.gain_std < 3 * truth.gain_std  # 30 times as large if noise were alike in all rows
 
 
 @pytest.mark.parametrize("pooled", [True, False])

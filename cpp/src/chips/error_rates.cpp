@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "chips/threshold_detectors.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/chips/reduced_search.hpp"
 #include "ocisac/core/require.hpp"
 #include "rows/exposed_chips.hpp"
@@ -23,14 +24,12 @@ constexpr double kMaxRowsPerChip = 1000;  // the time grows with its square: 0.2
 constexpr int kPlaces = 4;                // positions of the chips relative to the rows
 constexpr std::size_t kChips = 6;         // evaluated for each
 
-double tail(double deviations) { return 0.5 * std::erfc(deviations / std::numbers::sqrt2); }
-
 double by_all_signs(double gain, std::span<const double> others, double noise) {
   double sum = 0;
   for (std::size_t word = 0; word < std::size_t{1} << others.size(); ++word) {
     double value = 0.5 * gain;
     for (std::size_t j = 0; j < others.size(); ++j) value += ((word >> j) & 1U ? 0.5 : -0.5) * others[j];
-    sum += tail(value / noise);
+    sum += normal_tail(value / noise);
   }
   return sum / static_cast<double>(std::size_t{1} << others.size());
 }
@@ -134,7 +133,7 @@ double sequence_error_rate(const ChipEquations& equations, std::size_t chip) {
     const Difference& difference = differences[k];
     if (difference.count == 4 && difference.chips[2] < 2) continue;
     if (chip + difference.chips[difference.count - 1] >= equations.count()) continue;
-    sum += weight(difference) * tail(0.5 * std::sqrt(squared_distance(equations, chip, difference)));
+    sum += weight(difference) * normal_tail(0.5 * std::sqrt(squared_distance(equations, chip, difference)));
   }
   return std::min(sum, 0.5);
 }

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <numbers>
 #include <numeric>
 #include <span>
 #include <vector>
@@ -54,6 +56,9 @@ inline void remove_line(std::span<double> values) {
   const double slope = product / std::max(square, 1.0);
   for (std::size_t n = 0; n < values.size(); ++n) values[n] -= mean + slope * along(n);
 }
+
+// Probability that noise exceeds some of its standard deviations.
+inline double normal_tail(double deviations) { return 0.5 * std::erfc(deviations / std::numbers::sqrt2); }
 
 // Σ x(n − lag)·x(n).
 inline double product_at_lag(std::span<const double> values, std::size_t lag) {

@@ -8,6 +8,8 @@
 #include <utility>
 
 #include "core/levels.hpp"
+#include "core/statistics.hpp"
+#include "ocisac/tones/tone_gain.hpp"
 
 namespace ocisac {
 
@@ -115,6 +117,15 @@ double step_of_samples(const AnyFramesView& frames) {
         }
       },
       frames);
+}
+
+// Rounded samples at −j count j: the first by its probability, the others by an integral.
+double lost_at_black(double level, double deviation, double off) {
+  if (level > 2 * kSure * deviation) return 0;
+  const double more = (level + 1) / deviation;
+  const double lost = normal_tail((level + 0.5) / deviation) +
+                      deviation * std::exp(-more * more / 2) / std::sqrt(kTwoPi) - (level + 1) * normal_tail(more);
+  return std::min(lost, std::max(level - off, 0.0)) / normal_tail((level - 0.5) / deviation);
 }
 
 PileCounts count_pile(const AnyFramesView& frames, std::size_t frame, const Pile& pile) {

@@ -6,19 +6,10 @@
 #include <span>
 #include <vector>
 
+#include "ocisac/tones/tone_gain.hpp"
 #include "tones/harmonic_model.hpp"
 
 namespace ocisac {
-
-// `orders`: up to eight of 0.5 % of the fundamental or more, fitted at their aliases, 1.5 cycles in the frame from all
-// else of the model; `tied`: others, up to the 127th; `error`: of the gain, relative, by those of them that fall onto
-// the mean or the fundamental, RMS over their phases. Their sizes follow from duty and exposure; `exposure_cycles`:
-// f·T_e.
-struct FoldedHarmonics {
-  std::vector<int> orders, tied;
-  double error = 0;
-};
-FoldedHarmonics folded_harmonics(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles);
 
 // Tied harmonics have the ratios to the fundamental that duty and exposure tell. A light of level 1 and phase φ then
 // shows, in the estimates of `model`, a fundamental that depends on φ alone: its phase tells φ, and with φ the level.

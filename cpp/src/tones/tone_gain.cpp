@@ -587,8 +587,9 @@ struct PooledColumn {
   std::vector<double> signal;  // (rows,), linear light; empty: none are
   double background = 0;
   bool saturated = false, misfit = false;
-  double noise_variance = 0;  // of a column
-  std::vector<RoundedColumn> some{};
+  double noise_variance = 0;                // of a column
+  std::vector<double> weights{}, totals{};  // of the columns, with dark
+  std::vector<RoundedColumn> some{};        // of them
 };
 
 // Flags of each column by itself, where the brightest or the darkest may be clipped; else none.
@@ -719,6 +720,7 @@ PooledColumn pool_columns(const AnyFramesView& frames, std::size_t at, const Con
   for (const Tone& tone : context.tones) pooled.misfit |= cancels(frames, at, tone, weights);
   for (std::size_t column = 0; column < weights.size(); ++column)
     pooled.background += weights[column] * background_of(context, frame, column);
+  pooled.weights = weights, pooled.totals = light.totals;
   if (context.steps.step == 0) return pooled;
   if (weights.size() > 1) pooled.noise_variance = noise_of_column(frames, at, context, pooled.signal, weights);
   const std::size_t every = 1 + weights.size() / kSome;
@@ -947,20 +949,53 @@ void gains_of(const AnyFramesView& frames, const Context& context, std::span<con
   flag_impossible(context, result);
 }
 
+// Relative error of a pooled gain by noise that black cuts off, by the samples there in some rows and columns. Noise as
+// the fit leaves it, without texture.
+double pull_of_black(const AnyFramesView& frames, const Context& context, const PooledColumn& pooled, std::size_t i,
+                     const ToneGainView& result) {
+  constexpr std::uint32_t kRows = 64;
+  const std::size_t frame = i % context.shape.frames;
+  const Tone& tone = context.tones[i / context.shape.frames];
+  const auto &signal = pooled.signal, &weights = pooled.weights, &totals = pooled.totals;
+  const double squares = scalar_product(weights, weights), steady = mean_of(signal), step = context.steps.step,
+               noise = std::min(std::pow(noise_of(result, i), 2), noise_of_differences(signal)),
+               variance = noise / squares / (step * step) - 1.0 / 12,
+               deviation = std::sqrt(std::max(variance, kNextToNone * kNextToNone));
+  const std::size_t every = 1 + weights.size() / kSome;
+  double lost = 0;
+  std::complex<double> tone_lost;
+  const auto look = [&](std::size_t row, std::size_t k) {
+    const Phasor wave = phasor(tone.cycles_per_row, static_cast<double>(row));
+    const double level = totals[k] / static_cast<double>(signal.size()) + (signal[row] - steady) * weights[k] / squares,
+                 off = context.camera->tone_curve.dark_level + background_of(context, frame, k),
+                 each = weights[k] * lost_at_black(level / step, deviation, off / step);
+    lost += each;
+    tone_lost += each * std::complex(wave.cosine, wave.sine);
+  };
+  std::visit(
+      [&](const auto& view) {
+        for (std::uint32_t n = 0; n < kRows; ++n)
+          for (std::size_t row = some_row(n, view.rows), k = every / 2; k < weights.size(); k += every)
+            if (view(frame, row, k) == 0) look(row, k);
+      },
+      frames);
+  const double gain = result.gain[i] * context.ratio, unit = static_cast<double>(every) * step / kRows / result.mean[i];
+  return unit * (lost + 2 * std::abs(tone_lost) / gain);
+}
+
 // Gains of the frames' pooled columns: one column of linear light each.
 void pooled_gains(const AnyFramesView& frames, const Context& context, const ToneGainView& result) {
   check_samples(frames);
   const std::size_t frame_count = context.shape.frames, rows = context.shape.rows;
   std::vector<double> signals(frame_count * rows), background(frame_count);
   std::vector<Flags> known(frame_count);
-  std::vector<PooledColumn> all(frame_count);
+  std::vector<PooledColumn> kept(frame_count);
   for_each_block(frame_count, context.options->threads, [&](std::size_t frame) {
     PooledColumn pooled = pool_columns(frames, context, frame);
     std::ranges::copy(pooled.signal, &signals[frame * rows]);
     background[frame] = pooled.background;
     known[frame] = flag_if(pooled.saturated, flag::saturated) | flag_if(pooled.misfit, flag::model_misfit);
-    pooled.signal.clear();
-    all[frame] = std::move(pooled);
+    kept[frame] = std::move(pooled);
   });
   Camera camera = *context.camera;
   camera.tone_curve = {};
@@ -972,7 +1007,7 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
       context.tones, context.ratio, &camera, &options, {frame_count, rows, 1}, {camera.tone_curve, 1, 0}, {}, false};
   gains_of(dense_view<const double>(signals.data(), frame_count, rows, 1), own, known, result);
   for (std::size_t i = 0; i < result.gain.size(); ++i) {
-    const PooledColumn& pooled = all[i % frame_count];
+    const PooledColumn& pooled = kept[i % frame_count];
     if (pooled.some.empty() || (result.flags[i] & (kUnusable | flag::weak))) continue;
     const double noise = noise_of(result, i),
                  variance = context.shape.columns == 1 ? noise * noise : pooled.noise_variance;
@@ -982,6 +1017,11 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
                        rounded_tone(context, context.tones[i / frame_count], result.gain[i], result.phase[i]),
                        pooled.some, variance) > allowed)
       result.flags[i] |= flag::quantised;
+    if (holds_integers(frames) && context.camera->tone_curve.kind == ToneCurve::Kind::linear) {
+      const double pull = pull_of_black(frames, context, pooled, i, result);
+      result.gain_std[i] = std::hypot(result.gain_std[i], pull * result.gain[i]);
+      if (result.gain[i] < kWeak * result.gain_std[i]) result.flags[i] |= flag::weak;
+    }
   }
 }
 

@@ -63,6 +63,7 @@ struct Plan {
   Places shares;
   Eigen::Matrix<double, kPlaces, Eigen::Dynamic> polynomials;
   Places of_cosine, of_both, of_sine;
+  double folding = 0;  // relative error of the tone by harmonics that are not told from it
   Flags flags = 0;
 
   [[nodiscard]] bool resolvable() const { return !(flags & flag::unresolvable); }
@@ -106,19 +107,31 @@ void plan_sums(Plan& plan) {
                     kMostLimbs);  // energies are differences
 }
 
-Plan make_plan(std::size_t rows, double cycles_per_row, int degree, const ToneGainOptions& options) {
-  const auto shape_harmonics = options.waveform == WaveformShape::square
-                                   ? square_wave_harmonics(cycles_per_row, options.duty)
-                                   : std::vector<int>{1};
+// Harmonics above half the row rate are steady.
+Plan make_plan(std::size_t rows, double cycles_per_row, int degree, const ToneGainOptions& options,
+               double exposure_cycles) {
+  auto shape_harmonics = options.waveform == WaveformShape::square ? square_wave_harmonics(cycles_per_row, options.duty)
+                                                                   : std::vector<int>{1};
   const auto harmonics = usable_harmonics(shape_harmonics, rows, cycles_per_row, degree);
   Plan plan;
   plan.terms = degree + 1;
   if (harmonics.size() < shape_harmonics.size()) plan.flags |= flag::harmonics_dropped;
   if (cycles_per_row * static_cast<double>(rows) < 1 + degree / 2.0) plan.flags |= flag::few_cycles;
-  std::vector<double> frequencies;
+  std::vector<double> frequencies, folded;
   for (const int h : harmonics) frequencies.push_back(h * cycles_per_row);
+  if (options.waveform == WaveformShape::square) {
+    const FoldedHarmonics above = folded_harmonics(rows, cycles_per_row, options.duty, exposure_cycles);
+    plan.folding = above.error;
+    for (const int h : above.orders) {
+      shape_harmonics.push_back(h);
+      folded.push_back(h * cycles_per_row);
+    }
+  }
   const auto powers = static_cast<std::size_t>(degree);
-  const MatrixXd design = tone_design(centred_rows(rows), frequencies, powers, powers);
+  const MatrixXd varying = tone_design(centred_rows(rows), frequencies, powers, powers),
+                 steady_waves = tone_design(centred_rows(rows), folded).rightCols(2 * std::ssize(folded));
+  MatrixXd design(varying.rows(), varying.cols() + steady_waves.cols());
+  design << varying, steady_waves;
   LinearFit fit = linear_fit(design, 3 * plan.terms);
   if (design.rows() <= design.cols() || !std::isfinite(fit.condition)) {
     plan.flags |= flag::unresolvable;
@@ -137,11 +150,12 @@ Plan make_plan(std::size_t rows, double cycles_per_row, int degree, const ToneGa
   return plan;
 }
 
-std::shared_ptr<const Plan> plan_of(std::size_t rows, double cycles_per_row, int degree,
-                                    const ToneGainOptions& options) {
-  static RecentlyUsed<std::tuple<std::size_t, double, WaveformShape, double, int>, Plan, 4> kept;
-  return kept.get({rows, cycles_per_row, options.waveform, options.duty, degree},
-                  [&] { return std::make_shared<const Plan>(make_plan(rows, cycles_per_row, degree, options)); });
+std::shared_ptr<const Plan> plan_of(std::size_t rows, double cycles_per_row, int degree, const ToneGainOptions& options,
+                                    double exposure_cycles) {
+  static RecentlyUsed<std::tuple<std::size_t, double, WaveformShape, double, int, double>, Plan, 4> kept;
+  return kept.get({rows, cycles_per_row, options.waveform, options.duty, degree, exposure_cycles}, [&] {
+    return std::make_shared<const Plan>(make_plan(rows, cycles_per_row, degree, options, exposure_cycles));
+  });
 }
 
 // Mean of the tone's amplitude over the rows; `slope`: its derivatives by the parameters.
@@ -181,7 +195,7 @@ void judge(const Plan& plan, const Vector& parameters, double noise, double back
   Vector slope;
   const double varying = mean_amplitude(plan, relative, relative_noise * relative_noise, slope);
   slope(0) -= varying;
-  const double gain = varying / ratio, gain_std = error(slope);
+  const double gain = varying / ratio, folding = plan.folding * gain, gain_std = std::hypot(error(slope), folding);
 
   const Index at = 3 * plan.terms;  // of tone_gain's parameters
   const double steady_mean = relative(at) - background / mean;
@@ -189,7 +203,7 @@ void judge(const Plan& plan, const Vector& parameters, double noise, double back
   slope = -slope;
   if (amplitude > 0) slope.tail(2) += relative.tail(2) / (amplitude * steady_mean);
   slope(at) -= amplitude / (steady_mean * steady_mean);
-  const double bias = steady_gain - gain, bias_std = error(slope);
+  const double bias = steady_gain - gain, bias_std = std::hypot(error(slope), folding);
   if (gain < std::max(kWeak * gain_std, kEqual)) flags |= flag::weak;
   if (std::abs(bias) > std::max({kSure * bias_std, steady_std, kEqual})) flags |= flag::model_misfit;
   result.gain[index] = gain;
@@ -248,7 +262,8 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
                 {GainMethod::fit, options.waveform, options.duty, options.background, 1.0, options.threads, false});
   const Shape shape = shape_of(frames);
   VaryingToneGain result = empty_result(shape.frames, shape.columns);
-  const auto kept_plan = plan_of(shape.rows, frequency * camera.row_time, degree, options);
+  const auto kept_plan = plan_of(shape.rows, frequency * camera.row_time, degree, options,
+                                 frequency * camera.exposure.value_or(camera.row_time));
   const Plan& plan = *kept_plan;
   if (!plan.resolvable()) {
     for (std::size_t i = 0; i < result.flags.size(); ++i) result.flags[i] = steady.flags[i] | plan.flags;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -212,10 +213,12 @@ def varying_tone_gain(
     background: npt.ArrayLike = 0.0,
     *,
     steady: ToneGain,
+    folded: tuple[Sequence[int], float] = ((), 0.0),
 ) -> VaryingToneGain:
     """As :func:`ocisac_fast.varying_tone_gain`: ``numpy.linalg.pinv`` of the design, column by column.
 
-    ``steady``: the gain of the same columns by :func:`ocisac_fast.tone_gain`, whose bias is estimated.
+    ``steady``: the gain of the same columns by :func:`ocisac_fast.tone_gain`, whose bias is estimated; ``folded``: the
+    square wave's harmonics above half the row rate in both, and the relative error by others.
     """
     light = linear_light(np.asarray(columns), camera)
     cycles = frequency * camera.row_period
@@ -224,7 +227,7 @@ def varying_tone_gain(
     harmonics, flags = _usable(every, rows, cycles, degree)
     if cycles * rows < 1 + degree / 2:
         flags |= Flag.FEW_CYCLES
-    design = _design(rows, cycles, harmonics, degree)
+    design = np.hstack([_design(rows, cycles, harmonics, degree), _design(rows, cycles, folded[0], 0)[:, 1:]])
     singular = np.linalg.svd(design, compute_uv=False)
     parameters = design.shape[1]
     results = np.full((5, *steady.gain.shape), np.nan)
@@ -237,7 +240,9 @@ def varying_tone_gain(
     terms = degree + 1
     inverse = np.linalg.pinv(design)
     steady_harmonics = [
-        h for i, h in enumerate(every) if i == 0 or (2 * (2 * i + 3) <= rows + 2 and not _at_half_row_rate(h * cycles))
+        h
+        for i, h in enumerate([*every, *folded[0]])
+        if i == 0 or (2 * (2 * i + 3) <= rows + 2 and not _at_half_row_rate(h * cycles))
     ]
     weights = np.vstack([inverse[: 3 * terms], np.linalg.pinv(_design(rows, cycles, steady_harmonics, 0))[:3]])
     covariance = weights @ weights.T
@@ -257,13 +262,14 @@ def varying_tone_gain(
             slope /= mean
             slope[0] -= amplitude / mean**2
             gain = amplitude / mean / ratio
-            std = np.sqrt(noise * slope @ covariance @ slope) / ratio
+            folding = folded[1] * gain
+            std = np.hypot(np.sqrt(noise * slope @ covariance @ slope) / ratio, folding)
             size = np.hypot(*found[-2:])
             own = np.zeros_like(slope)
             own[-2:] = found[-2:] / size / (found[-3] - ambient[index])
             own[-3] = -size / (found[-3] - ambient[index]) ** 2
             bias = steady.gain[index] - gain
-            bias_std = np.sqrt(noise * (own - slope) @ covariance @ (own - slope)) / ratio
+            bias_std = np.hypot(np.sqrt(noise * (own - slope) @ covariance @ (own - slope)) / ratio, folding)
             if gain < max(3 * std, 1e-9):
                 mask |= Flag.WEAK
             if abs(bias) > max(4 * bias_std, steady.gain_std[index], 1e-9):
@@ -286,7 +292,7 @@ def _usable(every: list[int], rows: int, cycles: float, degree: int) -> tuple[li
     return kept, Flag.HARMONICS_DROPPED if len(kept) < len(every) else Flag(0)
 
 
-def _design(rows: int, cycles: float, harmonics: list[int], degree: int) -> Float64s:
+def _design(rows: int, cycles: float, harmonics: Sequence[int], degree: int) -> Float64s:
     """Legendre polynomials, alone and times cosine and sine of each harmonic, phases from the middle row."""
     u = np.arange(rows) - (rows - 1) / 2
     polynomials = legendre.legvander(2 * u / rows, degree)

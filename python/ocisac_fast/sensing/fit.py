@@ -93,13 +93,13 @@ def trend_degree(cycles: float) -> int:
     return 0 if cycles < 2 else 1 if cycles < 4 else 2 if cycles < 8 else 4
 
 
-def harmonics_of(waveform: str, duty: float, cycles: float, rows: int) -> tuple[int, ...]:
-    """Harmonics of a square wave below half the row rate, limited to the number that half the rows can resolve."""
-    if waveform == "tone":
-        return (1,)
+def harmonics_of(duty: float, cycles: float, rows: int, exposure_cycles: float) -> tuple[tuple[int, ...], float]:
+    """Harmonics of a square wave: those below half the row rate, limited to the number that half the rows can resolve,
+    and those above it that show beside all others; and the relative error of the gain by the rest."""
     below = range(2, int(0.5 / max(cycles, 0.25 / rows)) + 1)  # empty where the tone itself is above
     kept = [h for h in below if h * cycles < 0.5 - 1.0 / rows and abs(np.sinc(h * duty)) > 1e-9]
-    return (1, *kept[: max(0, rows // 4 - 4)])
+    folded, error = _core.folded_harmonics(rows, cycles, duty, exposure_cycles)
+    return (1, *kept[: max(0, rows // 4 - 4)], *folded), error
 
 
 def make_model(

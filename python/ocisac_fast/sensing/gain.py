@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast._core import product
+from ocisac_fast._core import lost_at_black, product
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.core.arrays import Float64s
@@ -16,6 +16,7 @@ from ocisac_fast.sensing.fit import Columns, Fitted, fit, make_model
 
 _CHUNK = 1 << 19  # samples, of which float64 stays in the cache
 _MAX_DRAWN = 64  # columns
+_JUDGED = (4, 16)  # frames, columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +79,27 @@ def _ambient_variance(by_mean: Float64s, ambient: Ambient) -> float:
     if ambient.shared:
         return float((by_mean * std).sum() ** 2)
     return float(((by_mean * std).sum(axis=0) ** 2).sum())  # one measurement per column for all frames
+
+
+def error_by_black(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, ambient: Ambient) -> float:
+    """Error of the gain by noise that is cut off at black, from the light of some columns of some frames."""
+    if region.dtype.kind != "u" or camera.tone_curve != "linear":
+        return 0.0
+    model, dark = fitted.model, camera.dark_level
+    frames, columns = (
+        slice(None, None, 1 + size // most) for size, most in zip(fitted.noise.shape, _JUDGED, strict=True)
+    )
+    parameters, noise = fitted.parameters[frames, :, columns], fitted.noise[frames, columns]
+    off = np.broadcast_to(ambient.mean, fitted.noise.shape)[frames, columns]
+    light = np.stack([product(model.design, one) for one in parameters])
+    stored = region[frames, :, columns]
+    fine = np.square(np.diff(stored.astype(np.float64), 2, axis=1)).mean(axis=1) / 6.0  # noise without what is slow
+    deviation = np.sqrt(np.maximum(np.minimum(noise, fine) - 1.0 / 12.0, 1e-4))
+    lost = np.where(stored == 0, lost_at_black(light + dark, deviation[:, None], off[:, None] + dark), 0.0)
+    more = np.stack([product(model.weights, one) for one in lost])
+    steady = Ambient(off, np.zeros(()), shared=True)
+    gains = [pooled_gain(Fitted(model, one, noise, 0.0), steady).gain for one in (parameters, parameters - more)]
+    return abs(gains[1] - gains[0])
 
 
 def contrast_range(fitted: Fitted) -> float:

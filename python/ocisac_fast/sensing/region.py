@@ -33,7 +33,7 @@ from ocisac_fast.sensing.fit import (
     with_harmonics_above_noise,
     with_tones_shaped_by_light,
 )
-from ocisac_fast.sensing.gain import Ambient, contrast_range, over_frames, pooled_gain
+from ocisac_fast.sensing.gain import Ambient, contrast_range, error_by_black, over_frames, pooled_gain
 from ocisac_fast.sensing.kind import Kind, kind_of, motion_facts, seen_by
 from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.tones.frequency import find_frequency
@@ -78,7 +78,7 @@ class SensedRegion(Result):
         cycles_per_column, cycles_per_column_std: of the texture in a row, signed; 0 within its error for a light.
         cycles_per_frame, cycles_per_frame_std: advance from frame to frame, in (-1/2, 1/2].
         gain, gain_std: contrast gain, eq. 16: amplitude of the fundamental along the columns over the mean light, over
-            the waveform's ratio and ``depth``.
+            the waveform's ratio and ``depth``. The error includes noise that black cuts off, and harmonics that fold.
         frames_gain, frames_gain_std: the same from each pixel's course over the frames; NaN below 6 frames, below one
             cycle of the advance over all of them, or less than half a cycle from half the frame rate.
         theory: |sinc(f T_e)| at the frequency f of the light in a pixel.
@@ -197,7 +197,7 @@ def sense_region(
         frequency: in a column, Hz, where known, such as that of a light; it is then fixed. Above half the row rate it
             is measured at its alias. A measured frequency, such as the result of ``find_frequency`` or a
             ``LightSource``, is given with its standard error.
-        waveform: ``"tone"``, or ``"square"`` with the harmonics below half the row rate.
+        waveform: ``"tone"``, or ``"square"`` with its harmonics.
         duty: bright share of the square wave, inside (0, 1).
         depth: contrast of the texture or the light itself, above 0: amplitude over that of full depth.
         background: light of other origin: DN above dark, one value or (columns,) or (frames, columns), or the result of
@@ -236,7 +236,7 @@ def measure(
     blank = SensedRegion("unknown", 0, 0, width, height, len(region))
     blank = dataclasses.replace(blank, background_given=background is not None)
 
-    fitted, flags = _fitted(region, camera, request, tones, float(ambient.mean.mean()))
+    fitted, flags, folding = _fitted(region, camera, request, tones, float(ambient.mean.mean()))
     if fitted is None:
         return dataclasses.replace(blank, flags=flags)
     if request.frequency is not None:
@@ -254,12 +254,12 @@ def measure(
         flags |= Flag.MODEL_MISFIT
     flags |= kind_flags | facts.pop("flags")
     ratio = (1.0 if request.waveform == "tone" else 2.0 * float(np.sinc(request.duty))) * request.depth
-    gains = _gains(region, camera, fitted, frames_advance, ambient, ratio)
+    gains = _gains(region, camera, fitted, frames_advance, ambient, ratio, folding)
     light_frequency = {"light": fitted.model.cycles / camera.row_period, "still": 0.0}.get(
         kind, abs(facts.get("motion_frequency", math.nan))
     )
     theory, theory_flags = _theory(light_frequency, camera)
-    flags |= gains.pop("flags") | theory_flags | _column_flags(region, camera, fitted, tones)
+    flags |= gains.pop("flags") | theory_flags | _column_flags(region, camera, fitted, tones, request)
     reading = max(region.shape[1] * camera.row_period, camera.exposure or 0.0)
     if len(region) > 1 and camera.frame_time is not None and camera.frame_time < reading:
         flags |= Flag.MODEL_MISFIT  # frames that are given twice, or a frame time that is wrong
@@ -341,8 +341,9 @@ def _ambient(background: npt.ArrayLike | BackgroundLight | None, region: npt.NDA
 
 def _fitted(
     region: npt.NDArray[Any], camera: Camera, request: Request, tones: list[float], background: float
-) -> tuple[Fitted | None, Flag]:
-    """The fit at the given or estimated frequency; None and flags if there is none."""
+) -> tuple[Fitted | None, Flag, float]:
+    """The fit at the given or estimated frequency, None if there is none; flags; the relative error of the gain by
+    harmonics that fall onto the mean or the fundamental."""
     rows = region.shape[1]
     flags = Flag(0)
     if request.frequency is None:
@@ -353,24 +354,29 @@ def _fitted(
         if found.may_be_texture:
             flags &= ~Flag.MODEL_MISFIT
         if found.flags & Flag.NO_TONE:
-            return None, flags
+            return None, flags, 0.0
         cycles = found.cycles_per_row
     else:
         cycles = request.frequency * camera.row_period
         flags = Flag.FEW_CYCLES if cycles * rows < 1.0 else Flag(0)
     folded = abs((cycles + 0.5) % 1.0 - 0.5)
-    model = make_model(rows, cycles, harmonics_of(request.waveform, request.duty, cycles, rows), tones)
+    harmonics: tuple[int, ...] = (1,)
+    folding = 0.0
+    if request.waveform == "square":
+        exposure = camera.row_period if camera.exposure is None else camera.exposure
+        harmonics, folding = harmonics_of(request.duty, cycles, rows, cycles * exposure / camera.row_period)
+    model = make_model(rows, cycles, harmonics, tones)
     if rows < model.design.shape[1] + 1 or min(folded, 0.5 - folded) < _RESOLVED:
-        return None, flags | Flag.UNRESOLVABLE
+        return None, flags | Flag.UNRESOLVABLE, 0.0
     lit = Columns(region, camera, repeated=True)
     model = with_tones_shaped_by_light(lit, model, background, tones)
     if request.frequency is not None:
-        return fit(lit, model), flags
+        return fit(lit, model), flags, folding
     model = refine(lit, with_harmonics_above_noise(fit(lit, model), tones), tones)
     if model.cycles < _RESOLVED:  # slow light explains the columns better than any tone
-        return None, flags | Flag.NO_TONE
+        return None, flags | Flag.NO_TONE, 0.0
     fitted = fit(lit, model)
-    return dataclasses.replace(fitted, cycles_std=frequency_std(lit, fitted)), flags
+    return dataclasses.replace(fitted, cycles_std=frequency_std(lit, fitted)), flags, folding
 
 
 def _component_variance(fitted: Fitted) -> float:
@@ -436,12 +442,15 @@ def _gains(
     advance: PhaseAdvance,
     ambient: Ambient,
     ratio: float,
+    folding: float,
 ) -> dict[str, Any]:
     """Gains along the columns and over the frames, contrasts, mean and flags."""
     pooled = pooled_gain(fitted, ambient)
+    cut = error_by_black(region, camera, fitted, ambient)
+    std = math.hypot(pooled.std, folding * pooled.gain, cut)
     facts: dict[str, Any] = {
         "gain": pooled.gain / ratio,
-        "gain_std": pooled.std / ratio,
+        "gain_std": std / ratio,
         "contrast": pooled.gain,
         "contrast_range": contrast_range(fitted),
         "mean": pooled.mean,
@@ -450,13 +459,13 @@ def _gains(
     }
     if not pooled.mean > 0.0 or math.isnan(pooled.gain):
         facts["flags"] |= Flag.NO_LIGHT
-    elif pooled.gain < 3.0 * pooled.std:
+    elif pooled.gain < 3.0 * std:
         facts["flags"] |= Flag.WEAK
     series = None if math.isnan(advance.cycles) else over_frames(region, camera, advance.cycles, fitted)
     if series is not None:
         every = Ambient(_per_pixel(ambient.mean, region), _per_pixel(ambient.std, region), ambient.shared)
         course = pooled_gain(series, every)
-        facts |= {"frames_gain": course.gain / ratio, "frames_gain_std": course.std / ratio}
+        facts |= {"frames_gain": course.gain / ratio, "frames_gain_std": math.hypot(course.std, cut) / ratio}
     return facts
 
 
@@ -468,7 +477,9 @@ def _per_pixel(values: Float64s, region: npt.NDArray[Any]) -> Float64s:
     return np.tile(per_column, region.shape[1])
 
 
-def _column_flags(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, tones: list[float]) -> Flag:
+def _column_flags(
+    region: npt.NDArray[Any], camera: Camera, fitted: Fitted, tones: list[float], request: Request
+) -> Flag:
     """Flags of ``tone_gain`` and ``varying_tone_gain`` in at least half of the columns of the first frame; saturation
     in a tenth."""
     timing = dataclasses.replace(camera, exposure=None)  # the frequency of the light in a pixel may differ
@@ -476,10 +487,10 @@ def _column_flags(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, tone
     columns = region[0][:, ::step]
     frequency = fitted.model.cycles / camera.row_period
     every = [frequency, *(f / camera.row_period for f in tones)]
-    waveform: Any = "square" if len(fitted.model.harmonics) > 1 and not tones else "tone"
-    masks = tone_gain(columns, timing, every, waveform=waveform).flags[0]
+    waveform: Any = "tone" if tones else request.waveform
+    masks = tone_gain(columns, timing, every, waveform=waveform, duty=request.duty).flags[0]
     if not tones:
-        masks = masks | varying_tone_gain(columns, timing, frequency, waveform=waveform).flags
+        masks = masks | varying_tone_gain(columns, timing, frequency, waveform=waveform, duty=request.duty).flags
     flags = Flag(0)
     for bit in Flag:
         share = np.count_nonzero(masks & bit) / masks.size
@@ -490,4 +501,4 @@ def _column_flags(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, tone
 
 _JUDGED = 64
 _RESOLVED = 1e-12  # cycles per row
-_POOLED_FLAGS = Flag.WEAK | Flag.NO_LIGHT | Flag.NEAR_NULL | Flag.FEW_CYCLES
+_POOLED_FLAGS = Flag.WEAK | Flag.NO_LIGHT | Flag.NEAR_NULL | Flag.FEW_CYCLES | Flag.HARMONICS_DROPPED

@@ -30,7 +30,7 @@ class ToneGain(Result):
             the magnitude by noise is subtracted; below three standard errors (flag WEAK) a part of it remains.
         gain_std: standard error of ``gain``, from the residual of the column. Few rows leave few degrees of freedom
             (rows less 3, and 2 for each harmonic): intervals are those of Student's t. With 8 rows gain +- 1.96
-            gain_std holds 89 %, +- 2.57 gain_std 95 %.
+            gain_std holds 89 %, +- 2.57 gain_std 95 %. Of pooled columns it includes the noise that black cuts off.
         phase: phase of the light's fundamental at t = 0, the end of row 0's exposure, in (-pi, pi]; the delay of half
             an exposure is compensated where the camera's exposure is known. Its standard error in rad is gain_std over
             gain, or up to 8 % less.

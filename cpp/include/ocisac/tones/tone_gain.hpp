@@ -65,4 +65,18 @@ void tone_gain(const AnyFramesView& frames, const Camera& camera, std::span<cons
 // square wave (4/π at duty 1/2).
 double full_depth_ratio(WaveformShape waveform, double duty);
 
+// Harmonics of a square wave above half the row rate. `orders`: up to eight of 0.5 % of the fundamental or more, fitted
+// at their aliases, 1.5 cycles in the frame from all else of the model; `tied`: others, up to the 127th; `error`: of
+// the gain, relative, by those of them that fall onto the mean or the fundamental, RMS over their phases. Their sizes
+// follow from duty and exposure; `exposure_cycles`: f·T_e.
+struct FoldedHarmonics {
+  std::vector<int> orders, tied;
+  double error = 0;
+};
+FoldedHarmonics folded_harmonics(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles);
+
+// Mean light that black at 0 adds to a sample there by the noise that it cuts off, of a mean level as the rows show it;
+// on average no more than the rows show above `off`, the level without the lamp. In steps.
+double lost_at_black(double level, double deviation, double off);
+
 }  // namespace ocisac

@@ -15,7 +15,7 @@ namespace ocisac {
 
 // Arrays (frames × columns), dense. Undetermined values are NaN and flagged.
 //   gain      mean over the rows of the tone's amplitude, over the mean light and the waveform's ratio
-//   gain_std  standard error of gain
+//   gain_std  standard error of gain, with that by harmonics that fold onto mean or fundamental
 //   mean      of the source's light, DN above dark
 //   bias      gain of tone_gain minus this one
 //   bias_std  its standard error where tone_gain's model holds
