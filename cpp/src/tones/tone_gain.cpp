@@ -317,21 +317,19 @@ double noise_of(const ToneGainView& result, std::size_t index) {
 
 // Samples of a column at a pile that stand for lost ones. Noise below half a step makes piles itself. So does a lamp
 // that is off, above 0 with one run of rows in a cycle: those that noise takes from the level start further ones, and
-// as many are lost as it takes above but not below. Black loses as many as noise takes to the value beside; of noise σ
-// below a step exp(−step²/8σ²) of what it loses without steps (within 25 %). Where nearly all are at the top, noise is
-// unknown.
+// as many are lost as it takes above but not below. Black at 0 loses as many as noise takes to the value beside; of
+// noise σ below a step exp(−step²/8σ²) of what it loses without steps (within 25 %). Where nearly all are at the top,
+// noise is unknown.
 double lost_samples(const Context& context, double off, const Pile& pile, double noise, const PileCounts& counts,
                     std::size_t column, bool is_shared) {
   const bool is_linear = context.camera->tone_curve.kind == ToneCurve::Kind::linear;
-  const double steps = noise / pile.step;
-  double at = counts.at[column];
+  const double at = counts.at[column], steps = noise / pile.step, rows = static_cast<double>(context.shape.rows);
   const bool may_be_off = pile.level < pile.beside && (!is_linear || pile.level <= off + kHalfStep * pile.step);
-  const bool is_nearly_all = pile.level > pile.beside && at > kNearlyAll * static_cast<double>(context.shape.rows);
+  if (may_be_off && pile.level > 0)
+    return counts.runs[column] - context.tones[0].cycles_per_row * rows - 2.0 * counts.beyond[column];
+  const bool is_nearly_all = pile.level > pile.beside && at > kNearlyAll * rows;
   if (!may_be_off && (at <= counts.beside[column] || (is_linear && steps < kHalfStep && !is_nearly_all && !is_shared)))
     return 0;
-  if (may_be_off && pile.level > 0)
-    at = counts.runs[column] - context.tones[0].cycles_per_row * static_cast<double>(context.shape.rows) -
-         2.0 * counts.beyond[column];
   if (!may_be_off || !is_linear || !(steps < 1)) return at;
   return std::min(at * std::exp(-1.0 / 8 / std::max(steps * steps - 1.0 / 12, 0.0)), counts.beside[column] / steps);
 }
