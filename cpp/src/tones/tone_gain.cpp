@@ -951,7 +951,7 @@ void gains_of(const AnyFramesView& frames, const Context& context, std::span<con
 // the fit leaves it, without texture.
 double pull_of_black(const AnyFramesView& frames, const Context& context, const PooledColumn& pooled, std::size_t i,
                      const ToneGainView& result) {
-  constexpr std::uint32_t kRows = 64;
+  const auto some_rows = static_cast<std::uint32_t>(4 * kSome);
   const std::size_t frame = i % context.shape.frames;
   const Tone& tone = context.tones[i / context.shape.frames];
   const auto &signal = pooled.signal, &weights = pooled.weights, &totals = pooled.totals;
@@ -972,12 +972,13 @@ double pull_of_black(const AnyFramesView& frames, const Context& context, const 
   };
   std::visit(
       [&](const auto& view) {
-        for (std::uint32_t n = 0; n < kRows; ++n)
+        for (std::uint32_t n = 0; n < some_rows; ++n)
           for (std::size_t row = some_row(n, view.rows), k = every / 2; k < weights.size(); k += every)
             if (view(frame, row, k) == 0) look(row, k);
       },
       frames);
-  const double gain = result.gain[i] * context.ratio, unit = static_cast<double>(every) * step / kRows / result.mean[i];
+  const double gain = result.gain[i] * context.ratio,
+               unit = static_cast<double>(every) * step / some_rows / result.mean[i];
   return unit * (lost + 2 * std::abs(tone_lost) / gain);
 }
 
