@@ -270,7 +270,7 @@ std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row
     const bool slower = best && now.state.model.slow_light && !best->state.model.slow_light;
     const double highest = best ? (slower ? kLessNoise : 1.0) * best->profile.noise : kMaxRelativeNoise;
     if (round > 0 && readable && (noise < highest || (now.profile.fits && !slower))) best = now;
-    if ((best && best->profile.fits) || (round > 1 && noise > noise_without(now.frames))) break;
+    if ((best && best->profile.fits) || (round > 0 && noise > noise_without(now.frames))) break;
     const bool finds_tone = readable && finds_tone_left(reader, now);
     if (round >= kShapeWeights.size() && noise > kProfileGain * before && !finds_tone &&
         !start_slow_light(reader, first_row, now))
