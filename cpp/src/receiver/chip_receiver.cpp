@@ -63,6 +63,13 @@ bool are_doubled(std::span<const std::uint8_t> bits) {
   return std::exp2(-static_cast<double>(edges)) < kNextToNone * kNextToNone;
 }
 
+// A misfit on one clock whose chips a profile can be learned from.
+bool is_mostly_right(const FrameReading& reading) {
+  const auto chips = static_cast<double>(reading.llr.size());
+  return reading.trust == Trust::misfit && !reading.pause &&
+         expected_errors(reliable_llr(reading)) < kNextToNone * chips;
+}
+
 // A reading's chips that lie whole in the rows, and its channel.
 void describe(const FrameReading& reading, const FrameRows& rows, const RowReader& reader, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
@@ -286,6 +293,13 @@ void ChipReceiver::read(ChipFrame& frame) {
     return;
   }
   if (!follow_profile(reader_, frame.reading, history_, state_)) assembler_.lose_clock();
+  const auto none = [&] {
+    const std::size_t count = history_.frames.back().signal.size(), begin = frame.rows.first_row - history_.first_row;
+    return LearnedProfile{.profile = {std::vector<double>(count), std::vector<double>(count, 1.0)},
+                          .rows = {begin, begin + frame.rows.signal.size()}};
+  };
+  if (frame.reading && !history_.profile && is_mostly_right(*frame.reading))
+    history_.frames.back().expose(*frame.reading, none());
   if (learn(frame) || !read.is_new_model || !frame.reading) return;
   if (state_.model.pause)  // another count of lost chips, too
     for (KeptFrame& kept : history_.frames)
@@ -297,10 +311,7 @@ void ChipReceiver::read(ChipFrame& frame) {
   state.fits = true;
   state.relative_noise = frame.reading->relative_noise;
   state.accept(*frame.reading, frame.rows.signal);
-  const std::size_t count = history_.frames.back().signal.size(), begin = frame.rows.first_row - history_.first_row;
-  const LearnedProfile none{.profile = {std::vector<double>(count), std::vector<double>(count, 1.0)},
-                            .rows = {begin, begin + frame.rows.signal.size()}};
-  read_again(frame, none, std::move(state));
+  read_again(frame, none(), std::move(state));
 }
 
 // A frame with the last one's chips at their place is the same; not counted, it took no time.

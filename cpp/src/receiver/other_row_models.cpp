@@ -180,8 +180,9 @@ std::vector<Hypothesis> RowReader::hypotheses(const FrameRows& frame, const Rows
     const auto another_exposure = [&](std::optional<double> rows) {
       all.push_back({{.nuisance = last.nuisance, .exposure_rows = rows, .long_row = given.long_row}, searches});
     };
-    if (state.channel) another_exposure(state.brightness_ratio(frame.signal) * now);  // the brightness changed alike
     if (given.exposure_rows) another_exposure({});                                    // a preamble may show it
+    if (searches && state.channel && best.reading) continue;                          // that exposure is about right
+    if (state.channel) another_exposure(state.brightness_ratio(frame.signal) * now);  // the brightness changed alike
     const std::size_t count = searches ? kSearchedFactors : factors;
     for (std::size_t k = 0; now > 0 && k < count; ++k)
       another_exposure(kExposureFactors[(state.other_models.failures * count + k) % factors] * now);

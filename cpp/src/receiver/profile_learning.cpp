@@ -141,9 +141,15 @@ std::vector<double> divided(const std::deque<KeptFrame>& frames, const LearnedPr
 }
 
 // A profile that divides a tone as well, and one with the tone beside it. The more probable first: the wrong one
-// modulates the tone, which stands out less then.
+// modulates the tone, which stands out less then. With a channel where the frames' own readings are mostly right.
 std::vector<Learned> starts(const RowReader& reader, const FrameHistory& history, const LightState& state) {
-  const LightState restarted = reader.restarted(state);
+  LightState restarted = reader.restarted(state);
+  const auto known = [](const KeptFrame& kept) { return !kept.exposed.empty(); };
+  if (!history.profile && std::ranges::count_if(history.frames, known) >= std::ssize(history.frames) / 2) {
+    restarted.channel = state.channel;
+    restarted.relative_noise = state.relative_noise;
+    restarted = with_new_phase(std::move(restarted));
+  }
   std::vector<Learned> starts;
   const auto start = [&](LearnedProfile profile, const StrongestTone& tone) {
     Learned now{.profile = std::move(profile), .frames = history.frames, .state = restarted};
@@ -252,16 +258,18 @@ std::optional<Learned> learn_rows(const RowReader& reader, const FrameHistory& h
   return learned.profile.fits ? std::optional(std::move(learned)) : std::nullopt;
 }
 
-// Alternates chips of all frames and the profile, from the frames' mean and standard deviation on. The first rounds
-// have wrong chips: they keep near the first shape; one that leaves more then than the frames' own readings is none. A
-// tone in what is left is fitted, and where a settled profile leaves more than noise, rise and fall of the light, too.
+// Alternates chips of all frames and the profile, from the frames' own readings or from their mean and standard
+// deviation on. The first rounds have wrong chips: they keep near the first shape; one that leaves more then than the
+// frames' own readings is none. A tone in what is left is fitted, and where a settled profile leaves more than noise,
+// rise and fall of the light, too.
 std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row, Learned now) {
   const auto shape = now.profile.profile.swing;
   const std::size_t enough = enough_of(now.frames);
   std::optional<Learned> best;
   double before = std::numeric_limits<double>::infinity();
   for (std::size_t round = 0; round < kProfileRounds; ++round) {
-    const double noise = read_frames(reader, first_row, now);
+    const bool are_read = round == 0 && now.state.channel;
+    const double noise = are_read ? noise_without(now.frames) : read_frames(reader, first_row, now);
     const bool readable = frames_at_least(Trust::unsound, now.frames) >= enough;
     now.state = with_new_phase(std::move(now.state));
     if (!readable) now.state.channel.reset();
@@ -270,7 +278,7 @@ std::optional<Learned> learn_from(const RowReader& reader, std::size_t first_row
     const bool slower = best && now.state.model.slow_light && !best->state.model.slow_light;
     const double highest = best ? (slower ? kLessNoise : 1.0) * best->profile.noise : kMaxRelativeNoise;
     if (round > 0 && readable && (noise < highest || (now.profile.fits && !slower))) best = now;
-    if ((best && best->profile.fits) || (round > 1 && noise > noise_without(now.frames))) break;
+    if ((best && best->profile.fits) || (round > 0 && noise > noise_without(now.frames))) break;
     const bool finds_tone = readable && finds_tone_left(reader, now);
     if (round >= kShapeWeights.size() && noise > kProfileGain * before && !finds_tone &&
         !start_slow_light(reader, first_row, now))

@@ -29,7 +29,6 @@ constexpr double kMaxSearchRows = 2048;      // rows that count for the bound of
 constexpr double kPreambleShare = 0.3;       // of the effort, for an exposure that a preamble shows
 constexpr std::size_t kPhases = 6;           // tried per chip without a prediction
 constexpr double kMinChips = 12;             // in a frame
-constexpr double kWarpEffort = 3;            // of the other models'
 constexpr double kEdgeStd = 0.15;            // chips, of edges that lie off the clock; right within a factor of two
 constexpr std::array kSlownesses{1.0, 0.6};  // chips; initial rise and fall, right within half a chip
 constexpr std::array kExposures{1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};  // chips, for an unknown exposure
@@ -431,7 +430,6 @@ bool RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& fr
   tried.effort = frame.effort_of_others;
   tried.is_noise.reset();
   if (!searches && !refines) tried.effort.rows *= kSmallShare;
-  if (model.warped) tried.effort.rows *= kWarpEffort;
   std::optional<FrameReading> other;
   if (model.pause && !model.pause->rows)
     other = read_with(model, tried, refines ? about_pause(best, frame) : restarted(best.state));
