@@ -1,10 +1,9 @@
 #include "chips/channel_equations.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
+#include <utility>
 
 #include "chips/channel_kernels.hpp"
 #include "core/linear_algebra.hpp"
@@ -25,12 +24,16 @@ double along_frame(double row, std::size_t rows) {
   return rows < 2 ? 0.0 : 2 * row / static_cast<double>(rows - 1) - 1;
 }
 
+// Clenshaw's recurrence, from d·L_d = (2d − 1)·x·L_{d−1} − (d − 1)·L_{d−2}.
 double polynomial(std::span<const double> coefficients, double x) {
-  if (coefficients.size() == 1) return coefficients[0];
-  if (coefficients.size() == 2) return coefficients[0] + coefficients[1] * x;  // the usual ones
-  std::array<double, kHighestDegree + 1> basis{};
-  legendre(x, {basis.data(), coefficients.size()});
-  return std::inner_product(coefficients.begin(), coefficients.end(), basis.begin(), 0.0);
+  double next = 0, after = 0;
+  for (std::size_t k = coefficients.size() - 1; k > 0; --k) {
+    const auto degree = static_cast<double>(k);
+    const double sum =
+        coefficients[k] + (2 * degree + 1) / (degree + 1) * x * next - (degree + 1) / (degree + 2) * after;
+    after = std::exchange(next, sum);
+  }
+  return coefficients[0] + x * next - 0.5 * after;
 }
 
 ChannelEquations::ChannelEquations(std::span<const double> signal, const KnownChips& chips, const ChannelModel& model,
@@ -53,13 +56,12 @@ void ChannelEquations::use_rows(RowRange range) {
   columns_ = memory_.at_least(padded_ * (basis_size_ + swing_size_ + 2 * kMaxClock + 3));
   for (std::size_t k = 0; k < basis_size_; ++k) std::fill(basis(k) + range.size(), basis(k + 1), 0.0);
   std::fill_n(basis(0), range.size(), 1.0);
-  std::array<double, kHighestDegree + 1> polynomials{};
-  for (std::size_t n = 0; n < range.size() && basis_size_ > 1; ++n) {
-    const double x = along_frame(static_cast<double>(range.begin + n), frame_rows_);
-    basis(1)[n] = x;  // degrees 0 and 1, the usual ones, without a call of legendre
-    if (basis_size_ == 2) continue;
-    legendre(x, {polynomials.data(), basis_size_});
-    for (std::size_t k = 2; k < basis_size_; ++k) basis(k)[n] = polynomials[k];
+  for (std::size_t n = 0; n < range.size() && basis_size_ > 1; ++n)
+    basis(1)[n] = along_frame(static_cast<double>(range.begin + n), frame_rows_);
+  for (std::size_t k = 2; k < basis_size_; ++k) {
+    const auto degree = static_cast<double>(k);
+    for (std::size_t n = 0; n < range.size(); ++n)
+      basis(k)[n] = ((2 * degree - 1) * basis(1)[n] * basis(k - 1)[n] - (degree - 1) * basis(k - 2)[n]) / degree;
   }
   std::fill_n(values(), padded_, 0.0);
   if (!signal_.empty()) std::copy_n(signal_.data() + range.begin, range.size(), values());
