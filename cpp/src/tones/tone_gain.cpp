@@ -309,6 +309,8 @@ std::shared_ptr<const StreamingFit> streaming_fit(const AnyFramesView& frames, c
 
 constexpr double kHalfStep = 0.5;  // between stored values
 constexpr std::size_t kSome = 16;  // columns, and rows, that tell of a frame
+// The step between them; the first is half a step from the edge.
+std::size_t step_of_some(std::size_t columns) { return 1 + columns / kSome; }
 constexpr Flags kUnusable = flag::saturated | flag::unresolvable | flag::no_light;
 
 double noise_of(const ToneGainView& result, std::size_t index) {
@@ -585,9 +587,8 @@ struct PooledColumn {
   std::vector<double> signal;  // (rows,), linear light; empty: none are
   double background = 0;
   bool saturated = false, misfit = false;
-  double noise_variance = 0;                // of a column
-  std::vector<double> weights{}, totals{};  // of the columns, with dark
-  std::vector<RoundedColumn> some{};        // of them
+  double noise_variance = 0, squares = 1;  // of a column; of the weights
+  std::vector<RoundedColumn> some{};       // of every so many columns
 };
 
 // Flags of each column by itself, where the brightest or the darkest may be clipped; else none.
@@ -679,7 +680,7 @@ double noise_of_column(const AnyFramesView& frames, std::size_t at, const Contex
 // True where columns show the tone at phases that cancel in their sum, by some rows of some columns in which it is most
 // of what varies.
 bool cancels(const AnyFramesView& frames, std::size_t at, const Tone& tone, std::span<const double> weights) {
-  const std::size_t every = 1 + weights.size() / kSome;
+  const std::size_t every = step_of_some(weights.size());
   Eigen::Matrix<double, kSome, kSome> light = light.Zero();  // (columns × rows)
   Eigen::Matrix<double, kSome, 2> waves;
   Eigen::Array<double, kSome, 1> weight = weight.Zero();
@@ -718,10 +719,10 @@ PooledColumn pool_columns(const AnyFramesView& frames, std::size_t at, const Con
   for (const Tone& tone : context.tones) pooled.misfit |= cancels(frames, at, tone, weights);
   for (std::size_t column = 0; column < weights.size(); ++column)
     pooled.background += weights[column] * background_of(context, frame, column);
-  pooled.weights = weights, pooled.totals = light.totals;
   if (context.steps.step == 0) return pooled;
   if (weights.size() > 1) pooled.noise_variance = noise_of_column(frames, at, context, pooled.signal, weights);
-  const std::size_t every = 1 + weights.size() / kSome;
+  pooled.squares = scalar_product(weights, weights);
+  const std::size_t every = step_of_some(weights.size());
   for (std::size_t k = every / 2; k < weights.size(); k += every) {
     const double background = background_of(context, frame, k), rows = static_cast<double>(context.shape.rows);
     pooled.some.push_back(
@@ -954,31 +955,31 @@ double pull_of_black(const AnyFramesView& frames, const Context& context, const 
   const auto some_rows = static_cast<std::uint32_t>(4 * kSome);
   const std::size_t frame = i % context.shape.frames;
   const Tone& tone = context.tones[i / context.shape.frames];
-  const auto &signal = pooled.signal, &weights = pooled.weights, &totals = pooled.totals;
-  const double squares = scalar_product(weights, weights), steady = mean_of(signal), step = context.steps.step,
+  const auto& signal = pooled.signal;
+  const std::size_t every = step_of_some(context.shape.columns);
+  const double steady = mean_of(signal), step = context.steps.step, dark = context.camera->tone_curve.dark_level,
                noise = std::min(std::pow(noise_of(result, i), 2), noise_of_differences(signal)),
-               variance = noise / squares / (step * step) - 1.0 / 12,
-               deviation = std::sqrt(std::max(variance, kNextToNone * kNextToNone));
-  const std::size_t every = 1 + weights.size() / kSome;
+               variance = noise / pooled.squares / (step * step) - 1.0 / 12,
+               deviation = std::sqrt(std::max(variance, kNextToNone * kNextToNone)),
+               each = pooled.squares * static_cast<double>(every);
   double lost = 0;
   std::complex<double> tone_lost;
-  const auto look = [&](std::size_t row, std::size_t k) {
+  const auto look = [&](std::size_t row, const RoundedColumn& column) {
     const Phasor wave = phasor(tone.cycles_per_row, static_cast<double>(row));
-    const double level = totals[k] / static_cast<double>(signal.size()) + (signal[row] - steady) * weights[k] / squares,
-                 off = context.camera->tone_curve.dark_level + background_of(context, frame, k),
-                 each = weights[k] * lost_at_black(level / step, deviation, off / step);
-    lost += each;
-    tone_lost += each * std::complex(wave.cosine, wave.sine);
+    const double off = dark + column.background,
+                 level = off + column.mean + (signal[row] - steady) * column.share / each,
+                 light = column.share * lost_at_black(level / step, deviation, off / step);
+    lost += light;
+    tone_lost += light * std::complex(wave.cosine, wave.sine);
   };
   std::visit(
       [&](const auto& view) {
         for (std::uint32_t n = 0; n < some_rows; ++n)
-          for (std::size_t row = some_row(n, view.rows), k = every / 2; k < weights.size(); k += every)
-            if (view(frame, row, k) == 0) look(row, k);
+          for (std::size_t row = some_row(n, view.rows), k = 0; k < pooled.some.size(); ++k)
+            if (view(frame, row, every / 2 + k * every) == 0) look(row, pooled.some[k]);
       },
       frames);
-  const double gain = result.gain[i] * context.ratio,
-               unit = static_cast<double>(every) * step / some_rows / result.mean[i];
+  const double gain = result.gain[i] * context.ratio, unit = step / some_rows / result.mean[i];
   return unit * (lost + 2 * std::abs(tone_lost) / gain);
 }
 
