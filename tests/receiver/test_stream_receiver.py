@@ -16,7 +16,7 @@ import pytest
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Chips, Flag, integrate_exposure
 from ocisac_fast.cleaning import VideoCleaner
-from ocisac_fast.packets import PacketAssembler, PacketFormat
+from ocisac_fast.packets import PacketAssembler, PacketFormat, transmit
 from ocisac_fast.packets.goodput import possible_goodput
 from ocisac_fast.receiver import FskReceiver, GainOptions, MultiReceiver, Receiver
 from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture as scene_texture
@@ -608,3 +608,19 @@ def test_chips_read_at_twice_their_rate_are_flagged():
             doubled += 1
             assert got.flags & Flag.MODEL_MISFIT
     assert doubled > 0
+
+
+@pytest.mark.parametrize("times", [1, 2, 3])
+def test_chips_of_a_rate_given_several_times_too_high_are_flagged(times):
+    """Without a line code nothing else tells that each is read so many times."""
+    camera, sent = Camera(22e-6, 1e-4, 1 / 30), transmit(b"Hello world", format=PacketFormat(line_code="none"))
+    flags = []
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        receiver = Receiver(camera, chip_rate=4000.0 * times, format=PacketFormat(line_code="none"))
+        for frame in range(6):
+            light = integrate_exposure(Chips(sent.chips, 4000.0), camera, 480, start=frame / 30 + 0.1 * seed)
+            pixels = np.rint(10 + 200 * light[:, None] + random.normal(0, 1, (480, 8))).astype(np.uint8)
+            got = receiver.push(pixels)
+            flags.append(bool(got.flags & Flag.MODEL_MISFIT))
+    assert np.mean(flags) == 0 if times == 1 else np.mean(flags) > 0.9

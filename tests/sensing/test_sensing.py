@@ -560,3 +560,14 @@ def test_harmonics_above_half_the_row_rate_are_fitted_or_a_part_of_the_error(
     errors = square_errors(rows, row_time, frame_time, exposure=exposure, frequency=frequency)
     assert len(errors) >= 10
     assert errors.max() < 4
+
+
+@pytest.mark.parametrize(("noise", "rounded"), [(0.3, True), (0.8, False)])
+def test_rounding_beside_the_error_of_many_pixels_is_flagged(noise, rounded):
+    """In a single column it hides in the noise; common to all, it is many standard errors of the region."""
+    random, rows = np.random.default_rng(4), np.arange(720)
+    start = random.uniform(0, 6) + 2 * np.pi * 411.0 / 30 * np.arange(8)
+    light = 90 + 6.8 * np.cos(2 * np.pi * 411.0 * 20e-6 * rows + start[:, None])
+    pixels = np.rint(light[..., None] + noise * random.standard_normal((8, 720, 160))).astype(np.uint8)
+    found = ocisac.sense_region(pixels, Camera(20e-6, 1e-3, 1 / 30))
+    assert bool(found.flags & Flag.QUANTISED) is rounded

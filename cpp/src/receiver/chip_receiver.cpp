@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <span>
 #include <utility>
 
@@ -52,15 +53,16 @@ double most_sure(std::span<const double> seen, const RowRange& run) {
   return other > 0 ? std::log((1 - other) / other) : std::numeric_limits<double>::infinity();
 }
 
-// All runs between edges are of even numbers of chips, not by chance: the true chips are twice as long.
-bool are_doubled(std::span<const std::uint8_t> bits) {
-  std::size_t edges = 0, last = 0;
+// All runs between edges are of a multiple of some number of chips, not by chance: the true chips are so many times as
+// long.
+bool are_repeated(std::span<const std::uint8_t> bits) {
+  std::size_t edges = 0, last = 0, common = 0;
   for (std::size_t k = 1; k < bits.size(); ++k) {
     if (bits[k] == bits[k - 1]) continue;
-    if (edges++ > 0 && (k - last) % 2 != 0) return false;
+    if (edges++ > 0) common = std::gcd(common, k - last);
     last = k;
   }
-  return std::exp2(-static_cast<double>(edges)) < kNextToNone * kNextToNone;
+  return common > 1 && std::pow(common, -static_cast<double>(edges)) < kNextToNone * kNextToNone;
 }
 
 // A misfit on one clock whose chips a profile can be learned from.
@@ -100,7 +102,10 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   if (reading.trust != Trust::fits || !agrees || sureness < kSureCount) result.flags |= flag::model_misfit;
   const auto bits = whole_bits(reading, rows.signal.size());
   if (chip_period(bits)) result.flags |= flag::periodic;
-  if (!reader.options().chip_rate && are_doubled(bits)) result.flags |= flag::model_misfit;
+  // A line code excludes it, but may have such words.
+  const LineCode& code = reader.options().format.line_code;
+  const bool may_be = !reader.options().chip_rate || code.chips_per_word() == code.bits_per_word();
+  if (may_be && are_repeated(bits)) result.flags |= flag::model_misfit;
 }
 
 }  // namespace

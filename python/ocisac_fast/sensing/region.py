@@ -481,7 +481,7 @@ def _column_flags(
     region: npt.NDArray[Any], camera: Camera, fitted: Fitted, tones: list[float], request: Request
 ) -> Flag:
     """Flags of ``tone_gain`` and ``varying_tone_gain`` in at least half of the columns of the first frame; saturation
-    in a tenth."""
+    in a tenth; rounding also in half of the frames, pooled."""
     timing = dataclasses.replace(camera, exposure=None)  # the frequency of the light in a pixel may differ
     step = max(1, region.shape[2] // _JUDGED)
     columns = region[0][:, ::step]
@@ -496,6 +496,9 @@ def _column_flags(
         share = np.count_nonzero(masks & bit) / masks.size
         if bit not in _POOLED_FLAGS and share >= (0.1 if bit == Flag.SATURATED else 0.5):
             flags |= bit
+    pooled = tone_gain(region, timing, every, waveform=waveform, duty=request.duty, pooled=True).flags[0]
+    if 2 * np.count_nonzero(pooled & Flag.QUANTISED) >= pooled.size:
+        flags |= Flag.QUANTISED
     return flags
 
 
