@@ -94,8 +94,8 @@ _COMMAND_LINE = """\
 Times and frequencies take units: `22.2us`, `1/8000s`, `4.95kHz`. Every command takes `--json`: one JSON object a
 line on standard output, and nothing else there ([its keys](columns.md)). Exit code: 0 done, also where `receive`,
 `detect`, `sense` or `clean` say that they found nothing; 2 wrong input, also a recording without what `calibrate`
-needs; 3 no gain (`gain`, `sense --region`), or some of several files (`receive`) or recordings (`batch`) failed; 130
-interrupted.
+needs; 3 no gain (`gain`, `sense --region`), an older OUT that stays (`clean --force`), or some of several files
+(`receive`) or recordings (`batch`) failed; 130 interrupted.
 
 ```{eval-rst}
 .. click:: ocisac_fast.cli.application:ocisac

@@ -103,6 +103,11 @@ def test_a_film_without_bands_is_not_written_again(tmp_path, run):
     assert out[-1].startswith("cleaned 0 of 5 frames, 5 unchanged: ")
     assert out[-1].endswith("out.mp4 is not written")
     assert not (tmp_path / "out.mp4").exists()
+    (tmp_path / "out.mp4").write_bytes(b"older")
+    code, out, _ = run("clean", tmp_path / "in.mp4", tmp_path / "out.mp4", *CLEAN, "--force")
+    assert code == 3
+    assert out[-1].endswith("out.mp4 is not written, and holds what it held before")
+    assert (tmp_path / "out.mp4").read_bytes() == b"older"
 
 
 def test_unchanged_frames_are_coded_as_they_were_decoded(tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+import os
 import signal
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -17,6 +18,7 @@ import numpy as np
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning import CleanedFrames, CleaningOptions, Mark, VideoCleaner, remove_bands
 from ocisac_fast.cli.command import command
+from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, number, progress, rate
 from ocisac_fast.cli.outputs import INPUT, OUTPUT
 from ocisac_fast.cli.pictures import PictureOptions, cropped, select, stack
@@ -62,8 +64,9 @@ def clean(
     OUT is .png, .jpg, .tif, .mkv, .mp4, .mov or .npy; with --region it contains the region alone. Saturated pixels are
     unchanged; rows too dark to restore are marked. Each colour has a light of its own where colours differ. The result
     is measured; a frame that cleaning would make worse stays as it is, and where that is so for every frame, OUT is not
-    written. The last column gives the reason, and bands that are left. The light is carried from frame to
-    frame; a video written as a video keeps its sound, time stamps and turn for display, and HEVC stays HEVC.
+    written (an older one stays, and the exit code is 3). The last column gives the reason, and bands that are left. The
+    light is carried from frame to frame; a video written as a video keeps its sound, time stamps and turn for display,
+    and HEVC stays HEVC.
     """
     options: dict[str, Any] = {"keep": keep, "model": model, "level": level, "still": still}
     options["options"] = CleaningOptions(max_gain=max_gain, fill=fill, toe=toe)
@@ -97,6 +100,8 @@ def clean(
         emit_summary(cleaner.summary(target), as_json)
     if stop:
         signal.raise_signal(stop[0])  # whose handler is the usual one again
+    if cleaner.is_source and os.path.isfile(target):
+        raise click.exceptions.Exit(SOME_FAILED)
 
 
 def _at_most(most: float, frames: Iterable[Frame]) -> Iterator[Frame]:
@@ -203,11 +208,11 @@ class _Cleaner:
             yield from self._decided(camera)
         if waiting and camera is not None:
             yield from self._together(waiting, camera)
-        if self._is_source:
+        if self.is_source:
             raise _Unchanged
 
     @property
-    def _is_source(self) -> bool:
+    def is_source(self) -> bool:
         """True if the result is the whole source as it was."""
         whole = self._picture.region is None and self._picture.channel == "auto" and self._options["keep"] == "picture"
         return whole and 0 < self.reasons.total() == len(self.facts)
@@ -217,7 +222,8 @@ class _Cleaner:
         count, unchanged = len(self.facts), self.reasons.total()
         text = f"cleaned {count - unchanged} of {count} frame{'s' * (count > 1)}"
         text += "".join(f", {number} unchanged: {reason}" for reason, number in self.reasons.most_common())
-        return f"{text}; {target} is not written" if self._is_source else text
+        before = ", and holds what it held before" * os.path.isfile(target)
+        return f"{text}; {target} is not written{before}" if self.is_source else text
 
     def _carried(self, view: Frame, camera: Camera) -> Iterator[Frame]:
         """The next frame of a film; unchanged ones wait for some frames, which may show a slow light."""
