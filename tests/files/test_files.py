@@ -184,15 +184,15 @@ def test_a_long_video_is_read_frame_by_frame(tmp_path):
 
 
 def png(chunks, pixels):
-    """A grey PNG of 8 bits with extra chunks before its pixels."""
+    """A grey PNG of 8 or 16 bits with extra chunks before its pixels."""
 
     def chunk(name, data):
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
     height, width = pixels.shape
-    lines = np.zeros((height, width + 1), np.uint8)
-    lines[:, 1:] = pixels
-    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0))
+    lines = np.zeros((height, width * pixels.itemsize + 1), np.uint8)
+    lines[:, 1:] = pixels.astype(pixels.dtype.newbyteorder(">")).view(np.uint8)
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8 * pixels.itemsize, 0, 0, 0, 0))
     body = b"".join(chunk(name, data) for name, data in chunks)
     return b"\x89PNG\r\n\x1a\n" + header + body + chunk(b"IDAT", zlib.compress(lines.tobytes())) + chunk(b"IEND", b"")
 
@@ -230,6 +230,14 @@ def test_a_png_tells_its_tone_curve(tmp_path, chunk, curve, gamma, stated_by):
     assert np.array_equal(recording.frames[0], pixels)
     assert (recording.response.tone_curve, recording.response.stated_by) == (curve, stated_by)
     assert gamma is None or recording.response.gamma == pytest.approx(gamma, rel=1e-4)
+
+
+@pytest.mark.parametrize(("dtype", "unit"), [(np.uint8, 1), (np.uint16, 256)])
+@pytest.mark.parametrize("is_full", [True, False])
+def test_a_png_tells_its_range(tmp_path, dtype, unit, is_full):
+    (tmp_path / "p.png").write_bytes(png([(b"cICP", bytes([9, 13, 0, is_full]))], random_frames((5, 7), dtype)))
+    response = read_frames(tmp_path / "p.png").response
+    assert (response.dark_level, response.white_level) == ((0, None) if is_full else (16 * unit, 235 * unit))
 
 
 @pytest.mark.parametrize("orientation", [1, 6])

@@ -1,6 +1,6 @@
 """Range and tone curve that a picture or video file states.
 
-PNG states the curve in its cICP, sRGB or gAMA chunk, JPEG and TIFF in EXIF's ColorSpace, all of them in an ICC
+PNG states the curve in its cICP (and the range), sRGB or gAMA chunk, JPEG and TIFF in EXIF's ColorSpace, all in an ICC
 profile, a video in its transfer characteristics. Without a statement JPEG and WebP are sRGB, and a video of a lossy
 codec has the curve of BT.709, since cameras write them so; other files are linear, as sensor values are: a wrong curve
 biases every gain.
@@ -42,7 +42,9 @@ def response_of_picture(image: Image, chunks: bytes) -> LightResponse:
     """The tone curve that an opened picture states, else that of its kind; ``chunks``: of a PNG file."""
     _, coded, numbers = chunks.partition(b"\0\0\0\4cICP")  # which goes before all other statements
     if coded and numbers[1] in _TRANSFERS:
-        return dataclasses.replace(_TRANSFERS[numbers[1]], stated_by="PNG cICP chunk")
+        unit = 256.0 if image.mode.startswith("I") else 1.0
+        limited = {"dark_level": 16 * unit, "white_level": 235 * unit} if numbers[3:4] == b"\0" else {}
+        return dataclasses.replace(_TRANSFERS[numbers[1]], stated_by="PNG cICP chunk", **limited)
     profile = image.info.get("icc_profile")
     if profile:
         response = _response_of_icc(profile)
