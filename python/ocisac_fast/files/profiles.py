@@ -42,9 +42,11 @@ def response_of_picture(image: Image, chunks: bytes) -> LightResponse:
     """The tone curve that an opened picture states, else that of its kind; ``chunks``: of a PNG file."""
     _, coded, numbers = chunks.partition(b"\0\0\0\4cICP")  # which goes before all other statements
     if coded and numbers[1] in _TRANSFERS:
+        curve = dataclasses.replace(_TRANSFERS[numbers[1]], stated_by="PNG cICP chunk")
+        if numbers[3:4] != b"\0":  # the full range
+            return curve
         unit = 256.0 if image.mode.startswith("I") else 1.0
-        limited = {"dark_level": 16 * unit, "white_level": 235 * unit} if numbers[3:4] == b"\0" else {}
-        return dataclasses.replace(_TRANSFERS[numbers[1]], stated_by="PNG cICP chunk", **limited)
+        return dataclasses.replace(curve, dark_level=16 * unit, white_level=235 * unit)
     profile = image.info.get("icc_profile")
     if profile:
         response = _response_of_icc(profile)
