@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "core/aligned_memory.hpp"
-#include "core/legendre.hpp"
 #include "ocisac/chips/channel_estimate.hpp"
 #include "rows/exposed_chips.hpp"
 #include "rows/normal_factors.hpp"

@@ -501,8 +501,7 @@ struct StoredLight {
 StoredLight stored_light(const AnyFramesView& frames, const ToneCurve& curve) {
   const double level = saturation_level(frames, curve);
   if (curve.kind == ToneCurve::Kind::linear) return {nullptr, curve.dark_level, level};
-  const double light = std::visit(
-      [&]<class T>(const FramesView<const T>&) { return linear_light(curve, level, sample_maximum<T>()); }, frames);
+  const double light = linear_light(curve, level, sample_maximum(frames));
   auto table = light_table(frames, curve);
   return {table, 0, table ? static_cast<double>(static_cast<float>(light)) : light};
 }
@@ -742,12 +741,11 @@ PooledColumn pool_columns(const AnyFramesView& frames, const Context& context, s
 }
 
 std::vector<FittedLight> lights_of(const Context& context) {
-  const auto& exposure = context.camera->exposure;
   const bool square = context.options->waveform == WaveformShape::square;
   std::vector<FittedLight> lights;
   for (const Tone& tone : context.tones)
     lights.push_back(
-        {tone.cycles_per_row, exposure ? tone.frequency * *exposure : kNaN, square ? context.options->duty : 0});
+        {tone.cycles_per_row, exposure_cycles_of(context, tone).value_or(kNaN), square ? context.options->duty : 0});
   return lights;
 }
 
@@ -950,12 +948,11 @@ void gains_of(const AnyFramesView& frames, const Context& context, std::span<con
 
 // Relative error of a pooled gain by noise that black cuts off, by the samples there in some rows and columns. Noise as
 // the fit leaves it, without texture.
-double pull_of_black(const AnyFramesView& frames, const Context& context, const PooledColumn& pooled, std::size_t i,
-                     const ToneGainView& result) {
+double pull_of_black(const AnyFramesView& frames, const Context& context, const PooledColumn& pooled,
+                     std::span<const double> signal, std::size_t i, const ToneGainView& result) {
   const auto some_rows = static_cast<std::uint32_t>(4 * kSome);
   const std::size_t frame = i % context.shape.frames;
   const Tone& tone = context.tones[i / context.shape.frames];
-  const auto& signal = pooled.signal;
   const std::size_t every = step_of_some(context.shape.columns);
   const double steady = mean_of(signal), step = context.steps.step, dark = context.camera->tone_curve.dark_level,
                noise = std::min(std::pow(noise_of(result, i), 2), noise_of_differences(signal)),
@@ -995,6 +992,7 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
     std::ranges::copy(pooled.signal, &signals[frame * rows]);
     background[frame] = pooled.background;
     known[frame] = flag_if(pooled.saturated, flag::saturated) | flag_if(pooled.misfit, flag::model_misfit);
+    pooled.signal = {};
     kept[frame] = std::move(pooled);
   });
   Camera camera = *context.camera;
@@ -1018,7 +1016,8 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
                        pooled.some, variance) > allowed)
       result.flags[i] |= flag::quantised;
     if (holds_integers(frames) && context.camera->tone_curve.kind == ToneCurve::Kind::linear) {
-      const double pull = pull_of_black(frames, context, pooled, i, result);
+      const double pull =
+          pull_of_black(frames, context, pooled, std::span(signals).subspan(i % frame_count * rows, rows), i, result);
       result.gain_std[i] = std::hypot(result.gain_std[i], pull * result.gain[i]);
       if (result.gain[i] < kWeak * result.gain_std[i]) result.flags[i] |= flag::weak;
     }

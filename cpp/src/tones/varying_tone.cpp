@@ -262,8 +262,9 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
                 {GainMethod::fit, options.waveform, options.duty, options.background, 1.0, options.threads, false});
   const Shape shape = shape_of(frames);
   VaryingToneGain result = empty_result(shape.frames, shape.columns);
+  const bool is_square = options.waveform == WaveformShape::square;  // a tone has one plan for all exposures
   const auto kept_plan = plan_of(shape.rows, frequency * camera.row_time, degree, options,
-                                 frequency * camera.exposure.value_or(camera.row_time));
+                                 is_square ? frequency * camera.exposure.value_or(camera.row_time) : 0);
   const Plan& plan = *kept_plan;
   if (!plan.resolvable()) {
     for (std::size_t i = 0; i < result.flags.size(); ++i) result.flags[i] = steady.flags[i] | plan.flags;

@@ -17,8 +17,8 @@ def open_standard_streams() -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
-    Exit code 0; 2 for invalid input; 3 if some of several files failed or there is no gain; 129, 130 or 143 if
-    interrupted; 141 for a closed pipe.
+    Exit code 0; 2 for invalid input; 3 if some of several files failed, there is no gain, or an older output stays;
+    129, 130 or 143 if interrupted; 141 for a closed pipe.
     """
     # Read when NumPy is imported: its products are small here, and threads that wait for their share of one use time.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
