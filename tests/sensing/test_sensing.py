@@ -562,6 +562,16 @@ def test_harmonics_above_half_the_row_rate_are_fitted_or_a_part_of_the_error(
     assert errors.max() < 4
 
 
+@pytest.mark.parametrize("wave", [ocisac.Tone, ocisac.SquareWave])
+def test_a_light_without_the_harmonics_of_its_waveform_is_flagged(wave):
+    random = np.random.default_rng(8)
+    camera = Camera(22.2e-6, exposure=400e-6)
+    light = ocisac.integrate_exposure(wave(500.0, phase=1.0), camera, 720)[:, None]
+    pixels = np.rint(20 + 100 * light + random.standard_normal((720, 32))).astype(np.uint8)
+    found = ocisac.sense_region(pixels, camera, frequency=500.0, waveform="square")
+    assert bool(found.flags & Flag.MODEL_MISFIT) == (wave is ocisac.Tone)
+
+
 @pytest.mark.parametrize(("noise", "rounded"), [(0.3, True), (0.8, False)])
 def test_rounding_beside_the_error_of_many_pixels_is_flagged(noise, rounded):
     """In a single column it hides in the noise; common to all, it is many standard errors of the region."""

@@ -77,6 +77,26 @@ def test_a_tone_curve_that_was_not_told_is_flagged(exposure):
     assert (found.flags == Flag.MODEL_MISFIT).all()
 
 
+@pytest.mark.parametrize(("duty", "wave"), [(0.5, Tone), (0.3, Tone), (0.3, SquareWave), (0.45, SquareWave)])
+@pytest.mark.parametrize("exposure", [0.05, 0.4, 0.6])
+@pytest.mark.parametrize("pooled", [False, True])
+def test_harmonics_that_are_not_those_of_the_square_wave_stated_are_flagged(duty, wave, exposure, pooled):
+    """The fit has room for all harmonics, so that its residual is that of the right waveform."""
+    frequency, random = 700.0, np.random.default_rng(5)
+    camera = Camera(ROW_TIME, exposure=exposure / frequency, dark_level=16)
+    light = integrate_exposure(wave(frequency, phase=random.uniform(0, 2 * np.pi)), camera, 720)
+    pixels = stored((4 + 60 * light)[:, None] * np.linspace(0.6, 1, 32), random, noise=1.0)
+
+    def read(**options):
+        return ocisac.tone_gain(pixels, camera, frequency, waveform="square", pooled=pooled, **options)
+
+    wrong = read(duty=duty)
+    assert np.all((wrong.flags & Flag.MODEL_MISFIT != 0) | (abs(wrong.gain - np.sinc(exposure)) < 5 * wrong.gain_std))
+    assert np.mean(wrong.flags & Flag.MODEL_MISFIT != 0) > 0.9 or wave is SquareWave
+    if wave is SquareWave:
+        assert not read(background=4 * np.linspace(0.6, 1, 32)).flags.any()
+
+
 def test_what_is_no_tone_beside_the_light_changes_nothing():
     """A lamp in part of the rows, a gradient, a drifting lamp: their sidebands are not fitted, nothing is flagged."""
     row = np.linspace(-1, 1, ROWS)[:, None]

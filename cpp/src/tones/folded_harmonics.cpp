@@ -17,14 +17,13 @@
 
 namespace ocisac {
 
-namespace {
-
-// Level of a harmonic relative to that of the fundamental, of a wave whose bright part has its middle at phase 0.
-double ratio_of(int order, double duty, double exposure_cycles) {
+double harmonic_ratio(int order, double duty, double exposure_cycles) {
   const double fundamental = sinc(exposure_cycles);
   const double exposed = std::copysign(std::max(std::abs(fundamental), 1e-9), fundamental);
   return sinc(order * duty) / sinc(duty) * sinc(order * exposure_cycles) / exposed;
 }
+
+namespace {
 
 FoldedHarmonics find_folded(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles) {
   constexpr double kApart = 1.5, kFitted = 0.005, kLeast = 1e-4;  // cycles in the frame; of the fundamental
@@ -42,7 +41,7 @@ FoldedHarmonics find_folded(std::size_t rows, double cycles_per_row, double duty
   FoldedHarmonics result;
   double squares = 0;
   for (int order = 2; order <= kHighest; ++order) {
-    const double size = std::abs(ratio_of(order, duty, exposure_cycles)), at = folded(order);
+    const double size = std::abs(harmonic_ratio(order, duty, exposure_cycles)), at = folded(order);
     if (order * cycles_per_row < 0.5 || size < kLeast) continue;
     const auto is_near = [&](double other) { return std::abs(at - other) < kApart; };
     if (size >= kFitted && std::ranges::none_of(taken, is_near) && 8 * (taken.size() + 1) <= rows) {
@@ -56,6 +55,12 @@ FoldedHarmonics find_folded(std::size_t rows, double cycles_per_row, double duty
     squares += size * size / 2 * (std::pow(leak(std::abs(at - fundamental)), 2) + std::pow(over_mean * leak(at), 2));
   }
   result.error = std::sqrt(squares);
+  result.onto.resize(kHighest + 1);
+  for (const int order : result.tied) {
+    const double size = harmonic_ratio(order, duty, exposure_cycles);
+    for (int onto = 1; onto <= kHighest; ++onto)
+      result.onto[static_cast<std::size_t>(onto)] += std::pow(size * leak(std::abs(folded(order) - folded(onto))), 2);
+  }
   return result;
 }
 
@@ -76,7 +81,7 @@ void show(const HarmonicModel& model, std::span<const int> tied, double cycles_p
     const auto fitted = [&](Eigen::Index estimate, std::span<const double> wave) {
       return std::inner_product(wave.begin(), wave.end(), model.weights.col(estimate).data(), 0.0);
     };
-    const double ratio = ratio_of(order, duty, exposure_cycles);
+    const double ratio = harmonic_ratio(order, duty, exposure_cycles);
     const double mean = sign * ratio * fitted(0, cosine), even = ratio * fitted(1, cosine),
                  odd = ratio * fitted(2, sine);
     for (std::size_t k = 0; k < count; ++k) {

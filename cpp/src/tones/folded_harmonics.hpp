@@ -11,6 +11,9 @@
 
 namespace ocisac {
 
+// Level of a harmonic relative to that of the fundamental, of a wave whose bright part has its middle at phase 0.
+double harmonic_ratio(int order, double duty, double exposure_cycles);
+
 // Tied harmonics have the ratios to the fundamental that duty and exposure tell. A light of level 1 and phase φ then
 // shows, in the estimates of `model`, a fundamental that depends on φ alone: its phase tells φ, and with φ the level.
 class TiedHarmonics {

@@ -17,6 +17,7 @@
 #include "ocisac/tones/periodic_fit.hpp"
 #include "rows/fit.hpp"
 #include "rows/verdict.hpp"
+#include "tones/folded_harmonics.hpp"
 #include "tones/texture.hpp"
 #include "tones/tone_combination.hpp"
 
@@ -94,12 +95,6 @@ bool modulates(const std::vector<double>& tones, double cycles_per_row, double r
 // True for deviations that noise does not make: `misfit` is chi-squared of that many degrees of freedom.
 bool is_significant(double misfit, double freedom) { return misfit >= freedom + 6 * std::sqrt(2 * freedom) + 12; }
 
-// Harmonics over the fundamental, with sign.
-double harmonic_ratio(int order, double exposure_cycles, double duty) {
-  return std::sin(std::numbers::pi * order * duty) / (order * std::sin(std::numbers::pi * duty)) *
-         sinc(order * exposure_cycles) / std::abs(sinc(exposure_cycles));
-}
-
 // `tones`: others, beside which harmonics are fitted.
 double distortion_of(const VectorXd& column, const FittedLight& light, const std::vector<double>& harmonics,
                      const MatrixXd& steady, const std::vector<double>& tones) {
@@ -119,12 +114,13 @@ double distortion_of(const VectorXd& column, const FittedLight& light, const std
   for (Index a = 1; levels.size() < orders.size(); a += 2) levels.emplace_back(coefficients(a), -coefficients(a + 1));
   const double freedom = std::max(rows - static_cast<double>(steady.cols()), 1.0);
   const VectorXd residual = beside(steady, column);
-  return harmonic_distortion(light, orders, levels, 2 / rows * residual.squaredNorm() / freedom);
+  return harmonic_distortion(light, static_cast<std::size_t>(column.size()), orders, levels,
+                             2 / rows * residual.squaredNorm() / freedom);
 }
 
 }  // namespace
 
-double harmonic_distortion(const FittedLight& light, std::span<const int> orders,
+double harmonic_distortion(const FittedLight& light, std::size_t rows, std::span<const int> orders,
                            std::span<const std::complex<double>> levels, double variance) {
   const double size = orders.empty() ? 0 : std::abs(levels[0]);
   if (orders.size() < 2 || orders[0] != 1 || !(size > 0)) return 0;
@@ -136,18 +132,18 @@ double harmonic_distortion(const FittedLight& light, std::span<const int> orders
   }
   if (!(light.exposure_cycles >= 0) || std::abs(sinc(light.exposure_cycles)) < kNearNull) return 0;
   const double start = std::arg(levels[0]) + (sinc(light.exposure_cycles) < 0 ? std::numbers::pi : 0);
-  // Harmonics above half the row rate fold onto these: their RMS, from the envelope of the first of them.
-  const double beyond = 0.5 / light.cycles_per_row;
-  const double folded = 0.3 * size / (beyond * std::max(1.0, std::numbers::pi * beyond * light.exposure_cycles));
-  const double total = variance + folded * folded;
+  const auto folded = folded_harmonics(rows, light.cycles_per_row, light.duty, light.exposure_cycles);
   // visit(deviation from what is expected, its slope by the exposure, variances along and across) of each harmonic.
   const auto for_each_deviation = [&](auto visit) {
     for (std::size_t k = 1; k < orders.size(); ++k) {
       const auto ratio = [&](double factor) {
-        return size * harmonic_ratio(orders[k], factor * light.exposure_cycles, light.duty);
+        return std::copysign(size, sinc(light.exposure_cycles)) *
+               harmonic_ratio(orders[k], light.duty, factor * light.exposure_cycles);
       };
       const double expected = ratio(1), relative = expected / size;
       const auto turned = levels[k] * std::polar(1.0, -orders[k] * start);
+      const auto order = static_cast<std::size_t>(orders[k]);
+      const double total = variance + (order < folded.onto.size() ? size * size * folded.onto[order] : 0);
       visit(turned - expected, (ratio(1.001) - ratio(0.999)) / 0.002, total * (1 + relative * relative),
             total * (1 + std::pow(orders[k] * relative, 2)));
     }

@@ -24,7 +24,7 @@ struct Surroundings {
 // RMS amplitude of what waveform and exposure do not explain of the harmonics, over that of the fundamental; 0 where it
 // is not significant. `orders`: the fundamental first; `levels`: a·cos + b·sin of each over the rows counted from the
 // middle, as a − jb; `variance`: of a and b. Exposures up to 10 % off are admitted.
-double harmonic_distortion(const FittedLight& light, std::span<const int> orders,
+double harmonic_distortion(const FittedLight& light, std::size_t rows, std::span<const int> orders,
                            std::span<const std::complex<double>> levels, double variance);
 
 // A light's tone is the same share of its mean, at the same phase, in all parts of a column: along the rows, in pairs

@@ -805,17 +805,21 @@ struct ColumnFit {
   [[nodiscard]] std::span<const double> rest() const { return {left.data(), model->rows}; }
 };
 
-// False if the model leaves nothing but noise of a column: the test of every frame, a thousand times faster than
-// `surroundings`.
-bool may_have_surroundings(const ColumnFit& column, const Context& context) {
-  if (!is_white(column.rest())) return true;
-  if (context.options->waveform != WaveformShape::square || context.tones.size() != 1) return false;
+// Of the harmonics of a single square wave: see harmonic_distortion.
+double distortion_of(const ColumnFit& column, const Context& context) {
+  if (context.options->waveform != WaveformShape::square || context.tones.size() != 1) return 0;
   const auto orders = harmonics_of(context, context.tones[0]);
   std::vector<std::complex<double>> levels;
   for (std::size_t k = 0; k < orders.size(); ++k) levels.push_back(column.level(k));
   const HarmonicModel& model = *column.model;
   const double noise = column.left.squaredNorm() / static_cast<double>(model.rows - model.parameters);
-  return harmonic_distortion(lights_of(context)[0], orders, levels, noise * model.covariance(1, 1)) > 0;
+  return harmonic_distortion(lights_of(context)[0], model.rows, orders, levels, noise * model.covariance(1, 1));
+}
+
+// False if the model leaves nothing but noise of a column: the test of every frame, a thousand times faster than
+// `surroundings`.
+bool may_have_surroundings(const ColumnFit& column, const Context& context) {
+  return !is_white(column.rest()) || distortion_of(column, context) > 0;
 }
 
 // The largest of all tones.
@@ -862,6 +866,15 @@ void check_frame(const AnyFramesView& frames, const Context& context, std::size_
   }
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
     flag_misfit(around, index_of(context, tone, frame), context.shape.columns, result);
+}
+
+// Flags columns whose gain another waveform biases: the fit has room for harmonics that are not there.
+void check_waveform(const AnyFramesView& frames, const Context& context, std::size_t frame,
+                    const ToneGainView& result) {
+  const auto column = ColumnFit::of(context, strongest_columns(frames, context, frame, result).signal);
+  Surroundings around;
+  if (column) around.distortion = distortion_of(*column, context);
+  flag_misfit(around, index_of(context, 0, frame), context.shape.columns, result);
 }
 
 // Corrects value `i` of the result, in which the fit shows a square wave with its tied harmonics; false where these
@@ -938,9 +951,11 @@ void gains_of(const AnyFramesView& frames, const Context& context, std::span<con
   };
   gains_of_model(frames, context, {0, context.shape.frames}, result);
   add_known();
-  if (context.options->method == GainMethod::fit && context.options->robust)
-    for_each_block(context.shape.frames, context.options->threads,
-                   [&](std::size_t frame) { check_frame(frames, context, frame, result); });
+  const bool is_known = context.options->waveform == WaveformShape::square && context.camera->exposure;
+  if (context.options->method == GainMethod::fit && (context.options->robust || is_known))
+    for_each_block(context.shape.frames, context.options->threads, [&](std::size_t frame) {
+      (context.options->robust ? check_frame : check_waveform)(frames, context, frame, result);
+    });
   add_known();
   untie_harmonics(context, result);
   flag_impossible(context, result);

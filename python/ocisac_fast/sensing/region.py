@@ -259,7 +259,9 @@ def measure(
         kind, abs(facts.get("motion_frequency", math.nan))
     )
     theory, theory_flags = _theory(light_frequency, camera)
-    flags |= gains.pop("flags") | theory_flags | _column_flags(region, camera, fitted, tones, request)
+    # The rows show the frequency of a light; that of a texture in a pixel is another one.
+    timing = camera if kind == "light" else dataclasses.replace(camera, exposure=None)
+    flags |= gains.pop("flags") | theory_flags | _column_flags(region, timing, fitted, tones, request)
     reading = max(region.shape[1] * camera.row_period, camera.exposure or 0.0)
     if len(region) > 1 and camera.frame_time is not None and camera.frame_time < reading:
         flags |= Flag.MODEL_MISFIT  # frames that are given twice, or a frame time that is wrong
@@ -478,15 +480,14 @@ def _per_pixel(values: Float64s, region: npt.NDArray[Any]) -> Float64s:
 
 
 def _column_flags(
-    region: npt.NDArray[Any], camera: Camera, fitted: Fitted, tones: list[float], request: Request
+    region: npt.NDArray[Any], timing: Camera, fitted: Fitted, tones: list[float], request: Request
 ) -> Flag:
     """Flags of ``tone_gain`` and ``varying_tone_gain`` in at least half of the columns of the first frame; saturation
     in a tenth; rounding also in half of the frames, pooled."""
-    timing = dataclasses.replace(camera, exposure=None)  # the frequency of the light in a pixel may differ
     step = max(1, region.shape[2] // _JUDGED)
     columns = region[0][:, ::step]
-    frequency = fitted.model.cycles / camera.row_period
-    every = [frequency, *(f / camera.row_period for f in tones)]
+    frequency = fitted.model.cycles / timing.row_period
+    every = [frequency, *(f / timing.row_period for f in tones)]
     waveform: Any = "tone" if tones else request.waveform
     masks = tone_gain(columns, timing, every, waveform=waveform, duty=request.duty).flags[0]
     if not tones:

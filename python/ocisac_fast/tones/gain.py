@@ -81,8 +81,8 @@ def tone_gain(
         method: ``"fit"``, ``"robust"`` or ``"dft"``.
         waveform: ``"tone"``, or ``"square"``: all harmonics of a square wave below half the row rate are fitted too, up
             to eight above at their aliases, and the gain is that of its fundamental. Others that may bias it by half a
-            standard error have the ratios of duty and exposure, or are flagged (HARMONICS_DROPPED). Missing ones, as of
-            a tone, are flagged by ``"robust"`` alone.
+            standard error have the ratios of duty and exposure, or are flagged (HARMONICS_DROPPED). Harmonics of
+            another waveform, as of a tone that has none, are flagged MODEL_MISFIT where the exposure is known.
         duty: share of the period in which the square wave is bright, inside (0, 1).
         background: light of other origin, DN above dark: one value, or (columns,) or (frames, columns). An unsubtracted
             background lowers the gain to the source's share times |sinc|.

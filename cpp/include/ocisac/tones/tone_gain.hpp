@@ -67,11 +67,13 @@ double full_depth_ratio(WaveformShape waveform, double duty);
 
 // Harmonics of a square wave above half the row rate. `orders`: up to eight of 0.5 % of the fundamental or more, fitted
 // at their aliases, 1.5 cycles in the frame from all else of the model; `tied`: others, up to the 127th; `error`: of
-// the gain, relative, by those of them that fall onto the mean or the fundamental, RMS over their phases. Their sizes
-// follow from duty and exposure; `exposure_cycles`: f·T_e.
+// the gain, relative, by those of them that fall onto the mean or the fundamental, RMS over their phases; `onto`: mean
+// square amplitude over that of the fundamental that they add to each harmonic, by order. Their sizes follow from duty
+// and exposure; `exposure_cycles`: f·T_e.
 struct FoldedHarmonics {
   std::vector<int> orders, tied;
   double error = 0;
+  std::vector<double> onto;
 };
 FoldedHarmonics folded_harmonics(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles);
 
