@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -100,6 +101,23 @@ def error_by_black(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, amb
     steady = Ambient(off, np.zeros(()), shared=True)
     gains = [pooled_gain(Fitted(model, one, noise, 0.0), steady).gain for one in (parameters, parameters - more)]
     return abs(gains[1] - gains[0])
+
+
+def is_rounded(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, ambient: Ambient, gain: PooledGain) -> bool:
+    """True if rounding to whole values may shift the gain by half its standard error: light x by
+    -exp(-2 pi^2 sigma^2)/pi sin(2 pi x) beside noise sigma, which columns of one wall have alike."""
+    if region.dtype.kind not in "iu" or camera.tone_curve != "linear":
+        return False
+    model = fitted.model
+    left = np.exp(-2.0 * np.pi**2 * np.maximum(fitted.noise - 1.0 / 12.0, 0.0)) / np.pi
+    if not 2.0 * left.max() * (1.0 + gain.gain) > 0.5 * gain.std * gain.mean:
+        return False
+    true = fitted.parameters.copy()
+    for parameters, most in zip(true, left, strict=True):
+        light = product(model.design, parameters) + camera.dark_level
+        parameters += product(model.weights, most * np.sin(2.0 * np.pi * light))
+    shifted = pooled_gain(dataclasses.replace(fitted, parameters=true), ambient).gain
+    return not abs(shifted - gain.gain) < 0.5 * gain.std
 
 
 def contrast_range(fitted: Fitted) -> float:

@@ -33,7 +33,7 @@ from ocisac_fast.sensing.fit import (
     with_harmonics_above_noise,
     with_tones_shaped_by_light,
 )
-from ocisac_fast.sensing.gain import Ambient, contrast_range, error_by_black, over_frames, pooled_gain
+from ocisac_fast.sensing.gain import Ambient, contrast_range, error_by_black, is_rounded, over_frames, pooled_gain
 from ocisac_fast.sensing.kind import Kind, kind_of, motion_facts, seen_by
 from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.tones.frequency import find_frequency
@@ -463,6 +463,8 @@ def _gains(
         facts["flags"] |= Flag.NO_LIGHT
     elif pooled.gain < 3.0 * std:
         facts["flags"] |= Flag.WEAK
+    if is_rounded(region, camera, fitted, ambient, pooled):
+        facts["flags"] |= Flag.QUANTISED
     series = None if math.isnan(advance.cycles) else over_frames(region, camera, advance.cycles, fitted)
     if series is not None:
         every = Ambient(_per_pixel(ambient.mean, region), _per_pixel(ambient.std, region), ambient.shared)
