@@ -4,7 +4,9 @@
 #include <utility>
 
 #include "core/levels.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/chips/row_warp.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/receiver/row_reader.hpp"
 #include "receiver/reading_trust.hpp"
 #include "rows/verdict.hpp"
@@ -30,10 +32,57 @@ std::vector<double> without_slow_light(std::span<const std::span<const double>> 
   return all;
 }
 
+// (rows) g(d)·d of a FrameMixing.
+std::vector<double> mixed_in(const FrameRows& frame, double gate) {
+  const double mean = mean_of(frame.signal);
+  std::vector<double> course(frame.signal.size());
+  for (std::size_t n = 0; n < course.size(); ++n) {
+    const double differs = frame.before[n] - (frame.signal[n] - mean);
+    course[n] = std::clamp(2 - std::abs(differs) / gate, 0.0, 1.0) * differs;
+  }
+  return course;
+}
+
 // Cycles per row; where the chips are unknown, as if each took 1 / kHighestTone rows.
 double highest_tone(const LightState& state) { return kHighestTone / state.rows_per_chip.value_or(1 / kHighestTone); }
 
 }  // namespace
+
+std::vector<double> unmixed(const FrameRows& frame, const FrameMixing& mixing) {
+  std::vector<double> rows = mixed_in(frame, mixing.gate);
+  for (std::size_t n = 0; n < rows.size(); ++n) rows[n] = frame.signal[n] - mixing.more * rows[n];
+  return rows;
+}
+
+std::optional<FrameMixing> mixing_of(const FrameRows& frame, const RowsRead& best) {
+  if (frame.before.empty() || !best.reading) return {};
+  FrameReading reading = *best.reading;
+  if (const auto predicted = best.state.predict(frame.time)) {
+    ChipClock& clock = reading.channel.clock;
+    const double moved = predicted->clock.phase - static_cast<double>(frame.first_row) - clock.phase;
+    clock.phase += std::remainder(moved, clock.rows_per_chip);
+    clock.rows_per_chip = predicted->clock.rows_per_chip;
+    reading.warp.clear();
+  }
+  const auto chips = exposed_rows(reading, frame.signal.size());
+  const auto& last = best.state.model.mixing;
+  const auto now = remove_nuisance(last ? unmixed(frame, *last) : frame.signal, {}, chips);
+  std::optional<FrameMixing> found;
+  if (!now) return found;
+  double least = kNearlyAll * now->residual_energy, largest = 0;
+  for (const double differs : mixed_in(frame, kInfinity)) largest = std::max(largest, std::abs(differs));
+  for (double gate = largest; gate > kSmallShare * largest; gate /= 2) {
+    const auto course = mixed_in(frame, gate);
+    const auto fit = remove_nuisance(frame.signal, {.before = course}, chips);
+    if (!fit || !(fit->residual_energy < least)) continue;
+    const double more =
+        (scalar_product(frame.signal, course) - scalar_product(fit->rest, course)) / scalar_product(course, course);
+    if (!(more > 0)) continue;
+    found = FrameMixing{more, gate};
+    least = fit->residual_energy;
+  }
+  return found;
+}
 
 std::optional<std::ptrdiff_t> longer_rows(const FrameRows& frame) {
   std::array<double, 4> changes{};
@@ -162,7 +211,7 @@ std::vector<Hypothesis> RowReader::hypotheses(const FrameRows& frame, const Rows
   if (pause && !given.long_row) all.push_back(pausing);
   std::vector<SignalModel> models;
   if (!last.nuisance.empty() || last.exposure_known != given.exposure_known || last.slow_light || last.loose_edges ||
-      last.warped || last.pause || last.long_row != given.long_row)
+      last.warped || last.pause || last.mixing || last.long_row != given.long_row)
     models.push_back(given);
   for (RowNuisance& nuisance : other_nuisances(frame, best))
     models.push_back(with(given, &SignalModel::nuisance, std::move(nuisance)));

@@ -397,7 +397,8 @@ std::optional<FrameReading> read_kept(const RowReader& reader, const LearnedProf
   rows.first_row = first_row + learned.rows.begin;
   rows.time = kept.time;
   SignalModel model = state.model;
-  if (!model.nuisance.before.empty()) model.nuisance.before = rows_before(kept, learned, learned.rows);
+  rows.before = rows_before(kept, learned, learned.rows);
+  if (!model.nuisance.before.empty()) model.nuisance.before = rows.before;
   auto reading = reader.read_with(model, rows, state);
   kept.exposed.clear();
   kept.trust.reset();

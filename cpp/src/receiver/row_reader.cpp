@@ -391,9 +391,22 @@ std::optional<FrameReading> RowReader::read_as_displaced_before(const SignalMode
   return reading->trust == Trust::fits ? reading : std::nullopt;
 }
 
+std::optional<FrameReading> RowReader::read_unmixed(const SignalModel& model, FrameRows& frame,
+                                                    const LightState& state) const {
+  SignalModel plain = model;
+  plain.mixing.reset();
+  FrameRows own = frame;
+  if (!frame.before.empty()) own.signal = unmixed(frame, *model.mixing);
+  auto reading = read_with(plain, own, state);
+  frame.effort = own.effort;
+  frame.may_search = own.may_search;
+  return reading;
+}
+
 // Alternates estimates of chips and nuisance until the chips converge.
 std::optional<FrameReading> RowReader::read_with(const SignalModel& model, FrameRows& frame,
                                                  const LightState& state) const {
+  if (model.mixing) return read_unmixed(model, frame, state);
   if (model.pause) return read_about(*model.pause, model, frame, state);
   if (auto reading = read_as_displaced_before(model, frame, state)) return reading;
   auto reading = follow_beside(model, frame, state);
@@ -435,11 +448,14 @@ bool RowReader::try_hypothesis(const Hypothesis& hypothesis, const FrameRows& fr
     other = read_with(model, tried, refines ? about_pause(best, frame) : restarted(best.state));
   else if (!refines)
     other = read_with(model, tried, best.state);
+  else if (best.reading && model.mixing)
+    other = read_frame(unmixed(frame, *model.mixing), best.reading->channel, model.exposure_known, &tried.effort);
   else if (best.reading && model.warped)
     other = refine_warp(frame.signal, *best.reading, model.exposure_known, &tried.effort);
   else if (best.reading)
     other = loosened(frame.signal, *best.reading, model.exposure_known, &tried.effort);
-  if (!other || (refines && !model.pause && other->trust != Trust::fits && !fits_off_clock(*other))) return false;
+  if (!other || (refines && !model.pause && !model.mixing && other->trust != Trust::fits && !fits_off_clock(*other)))
+    return false;
   const bool loses_chips = other->pause && other->pause->loses_chips();
   if (best.reading && other->relative_noise > (loses_chips ? 1.0 : kLessNoise) * best.reading->relative_noise)
     return other->trust >= Trust::sure && other->pause && other->pause->loses_none();
@@ -477,13 +493,25 @@ RowsRead RowReader::read(FrameRows& frame, LightState before) const {
     if (!pause || (searches && try_hypothesis(pausing, frame, best)) || !jumps || !reading || reading->pause) return;
     put_in_doubt(*pause, *reading);
   };
+  // Chips that are mostly right show what is mixed in; less of it shows more of them.
+  const auto try_mixing = [&](bool searches) {
+    Hypothesis mixed{given_model(state.exposure), false, true};
+    const auto finds = [&] { return !fits() && (mixed.model.mixing = mixing_of(frame, best)); };
+    while (finds() && try_hypothesis(mixed, frame, best)) {
+    }
+    mixed.searches = searches;
+    mixed.refines = false;
+    if (searches && mixed.model.mixing && !fits()) try_hypothesis(mixed, frame, best);
+  };
   if (light_jumps) try_pause(true, true);
+  try_mixing(false);
   if (fits() || (reading ? !state.other_models.is_due() : !frame.may_search)) {
     if (!light_jumps && clock_does()) try_pause(false, true);
     return best;
   }
   for (const Hypothesis& hypothesis : hypotheses(frame, best))
     if (!fits()) try_hypothesis(hypothesis, frame, best);
+  try_mixing(frame.may_search);
   const bool jumps = light_jumps || clock_does();
   if (best.is_new_model ? jumps || model.warped : jumps && !light_jumps) try_pause(true, jumps);
   if (reading && model.pause && !reading->pause) put_in_doubt(*model.pause, *reading);

@@ -24,6 +24,13 @@ struct ChipOptions {
   std::optional<double> search_passes{};
 };
 
+// Noise reduction that mixes the frame before into rows that differ from it by little: y_n = s_n + more·g(d_n)·d_n, d_n
+// that frame less y_n, both of mean 0. g falls from 1 at `gate` to 0 at twice that: bright columns differ by more than
+// dim ones.
+struct FrameMixing {
+  double more, gate;
+};
+
 // Nuisances in a frame's rows beside the chips, and the exposure.
 struct SignalModel {
   RowNuisance nuisance{};
@@ -33,6 +40,7 @@ struct SignalModel {
   bool loose_edges = false;               // edges lie off the clock
   bool warped = false;                    // rows are displaced
   std::optional<RowPause> pause{};
+  std::optional<FrameMixing> mixing{};
   std::optional<std::ptrdiff_t> long_row{};  // of the picture; two exposures in turns (ChipClock)
 };
 
@@ -97,6 +105,13 @@ struct RowsRead {
   bool is_new_model = false;  // another one than the last frame's
 };
 
+// Rows without the frame before that noise reduction mixed into them.
+std::vector<double> unmixed(const FrameRows& frame, const FrameMixing& mixing);
+
+// The mixing that leaves least beside the chips of the best reading, on the predicted clock; absent where all leave
+// nearly as much as that of its model.
+std::optional<FrameMixing> mixing_of(const FrameRows& frame, const RowsRead& best);
+
 // In each frame: chip clock, exposure and levels from the tracked clock, else from a preamble, else blind from the
 // rate. The model of the last frame is tried first; if its residual exceeds noise, others until one fits.
 class RowReader {
@@ -135,6 +150,7 @@ class RowReader {
   bool shows_no_light(std::span<const double> signal, FrameRows& frame, const LightState& state) const;
   std::optional<FrameReading> read_as_displaced_before(const SignalModel& model, FrameRows& frame,
                                                        const LightState& state) const;
+  std::optional<FrameReading> read_unmixed(const SignalModel& model, FrameRows& frame, const LightState& state) const;
   // Rows before and after a pause, each with a clock of their own.
   std::optional<FrameReading> read_about(const RowPause& pause, const SignalModel& model, FrameRows& frame,
                                          const LightState& state) const;
