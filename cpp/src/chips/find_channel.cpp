@@ -7,6 +7,7 @@
 #include "chips/channel_equations.hpp"
 #include "chips/channel_growth.hpp"
 #include "core/check_interrupt.hpp"
+#include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/chips/reduced_search.hpp"
 #include "ocisac/chips/refine_channel.hpp"
@@ -32,7 +33,7 @@ constexpr double kEvenGrowth = 1.8, kUnevenGrowth = 1.3;
 struct Start {
   RowRange part;
   ChannelEstimate channel;
-  double score = std::numeric_limits<double>::infinity();  // residual over swing
+  double score = std::numeric_limits<double>::infinity();  // residual over the swing of the part's rows
 };
 
 // Where rows are displaced, those in the middle of the picture are so least.
@@ -53,25 +54,28 @@ std::vector<RowRange> search_parts(std::span<const double> signal, double length
   return best;
 }
 
-// Initial channel; absent where the part is steady. An exposure of several chips seldom covers bright ones only: the
-// swing is that of the rows' variance.
-std::optional<ChannelEstimate> first_channel(std::span<const double> signal, RowRange part, const ChipClock& clock) {
-  const auto rows = signal.subspan(part.begin, part.size());
+// That of the rows' variance: an exposure of several chips seldom covers bright ones only.
+double swing_of(std::span<const double> rows, const ChipClock& clock) {
   // Variance of the mean of L random chips: 1/(4L) for whole ones, reduced by the ramps of one chip.
   const double chips = clock.exposure_rows / clock.rows_per_chip;
   const double shrink = chips < 1 ? 1 - chips / 3 : (1 - 1 / (3 * chips)) / chips;
-  const double variance = variance_of(rows);
-  const double swing = 2 * std::sqrt(variance / std::max(shrink, 1e-3));
+  return 2 * std::sqrt(variance_of(rows) / std::max(shrink, 1e-3));
+}
+
+// Initial channel with the levels of some rows; absent where they are steady.
+std::optional<ChannelEstimate> first_channel(std::span<const double> rows, RowRange part, const ChipClock& clock) {
+  const double swing = swing_of(rows, clock);
   if (!(swing > 0)) return std::nullopt;
   return ChannelEstimate{clock, {}, {mean_of(rows) - 0.5 * swing}, {swing}, kFirstNoise * swing, part, false};
 }
 
 std::optional<Start> try_start(const IterationContext& context, const Start& guessed) {
   Start best{guessed.part, guessed.channel};
+  const double swing = swing_of(context.signal.subspan(best.part.begin, best.part.size()), guessed.channel.clock);
   for (int round = 0; round < kSearchRounds; ++round) {
     auto iteration = iterate(context, best.channel, best.part);
     if (!iteration) break;
-    const double score = iteration->channel.noise / iteration->channel.swing[0];
+    const double score = iteration->channel.noise / swing;
     if (!(score < 0.999 * best.score)) break;
     best = {best.part, std::move(iteration->channel), score};
   }
@@ -79,18 +83,25 @@ std::optional<Start> try_start(const IterationContext& context, const Start& gue
   return best;
 }
 
-// A start scored by the residual of the best levels for its detected chips, without a fit of the clock.
+// A start scored by the residual of the best levels for its detected chips, without a fit of the clock. Chips are
+// detected with the levels of the part, which has few of them, and of the frame, whose light may be uneven.
 std::optional<Start> guess(const IterationContext& context, RowRange part, const ChipClock& clock) {
   check_interrupt();
   if (!context.may_try(part, clock, 1)) return std::nullopt;
-  const auto channel = first_channel(context.signal, part, clock);
-  const auto chips = channel ? detect_rows(context, *channel, part) : std::nullopt;
-  if (!chips) return std::nullopt;
-  ChannelEquations equations(context.signal, chips->inner(), {1, 0, true}, context.signal.size());
-  const auto rows = static_cast<double>(equations.expose_known_rows(clock).size());
-  const auto levels = rows > static_cast<double>(equations.level_size()) ? equations.fit_levels() : std::nullopt;
-  if (!levels) return std::nullopt;
-  return Start{part, *channel, std::sqrt(equations.squares_left(*levels, 2) / rows) / channel->swing[0]};
+  const auto signal = context.signal, part_rows = signal.subspan(part.begin, part.size());
+  std::optional<Start> best;
+  for (const auto level_rows : {part_rows, signal}) {
+    const auto channel = first_channel(level_rows, part, clock);
+    const auto chips = channel ? detect_rows(context, *channel, part) : std::nullopt;
+    if (!chips) continue;
+    ChannelEquations equations(signal, chips->inner(), {1, 0, true}, signal.size());
+    const auto rows = static_cast<double>(equations.expose_known_rows(clock).size());
+    const auto levels = rows > static_cast<double>(equations.level_size()) ? equations.fit_levels() : std::nullopt;
+    if (!levels) continue;
+    const double score = std::sqrt(equations.squares_left(*levels, 2) / rows) / swing_of(part_rows, clock);
+    if (!best || score < best->score) best = Start{part, *channel, score};
+  }
+  return best;
 }
 
 // Guesses over parts of the frame, rates and phases, in order of score.
@@ -117,7 +128,18 @@ std::vector<double> exposures(const ChannelSearch& search, std::size_t rows) {
   return exposures_up_to(max_chips, search.rows_per_chip);
 }
 
-// Starts in order of score.
+// True if the edges of both clocks lie at the same rows of the part.
+bool are_alike(const Start& a, const Start& b) {
+  const auto apart = [&](std::size_t row) {
+    const auto chips = [&](const ChipClock& clock) {
+      return (static_cast<double>(row) - clock.phase) / clock.rows_per_chip;
+    };
+    return std::abs(std::remainder(chips(a.channel.clock) - chips(b.channel.clock), 1.0));
+  };
+  return a.part.begin == b.part.begin && std::max(apart(a.part.begin), apart(a.part.end)) < kSmallShare;
+}
+
+// Distinct starts in order of score.
 std::vector<Start> find_starts(const IterationContext& context, const ChannelSearch& search) {
   std::vector<Start> starts;
   const std::size_t most = search.exposure_rows ? kGuessesTried : kGuessesOfUnknown;
@@ -127,36 +149,52 @@ std::vector<Start> find_starts(const IterationContext& context, const ChannelSea
       if (auto start = try_start(context, made)) starts.push_back(std::move(*start));
   }
   std::ranges::stable_sort(starts, {}, &Start::score);
-  return starts;
+  std::vector<Start> distinct;
+  for (Start& start : starts)
+    if (std::ranges::none_of(distinct, [&](const Start& other) { return are_alike(start, other); }))
+      distinct.push_back(std::move(start));
+  return distinct;
 }
 
-// Residual relative to the swing.
-double score_of(const RefinedChannel& found) { return found.channel.noise / found.channel.swing[0]; }
+// Keeps the channel that leaves less of the frame.
+void keep_better(std::optional<RefinedChannel> other, const ChannelSearch& search,
+                 std::optional<RefinedChannel>& best) {
+  if (!other || other->channel.has_other_rate(search.rows_per_chip, search.tolerance)) return;
+  if (!best || other->channel.noise < best->channel.noise) best = std::move(other);
+}
 
-// Tries the starts in order until the residual over the frame is as small as over the part.
-std::optional<RefinedChannel> try_starts(const IterationContext& context, std::span<const Start> starts,
-                                         const ChannelSearch& search) {
-  std::optional<RefinedChannel> best;
-  for (const Start& start : starts) {
+// True where chips are easily confused.
+bool is_close(const RefinedChannel& found, std::size_t frame_rows) {
+  return closeness(found.channel, frame_rows) < kCloseSequences;
+}
+
+// Tries the starts in order until the residual over the frame is as small as over the part; returns those left.
+std::span<const Start> try_starts(const IterationContext& context, std::span<const Start> starts,
+                                  const ChannelSearch& search, std::optional<RefinedChannel>& best) {
+  while (!starts.empty()) {
+    const Start& start = starts.front();
+    starts = starts.subspan(1);
     auto grown = grow_to_frame(context, start.channel);
-    if (!grown || grown->channel.has_other_rate(search.rows_per_chip, search.tolerance)) continue;
-    const bool sure = grown->settled && score_of(*grown) < (grown->even ? kEvenGrowth : kUnevenGrowth) * start.score;
-    if (!best || score_of(*grown) < score_of(*best)) best = std::move(grown);
+    const bool sure = grown && !grown->channel.has_other_rate(search.rows_per_chip, search.tolerance) &&
+                      grown->settled &&
+                      grown->channel.noise < (grown->even ? kEvenGrowth : kUnevenGrowth) * start.channel.noise;
+    keep_better(std::move(grown), search, best);
     if (sure) break;
   }
-  return best;
+  return starts;
 }
 
 // True if the residual over the frame exceeds that of the best part where chips are easily confused; false where no
 // chips are detectable.
-bool may_be_wrong(const RefinedChannel& found, double min_score, std::size_t frame_rows) {
-  const double close = closeness(found.channel, frame_rows);
-  return score_of(found) > kSureGrowth * min_score && close < kCloseSequences && close > kHopeless;
+bool may_be_wrong(const RefinedChannel& found, double least_noise, std::size_t frame_rows) {
+  return found.channel.noise > kSureGrowth * least_noise && is_close(found, frame_rows) &&
+         closeness(found.channel, frame_rows) > kHopeless;
 }
 
-// Compares the starts of each part while the current result may be wrong.
-std::optional<RefinedChannel> compare_starts(const IterationContext& context, std::span<const Start> starts,
-                                             const ChannelSearch& search, std::optional<RefinedChannel> found) {
+// Where chips are easily confused: tries the other starts, then compares those of each part while the current result
+// may be wrong.
+void compare_starts(const IterationContext& context, std::span<const Start> starts, std::span<const Start> untried,
+                    const ChannelSearch& search, std::optional<RefinedChannel>& found) {
   std::vector<std::pair<RowRange, std::vector<ChannelEstimate>>> parts;
   for (const Start& start : starts) {
     auto part = std::ranges::find(parts, start.part.begin, [](const auto& known) { return known.first.begin; });
@@ -169,14 +207,13 @@ std::optional<RefinedChannel> compare_starts(const IterationContext& context, st
   SearchEffort share{kept};
   if (options.effort != nullptr) options.effort = &share;
   const IterationContext limited{context.signal, context.detect, options};
+  while (!untried.empty() && !limited.is_used_up() && is_close(*found, context.signal.size()))
+    untried = try_starts(limited, untried, search, found);
   for (auto& [part, clocks] : parts) {
-    if (limited.is_used_up() || !may_be_wrong(*found, starts.front().score, context.signal.size())) break;
-    auto other = track_in_parallel(limited, std::move(clocks), part);
-    if (!other || other->channel.has_other_rate(search.rows_per_chip, search.tolerance)) continue;
-    if (score_of(*other) < score_of(*found)) found = std::move(other);
+    if (limited.is_used_up() || !may_be_wrong(*found, starts.front().channel.noise, context.signal.size())) break;
+    keep_better(track_in_parallel(limited, std::move(clocks), part), search, found);
   }
   if (context.options.effort != nullptr) context.options.effort->rows = kept + share.rows;
-  return found;
 }
 
 }  // namespace
@@ -208,8 +245,10 @@ std::optional<RefinedChannel> find_channel(std::span<const double> signal, const
   fixed.exposure_known = options.exposure_known || search.exposure_rows.has_value();
   const IterationContext context{signal, detect, fixed};
   const auto starts = find_starts(context, search);
-  auto found = try_starts(context, std::span(starts).first(std::min(starts.size(), kStartsRefined)), search);
-  if (found && !options.warped) found = compare_starts(context, starts, search, std::move(found));
+  std::optional<RefinedChannel> found;
+  const auto refined_starts = std::span(starts).first(std::min(starts.size(), kStartsRefined));
+  const auto untried = try_starts(context, refined_starts, search, found);
+  if (found && !options.warped) compare_starts(context, starts, untried, search, found);
   if (!found || options.exposure_known == fixed.exposure_known) return found;
   auto refined = grow_to_frame({signal, detect, options}, found->channel);
   return refined && !refined->channel.has_other_rate(search.rows_per_chip, search.tolerance) ? refined : found;

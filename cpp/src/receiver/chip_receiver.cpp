@@ -99,7 +99,8 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   result.snr = std::min(std::pow(0.5 / std::max(reading.relative_noise, 1e-300), 2), kMaxSnr);
   result.error_rate = expected_errors(result.llr) / static_cast<double>(result.llr.size());
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
-  if (reading.trust != Trust::fits || !agrees || sureness < kSureCount) result.flags |= flag::model_misfit;
+  if (reading.trust != Trust::fits || reading.clock_in_doubt || !agrees || sureness < kSureCount)
+    result.flags |= flag::model_misfit;
   const auto bits = whole_bits(reading, rows.signal.size());
   if (chip_period(bits)) result.flags |= flag::periodic;
   // A line code excludes it, but may have such words.

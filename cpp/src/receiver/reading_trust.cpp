@@ -23,6 +23,7 @@ constexpr double kMaxCorrelation = 0.3;                       // right frames ha
 constexpr double kChangedRows = 1.5;                          // chips, by one of them
 constexpr double kExcessChips = 8;                            // either side, in which the residual is alike
 constexpr double kExcessErrors = 5;                           // standard errors
+constexpr double kMostSpread = 0.25;                          // chips, of edges off the clock
 constexpr double kSureErrors = 0.05;                          // chips in a frame
 constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
@@ -68,6 +69,16 @@ double edge_correlation(std::span<const double> off) {
   return squares > 0 ? products / squares : 0.0;
 }
 
+// Edges of a clock of another rate lie anywhere: their spread is 1/√12 chips.
+bool lie_anywhere(std::span<const double> off, double edge_std) {
+  double squares = 0, edges = 0;
+  for (const double edge : off) {
+    squares += edge * edge;
+    edges += edge != 0 ? 1 : 0;
+  }
+  return squares * edge_std * edge_std > kMostSpread * kMostSpread * edges;
+}
+
 // Mean squares of the residual about each chip, summed over the rows that a chip changes: a multiple of those of white
 // noise, 1 where it is not significant. The variance of a log-likelihood ratio grows by as much.
 std::vector<double> residual_excess(std::span<const double> left, const FrameReading& reading) {
@@ -85,6 +96,15 @@ std::vector<double> residual_excess(std::span<const double> left, const FrameRea
       sums.push_back(sums.back() + sum * sum / (static_cast<double>(width) * channel.noise * channel.noise));
   }
   const double last = static_cast<double>(sums.size() - 1);
+  const auto excess_of = [&](double begin, double end, double errors) {
+    const double mean = (sums[static_cast<std::size_t>(end)] - sums[static_cast<std::size_t>(begin)]) / (end - begin);
+    // Squares of sums that overlap: two thirds of the width are one independent value.
+    const double values = 1 + 1.5 * (end - begin) / static_cast<double>(width);
+    return mean > 1 + errors * std::sqrt(2 / values) ? mean : 1.0;
+  };
+  // Chips that are easily confused take up a part of what a wrong clock leaves: all rows tell.
+  const bool close = closeness(channel, left.size()) < kCloseSequences;
+  const double frame = close ? excess_of(0, last, kWeak) : 1.0;
   const double reach = kExcessChips * clock.rows_per_chip + 0.5 * clock.exposure_rows;
   for (std::size_t k = 0; k < excess.size(); ++k) {
     const double middle = clock.phase +
@@ -92,10 +112,7 @@ std::vector<double> residual_excess(std::span<const double> left, const FrameRea
                           0.5 * static_cast<double>(width);
     const double begin = std::clamp(std::floor(middle - reach), 0.0, last - 1),
                  end = std::clamp(std::ceil(middle + reach), begin + 1, last);
-    const double mean = (sums[static_cast<std::size_t>(end)] - sums[static_cast<std::size_t>(begin)]) / (end - begin);
-    // Squares of sums that overlap: two thirds of the width are one independent value.
-    const double values = 1 + 1.5 * (end - begin) / static_cast<double>(width);
-    if (mean > 1 + kExcessErrors * std::sqrt(2 / values)) excess[k] = mean;
+    excess[k] = std::max(excess_of(begin, end, kExcessErrors), frame);
   }
   return excess;
 }
@@ -139,6 +156,8 @@ void judge(FrameReading& reading, std::span<const double> off) {
   add_edge_excess(off, reading.excess);
   const auto inner = inner_chips(reading.llr, channel.clock);
   reading.error_rate = inner.empty() ? 1.0 : expected_errors(inner, 1) / static_cast<double>(inner.size());
+  reading.clock_in_doubt = lie_anywhere(off, channel.clock.edge_std) ||
+                           std::ranges::all_of(reading.excess, [](double excess) { return excess > 1; });
   const bool white = !is_correlated(reading);
   const bool even = !takes_up_misfits(reading) && is_even(residual_windows(left, channel), channel.clock);
   const bool has_clock =

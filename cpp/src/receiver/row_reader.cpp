@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "chips/channel_growth.hpp"
 #include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/core/require.hpp"
@@ -255,28 +256,41 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
   const double longer = (start.clock.exposure_rows - state.channel->clock.exposure_rows) / chip;
   const bool sure = predicted && predicted->errors.phase_std(0) < kSmallShare * chip && std::abs(longer) < kSmallShare;
   start.clock.phase += 0.5 * longer * chip;  // the phase is in the middle of the exposure
+  std::vector<ChannelEstimate> starts{start};
   const double brighter = state.brightness_ratio(signal);
   const double change = state.mean != 0 ? mean_of(signal) - state.mean : 0;  // of other light, where it is not the gain
   if (std::abs(brighter - 1) > kSmallShare &&
       variance_of(signal) > kMinVariance * brighter * brighter * state.variance) {
-    for (auto* levels : {&start.dark, &start.swing})
+    for (auto* levels : {&starts.front().dark, &starts.front().swing})
       for (double& level : *levels) level *= brighter;
   } else if (std::abs(change) > kSmallShare * start.swing[0] && variance_of(signal) > kMinVariance * state.variance) {
-    start.dark[0] += change;
+    starts.front().dark[0] += change;
   }
+  // The mean of the frame's chips is another, too, by so much: then the levels may be as before.
+  const double by_chips = start.swing[0] * std::sqrt(0.5 * chip / static_cast<double>(signal.size()));
+  if (starts.front().dark != start.dark && std::abs(change) < kWeak * by_chips) starts.push_back(start);
+  // Where chips are easily confused, another clock may fit as well.
+  const bool close = closeness(start, signal.size()) < kCloseSequences;
   const auto has_rate = [&](const std::optional<FrameReading>& reading) {
     return reading && reading->has_rate(state.rows_per_chip.value_or(chip));
   };
   std::optional<FrameReading> best;
+  const auto is_as_good = [&](const std::optional<FrameReading>& reading) {
+    return reading && keeps_clock(*reading) &&
+           reading->relative_noise < std::max(kAsNoisy * state.relative_noise, kNoResidual);
+  };
   for (std::size_t phase = 0; phase < (sure && !model.warped ? 1 : kPhases); ++phase) {
-    ChannelEstimate tried = start;
-    tried.clock.phase += std::remainder(static_cast<double>(phase) / kPhases, 1.0) * chip;
-    auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort, beside);
-    if (reading && model.warped) reading = refine_warp(signal, *reading, model.exposure_known, &frame.effort);
-    if (has_rate(reading) && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
-    if (best && best->relative_noise < std::max(kAsNoisy * state.relative_noise, kNoResidual) && keeps_clock(*best))
-      return best;
+    for (std::size_t k = 0; k < starts.size(); ++k) {
+      ChannelEstimate tried = starts[k];
+      tried.clock.phase += std::remainder(static_cast<double>(phase) / kPhases, 1.0) * chip;
+      auto reading = read_frame(signal, tried, model.exposure_known, &frame.effort, beside);
+      if (reading && model.warped) reading = refine_warp(signal, *reading, model.exposure_known, &frame.effort);
+      if (!has_rate(reading) || (k > 0 && !is_as_good(reading))) continue;
+      if (!best || reading->relative_noise < best->relative_noise) best = std::move(reading);
+      if (!close && is_as_good(best)) return best;
+    }
   }
+  if (is_as_good(best)) return best;
   if (!best || beside) return std::nullopt;
   const double as_before =
       std::max(kAsNoisy * state.relative_noise, std::min(kMaxNoiseRatio * state.relative_noise, kLittleNoise));

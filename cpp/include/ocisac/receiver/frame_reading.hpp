@@ -54,6 +54,7 @@ struct FrameReading {
   double correlation = 0;       // of what the channel leaves, from one row to the next: about 0 where it is noise
   double edge_correlation = 0;  // of the distances of edges off the clock, from one to the next: the same
   std::vector<double> excess;  // (chips) of the residual about a chip over white noise: its llr is too large by as much
+  bool clock_in_doubt = false;  // more than noise is left everywhere, or edges lie anywhere: it may be another one
   std::optional<RowPause> pause{};
   std::ptrdiff_t after_pause = 0;  // its first chip
   RowWarp warp{};                  // of the picture's rows; the channel and the chips are those of the even rows
