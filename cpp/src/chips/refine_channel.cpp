@@ -17,10 +17,9 @@ namespace ocisac {
 
 namespace {
 
-constexpr double kFollowed = 0.25;         // fraction of the fitted rows over which a slope is extrapolated
-constexpr double kCertainPhase = 0.04;     // chips; with a larger standard error other rates are tried
-constexpr double kCertainExposure = 0.06;  // chips; with a larger standard error other exposures are tried
-constexpr double kMaxExposureMove = 0.8;
+constexpr double kFollowed = 0.25;                    // fraction of the fitted rows over which a slope is extrapolated
+constexpr double kCertainPhase = 0.04;                // chips; with a larger standard error other rates are tried
+constexpr double kCertainExposure = 0.06;             // chips; with a larger standard error other exposures are tried
 constexpr double kMovedErrors = 1.5, kMaxMove = 0.4;  // of a clock at the rows' ends: standard errors, chips
 constexpr double kMaxChips = 1e6;                     // in a frame
 constexpr double kStatesPerRow = 64;                  // states of the trellis whose cost equals that of a row of a fit
@@ -196,7 +195,7 @@ std::optional<RefinedChannel> iterate_best(const IterationContext& context, cons
   if (!(error > kCertainPhase)) return best;
   const double exposure_error = channel.errors.exposure_rows_std() / channel.clock.rows_per_chip;
   const double rate_move = std::min(kMovedErrors * error, kMaxMove);
-  const double exposure_move = std::min(4 * exposure_error, kMaxExposureMove) * channel.clock.rows_per_chip;
+  const double exposure_move = 4 * exposure_error * channel.clock.rows_per_chip;
   for (const double longer : {0.0, 1.0, -1.0}) {
     if (longer != 0 && (context.options.exposure_known || !(exposure_error > kCertainExposure))) continue;
     for (const double faster : {0.0, -1.0, 1.0}) {
