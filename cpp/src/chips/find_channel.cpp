@@ -33,7 +33,7 @@ constexpr double kEvenGrowth = 1.8, kUnevenGrowth = 1.3;
 struct Start {
   RowRange part;
   ChannelEstimate channel;
-  double score = std::numeric_limits<double>::infinity();  // residual over the swing of the part's rows
+  double score = std::numeric_limits<double>::infinity();  // residual over swing
 };
 
 // Where rows are displaced, those in the middle of the picture are so least.
@@ -71,11 +71,10 @@ std::optional<ChannelEstimate> first_channel(std::span<const double> rows, RowRa
 
 std::optional<Start> try_start(const IterationContext& context, const Start& guessed) {
   Start best{guessed.part, guessed.channel};
-  const double swing = swing_of(context.signal.subspan(best.part.begin, best.part.size()), guessed.channel.clock);
   for (int round = 0; round < kSearchRounds; ++round) {
     auto iteration = iterate(context, best.channel, best.part);
     if (!iteration) break;
-    const double score = iteration->channel.noise / swing;
+    const double score = iteration->channel.noise / iteration->channel.swing[0];
     if (!(score < 0.999 * best.score)) break;
     best = {best.part, std::move(iteration->channel), score};
   }
