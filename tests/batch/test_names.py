@@ -162,6 +162,17 @@ def test_names_of_any_bytes(tmp_path, batch):
     assert (done.finished, done.failed) == (len(names), 1)
 
 
+def test_above_a_link_is_the_folder_above_that_which_it_leads_to(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for seed, folder in enumerate((tmp_path, tmp_path / "real")):
+        save(folder / "x.npy", seed)
+    (tmp_path / "real" / "sub").mkdir()
+    (tmp_path / "link").symlink_to("real/sub")
+    measure_recordings(["link/../x.npy"], GAIN, output="link/../res")
+    assert set(read_results("real/res")["path"].to_pylist()) == {str(tmp_path / "real" / "x.npy")}
+    assert not (tmp_path / "res").exists()
+
+
 def test_pipes_sockets_and_lost_links_are_failures(tmp_path, monkeypatch):
     """None is waited for."""
     source = save(tmp_path / "r" / "a.npy")

@@ -1052,6 +1052,29 @@ def test_a_file_that_is_overwritten_is_refused_whose_time_is_as_before(tmp_path)
             list(stream)
 
 
+@pytest.mark.parametrize("then", ["moved", "removed", "replaced"])
+@pytest.mark.parametrize("is_overwritten", [False, True])
+def test_a_file_that_is_overwritten_is_refused_whatever_becomes_of_its_name(then, is_overwritten, tmp_path):
+    path = tmp_path / "a.npy"
+    frames = random_frames((9, 48, 64), np.uint8)
+    np.save(path, frames)
+    with open_recording(path) as stream:
+        first = next(iter(stream))
+        if is_overwritten:
+            with path.open("r+b") as file:
+                file.write(npy_bytes(random_frames((9, 48, 64), np.uint8, 1)))
+        path.rename(tmp_path / "b.npy")
+        if then == "removed":
+            (tmp_path / "b.npy").unlink()
+        elif then == "replaced":
+            np.save(path, frames[:3])
+        if is_overwritten:
+            with pytest.raises(FileError, match="changed while it was read"):
+                list(stream)
+        else:
+            np.testing.assert_array_equal(np.stack([first, *stream])[1:], frames[1:])
+
+
 @pytest.mark.parametrize("suffix", ["npy", "raw", "text"])
 @pytest.mark.parametrize("head", [0, 3, 5000])
 def test_a_pause_of_non_blocking_standard_input_is_no_end(suffix, head, monkeypatch):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ocisac_fast.batch.listing import ALL_BELOW, EndlessError, Found, is_pattern, like, local_listing, remote_like
-from ocisac_fast.files.remote import archive_state, file_system, is_remote, state_of
+from ocisac_fast.files.remote import absolute, archive_state, file_system, is_remote, state_of
 
 _MOST_FOLDERS = 10_000  # of a web server, whose links may lead on without an end
 
@@ -62,7 +62,7 @@ def _matching(path: str) -> list[Entry]:
 
 def _local(path: str) -> Iterator[Entry]:
     """Files of a path: one that exists is never a pattern, nor are the leading folders of a pattern that exist."""
-    whole = os.path.abspath(path)
+    whole = absolute(path)
     found: Found = {whole: {}}
     if os.path.isdir(whole):
         found = like(local_listing, whole, ALL_BELOW)

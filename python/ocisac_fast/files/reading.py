@@ -65,7 +65,8 @@ def open_recording(
     Args:
         part: a stretch from ``cut_recording``; default: all frames.
     """
-    name, before = name_of(path), _state(path)
+    name, kept = name_of(path), _kept(path)
+    before = _state(kept)
     form = None if raw is None else RawFormat.parse(raw)
     with named(name):
         if form is not None:
@@ -75,7 +76,7 @@ def open_recording(
             stream = _of_stream(standard_input(), name, colour)
         else:
             stream = _of_file(_place(path), name, colour, part)
-    return stream.map_frames(lambda frames: _of_one_recording(path, before, frames))
+    return stream.map_frames(lambda frames: _of_one_recording(path, kept, before, frames))
 
 
 @checked
@@ -188,26 +189,47 @@ def named(name: str) -> Iterator[None]:
         raise FileError(message if message.startswith(f"{name}: ") else f"{name}: {message}") from error.__cause__
 
 
-def _state(path: str | os.PathLike[str], length: int | None = None) -> Any:
-    """Number, length and time of change of a file, and samples of its first ``length`` bytes; None of all else.
+class _OpenFile:
+    """A regular file that stays open: its name may lead to another one later."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.number = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+
+    def __del__(self) -> None:
+        if hasattr(self, "number"):
+            os.close(self.number)
+
+
+def _kept(path: str | os.PathLike[str]) -> Any:
+    """What `_state` takes of a path: its open file, standard input's number or a remote path; None of all else."""
+    with contextlib.suppress(OSError, ValueError):
+        if is_remote(os.fspath(path)):
+            return RemotePath(os.fspath(path))
+        place = sys.stdin.buffer.fileno() if os.fspath(path) == STANDARD_INPUT else path
+        if stat.S_ISREG(os.stat(place).st_mode):  # opening a pipe could wait
+            return place if isinstance(place, int) else _OpenFile(place)
+    return None
+
+
+def _state(kept: Any, length: int | None = None) -> Any:
+    """Length and time of change of a file, and samples of its first ``length`` bytes; None of all else.
 
     Samples leave out the beginning, where films have lengths that are written as they end; a remote file has its state.
     """
     with contextlib.suppress(OSError, ValueError):
-        if is_remote(os.fspath(path)):
-            return 0, 0, RemotePath(os.fspath(path)).state, []
-        place = sys.stdin.buffer.fileno() if os.fspath(path) == STANDARD_INPUT else path
-        if stat.S_ISREG(os.stat(place).st_mode):  # opening a pipe could wait
-            with open(place, "rb", 0, closefd=isinstance(place, (str, os.PathLike))) as file:
-                there = os.fstat(file.fileno())
-                size = there.st_size if length is None else length
-                starts = [size * (2 * k + 1) // (2 * _SAMPLES) for k in range(_SAMPLES)]
-                samples = [os.pread(file.fileno(), min(_SAMPLE_BYTES, size - start), start) for start in starts]
-            return there.st_ino, there.st_size, there.st_mtime_ns, samples
+        if isinstance(kept, RemotePath):
+            return 0, RemotePath(kept.url).state, []
+        if kept is not None:
+            number = kept.number if isinstance(kept, _OpenFile) else kept
+            there = os.fstat(number)
+            size = there.st_size if length is None else length
+            starts = [size * (2 * k + 1) // (2 * _SAMPLES) for k in range(_SAMPLES)]
+            samples = [os.pread(number, min(_SAMPLE_BYTES, size - start), start) for start in starts]
+            return there.st_size, there.st_mtime_ns, samples
     return None
 
 
-def _of_one_recording(path: str | os.PathLike[str], before: Any, frames: Iterator[Frame]) -> Iterator[Frame]:
+def _of_one_recording(path: str | os.PathLike[str], kept: Any, before: Any, frames: Iterator[Frame]) -> Iterator[Frame]:
     """Refuse frames of several shapes or types, and a file that was overwritten or cut since ``before``.
 
     One that grows is still being recorded; one that is removed, or replaced by another, was read as it was.
@@ -224,8 +246,6 @@ def _of_one_recording(path: str | os.PathLike[str], before: Any, frames: Iterato
             yield frame
             count += 1  # noqa: SIM113, `enumerate` would hold the frame
             del frame  # before the next one is made
-        after = before and _state(path, before[1])
-        if not after or after[0] != before[0]:
-            return
-        if after[3] != before[3] or (after[2] != before[2] and after[1] <= before[1]):
+        after = before and _state(kept, before[0])
+        if after and (after[2] != before[2] or (after[1] != before[1] and after[0] <= before[0])):
             raise FileError("changed while it was read: its frames may be of two recordings")

@@ -9,6 +9,7 @@ import io
 import os
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, BinaryIO
 
 from ocisac_fast.files.extras import fsspec
@@ -45,10 +46,17 @@ def local_part(path: str) -> str:
     return last if wrapped and "://" not in last else path
 
 
+def absolute(path: str) -> str:
+    """The absolute path of a file of this machine; ``..`` is above the folder that a link before it leads to."""
+    parts = Path(os.path.join(os.getcwd(), path)).parts
+    last = max((number for number, part in enumerate(parts, 1) if part == ".."), default=0)
+    return os.path.join(os.path.realpath(os.path.join(*parts[:last])), *parts[last:]) if last else os.path.abspath(path)
+
+
 def file_system(path: str) -> tuple[Any, str]:
     """The file system of a path, and the path there."""
     if not is_remote(path):
-        return fsspec().filesystem("file"), os.path.abspath(path)
+        return fsspec().filesystem("file"), absolute(path)
     place = local_part(path)
     if place != path and os.path.exists(place) and not os.path.isfile(place):  # a device may have no end
         raise FileError(f"path: got {path}, allowed: an archive that is a file")
