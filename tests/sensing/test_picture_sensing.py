@@ -153,7 +153,7 @@ def test_noise_ends_it():
         columns, camera = noisy(cycles, noise=noise)
         found = ocisac.restore_contrast(columns, camera, 350.2)
         assert bool(found.flags & Flag.WEAK) == ended
-    quiet, loud = (ocisac.restore_contrast(*noisy(0.6, noise=noise), 350.2) for noise in (2.0, 20.0))
+    quiet, loud = (ocisac.restore_contrast(*noisy(0.6, noise=noise), 350.2) for noise in (5.0, 50.0))
     assert loud.after_std / quiet.after_std == pytest.approx(10, rel=0.1)
     assert quiet.snr_after / loud.snr_after == pytest.approx(100, rel=0.2)
     assert quiet.snr_after < quiet.snr_before  # noise of all frequencies is boosted, the texture's little

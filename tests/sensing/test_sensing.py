@@ -584,3 +584,33 @@ def test_rounding_beside_the_error_of_many_pixels_is_flagged(across, noise, roun
     pixels = np.rint(light + noise * random.standard_normal((8, 720, 160))).astype(np.uint8)
     found = ocisac.sense_region(pixels, Camera(20e-6, 1e-3, 1 / 30))
     assert bool(found.flags & Flag.QUANTISED) is rounded
+
+
+@pytest.mark.parametrize("row_noise", [0.0, 0.3, 1.0])
+def test_noise_that_the_columns_of_a_row_share_is_in_the_standard_errors(row_noise):
+    camera, scores = Camera(22.2e-6, 200e-6, 1 / 30, dark_level=16), []
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        wave = ocisac.Tone(random.uniform(1000, 4000), phase=random.uniform(0, 6))
+        light = ocisac.integrate_exposure(wave, camera, 480, frames=3)[..., None]
+        shared = row_noise * random.standard_normal(light.shape)
+        pixels = np.rint(16 + 100 * light + shared + random.standard_normal((3, 480, 200))).astype(np.uint8)
+        found = ocisac.sense_region(pixels, camera)
+        restored = ocisac.restore_contrast(pixels[0], camera, wave.frequency)
+        steady = np.rint(56 + shared + random.standard_normal(pixels.shape)).astype(np.uint8)
+        background = ocisac.sensing.background_light(steady, camera, pooled=True)
+        theory = abs(np.sinc(wave.frequency * camera.exposure))
+        scores += [
+            (found.gain - theory) / found.gain_std,
+            (restored.before - theory) / restored.before_std,
+            (background.mean - 40) / background.std,
+        ]
+    assert np.sqrt(np.mean(np.square(scores))) < 1.4
+    assert np.abs(scores).max() < 4
+
+
+def test_restored_contrast_has_the_flags_of_its_columns():
+    random, camera = np.random.default_rng(1), Camera(22.2e-6, 1e-3)
+    light = ocisac.integrate_exposure(ocisac.Tone(300.0), camera, 480)[:, None]
+    pixels = np.rint(20 + 2 * light + 0.15 * random.standard_normal((480, 60))).astype(np.uint8)
+    assert ocisac.restore_contrast(pixels, camera, 300.0).flags & Flag.QUANTISED

@@ -21,6 +21,7 @@ from ocisac_fast.sensing.region import sense_region
 from ocisac_fast.tones.equalization import equalize
 
 _PHASES = 16
+_OF_MOTION = Flag.WEAK | Flag.AMBIGUOUS_KIND | Flag.AMBIGUOUS_MOTION  # of one frame, whose motion is stated
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
@@ -37,7 +38,7 @@ class RestoredContrast(Result):
         snr_before, snr_after: power ratio of tone to noise before and after equalisation; noise dominates the picture
             below 1.
         columns: float64 array of the equalised columns, of the shape of the argument.
-        flags: NEAR_NULL: |sinc| < 0.05; WEAK: ``after`` is below three standard errors.
+        flags: those of :func:`sense_region` before equalisation; WEAK: ``after`` is below three standard errors.
     """
 
     before: float
@@ -107,7 +108,7 @@ def restore_contrast(
     row_noise = _row_noise(array, camera, before.contrast, before.mean, before.snr * depth**2)
     gained = float(np.sqrt(np.mean(np.square(report.noise_gain)))) * row_noise
     amplitude = after.contrast * after.mean
-    flags = before.flags & (Flag.NEAR_NULL | Flag.SATURATED | Flag.NO_LIGHT | Flag.FEW_CYCLES | Flag.UNRESOLVABLE)
+    flags = before.flags & ~_OF_MOTION
     if not after.gain > 3.0 * after_std:
         flags |= Flag.WEAK
     return RestoredContrast(

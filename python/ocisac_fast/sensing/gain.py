@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,20 +33,22 @@ class Ambient:
 
 @dataclass(frozen=True, slots=True)
 class PooledGain:
-    """Amplitude over mean, its standard error, the mean light and the tone's power over a row's noise variance."""
+    """Amplitude over mean, its standard error, the mean light and the tone's power over a row's noise variance;
+    ``shared``: standard error over that of noise that is independent between columns."""
 
     gain: float
     std: float
     mean: float
     snr: float
+    shared: float = 1.0
 
 
-def pooled_gain(fitted: Fitted, ambient: Ambient) -> PooledGain:
+def pooled_gain(fitted: Fitted, ambient: Ambient, columns: Columns | None = None) -> PooledGain:
     """sqrt(sum |z|^2 / sum m^2) over columns and frames, with the noise's expectation subtracted from both sums.
 
     This weights each column by its light, as least squares of one gain does, and is unbiased even if the noise of a
-    column exceeds its tone. The standard error comes from the residual of each column and is valid for noise that is
-    independent between columns.
+    column exceeds its tone. The standard error comes from the residual of each column, for noise that is independent
+    between columns; with ``columns`` from that or the residual of each row, whichever is larger.
     """
     covariance = fitted.model.covariance
     first = fitted.model.first
@@ -57,7 +60,9 @@ def pooled_gain(fitted: Fitted, ambient: Ambient) -> PooledGain:
         return PooledGain(np.nan, np.nan, float(m.mean()), np.nan)
     gain = float(np.sqrt(max(power, 0.0) / light))
     by = np.stack([-gain * gain * m, z.real, -z.imag]) / light  # half the derivatives of gain^2
-    variance = float((noise * np.einsum("ajk,ab,bjk->jk", by, c, by)).sum())
+    alone = float((noise * np.einsum("ajk,ab,bjk->jk", by, c, by)).sum())
+    variance = alone if columns is None else max(alone, _variance_by_rows(columns, fitted, by))
+    shared = math.sqrt(variance / alone) if alone > 0.0 else 1.0
     variance += _ambient_variance(by[0], ambient) + (_by_cycles(fitted, by) * fitted.cycles_std) ** 2
     chance = float(((noise / light) ** 2).sum()) * (c[1, 1] ** 2 + c[2, 2] ** 2 + 2 * c[1, 2] ** 2) / 2.0
     both = variance + chance  # variance of gain^2 / 4
@@ -65,7 +70,20 @@ def pooled_gain(fitted: Fitted, ambient: Ambient) -> PooledGain:
         std = np.sqrt(both) / gain if gain**4 > 4.0 * both else (4.0 * both) ** 0.25
     mean_noise = float(noise.mean())
     snr = max(power, 0.0) / m.size / mean_noise if mean_noise > 0.0 else np.inf
-    return PooledGain(gain, float(std), float(m.mean()), float(snr))
+    return PooledGain(gain, float(std), float(m.mean()), float(snr), shared)
+
+
+def _variance_by_rows(columns: Columns, fitted: Fitted, by: Float64s) -> float:
+    """A quarter of the variance of gain^2 by what the fit leaves of each row, whose noise the columns may share."""
+    model = fitted.model
+    own = model.weights[[0, model.first, model.first + 1]].T
+    rows, unknowns = model.design.shape
+    of_frames = by.transpose(1, 0, 2)
+    spread = 0.0
+    for light, parameters, weights in zip(columns.across(of_frames), fitted.parameters, of_frames, strict=True):
+        left = light - product(model.design, product(parameters, weights.T))
+        spread += float(np.square((own * left).sum(axis=1)).sum())
+    return spread * rows / (rows - unknowns) if rows > unknowns else 0.0
 
 
 def _by_cycles(fitted: Fitted, by: Float64s) -> float:

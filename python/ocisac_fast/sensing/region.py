@@ -78,7 +78,8 @@ class SensedRegion(Result):
         cycles_per_column, cycles_per_column_std: of the texture in a row, signed; 0 within its error for a light.
         cycles_per_frame, cycles_per_frame_std: advance from frame to frame, in (-1/2, 1/2].
         gain, gain_std: contrast gain, eq. 16: amplitude of the fundamental along the columns over the mean light, over
-            the waveform's ratio and ``depth``. The error includes noise that black cuts off, and harmonics that fold.
+            the waveform's ratio and ``depth``. The error includes noise that the columns of a row share or that black
+            cuts off, and harmonics that fold.
         frames_gain, frames_gain_std: the same from each pixel's course over the frames; NaN below 6 frames, below one
             cycle of the advance over all of them, or less than half a cycle from half the frame rate.
         theory: |sinc(f T_e)| at the frequency f of the light in a pixel.
@@ -308,6 +309,10 @@ def background_light(
     if not pooled:
         return BackgroundLight(columns, std)
     spread = columns.std(ddof=1) / np.sqrt(columns.size) if columns.size > 1 else std[0]
+    even = np.full((len(region), 1, columns.size), 1.0 / columns.size)
+    rows = np.stack(list(Columns(region, camera).across(even)))  # whose noise the columns may share
+    shared = fit(Columns(rows, Camera(1.0)), model).noise.mean() * model.covariance[0, 0] / len(region)
+    spread = max(spread, np.sqrt(shared))
     return BackgroundLight(np.asarray(columns.mean()), np.asarray(spread))
 
 
@@ -447,7 +452,7 @@ def _gains(
     folding: float,
 ) -> dict[str, Any]:
     """Gains along the columns and over the frames, contrasts, mean and flags."""
-    pooled = pooled_gain(fitted, ambient)
+    pooled = pooled_gain(fitted, ambient, Columns(region, camera))
     cut = error_by_black(region, camera, fitted, ambient)
     std = math.hypot(pooled.std, folding * pooled.gain, cut)
     facts: dict[str, Any] = {
@@ -469,7 +474,10 @@ def _gains(
     if series is not None:
         every = Ambient(_per_pixel(ambient.mean, region), _per_pixel(ambient.std, region), ambient.shared)
         course = pooled_gain(series, every)
-        facts |= {"frames_gain": course.gain / ratio, "frames_gain_std": math.hypot(course.std, cut) / ratio}
+        facts |= {
+            "frames_gain": course.gain / ratio,
+            "frames_gain_std": math.hypot(pooled.shared * course.std, cut) / ratio,
+        }
     return facts
 
 
