@@ -425,6 +425,17 @@ def test_a_light_that_lights_all_alike_has_one_share(seed: int) -> None:
     assert np.ptp(shaded.share) > 0.3
 
 
+@pytest.mark.parametrize("seed", [1, 6, 7, 9, 21])
+def test_bars_in_a_part_of_the_columns_are_the_pictures_though_some_frames_show_no_chips(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    share, period, start = random.uniform(0.3, 0.8), random.uniform(15, 35), random.uniform(0, 6)
+    picture = np.full((480, 200), 60.0)
+    picture[:, int(200 * (1 - share)) :] += 30 * np.sign(np.sin(2 * np.pi * np.arange(480) / period + start))[:, None]
+    stored = np.clip(np.rint(picture + random.normal(size=(4, 480, 200))), 0, 255).astype(np.uint8)
+    done = remove_bands(stored, Camera(22.2e-6, exposure=50e-6, frame_time=1 / 30))
+    np.testing.assert_array_equal(done.frames, stored)
+
+
 @pytest.mark.parametrize(("frames", "still"), [(2, False), (2, True), (5, False), (5, True)])
 def test_bars_at_the_same_rows_of_all_frames_are_the_pictures(frames: int, still: bool) -> None:
     """As of blinds in steady light; one frame could not tell."""

@@ -173,20 +173,25 @@ def remove_bands(
     given = None if light is None else _given_light(light, camera, start, stack.shape[:2])
     parts = [slice(None)] if still else [slice(k, k + 1) for k in range(len(stack))]
     done = [finished(_estimated(stack, part, camera, given, task), camera, task) for part in parts]
-    if given is None and model == "auto":
+    if given is None and model == "auto" and len(done) == len(stack):
         done = _without_lines(done, stack, camera, task)
     return collected(done, camera, np.ndim(frames))
 
 
 def _without_lines(done: list[Done], stack: npt.NDArray[Any], camera: Camera, task: Task) -> list[Done]:
-    """The frames, each of its own, as they are if what was taken for chips stands still in them."""
+    """The frames, each of its own; those taken for chips as they are if these stand still in all frames, in the rows of
+    such as show none."""
     lights = [one.light.lights[0][0] for one in done]
-    if any(own.model != "chips" for own in lights):
-        return done
-    lines = _core.objection_to_chips([own.light.tolist() for own in lights])
+    chips = [own.model == "chips" for own in lights]
+    means = stack.reshape(*stack.shape[:2], -1).mean(axis=2)
+    rows = [own.light if of_chips else mean for own, of_chips, mean in zip(lights, chips, means, strict=True)]
+    lines = any(chips) and _core.objection_to_chips([of_frame.tolist() for of_frame in rows])
     if not lines:
         return done
-    return [_left_alone(stack[k : k + 1], one.light, one.toe, lines, camera, task) for k, one in enumerate(done)]
+    return [
+        _left_alone(stack[k : k + 1], one.light, one.toe, lines, camera, task) if chips[k] else one
+        for k, one in enumerate(done)
+    ]
 
 
 def _joined(arrays: list[npt.NDArray[Any]]) -> npt.NDArray[Any]:
