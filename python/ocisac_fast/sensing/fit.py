@@ -201,7 +201,7 @@ class Columns:
         """(rows, outputs) sums over the columns of each frame, weighted by (frames, outputs, columns)."""
         for frame, of_frame in zip(self.frames, weights, strict=True):
             if self._holds_bytes:  # float32 adds 1e-5 of the noise of bytes
-                stored = frame.astype(np.float32) @ of_frame.T.astype(np.float32)
+                stored = frame.astype(np.float32, order="C") @ of_frame.T.astype(np.float32)  # one order of the sums
                 yield stored.astype(np.float64) - self.camera.dark_level * of_frame.sum(axis=1)
             else:
                 yield product(linear_light(frame, self.camera), of_frame.T)
