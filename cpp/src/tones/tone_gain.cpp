@@ -805,7 +805,7 @@ struct ColumnFit {
   [[nodiscard]] std::span<const double> rest() const { return {left.data(), model->rows}; }
 };
 
-// Of the harmonics of a single square wave: see harmonic_distortion.
+// Compares the harmonics of a single square wave with its waveform and exposure: harmonic_distortion; 0 for others.
 double distortion_of(const ColumnFit& column, const Context& context) {
   if (context.options->waveform != WaveformShape::square || context.tones.size() != 1) return 0;
   const auto orders = harmonics_of(context, context.tones[0]);

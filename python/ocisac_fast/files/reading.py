@@ -201,7 +201,7 @@ class _OpenFile:
 
 
 def _kept(path: str | os.PathLike[str]) -> Any:
-    """What `_state` takes of a path: its open file, standard input's number or a remote path; None of all else."""
+    """Open a regular file for `_state`; return the number of standard input, or a remote path; None for all else."""
     with contextlib.suppress(OSError, ValueError):
         if is_remote(os.fspath(path)):
             return RemotePath(os.fspath(path))
