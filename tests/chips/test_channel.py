@@ -298,6 +298,15 @@ def test_the_channel_of_the_whole_frame_is_the_fit_of_its_chips():
     assert channel.exposure_rows == pytest.approx(column.exposure_rows, abs=4 * spread.exposure_rows_std)
 
 
+@pytest.mark.parametrize(("rows_per_chip", "seed"), [(4.0, 14), (4.0, 17), (7.0, 13)])
+def test_starts_are_compared_by_the_whole_frame(rows_per_chip, seed):
+    column = Column(seed, rows_per_chip, 7, 0.04)
+    found = find_channel(column.rows, rows_per_chip=rows_per_chip, exposure_rows=column.exposure_rows)
+    middle = [(540 - clock.phase) / clock.rows_per_chip for clock in (column, found.channel)]
+    assert errors_of(column, found, round(middle[0] - middle[1])) == 0
+    assert found.channel.rows_per_chip == pytest.approx(column.rows_per_chip, rel=2e-3)
+
+
 @pytest.mark.parametrize("rows_per_chip", [4.0, 7.0])
 def test_few_clocks_are_missed_where_chips_are_easily_confused(rows_per_chip):
     missed = 0

@@ -572,15 +572,15 @@ def test_a_light_without_the_harmonics_of_its_waveform_is_flagged(wave):
     assert bool(found.flags & Flag.MODEL_MISFIT) == (wave is ocisac.Tone)
 
 
-@pytest.mark.parametrize("across", [0.0, 0.037])
+@pytest.mark.parametrize(("across", "swing"), [(0.0, 6.8), (0.0, 3.3), (0.037, 3.3)])
 @pytest.mark.parametrize(("noise", "rounded"), [(0.3, True), (0.8, False)])
-def test_rounding_beside_the_error_of_many_pixels_is_flagged(across, noise, rounded):
+def test_rounding_beside_the_error_of_many_pixels_is_flagged(across, swing, noise, rounded):
     """In a single column it hides in the noise; common to all, of a lamp or of a texture that moves across the rows, it
     is many standard errors of the region."""
     random, rows, columns = np.random.default_rng(4), np.arange(720)[:, None], np.arange(160)
     start = random.uniform(0, 6) + 2 * np.pi * 411.0 / 30 * np.arange(8)
     phase = 2 * np.pi * (411.0 * 20e-6 * rows + across * columns)
-    light = 90 + 3.3 * np.cos(phase + start[:, None, None])
+    light = 90 + swing * np.cos(phase + start[:, None, None])
     pixels = np.rint(light + noise * random.standard_normal((8, 720, 160))).astype(np.uint8)
     found = ocisac.sense_region(pixels, Camera(20e-6, 1e-3, 1 / 30))
     assert bool(found.flags & Flag.QUANTISED) is rounded
