@@ -103,8 +103,8 @@ std::vector<double> residual_excess(std::span<const double> left, const FrameRea
     return mean > 1 + errors * std::sqrt(2 / values) ? mean : 1.0;
   };
   // Chips that are easily confused take up a part of what a wrong clock leaves: all rows tell.
-  const bool close = closeness(channel, left.size()) < kCloseSequences;
-  const double frame = close ? excess_of(0, last, kWeak) : 1.0;
+  double frame = excess_of(0, last, kWeak);
+  if (frame > 1 && !(closeness(channel, left.size()) < kCloseSequences)) frame = 1;
   const double reach = kExcessChips * clock.rows_per_chip + 0.5 * clock.exposure_rows;
   for (std::size_t k = 0; k < excess.size(); ++k) {
     const double middle = clock.phase +

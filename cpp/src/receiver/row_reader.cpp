@@ -270,7 +270,8 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
   const double by_chips = start.swing[0] * std::sqrt(0.5 * chip / static_cast<double>(signal.size()));
   if (starts.front().dark != start.dark && std::abs(change) < kWeak * by_chips) starts.push_back(start);
   // Where chips are easily confused, another clock may fit as well.
-  const bool close = closeness(start, signal.size()) < kCloseSequences;
+  const std::size_t phases = sure && !model.warped ? 1 : kPhases;
+  const bool close = phases * starts.size() > 1 && closeness(start, signal.size()) < kCloseSequences;
   const auto has_rate = [&](const std::optional<FrameReading>& reading) {
     return reading && reading->has_rate(state.rows_per_chip.value_or(chip));
   };
@@ -279,7 +280,7 @@ std::optional<FrameReading> RowReader::follow(std::span<const double> signal, co
     return reading && keeps_clock(*reading) &&
            reading->relative_noise < std::max(kAsNoisy * state.relative_noise, kNoResidual);
   };
-  for (std::size_t phase = 0; phase < (sure && !model.warped ? 1 : kPhases); ++phase) {
+  for (std::size_t phase = 0; phase < phases; ++phase) {
     for (std::size_t k = 0; k < starts.size(); ++k) {
       ChannelEstimate tried = starts[k];
       tried.clock.phase += std::remainder(static_cast<double>(phase) / kPhases, 1.0) * chip;
