@@ -87,3 +87,17 @@ def test_rows_of_two_exposures_in_turns_are_read(ratio, later, first):
         if found.stretch and found.stretch.payload is not None:
             break
     assert found.stretch.payload.data == payload
+
+
+@pytest.mark.parametrize(("rows_per_chip", "exposure"), [(4, 1.3), (4, 3), (4, 7), (2, 1.3)])
+def test_chips_of_whole_rows_are_not_taken_for_exposures_in_turns(rows_per_chip, exposure):
+    """Their edges lie at the same two of four rows."""
+    random = np.random.default_rng(rows_per_chip)
+    chip_time = rows_per_chip * ROW_TIME
+    camera = Camera(ROW_TIME, exposure * chip_time, frame_time=0.03)
+    data = random.integers(0, 2, 9000)
+    chips = Chips(np.column_stack([data, 1 - data]).ravel(), 1 / chip_time)
+    receiver = Receiver(camera, chip_rate=1 / chip_time)
+    for number in range(8):
+        light = integrate_exposure(chips, camera, ROWS, start=0.02 + number * camera.frame_time)
+        assert not receiver.push(30 + 100 * light + random.normal(0, 1.5, ROWS)).flags & Flag.MODEL_MISFIT

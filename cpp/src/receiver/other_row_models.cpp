@@ -43,6 +43,15 @@ std::vector<double> mixed_in(const FrameRows& frame, double gate) {
   return course;
 }
 
+// (4) Squared changes over 4 rows, summed over the pairs of rows that begin at each remainder of 4.
+std::array<double, 4> changes_by_row(std::span<const double> signal, std::size_t first_row) {
+  std::array<double, 4> changes{}, of_pairs{};
+  for (std::size_t n = 0; n + 4 < signal.size(); ++n)
+    changes[(first_row + n) % 4] += std::pow(signal[n + 4] - signal[n], 2);
+  for (std::size_t k = 0; k < 4; ++k) of_pairs[k] = changes[k] + changes[(k + 1) % 4];
+  return of_pairs;
+}
+
 // Cycles per row; where the chips are unknown, as if each took 1 / kHighestTone rows.
 double highest_tone(const LightState& state) { return kHighestTone / state.rows_per_chip.value_or(1 / kHighestTone); }
 
@@ -84,16 +93,16 @@ std::optional<FrameMixing> mixing_of(const FrameRows& frame, const RowsRead& bes
   return found;
 }
 
-std::optional<std::ptrdiff_t> longer_rows(const FrameRows& frame) {
-  std::array<double, 4> changes{};
-  for (std::size_t n = 0; n + 4 < frame.signal.size(); ++n)
-    changes[(frame.first_row + n) % 4] += std::pow(frame.signal[n + 4] - frame.signal[n], 2);
-  const auto of_pair = [&](std::size_t k) { return changes[k % 4] + changes[(k + 1) % 4]; };
-  std::size_t least = 0;
-  for (std::size_t k = 1; k < 4; ++k)
-    if (of_pair(k) < of_pair(least)) least = k;
+std::optional<std::ptrdiff_t> longer_rows(const FrameRows& frame, const std::optional<FrameReading>& reading) {
+  const auto changes = changes_by_row(frame.signal, frame.first_row);
+  const auto least = static_cast<std::size_t>(std::ranges::min_element(changes) - changes.begin());
+  double expected = 1;
+  if (reading) {
+    const auto of_chips = changes_by_row(exposed_rows(*reading, frame.signal.size()), frame.first_row);
+    expected = std::max(of_chips[(least + 2) % 4] / of_chips[least], 1.0);
+  }
   const double by_chance = kPairErrors / std::sqrt(static_cast<double>(frame.signal.size()));
-  if (!(of_pair(least + 2) > (1 + by_chance) * of_pair(least))) return std::nullopt;
+  if (!(changes[(least + 2) % 4] > (1 + by_chance) * expected * changes[least])) return std::nullopt;
   return static_cast<std::ptrdiff_t>(least);
 }
 
@@ -195,7 +204,7 @@ std::vector<RowNuisance> RowReader::other_nuisances(const FrameRows& frame, cons
 std::vector<Hypothesis> RowReader::hypotheses(const FrameRows& frame, const RowsRead& best) const {
   const LightState& state = best.state;
   SignalModel given = given_model(state.exposure);
-  given.long_row = longer_rows(frame);
+  given.long_row = longer_rows(frame, best.reading);
   const SignalModel& last = state.model;
   const bool is_tracked = state.channel && state.fits;
   const bool is_sure = best.reading && best.reading->trust == Trust::sure, may_search = !is_sure && frame.may_search;

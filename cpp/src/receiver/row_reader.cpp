@@ -444,7 +444,8 @@ std::optional<FrameReading> RowReader::read_with(const SignalModel& model, Frame
       if (shaped && shaped->relative_noise < reading->relative_noise) reading = std::move(shaped);
     }
   }
-  if (reading && !model.long_row && longer_rows(frame)) reading->trust = std::min(reading->trust, Trust::misfit);
+  if (reading && !model.long_row && longer_rows(frame, reading))
+    reading->trust = std::min(reading->trust, Trust::misfit);
   if (reading && !state.exposure) return with_shortest_exposure(std::move(*reading), &frame.effort);
   return reading;
 }

@@ -90,8 +90,8 @@ struct FrameRows {
 };
 
 // The first, from row 0 of the picture on, of two rows whose light changes by much less from pair to pair than that of
-// the next two: these are exposed for less time.
-std::optional<std::ptrdiff_t> longer_rows(const FrameRows& frame);
+// the next two and by less than the chips of a reading explain: these are exposed for less time.
+std::optional<std::ptrdiff_t> longer_rows(const FrameRows& frame, const std::optional<FrameReading>& reading);
 
 // True where the light changes by more to the middle row than to any other, in recent frames: the read-out may pause.
 bool jumps_in_middle(const FrameRows& frame);
