@@ -624,3 +624,20 @@ def test_chips_of_a_rate_given_several_times_too_high_are_flagged(times):
             got = receiver.push(pixels)
             flags.append(bool(got.flags & Flag.MODEL_MISFIT))
     assert np.mean(flags) == 0 if times == 1 else np.mean(flags) > 0.9
+
+
+@pytest.mark.parametrize(
+    ("rows_per_chip", "exposure", "seed"), [(10.05, 0.2, 0), (10.05, 0.2, 1), (6, 1.5, 3), (9.6, 0.26, 1)]
+)
+def test_a_gradient_is_found_with_an_exposure_that_is_not_given(rows_per_chip, exposure, seed):
+    random = np.random.default_rng(seed)
+    chip_time = rows_per_chip * 22.2e-6
+    exposed = Camera(22.2e-6, exposure * chip_time)
+    data = random.integers(0, 2, 2000)
+    chips = Chips(np.column_stack([data, 1 - data]).ravel(), 1 / chip_time)
+    receiver = Receiver(Camera(22.2e-6, frame_time=14e-3), chip_rate=1.002 / chip_time)
+    for number in range(4):
+        light = integrate_exposure(chips, exposed, 480, start=0.05 + 1e-4 * seed + 14e-3 * number)
+        found = receiver.push(30 + 100 * np.linspace(1, 0.8, 480) * light + random.normal(0, 0.5, 480))
+        assert not found.flags & Flag.MODEL_MISFIT
+        assert found.exposure == pytest.approx(exposed.exposure, rel=0.02)

@@ -383,7 +383,7 @@ std::optional<FrameReading> RowReader::search_exposures(std::span<const double> 
     what.effort = &own;
     if (k > 0) what.exposure_rows = kExposures[k - 1] * wanted.rows_per_chip;
     auto reading = search_frame(signal, what);
-    if (reading && what.exposure_rows) reading = read_frame(signal, reading->channel, false, &own);
+    if (reading && what.exposure_rows) reading = extend_reading(signal, reading->channel, false, &own);
     if (std::isfinite(share)) effort.rows -= share - own.rows;
     if (reading && (!best || reading->relative_noise < best->relative_noise)) best = std::move(reading);
   }
