@@ -601,3 +601,19 @@ def test_a_lamp_of_data_beside_one_of_a_slow_tone_is_found_as_one(seed):
     assert sorted(one.carries_data for one in found) == [False, True]
     tone = min(found, key=lambda one: one.carries_data)
     assert tone.frequency == pytest.approx(900.0, abs=5.0)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_light_of_a_hundred_cycles_and_more_is_one_light_of_all_its_rows(seed):
+    random = np.random.default_rng(seed)
+    row_time, rows = 22.2e-6, 1080
+    frequency = random.uniform(4500, 14000)
+    light = SquareWave(frequency) if seed % 2 else Tone(frequency, depth=random.uniform(0.3, 1))
+    camera = Camera(row_time, random.uniform(0.1, 0.7) / frequency, dark_level=16)
+    lit = integrate_exposure(light, camera, rows)[:, None] * np.exp(-(np.linspace(-1, 1, 160) ** 2))
+    lit[:100] = 0
+    frame = 16 + 100 * lit + random.normal(0, 2, lit.shape)
+    (found,) = detect_sources(np.clip(np.rint(frame), 0, 255).astype(np.uint8)[None], camera)
+    assert found.frequency == pytest.approx(frequency, rel=2e-4)
+    assert found.y == pytest.approx(100, abs=8)
+    assert found.y + found.height > 1070

@@ -307,8 +307,9 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
   const double edge = inside ? kMostly : kWholeBox;
   Region box = suspect.box;
   double frequency = suspect.frequency;
+  bool doubles = false;
   for (int round = 1;; ++round) {
-    const std::size_t margin = hann_length(frequency) + 2;
+    const std::size_t margin = std::max(hann_length(frequency) + 2, doubles ? box.height : 0);
     const Patch patch = patch_of(frame, box, margin, margin);
     const auto window = hann_window(frequency, patch.rows, hann_length(frequency));
     const ComplexValues swing = swing_of(patch, patch.light, window);
@@ -326,9 +327,10 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
     const double lower = frequency * (1 - reach), upper = std::min(frequency * (1 + reach), 0.499);
     frequency = inside ? strongest_frequency(own, lower, upper) : strongest_frequency(profile.matched, lower, upper);
     if (frequency <= lower || frequency >= upper) return {};
-    // A round sees two cycles above and below its box, less at a wrong frequency.
-    const bool settled = std::abs(frequency - last) <= kSettledFrequency * frequency &&
-                         static_cast<double>(box.height) <= static_cast<double>(known) + 0.5 / frequency;
+    // A round sees two cycles above and below its box, less at a wrong frequency; of a long one that grows, all its rows.
+    const bool grows = static_cast<double>(box.height) > static_cast<double>(known) + 0.5 / frequency;
+    doubles = grows && static_cast<double>(box.height) * frequency > kLongestInner;
+    const bool settled = std::abs(frequency - last) <= kSettledFrequency * frequency && !grows;
     if (round < rounds || (!settled && round < kMaxIterations)) continue;
     box.width = std::min(box.width, shape_of(frame.frames).columns - box.x);
     RefinedLight light{};
