@@ -3,7 +3,7 @@
 ::
 
     results/task.json                 what is measured: command, options, version
-    results/manifest.json             length of each file that runs wrote
+    results/manifest.json             the same, and the length of each file that runs wrote
     results/rows/ab/PATH-STATE-….parquet   rows of a recording or of a stretch of it
     results/failures/PATH.parquet     recordings that could not be read
     results/cleaned/                  files written by ``clean``
@@ -77,7 +77,8 @@ class Results:
         self.locks = locks
         protocol = self._system.protocol  # one name, or several
         self.is_local = "file" in ((protocol,) if isinstance(protocol, str) else protocol)
-        self._lengths: dict[str, int] = {}  # of the manifest
+        self._facts: dict[str, Any] = {}  # of the task, and lengths of files, both of the manifest
+        self._lengths: dict[str, int] = {}
         self._next_save = 0.0
         self._held: dict[str, int] = {}  # of the manifest, that which this run wrote or found whole
 
@@ -101,15 +102,18 @@ class Results:
                         f"{self.folder}: made with {_difference(there, facts)}; allowed: the same, another "
                         "folder, or --again to measure all anew"
                     )
-                self._lengths = self._manifest()
+                manifest = self._read_json(_MANIFEST)
+                self._lengths, self._facts = _lengths_in(manifest), facts
                 if again:
                     self._discard({entry.key for entry in entries})
                 elif there is None and _TASK not in self._lengths and self._length(_MANIFEST) != _MISSING:
                     raise ResultsError(f"{self.folder}: {_MANIFEST} is not of `ocisac batch`; allowed: another folder")
-                if there is None:  # rows may be of other options
+                if manifest.get("task") != facts:  # rows may be of other options
                     self._lengths = {name: size for name, size in self._lengths.items() if not name.startswith("rows/")}
-                self._lengths[_TASK] = self._write(_TASK, json.dumps(facts, indent=1).encode())
-                self._save_manifest()
+                text = json.dumps(facts, indent=1).encode()
+                self._lengths[_TASK] = len(text)
+                self._save_manifest()  # before the file that it names: --again may remove this one
+                self._write(_TASK, text)
             try:
                 yield
             finally:
@@ -153,7 +157,8 @@ class Results:
     def _require_files(self) -> None:
         with self._errors():
             found = self._all_found()
-        if lost := [name for name, length in self._held.items() if found.get(name) != length]:
+            lost = [_TASK] if self._task() != self._facts else []
+        if lost := lost + [name for name, length in self._held.items() if found.get(name) != length]:
             raise ResultsError(
                 f"{self.folder}: {lost[0]}{_more(lost[1:])} removed or changed during the run; the same command "
                 "measures what is missing"
@@ -170,14 +175,8 @@ class Results:
 
     def _save_manifest(self) -> None:
         began = time.monotonic()
-        self._write(_MANIFEST, json.dumps({"files": self._lengths}, indent=0).encode())
+        self._write(_MANIFEST, json.dumps({"task": self._facts, "files": self._lengths}, indent=0).encode())
         self._next_save = time.monotonic() + _SAVING * (time.monotonic() - began)
-
-    def _manifest(self) -> dict[str, int]:
-        """Lengths of files by name below the folder; those of another program's file are none."""
-        files = self._read_json(_MANIFEST).get("files")
-        named = files.items() if isinstance(files, dict) else ()
-        return {name: length for name, length in named if _OURS.fullmatch(name) and type(length) is int}
 
     def _discard(self, keys: set[str]) -> None:
         """Remove the files of the manifest; what is left is named, and refused where the recordings of ``keys`` go."""
@@ -377,7 +376,7 @@ class Results:
     def _to_read(self, kind: str) -> list[str]:
         """The files of rows or failures; a warning names those of the manifest that are not there."""
         with self._errors():
-            stated = self._manifest()  # before the listing: a run may be going on
+            stated = _lengths_in(self._read_json(_MANIFEST))  # before the listing: a run may be going on
         found = self._listed(kind)
         if lost := sorted(name for name in stated if name.startswith(f"{kind}/") and name not in found):
             text = f"{self.folder}: {lost[0]}{_more(lost[1:])} missing; the same command measures what is missing"
@@ -389,7 +388,8 @@ class Results:
         with self._errors():
             data = self._system.cat_file(self._path(name))
         try:
-            rows = pyarrow("pyarrow.parquet").read_table(io.BytesIO(data))
+            file = pyarrow().BufferReader(data)  # unlike BytesIO it is read without a thread, where none may start
+            rows = pyarrow("pyarrow.parquet").ParquetFile(file).read(use_threads=False)
             return _facts(rows.schema), rows
         except (OSError, ValueError) as error:
             raise ResultsError(
@@ -481,7 +481,8 @@ def read_failures(folder: str | os.PathLike[str]) -> Any:
     results = Results(folder)
     results.task_facts()
     empty = schema(FAILURE).empty_table()
-    return _joined([empty, *results.failures()]).sort_by(PATH.name)
+    rows = _joined([empty, *results.failures()]).to_pylist()
+    return table(sorted(rows, key=lambda row: row[PATH.name] or ""), FAILURE)
 
 
 def _joined(tables: list[Any]) -> Any:
@@ -533,6 +534,13 @@ def _place(name: str) -> str:
 
 def _length_of(entry: Mapping[str, Any]) -> int | None:
     return None if entry.get("islink") or entry.get("type") == _NO_FILE else entry.get("size")
+
+
+def _lengths_in(manifest: Mapping[str, Any]) -> dict[str, int]:
+    """Lengths of files by name below the folder; those of another program's file are none."""
+    files = manifest.get("files")
+    named = files.items() if isinstance(files, dict) else ()
+    return {name: length for name, length in named if _OURS.fullmatch(name) and type(length) is int}
 
 
 def _facts(rows: Any) -> dict[str, Any]:

@@ -15,7 +15,7 @@ import click
 from click.shell_completion import CompletionItem, shell_complete
 
 from ocisac_fast import __version__
-from ocisac_fast.cli.errors import INPUT_ERRORS, error_text
+from ocisac_fast.cli.errors import error_text, input_errors
 from ocisac_fast.cli.text import one_line, write_any_text
 from ocisac_fast.core.checks import shown
 
@@ -147,9 +147,7 @@ def _run(arguments: list[str], command: click.Command) -> int:
         return 130
     except BrokenPipeError:
         return 141
-    except MemoryError as error:
-        return _fail(command, f"out of memory: {error}")
-    except INPUT_ERRORS as error:
+    except input_errors() as error:
         return _fail(command, _as_written(error_text(error), arguments, command))
 
 

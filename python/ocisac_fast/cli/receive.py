@@ -10,7 +10,7 @@ import click
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.command import command
-from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
+from ocisac_fast.cli.errors import SOME_FAILED, error_text, input_errors
 from ocisac_fast.cli.output import Table, emit_json, emit_summary, facts_of, number, progress, quantity
 from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
@@ -60,7 +60,7 @@ def receive(
                     axis = facts["scan_axis"] if stream is None else stream.scan_axis
                     title = f"scan axis {axis}" if picture.names(axis) else ""
                     table.add(_row(named, picture.in_hertz, stream is not None), title)
-            except INPUT_ERRORS as error:
+            except input_errors() as error:
                 if len(files) == 1:
                     if table is not None:
                         table.flush(title)
