@@ -10,6 +10,8 @@ from typing import Any
 
 from ocisac_fast.files.recording import FileError
 
+NO_THREAD = "this machine starts no further thread"
+
 
 def _library(module: str, name: str) -> Any:
     try:
@@ -30,7 +32,7 @@ def pyav() -> Any:
 
 def opened_video(file: Any, container: str | None = None) -> Any:
     """A container of FFmpeg, which gets bytes and never a name: it would read one as a URL, and open others itself."""
-    with interrupts():
+    with ffmpeg():
         return pyav().open(_Read(file), format=container, options={"protocol_whitelist": ""})
 
 
@@ -59,12 +61,20 @@ class _Read:
 
 
 @contextlib.contextmanager
-def interrupts() -> Iterator[None]:
-    """Within this, what interrupted PyAV while it read is raised as it was."""
+def ffmpeg() -> Iterator[None]:
+    """Within this, interrupts and lacks of the machine, which are no fault of a file, are none of FFmpeg's errors.
+
+    Raises:
+        MemoryError, OSError: too little memory, too few threads.
+    """
     try:
         yield
     except _Interrupted as interrupted:
         raise interrupted.__cause__ from None  # type: ignore[misc]
+    except pyav().MemoryError as error:
+        raise MemoryError from error
+    except pyav().BlockingIOError as error:
+        raise OSError(error.errno, NO_THREAD) from error
 
 
 def fsspec() -> Any:

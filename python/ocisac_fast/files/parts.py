@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from typing import Any
 
-from ocisac_fast.files.extras import interrupts
+from ocisac_fast.files.extras import ffmpeg
 from ocisac_fast.files.recording import FileError, Frame, KeyFrames, Part
 
 _INTRA = 1  # FFmpeg's AV_PICTURE_TYPE_I
@@ -82,7 +82,7 @@ class Ending:
 
     def packets(self) -> Iterator[Any]:
         """All packets, in the order of decoding."""
-        with interrupts():
+        with ffmpeg():
             for packet in self._container.demux(self._stream):
                 self._end = max(self._end, (packet.pos or 0) + packet.size)
                 yield packet
@@ -96,7 +96,9 @@ class Ending:
                 self._cut += 1
                 continue
             self._packets += packet.size > 0 and not packet.is_discard
-            for frame in packet.decode():
+            with ffmpeg():
+                frames = packet.decode()
+            for frame in frames:
                 self._frames += 1
                 yield frame
 
@@ -217,7 +219,7 @@ def _own_seconds(stream: Any) -> float:
 
 def decoded_part(container: Any, stream: Any, part: Part) -> Iterator[Any]:
     """The decoded frames of a stretch; FileError where they may differ from those of the whole video."""
-    with interrupts():
+    with ffmpeg():
         yield from _frames_of(container, stream, part)
 
 

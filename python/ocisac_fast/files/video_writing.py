@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ocisac_fast.files.colours import Conversion
-from ocisac_fast.files.extras import opened_video, pyav
+from ocisac_fast.files.extras import NO_THREAD, ffmpeg, opened_video, pyav
 from ocisac_fast.files.profiles import transfer_stating
 from ocisac_fast.files.recording import FileError, FileWarning, Frame, LightResponse, RecordingStream, VideoFormat
 
@@ -56,12 +56,12 @@ def write_video(
             time = None if like is None else like.time_of(count)
             picture = writer.picture(frame, count, time)
             try:
-                packets = writer.stream.encode(picture)
-            except MemoryError:
-                raise
+                with ffmpeg():
+                    packets = writer.stream.encode(picture)
             except av.FFmpegError as error:
                 rows, columns = frame.shape[:2]
-                raise FileError(f"{codec} cannot hold frames of {columns} x {rows} pixels") from error
+                lack = f", or {NO_THREAD}" if isinstance(error, av.ExternalError) else ""  # which x264 does not tell
+                raise FileError(f"{codec} cannot hold frames of {columns} x {rows} pixels{lack}") from error
             container.mux(packets)
             _copy_until(container, sound, float(picture.pts * writer.time_base))
         if writer is None:

@@ -95,11 +95,10 @@ def open_video(
             film = FirstFilm(Prefixed(b"", file))
             opened = opened_video(film, container)
         return _stream(av, opened, film, name, colour, part, source if is_path else None, status)
-    except (FileError, MemoryError):  # PyAV's MemoryError is one of FFmpeg's errors too
+    except BaseException as error:
         file.close()
-        raise
-    except (av.FFmpegError, UnicodeDecodeError, ValueError) as error:
-        file.close()
+        if isinstance(error, FileError) or not isinstance(error, (av.FFmpegError, ValueError)):
+            raise
         raise FileError(_UNKNOWN) from error
 
 
@@ -295,8 +294,6 @@ def _frames(
                 form.display_matrix = struct.unpack("=9i", bytes(turn))
             form.decoded.append((values(frame), frame))
             yield form.decoded[-1][0]
-    except MemoryError:
-        raise
     except av.FFmpegError as error:
         if count == 0:
             raise FileError("no frame that can be decoded") from error
@@ -318,8 +315,6 @@ def _part_frames(av: Any, container: Any, stream: Any, values: Callable[[Any], F
         for frame in decoded_part(container, stream, part):
             _require_progressive(frame)
             yield values(frame)
-    except MemoryError:
-        raise
     except av.FFmpegError as error:
         raise FileError("a stretch that cannot be decoded") from error
 
