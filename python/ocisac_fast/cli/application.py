@@ -107,8 +107,6 @@ def ocisac(ctx: click.Context) -> None:
 
 def run(arguments: list[str], command: click.Command = ocisac) -> int:
     """Run a command; errors are one line on standard error. The exit code is that of ``ocisac_fast.cli.main``."""
-    if instruction := os.environ.get(_COMPLETION):
-        return shell_complete(command, {}, str(command.name), _COMPLETION, instruction)
     warnings.showwarning = _warn
     write_any_text()
     before = {}
@@ -134,6 +132,8 @@ def _stop(number: int, _: Any) -> None:
 def _run(arguments: list[str], command: click.Command) -> int:
     try:
         try:
+            if instruction := os.environ.get(_COMPLETION):
+                return shell_complete(command, {}, str(command.name), _COMPLETION, instruction)
             with command.make_context(command.name, list(arguments)) as context:
                 command.invoke(context)
         finally:

@@ -16,8 +16,12 @@ NO_THREAD = "this machine starts no further thread"
 def _library(module: str, name: str) -> Any:
     try:
         return importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        raise FileError(f"needs {name}: pip install {name}") from error
+    except ImportError as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            raise error.__cause__ from None
+        if isinstance(error, ModuleNotFoundError):
+            raise FileError(f"needs {name}: pip install {name}") from error
+        raise FileError(f"{name} cannot be loaded: {error}") from error
 
 
 def pillow() -> Any:
@@ -91,6 +95,11 @@ def fsspec() -> Any:
 def pyarrow(module: str = "pyarrow") -> Any:
     """``pyarrow`` or a module of it."""
     return _library(module, "pyarrow")
+
+
+def matplotlib(module: str = "matplotlib") -> Any:
+    """``matplotlib`` or a module of it."""
+    return _library(module, "matplotlib")
 
 
 def savemat() -> Any:
