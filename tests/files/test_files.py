@@ -1218,7 +1218,7 @@ def test_a_signal_while_an_output_is_begun_leaves_no_folder(tmp_path, monkeypatc
         return made
 
     monkeypatch.setattr(os, name, interrupted)
-    with pytest.raises(KeyboardInterrupt), writing._Temporary(tmp_path, "x", ".npy", 0o600):
+    with pytest.raises(KeyboardInterrupt), contextlib.closing(writing._Temporary(tmp_path, "x", ".npy", 0o600)):
         pass
     monkeypatch.undo()
     assert list(tmp_path.iterdir()) == []
@@ -1229,7 +1229,7 @@ def test_temporary_files_of_many_writers_of_one_name_are_their_own(tmp_path):
 
     def write(_):
         for _ in range(400):
-            with writing._Temporary(tmp_path, "x", ".npy", 0o600) as temporary:
+            with contextlib.closing(writing._Temporary(tmp_path, "x", ".npy", 0o600)) as temporary:
                 assert os.path.samestat(os.fstat(temporary.file), temporary.path.stat())
 
     with ThreadPoolExecutor(8) as pool:

@@ -12,7 +12,8 @@ import click
 
 from ocisac_fast.files.extras import matplotlib
 from ocisac_fast.files.raw import read_whole, standard_input
-from ocisac_fast.files.reading import name_of, named
+from ocisac_fast.files.reading import name_of
+from ocisac_fast.files.recording import naming
 from ocisac_fast.files.remote import local_part
 from ocisac_fast.files.writing import fixed_outputs
 
@@ -57,7 +58,7 @@ def read_input(path: str | os.PathLike[str]) -> bytes:
     Raises:
         FileError: more than 64 MiB.
     """
-    with named(name_of(path)), contextlib.ExitStack() as opened:
+    with naming(name_of(path), None), contextlib.ExitStack() as opened:
         is_standard = os.fspath(path) == _STANDARD
         return read_whole(standard_input() if is_standard else opened.enter_context(open(path, "rb")))
 

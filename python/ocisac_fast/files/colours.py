@@ -9,7 +9,7 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-from ocisac_fast.files.extras import ffmpeg, pyav
+from ocisac_fast.files.extras import pyav
 
 # Names of FFmpeg's scaler for the matrices of ITU-T H.273; BT.601 for others, and where none is stated.
 _MATRICES = {1: "bt709", 4: "fcc", 7: "smpte240m", 9: "bt2020"}
@@ -46,11 +46,10 @@ class Conversion:
     def __call__(self, frame: Any) -> Any:
         """The frame in the target's format."""
         source = (frame.format.name, frame.width, frame.height)
-        with ffmpeg():
-            if source != self._source:
-                self._source, self._graph = source, self._graph_of(*source)
-            self._graph.push(frame)
-            return self._graph.pull()
+        if source != self._source:
+            self._source, self._graph = source, self._graph_of(*source)
+        self._graph.push(frame)
+        return self._graph.pull()
 
     def _graph_of(self, name: str, width: int, height: int) -> Any:
         av = pyav()

@@ -96,9 +96,7 @@ class Ending:
                 self._cut += 1
                 continue
             self._packets += packet.size > 0 and not packet.is_discard
-            with ffmpeg():
-                frames = packet.decode()
-            for frame in frames:
+            for frame in packet.decode():
                 self._frames += 1
                 yield frame
 
@@ -219,11 +217,6 @@ def _own_seconds(stream: Any) -> float:
 
 def decoded_part(container: Any, stream: Any, part: Part) -> Iterator[Any]:
     """The decoded frames of a stretch; FileError where they may differ from those of the whole video."""
-    with ffmpeg():
-        yield from _frames_of(container, stream, part)
-
-
-def _frames_of(container: Any, stream: Any, part: Part) -> Iterator[Any]:
     count = 0
     for frame in _decoded_from(container, stream, part):
         if frame.is_corrupt or frame.pts is None:

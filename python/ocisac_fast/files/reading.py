@@ -15,7 +15,7 @@ from ocisac_fast.files.arrays import MAGIC, open_array, stream_arrays
 from ocisac_fast.files.parts import JPEGS, parts_between
 from ocisac_fast.files.pictures import JPEG, TIFF, are_jpegs, is_picture, most_bytes, next_jpeg, open_picture
 from ocisac_fast.files.raw import RawFormat, open_raw, read_whole, require_at_most, standard_input
-from ocisac_fast.files.recording import FileError, Frame, Part, Recording, RecordingStream
+from ocisac_fast.files.recording import FileError, Frame, Part, Recording, RecordingStream, naming
 from ocisac_fast.files.remote import RemotePath, is_remote
 from ocisac_fast.files.videos import Prefixed, open_video
 
@@ -47,7 +47,7 @@ def read_frames(
         FileError: a ValueError: empty, truncated, damaged, absurdly large, or none of these kinds.
         OSError: the file is missing, a directory, or not permitted.
     """
-    with open_recording(path, colour=colour, raw=raw) as stream, named(name_of(path)):
+    with open_recording(path, colour=colour, raw=raw) as stream, naming(name_of(path), None):
         return stream.read(max_bytes)
 
 
@@ -67,7 +67,7 @@ def open_recording(
     """
     name, kept = name_of(path), _Kept(os.fspath(path))
     form = None if raw is None else RawFormat.parse(raw)
-    with named(name):
+    with naming(name, None):
         if form is not None:
             file = standard_input() if os.fspath(path) == STANDARD_INPUT else _place(path).open("rb")
             stream = open_raw(file, form, part)
@@ -174,20 +174,6 @@ def name_of(path: str | os.PathLike[str]) -> str:
     return "standard input" if os.fspath(path) == STANDARD_INPUT else os.fspath(path)
 
 
-@contextlib.contextmanager
-def named(name: str) -> Iterator[None]:
-    """Prefix error messages with the file's name; errors of the system have it as theirs."""
-    try:
-        yield
-    except OSError as error:
-        if error.filename is not None or error.errno is None:
-            raise
-        raise OSError(error.errno, error.strerror, name) from error
-    except FileError as error:
-        message = str(error)
-        raise FileError(message if message.startswith(f"{name}: ") else f"{name}: {message}") from error.__cause__
-
-
 class _Kept:
     """A file as it is when this is made, and stays open: its name may lead to another one later. None else changes."""
 
@@ -230,7 +216,7 @@ class _Kept:
 
 def _of_one_recording(name: str, kept: _Kept, frames: Iterator[Frame]) -> Iterator[Frame]:
     """Refuse frames of several shapes or types, and a file that was changed meanwhile."""
-    with named(name):
+    with naming(name, None):
         first: Any = None
         count = 0
         for frame in frames:

@@ -54,9 +54,9 @@ def write_video(
                 sound = _sound(av, container, like, opened)
             writer.check(frame, count)
             time = None if like is None else like.time_of(count)
-            picture = writer.picture(frame, count, time)
             try:
                 with ffmpeg():
+                    picture = writer.picture(frame, count, time)
                     packets = writer.stream.encode(picture)
             except av.FFmpegError as error:
                 rows, columns = frame.shape[:2]

@@ -19,7 +19,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ocisac_fast.files.colours import Conversion, rgb_format, rgb_white
-from ocisac_fast.files.extras import opened_video, pyav
+from ocisac_fast.files.extras import ffmpeg, opened_video, pyav
 from ocisac_fast.files.films import FirstFilm
 from ocisac_fast.files.parts import HEAD_BYTES, JPEGS, Ending, decoded_part, video_key_frames
 from ocisac_fast.files.profiles import response_of_video, transfer_of
@@ -283,17 +283,18 @@ def _frames(
         return
     count = damaged = 0
     try:
-        for frame in ending.decoded():
-            if frame.is_corrupt:
-                damaged += 1
-                continue
-            _require_progressive(frame)
-            count += 1
-            stamps.append(frame.pts)
-            if count == 1 and (turn := frame.side_data.get("DISPLAYMATRIX")) is not None:
-                form.display_matrix = struct.unpack("=9i", bytes(turn))
-            form.decoded.append((values(frame), frame))
-            yield form.decoded[-1][0]
+        with ffmpeg():
+            for frame in ending.decoded():
+                if frame.is_corrupt:
+                    damaged += 1
+                    continue
+                _require_progressive(frame)
+                count += 1
+                stamps.append(frame.pts)
+                if count == 1 and (turn := frame.side_data.get("DISPLAYMATRIX")) is not None:
+                    form.display_matrix = struct.unpack("=9i", bytes(turn))
+                form.decoded.append((values(frame), frame))
+                yield form.decoded[-1][0]
     except av.FFmpegError as error:
         if count == 0:
             raise FileError("no frame that can be decoded") from error
@@ -312,9 +313,10 @@ def _frames(
 
 def _part_frames(av: Any, container: Any, stream: Any, values: Callable[[Any], Frame], part: Part) -> Iterator[Frame]:
     try:
-        for frame in decoded_part(container, stream, part):
-            _require_progressive(frame)
-            yield values(frame)
+        with ffmpeg():
+            for frame in decoded_part(container, stream, part):
+                _require_progressive(frame)
+                yield values(frame)
     except av.FFmpegError as error:
         raise FileError("a stretch that cannot be decoded") from error
 
