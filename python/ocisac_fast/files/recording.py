@@ -220,15 +220,9 @@ class RecordingStream(_Recorded):
         stamps: list[int | None] | None = None,
         picture: PictureFormat | None = None,
     ) -> None:
-        self._frames = frames
-        self.kind = kind
-        self.response = response
-        self.frame_rate = frame_rate
-        self.frame_count = frame_count
-        self.key_frames = key_frames
-        self.video = video
-        self.picture = picture
-        self.stamps = [] if stamps is None else stamps
+        self._frames, self.kind, self.response = frames, kind, response
+        self.frame_rate, self.frame_count, self.key_frames = frame_rate, frame_count, key_frames
+        self.video, self.picture, self.stamps = video, picture, [] if stamps is None else stamps
         self._cleanup = contextlib.ExitStack()
         if close is not None:
             self._cleanup.callback(close)
