@@ -43,11 +43,6 @@ _ROOM_OF = {"batch": "ocisac_fast.batch.command"}
 _COMPLETION = "_OCISAC_COMPLETE"  # variable of click's scripts: bash_source, bash_complete, zsh_source, ...
 
 
-def any_case(word: str) -> str:
-    """Options and choices in any case."""
-    return word.lower()
-
-
 class _LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -81,20 +76,12 @@ class _LazyGroup(click.Group):
             formatter.write_dl(list(_COMMANDS.items()))
 
 
-def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
-    if asked:
-        click.echo(f"ocisac {__version__}")
-        ctx.exit()
-
-
 @click.group(
     cls=_LazyGroup,
     invoke_without_command=True,
-    context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": any_case},
+    context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": str.lower},
 )
-@click.option(
-    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_show_version, help="Show the version."
-)
+@click.version_option(__version__, message="ocisac %(version)s", help="Show the version.")
 @click.pass_context
 def ocisac(ctx: click.Context) -> None:
     """Receiver for optical camera communication and sensing with a rolling shutter.

@@ -94,7 +94,8 @@ def _received(
         # A frame of a live stream is answered at once.
         for run in _in_runs(progress(pictures.frames, "receiving", announced), 1 if announced is None else _RUN):
             if plot is not None and count == 0:
-                _plot_first(plot, stack(run[:1]), camera, rate)
+                first = stack(run[:1])
+                draw(plot, "plot_received", first[0], camera, received=receive_frames(first, camera, chip_rate=rate)[0])
             if stream is not None:
                 for k, frame in enumerate(run):
                     yield from stream.push(frame, camera, count + k)
@@ -121,10 +122,6 @@ def _in_runs(frames: Iterator[Frame], most: int) -> Iterator[list[Frame]]:
         yield run
     if stopped is not None:
         raise stopped
-
-
-def _plot_first(plot: str, frames: Any, camera: Any, rate: float | None) -> None:
-    draw(plot, "plot_received", frames[0], camera, received=receive_frames(frames, camera, chip_rate=rate)[0])
 
 
 def _facts(result: Any, first_frame: int, shape: tuple[int, ...], camera: Camera) -> dict[str, Any]:

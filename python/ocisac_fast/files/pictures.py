@@ -20,7 +20,6 @@ from ocisac_fast.files.extras import ffmpeg, opened_video, pillow, pyav
 from ocisac_fast.files.profiles import response_of_picture
 from ocisac_fast.files.raw import read_whole
 from ocisac_fast.files.recording import FileError, Frame, LightResponse, PictureFormat, RecordingStream
-from ocisac_fast.files.remote import RemotePath
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -103,9 +102,8 @@ def grey_levels(path: Path, max_pixels: int) -> Frame:
         return np.asarray(image.convert("L"), np.float64) / 255
 
 
-def open_picture(source: Path | RemotePath | bytes) -> RecordingStream:
+def open_picture(data: bytes) -> RecordingStream:
     """Open a picture as one frame; pages of TIFF and pictures of an animated PNG or WebP as frames, as shown."""
-    data = source if isinstance(source, bytes) else source.read_bytes()
     if data[:2] in (b"P5", b"P6"):
         frames, response = _binary_pnm(data)
         return RecordingStream.of_array(frames, "picture", response)

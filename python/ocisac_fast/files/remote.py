@@ -160,10 +160,6 @@ class RemotePath:
             raise FileError(f"{self.url}: no stated size, and more than {_WHOLE >> 20} MiB")
         return io.BytesIO(data)
 
-    def read_bytes(self) -> bytes:
-        with self.open() as file:
-            return file.read()
-
 
 def _require_ranges(file: Any, size: int, url: str) -> None:
     try:

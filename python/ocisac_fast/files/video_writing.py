@@ -96,7 +96,8 @@ class _Writer:
         context = self.stream.codec_context
         context.time_base = self.time_base
         is_converted = stored.startswith("yuv")
-        self._range = _FULL_RANGE if source is None or not _keeps_range(first, stored, source) else _LIMITED_RANGE
+        is_luma = first.ndim == 2 or is_converted
+        self._range = _LIMITED_RANGE if source is not None and source.limited and is_luma else _FULL_RANGE
         context.color_range = self._range
         context.color_trc = transfer if source is None else source.transfer
         self._convert: Conversion | None = None
@@ -140,11 +141,6 @@ class _Writer:
         picture.pts = self._last = max(round(at / self.time_base), self._last + 1)
         picture.time_base = self.time_base
         return picture
-
-
-def _keeps_range(frame: Frame, stored: str, source: VideoFormat) -> bool:
-    """Luma that is limited, and is stored as luma."""
-    return source.limited and (frame.ndim == 2 or stored.startswith("yuv"))
 
 
 def _formats(codec: str, frame: Frame, source: VideoFormat | None) -> tuple[str, str]:

@@ -224,17 +224,13 @@ def _number(code: Any) -> int:
     return 2 if code is None else int(code)  # 2: unspecified
 
 
-def _has_luma(name: str) -> bool:
-    return bool(_LUMA_PLANE.match(name)) or name in _PACKED_LUMA
-
-
 def _layout(av: Any, name: str, context: Any, colour: bool) -> tuple[Callable[[Any], Frame], LightResponse]:
     """A function that extracts the values of a frame of this pixel format, and their response."""
     # Where the stream states no range, YUV is limited by convention; grey is assumed full (sensor values).
     stated = int(context.color_range or 0)
     limited = _is_limited(name, stated)
     bits = av.VideoFormat(name).components[0].bits if name else 8
-    if colour or not _has_luma(name):
+    if colour or not (_LUMA_PLANE.match(name) or name in _PACKED_LUMA):
         convert = Conversion(rgb_format(bits > 8), _number(context.colorspace), limited)
         return lambda frame: convert(frame).to_ndarray(), response_of_video(context, 0.0, rgb_white(limited, bits))
     shift = 16 - bits if _UPPER_BITS.match(name) else 0
