@@ -18,23 +18,23 @@ namespace {
 
 constexpr int kPipeBytes = 1 << 20;  // larger pipe: fewer switches between writer and reader
 
-// True for the file that standard output was redirected to.
-bool is_standard_output(int descriptor) {
+}  // namespace
+
+void require_no_output(const char* option, const std::string& path, bool is_standard_input) {
   struct stat in {};
   struct stat out {};
-  return ::fstat(descriptor, &in) == 0 && ::fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(in.st_mode) &&
-         in.st_dev == out.st_dev && in.st_ino == out.st_ino;
+  const int found = is_standard_input ? ::fstat(STDIN_FILENO, &in) : ::stat(path.c_str(), &in);
+  const bool is_output = found == 0 && ::fstat(STDOUT_FILENO, &out) == 0 && S_ISREG(in.st_mode) &&
+                         in.st_dev == out.st_dev && in.st_ino == out.st_ino;
+  require(!is_output, option, path, "another file than standard output, whose lines would be read");
 }
-
-}  // namespace
 
 ByteInput::ByteInput(const std::string& path)
     : descriptor_(path == "-" ? STDIN_FILENO : ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC)),
       owned_(path != "-") {
   if (descriptor_ < 0 && errno != ENOENT) throw std::system_error(errno, std::generic_category(), path);
   require(descriptor_ >= 0, "input", path, "a file that can be read, or -");
-  require(!is_standard_output(descriptor_), "input", path,
-          "another file than standard output, whose lines would be read");
+  require_no_output("input", path, !owned_);
 #ifdef F_SETPIPE_SZ
   ::fcntl(descriptor_, F_SETPIPE_SZ, kPipeBytes);  // fails harmlessly where it is no pipe or not allowed
 #endif

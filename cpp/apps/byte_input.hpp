@@ -9,6 +9,9 @@
 
 namespace ocisac::apps {
 
+// Throws std::invalid_argument for the file that standard output was redirected to.
+void require_no_output(const char* option, const std::string& path, bool is_standard_input = false);
+
 class ByteInput {
  public:
   // "-": standard input. Throws std::invalid_argument where the file cannot be opened. A FIFO is opened without

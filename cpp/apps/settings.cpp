@@ -13,6 +13,7 @@
 #include <system_error>
 #include <vector>
 
+#include "byte_input.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/core/version.hpp"
 #include "ocisac/tones/projection.hpp"
@@ -209,6 +210,7 @@ class OptionsFile : public CLI::ConfigTOML {
   explicit OptionsFile(const CLI::App& app) : app_(app) {}
 
   [[nodiscard]] std::vector<CLI::ConfigItem> from_config(std::istream& input) const override {
+    require_no_output("--config", app_.get_config_ptr()->as<std::string>());
     std::string text((1 << 20) + 1, '\0');
     errno = 0;
     input.read(text.data(), static_cast<std::streamsize>(text.size()));

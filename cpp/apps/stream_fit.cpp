@@ -13,6 +13,7 @@ namespace {
 constexpr std::size_t kFrames = 4;            // compared
 constexpr std::size_t kColumnStep = 7;        // every seventh byte of a row: odd and even ones
 constexpr double kMuchLess = 0.5;             // a difference that is not by chance below another
+constexpr double kAsMuch = 1.25;              // one that is at most by chance above another
 constexpr double kNeutral = 128;              // chroma without colour
 constexpr double kGrey = 12;                  // largest mean distance from it of the chroma of white light
 constexpr int kMaxHighByte = 15;              // of numbers of 12 bits
@@ -97,8 +98,11 @@ std::vector<PixelFormat> FormatCheck::likely_formats() const {
   if (2 * layout_.bytes != 3 * pixels && has_grey_chroma(planar_rows)) return {PixelFormat::yuv420p, PixelFormat::nv12};
   const double stated = difference(layout_.bytes / layout_.width);
   return formats_where(layout_, [&](std::size_t size) {
-    return size != layout_.bytes && size % layout_.width == 0 && 2 * size <= kFrames * layout_.bytes &&
-           difference(size / layout_.width) < kMuchLess * stated;
+    if (size == layout_.bytes || size % layout_.width != 0 || 2 * size > kFrames * layout_.bytes) return false;
+    const double found = difference(size / layout_.width);
+    if (2 * size != layout_.bytes) return found < kMuchLess * stated;
+    // Whole frames of it are at the stated distance too: halves of a frame are alike, its quarters are not.
+    return found <= kAsMuch * stated && found < kMuchLess * difference(size / layout_.width / 2);
   });
 }
 

@@ -13,6 +13,7 @@
 #include <system_error>
 #include <thread>
 
+#include "byte_input.hpp"
 #include "ocisac/core/require.hpp"
 #include "stop_signal.hpp"
 
@@ -45,6 +46,7 @@ Timestamps::~Timestamps() {
 void Timestamps::open() {
   descriptor_ = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);  // a FIFO waits for its writer, or a signal
   if (descriptor_ < 0 && !stop_requested()) throw std::system_error(errno, std::generic_category(), path_);
+  require_no_output("--timestamps", path_);
 }
 
 // A camera that still writes the file may be later with a line than with its frame, and write it in parts.

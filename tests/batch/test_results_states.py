@@ -331,6 +331,49 @@ def test_rows_of_other_options_are_measured_again_where_no_file_says_the_options
     assert len(read_results(results)) == COUNT * SHORT
 
 
+def test_rows_of_other_options_are_measured_again_where_their_file_was_edited(sources, results):
+    """They were skipped, and were nobody's results."""
+    task = results / "task.json"
+    task.write_text(task.read_text().replace("500.0", "700.0"))
+    for skipped in (0, COUNT):
+        assert measure_recordings(sources, OTHER, output=results).progress.skipped == skipped
+    assert read_results(results)["frequency_hz"].unique().to_pylist() == [700.0]
+
+
+@pytest.mark.parametrize("change", [lambda text: None, lambda text: text.replace("500.0", "700.0"), lambda text: "x"])
+def test_a_task_that_goes_or_changes_during_the_run_is_no_success(change, sources, tmp_path):
+    task = tmp_path / "c" / "task.json"
+
+    def report(done):
+        if done.finished == COUNT - 1:
+            text = change(task.read_text())
+            task.unlink() if text is None else task.write_text(text)
+
+    with pytest.raises(ResultsError, match=r"c: task\.json (is not of|removed or changed during the run)"):
+        measure_recordings(sources, GAIN, output=task.parent, report=report)
+
+
+def test_results_are_read_without_a_thread(sources, results):
+    """Where none can start, as under a limit of processes, Arrow's reading of data sets never ended."""
+    (sources / "bad.npy").touch()
+    measure_recordings(sources, GAIN, output=results)
+    program = (
+        "import os, pyarrow.parquet; from ocisac_fast.batch import read_failures, read_results, summarize\n"
+        "pyarrow.array([1]); count = lambda: len(os.listdir('/proc/self/task')); before = count()\n"
+        f"folder = {str(results)!r}; assert read_results(folder).num_rows == {COUNT * SHORT}\n"
+        "assert read_failures(folder).num_rows == len(summarize(folder).failures) == 1; assert count() == before"
+    )
+    subprocess.run([sys.executable, "-c", program], timeout=60, check=True)
+
+
+def test_errors_of_arrow_are_one_line(results, batch, monkeypatch):
+    def fail(*_, **__):
+        raise pa.ArrowException("Failed to launch worker thread")
+
+    monkeypatch.setattr(pq, "ParquetFile", fail)
+    assert batch("--summary", results)[::2] == (2, ["ocisac: Failed to launch worker thread"])
+
+
 def test_rows_of_another_recording_are_measured_again(sources, results):
     first, second, _ = sorted(results.glob("rows/*/*"))
     pq.write_table(pq.read_table(second), first, compression="none")  # not as long as the manifest says
@@ -405,7 +448,7 @@ def test_two_runs_with_one_folder(sources, tmp_path, batch):
     assert (done.finished, done.skipped) == (COUNT, 2)
 
 
-@pytest.mark.parametrize("output", [".", "", "..", "../r", "link"])
+@pytest.mark.parametrize("output", [".", "..", "../r", "link"])
 def test_a_results_folder_that_holds_the_recordings_is_refused(output, sources, tmp_path, batch, monkeypatch):
     """Nothing was measured, with exit code 0."""
     monkeypatch.chdir(sources)

@@ -682,9 +682,14 @@ def test_a_picture_of_a_scene_is_not_replaced(run, tmp_path):
     scene = (pathlib.Path(__file__).parents[2] / "examples" / "testbed.toml").read_text()
     picture = 'pattern = { kind = "picture", width = 0.2, height = 0.1, file = "sub/tex.png" }'
     (tmp_path / "s.toml").write_text(re.sub("pattern = .*", picture, scene))
-    code, _, err = run("simulate", tmp_path / "s.toml", "-o", tmp_path / "sub" / "tex.png", "--force")
-    assert (code, err[-1].partition(", ")[2]) == (2, "which is read, allowed: another file")
-    assert (tmp_path / "sub" / "tex.png").read_bytes() == before
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("s.toml", "pipe"):  # which can be read only once
+        with subprocess.Popen(["cp", "s.toml", "pipe"], cwd=tmp_path) as writer:
+            code, _, err = run("simulate", tmp_path / name, "-o", tmp_path / "sub" / "tex.png", "--force")
+            assert (code, err[-1].partition(", ")[2]) == (2, "which is read, allowed: another file")
+            if name == "s.toml":
+                writer.kill()
+        assert (tmp_path / "sub" / "tex.png").read_bytes() == before
 
 
 @pytest.mark.parametrize("chain", ["zip://x.png::", "zip::", "tar://x.png::"])
@@ -769,6 +774,32 @@ def test_ctrl_c_while_modules_are_imported_is_no_traceback(run, monkeypatch):
     monkeypatch.delitem(sys.modules, "ocisac_fast.cli.application")
     monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
     assert run("info") == (130, [], [])
+
+
+def test_nothing_is_loaded_before_the_command_line_handles_signals():
+    program = "import re, sys; from ocisac_fast.cli import main; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.split()
+    assert {name for name in loaded if name.startswith("ocisac_fast")} == {"ocisac_fast", "ocisac_fast.cli"}
+
+
+@pytest.mark.parametrize(("cause", "code"), [(None, 2), (KeyboardInterrupt(), 130)])
+@pytest.mark.parametrize("module", ["matplotlib.style", "pyarrow", "av", "ocisac_fast.cli.gain"])
+def test_a_library_that_cannot_be_loaded_is_one_line(module, cause, code, run, square, tmp_path, monkeypatch):
+    """Memory was too little, or an interrupt came within a module in C++, which makes an ImportError of it."""
+
+    class Failing:
+        def find_spec(self, name, *_):
+            if name == module:
+                raise ImportError("failed to map segment") from cause
+
+    path = square("s.npy")
+    write_frames(tmp_path / "s.mkv", read_frames(path).frames)
+    for name in [name for name in sys.modules if f"{name}.".startswith(f"{module}.")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "meta_path", [Failing(), *sys.meta_path])
+    words = ("gain", tmp_path / ("s.mkv" if module == "av" else "s.npy"), *TESTBED, "--frequency", "500Hz")
+    found, _, err = run(*words, "--plot", tmp_path / "a.png", "--table", tmp_path / "a.parquet")
+    assert (found, len(err), "failed to map segment" in str(err)) == (code, code == 2, code == 2)
 
 
 def test_standard_input_is_read_once(run, square, monkeypatch):
@@ -949,9 +980,23 @@ def test_a_title_of_a_table_is_printed_as_it_is(title, capsys):
     assert title in capsys.readouterr().out
 
 
-def test_an_output_without_a_name_is_refused(run, square):
-    code, _, (line,) = run("clean", square("a.png"), "")
-    assert (code, line) == (2, "ocisac: OUT: got no name, allowed: a file")
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (("clean", "a.png", ""), "OUT"),
+        (("demo", "--directory", ""), "--directory"),
+        (("batch", "a.png", "-o", "", "detect"), "--output"),
+        (("batch", "", "-o", "o", "detect"), "path"),
+        (("batch", "--summary", ""), "path"),
+    ],
+)
+def test_a_file_or_folder_without_a_name_is_refused(words, name, run, square, tmp_path, monkeypatch):
+    """The folder was the working one."""
+    square("a.png")
+    monkeypatch.chdir(tmp_path)
+    code, _, (line,) = run(*words)
+    assert (code, line.partition(", ")[0]) == (2, f"ocisac: {name}: got no name")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
 
 
 @pytest.mark.parametrize("second", [np.s_[::2, ::2], np.s_[:100], np.s_[:, :9]])
@@ -975,3 +1020,13 @@ def test_frames_longer_than_their_time_are_refused_before_the_first_is_printed(r
     code, out, (line,) = run("receive", square("a.png"), "--packets", "--frame-rate", "30kHz", "--row-time", "22.2us")
     assert (code, out) == (2, [])
     assert "--frame-rate, --row-time: rows: got 720, allowed: 1 to as many as the frame time holds" in line
+
+
+@pytest.mark.parametrize("command", ["gain", "detect", "receive", "sense", "calibrate", "clean"])
+def test_values_that_are_no_numbers_are_errors_of_their_file(command, run, tmp_path):
+    frames = np.full((200, 20), 100.0)
+    frames[3, 4] = math.nan
+    np.save(tmp_path / "a.npy", frames)
+    more = {"gain": ("--frequency", "500"), "calibrate": ("--frequency", "500"), "clean": (tmp_path / "b.npy",)}
+    code, _, err = run(command, tmp_path / "a.npy", *more.get(command, ()))
+    assert (code, err[-1]) == (2, f"ocisac: {tmp_path / 'a.npy'}: columns: got nan, allowed: a finite number")

@@ -23,6 +23,14 @@ def test_the_shell_completes(run, monkeypatch, words, want):
     assert run() == (0, want, [])
 
 
+def test_completion_to_a_full_output_is_one_line():
+    with open("/dev/full", "w") as full:
+        words = [sys.executable, "-m", "ocisac_fast.cli"]
+        options = {"env": {**os.environ, "_OCISAC_COMPLETE": "bash_source"}, "stdout": full, "stderr": subprocess.PIPE}
+        done = subprocess.run(words, **options, check=False)
+    assert (done.returncode, done.stderr) == (2, b"ocisac: No space left on device\n")
+
+
 def test_completion_in_bash():
     path = f"{os.path.dirname(sys.executable)}:{os.environ['PATH']}"
     script = """

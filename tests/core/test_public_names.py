@@ -16,7 +16,7 @@ def test_every_public_name_is_what_its_room_holds():
         if module.name != "smoke":
             importlib.import_module(f"ocisac_fast.{module.name}")
     assert len(ocisac_fast.__all__) <= 45
-    for name, room in ocisac_fast._ROOM_OF.items():
+    for name, room in ocisac_fast._rooms_by_name().items():
         value = getattr(ocisac_fast, name)
         assert not isinstance(value, types.ModuleType), name
         assert value is getattr(importlib.import_module(room), name)

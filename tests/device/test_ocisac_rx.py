@@ -37,6 +37,18 @@ def test_a_file_that_is_standard_output_is_not_read(name, receiver, tmp_path):
     assert path.read_bytes() == bytes(ROWS * COLUMNS)
 
 
+@pytest.mark.parametrize(("option", "text"), [("--timestamps", b"0\n"), ("--config", b"stats = true\n")])
+def test_a_file_that_is_standard_output_is_no_option_s(option, text, receiver, tmp_path):
+    """Lines were appended to the times, and read as further ones."""
+    path = tmp_path / "out"
+    path.write_bytes(text)
+    with open(path, "ab") as out:
+        pipes = {"input": bytes(2 * ROWS * COLUMNS), "stdout": out, "stderr": subprocess.PIPE, "cwd": tmp_path}
+        done = subprocess.run(command(receiver, option, "out"), **pipes, timeout=60, check=False)
+    assert (done.returncode, f"{option}: got out, allowed: another file than".encode() in done.stderr) == (2, True)
+    assert path.read_bytes() == text
+
+
 @pytest.mark.parametrize(("dtype", "name", "scale"), [("uint8", "gray8", 200), ("<u2", "gray16le", 40000)])
 @pytest.mark.parametrize("frequency", ["500Hz", None])
 def test_gains_are_those_of_the_library(receiver, dtype, name, scale, frequency):

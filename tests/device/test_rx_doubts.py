@@ -203,11 +203,12 @@ KINDS = {"gray8": gray8, "yuv420p": yuv420p, "nv12": nv12, "yuyv": yuyv, "gray10
 
 @pytest.mark.parametrize("texture", [0.0, 10.0, 40.0])
 @pytest.mark.parametrize("sent", KINDS)
-@pytest.mark.parametrize("stated", ["gray8", "yuv420p"])
+@pytest.mark.parametrize("stated", ["gray8", "yuv420p", "gray16le"])
 def test_a_format_that_was_forgotten_is_warned_of(receiver, stated, sent, texture):
     luma, colour = scene(12, np.random.default_rng(0), texture=texture)
     done = run(receiver, KINDS[sent](luma, colour), "--no-bits", "--format", stated, width=240)
     same = sent == stated or {sent, stated} == {"yuv420p", "nv12"}
+    same |= stated == "gray16le" and sent in ("yuyv", "gray10le")  # of the same size
     found = [line for line in done.stderr.decode().splitlines() if "may be meant" in line]
     if same:
         assert found == []
@@ -241,16 +242,21 @@ def test_another_width_is_warned_of(receiver, columns, stated, texture):
 @pytest.mark.parametrize(
     "name", ["mains_dark_room.png", "laser_stripes_cup.png", "fabric_wall.png", "lcd_no_bands.png"]
 )
-def test_the_width_of_real_recordings_is_not_doubted(receiver, recordings, name):
+def test_width_and_format_of_real_recordings_are_doubted_where_they_are_wrong(receiver, recordings, name):
     from ocisac_fast.files import read_frames
 
     picture = read_frames(recordings / "world" / name).frames[0]
     picture = picture if picture.ndim == 2 else picture[..., 1]
     rows, columns = (size // 4 * 4 for size in picture.shape)
-    stream = np.repeat(picture[np.newaxis, :rows, :columns], 6, 0).astype(np.uint8)
+    stream = np.repeat(picture[np.newaxis, :rows, :columns], 8, 0).astype(np.uint8)
     words = ["--size", f"{columns}x{rows}", "--row-time", "22.2us", "--no-bits"]
     done = subprocess.run([receiver, *words], input=stream.tobytes(), capture_output=True, timeout=60, check=False)
     assert b"may be wrong" not in done.stderr
+    for sent in (stream, stream.astype("<u2") * 256 + stream[:, ::-1]):
+        wide = [receiver, *words, "--format", "gray16le"]
+        done = subprocess.run(wide, input=sent.tobytes(), capture_output=True, timeout=60, check=False)
+        assert (b"--format gray8 may be meant" in done.stderr) == (sent is stream)
+        assert done.returncode == 0
 
 
 def test_a_still_dark_scene_is_not_warned_of(receiver):

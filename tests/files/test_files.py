@@ -27,6 +27,7 @@ from hypothesis import given, settings, strategies as st
 from ocisac_fast.cli.outputs import read_input
 from ocisac_fast.files import FileError, FileWarning, atomic_path, open_recording, read_frames, write_frames, writing
 from ocisac_fast.files.films import FirstFilm
+from ocisac_fast.files.parts import Ending
 from ocisac_fast.files.reading import cut_recording
 from ocisac_fast.files.videos import Prefixed
 
@@ -1217,7 +1218,7 @@ def test_a_signal_while_an_output_is_begun_leaves_no_folder(tmp_path, monkeypatc
         return made
 
     monkeypatch.setattr(os, name, interrupted)
-    with pytest.raises(KeyboardInterrupt), writing._Temporary(tmp_path, "x", ".npy", 0o600):
+    with pytest.raises(KeyboardInterrupt), contextlib.closing(writing._Temporary(tmp_path, "x", ".npy", 0o600)):
         pass
     monkeypatch.undo()
     assert list(tmp_path.iterdir()) == []
@@ -1228,7 +1229,7 @@ def test_temporary_files_of_many_writers_of_one_name_are_their_own(tmp_path):
 
     def write(_):
         for _ in range(400):
-            with writing._Temporary(tmp_path, "x", ".npy", 0o600) as temporary:
+            with contextlib.closing(writing._Temporary(tmp_path, "x", ".npy", 0o600)) as temporary:
                 assert os.path.samestat(os.fstat(temporary.file), temporary.path.stat())
 
     with ThreadPoolExecutor(8) as pool:
@@ -1263,3 +1264,37 @@ def test_a_film_of_a_picture_states_the_curve_of_its_values(tmp_path, name, curv
         write_frames(tmp_path / "film.mkv", iter(source), frame_rate=30.0, like=source)
     response = read_frames(tmp_path / "film.mkv").response
     assert (response.tone_curve, "transfer characteristics" in response.stated_by) == (curve, True)
+
+
+class Packet:
+    """One that FFmpeg cannot decode."""
+
+    def __init__(self, packet, error):
+        self._packet, self._error = packet, error
+
+    def __getattr__(self, name):
+        return getattr(self._packet, name)
+
+    def decode(self):
+        raise self._error
+
+
+@pytest.mark.parametrize("first", [0, 2])
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [("BlockingIOError", "{}: this machine starts no further thread"), ("MemoryError", "out of memory")],
+)
+def test_a_lack_of_the_machine_is_no_damage_of_a_video(first, error, line, tmp_path, monkeypatch, run):
+    """Videos were truncated or damaged, or had no frame, where FFmpeg could start no thread."""
+
+    def packets(ending):
+        for count, packet in enumerate(before(ending)):
+            yield packet if count < first else Packet(packet, getattr(av, error)(11, "lack"))
+
+    path, before = tmp_path / "a.mkv", Ending.packets
+    write_frames(path, random_frames((5, 48, 64), np.uint8))
+    monkeypatch.setattr(Ending, "packets", packets)
+    code, _, err = run("detect", path, "--row-time", "20us")
+    assert (code, err[-1]) == (2, f"ocisac: {line.format(path)}")
+    code, _, err = run("batch", path, "-o", tmp_path / "o", "--workers", 0, "detect", "--row-time", "20us")
+    assert (code, err) == (3, [f"ocisac: failed: {path}: {line.format(path).removeprefix(f'{path}: ')}"])

@@ -249,9 +249,9 @@ class _Campaign:
         self._finished += 1
         if rows is not None:
             self._tables[entry.path] = rows
-        name = f"{entry.key}.parquet"
-        if name in self._failed_before and self._results is not None:
-            self._results.remove([name], "failures")
+        name = f"failures/{entry.key}.parquet"
+        if name in self._failed_before:
+            self._remove([name])
 
     def _fail(self, entry: Entry, message: str) -> None:
         self._failures[entry.path] = message

@@ -14,7 +14,7 @@ from ocisac_fast.batch.measuring import Measurement, Start, build, start_of
 from ocisac_fast.batch.recordings import Entry, local_entry
 from ocisac_fast.batch.results import Results, ResultsError, rows_name
 from ocisac_fast.batch.task import Task
-from ocisac_fast.cli.errors import INPUT_ERRORS, error_text
+from ocisac_fast.cli.errors import error_text, input_errors
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.files import FileError, Part
 from ocisac_fast.files.extras import pyarrow
@@ -128,7 +128,7 @@ class Work:
         except Exception as error:  # whatever a recording provokes, the others are measured
             if results is not None:
                 results.remove([job.name])  # whose cleaned file has no name
-            text = error_text(error) if isinstance(error, INPUT_ERRORS) else f"{type(error).__name__}: {error}"
+            text = error_text(error) if isinstance(error, input_errors()) else f"{type(error).__name__}: {error}"
             return Report(job, failure=one_line(text.removeprefix(f"{job.entry.path}: ")))
 
     def _measured(self, job: Job, results: Results | None) -> Report:

@@ -3,7 +3,7 @@
 ::
 
     results/task.json                 what is measured: command, options, version
-    results/manifest.json             length of each file that runs wrote
+    results/manifest.json             the same, and the length of each file that runs wrote
     results/rows/ab/PATH-STATE-….parquet   rows of a recording or of a stretch of it
     results/failures/PATH.parquet     recordings that could not be read
     results/cleaned/                  files written by ``clean``
@@ -77,7 +77,8 @@ class Results:
         self.locks = locks
         protocol = self._system.protocol  # one name, or several
         self.is_local = "file" in ((protocol,) if isinstance(protocol, str) else protocol)
-        self._lengths: dict[str, int] = {}  # of the manifest
+        self._facts: dict[str, Any] = {}  # of the task, and lengths of files, both of the manifest
+        self._lengths: dict[str, int] = {}
         self._next_save = 0.0
         self._held: dict[str, int] = {}  # of the manifest, that which this run wrote or found whole
 
@@ -101,15 +102,18 @@ class Results:
                         f"{self.folder}: made with {_difference(there, facts)}; allowed: the same, another "
                         "folder, or --again to measure all anew"
                     )
-                self._lengths = self._manifest()
+                manifest = self._read_json(_MANIFEST)
+                self._lengths, self._facts = _lengths_in(manifest), facts
                 if again:
                     self._discard({entry.key for entry in entries})
                 elif there is None and _TASK not in self._lengths and self._length(_MANIFEST) != _MISSING:
                     raise ResultsError(f"{self.folder}: {_MANIFEST} is not of `ocisac batch`; allowed: another folder")
-                if there is None:  # rows may be of other options
+                if manifest.get("task") != facts:  # rows may be of other options
                     self._lengths = {name: size for name, size in self._lengths.items() if not name.startswith("rows/")}
-                self._lengths[_TASK] = self._write(_TASK, json.dumps(facts, indent=1).encode())
-                self._save_manifest()
+                text = json.dumps(facts, indent=1).encode()
+                self._lengths[_TASK] = len(text)
+                self._save_manifest()  # before the file that it names: --again may remove this one
+                self._write(_TASK, text)
             try:
                 yield
             finally:
@@ -153,7 +157,8 @@ class Results:
     def _require_files(self) -> None:
         with self._errors():
             found = self._all_found()
-        if lost := [name for name, length in self._held.items() if found.get(name) != length]:
+            lost = [_TASK] if self._task() != self._facts else []
+        if lost := lost + [name for name, length in self._held.items() if found.get(name) != length]:
             raise ResultsError(
                 f"{self.folder}: {lost[0]}{_more(lost[1:])} removed or changed during the run; the same command "
                 "measures what is missing"
@@ -170,14 +175,8 @@ class Results:
 
     def _save_manifest(self) -> None:
         began = time.monotonic()
-        self._write(_MANIFEST, json.dumps({"files": self._lengths}, indent=0).encode())
+        self._write(_MANIFEST, json.dumps({"task": self._facts, "files": self._lengths}, indent=0).encode())
         self._next_save = time.monotonic() + _SAVING * (time.monotonic() - began)
-
-    def _manifest(self) -> dict[str, int]:
-        """Lengths of files by name below the folder; those of another program's file are none."""
-        files = self._read_json(_MANIFEST).get("files")
-        named = files.items() if isinstance(files, dict) else ()
-        return {name: length for name, length in named if _OURS.fullmatch(name) and type(length) is int}
 
     def _discard(self, keys: set[str]) -> None:
         """Remove the files of the manifest; what is left is named, and refused where the recordings of ``keys`` go."""
@@ -192,7 +191,7 @@ class Results:
         for name in found.keys() - self._lengths.keys():  # which a run that was killed could not name
             self._lengths.update(self._written_with(name)[1] if _OURS.fullmatch(name) else {})
         kept = [name for name, length in found.items() if self._lengths.get(name) != length]
-        if taken := [name for name in kept if _OURS.fullmatch(name) and key_of(PurePosixPath(name).name) in keys]:
+        if taken := [name for name in kept if _OURS.fullmatch(name) and key_of(name) in keys]:
             raise ResultsError(
                 f"{self.folder}: holds {taken[0]}{_more(taken[1:])}, which no run wrote, where this one writes; "
                 "allowed: another folder"
@@ -244,83 +243,76 @@ class Results:
             raise ResultsError(f"{self.folder}: no results of `ocisac batch`")
         return facts
 
-    def names(self, kind: str = "rows") -> list[str]:
-        """Names of the files of rows or failures."""
-        return [PurePosixPath(place).name for place in self._listed(kind)]
-
     def checked_names(self, task: Task) -> dict[str, bool]:
         """Names of the files of rows; True for those as long as in the manifest, as is what was cleaned, or whole."""
         lost = self._lost_keys()
         checked = {}
-        for place, length in self._listed("rows").items():
-            name = PurePosixPath(place).name
-            held = None if self._lengths.get(place) == length else self.holds(name, task)
+        for name, length in self.names().items():
+            held = None if self._lengths.get(name) == length else self.holds(name, task)
             if held is not None:
                 self.note(held[1])
-            checked[name] = self._lengths.get(place) == length and key_of(name) not in lost
+            checked[name] = self._lengths.get(name) == length and key_of(name) not in lost
             if checked[name]:
-                self._held[place] = length
+                self._held[name] = length
         return checked
 
     def remove_cleaned(self, keys: set[str]) -> None:
         """Remove what was cleaned of recordings in an earlier state; what is not as a run wrote it stays."""
         with self._errors():
             found = [name for name, length in self._found("cleaned").items() if self._lengths.get(name) == length]
-        self.remove([name for name in (PurePosixPath(each).name for each in found) if key_of(name) in keys], "cleaned")
+        self.remove(name for name in found if key_of(name) in keys)
 
     def _lost_keys(self) -> set[str]:
         """Keys of recordings of which the cleaned file is not as it was written."""
         written = {name: length for name, length in self._lengths.items() if name.startswith("cleaned/")}
         found = self._found("cleaned") if written else {}
-        return {PurePosixPath(name).name[:_KEY] for name, length in written.items() if found.get(name) != length}
+        return {key_of(name) for name, length in written.items() if found.get(name) != length}
 
-    def _listed(self, kind: str) -> dict[str, int]:
+    def names(self, kind: str = "rows") -> dict[str, int]:
+        """Lengths of the files of rows or failures, by name."""
         with self._errors():
             self._system.invalidate_cache()
-            found = {place: length for place, length in self._found(kind).items() if _OURS.fullmatch(place)}
-            for place in (place for place, length in found.items() if length is None):
-                self._require_file(place)
+            found = {name: length for name, length in self._found(kind).items() if _OURS.fullmatch(name)}
+            for name in (name for name, length in found.items() if length is None):
+                self._require_file(name)
             for gone in [name for name in self._lengths if name.startswith(f"{kind}/") and name not in found]:
                 del self._lengths[gone]  # measured again where it is of this run
-            return {place: length for place, length in found.items() if length is not None}
+            return {name: length for name, length in found.items() if length is not None}
 
     def holds(self, name: str, task: Task) -> tuple[dict[str, Any], dict[str, int]] | None:
         """Return facts and lengths of a whole file of rows of its recording, this task and version; else None."""
-        facts, written = self._written_with(_place(name))
+        facts, written = self._written_with(name)
         if (facts.get("task"), facts.get("build")) != (task.facts(), build()) or digest(facts["path"]) != key_of(name):
             return None
         return (facts, written) if all(self._length(each) == length for each, length in written.items()) else None
 
-    def _written_with(self, place: str) -> tuple[dict[str, Any], dict[str, int]]:
+    def _written_with(self, name: str) -> tuple[dict[str, Any], dict[str, int]]:
         """The facts of a whole file of rows, and lengths of its files; empty of what no run wrote."""
         with contextlib.suppress(OSError, ValueError):
-            self._require_file(place)
-            with self._system.open(self._path(place), "rb") as file:
+            self._require_file(name)
+            with self._system.open(self._path(name), "rb") as file:
                 facts = _facts(pyarrow("pyarrow.parquet").read_schema(file))
             if "task" in facts:
-                return facts, {**(facts.get("cleaned") or {}), place: self._system.info(self._path(place))["size"]}
+                return facts, {**(facts.get("cleaned") or {}), name: self._system.info(self._path(name))["size"]}
         return {}, {}
 
     def write_rows(self, name: str, rows: Any, facts: dict[str, Any]) -> dict[str, int]:
         """Write rows with their facts: the file's length by its name."""
-        place = _place(name)
-        marked = rows.replace_schema_metadata({_METADATA: json.dumps(facts)})
-        return {place: self._write_table(place, marked)}
+        return {name: self._write_table(name, rows.replace_schema_metadata({_METADATA: json.dumps(facts)}))}
 
     def write_failure(self, entry: Entry, message: str) -> None:
         """Write why a recording could not be read."""
         name = f"failures/{entry.key}.parquet"
         self.note({name: self._write_table(name, table([failure_row(entry.path, message)], FAILURE))})
 
-    def remove(self, names: Iterable[str], kind: str = "rows") -> None:
+    def remove(self, names: Iterable[str]) -> None:
         """Remove files; those that are not there are no error."""
         with self._errors():
             for name in names:
-                place = _place(name) if kind == "rows" else f"{kind}/{name}"
-                self._lengths.pop(place, None)
-                self._held.pop(place, None)
+                self._lengths.pop(name, None)
+                self._held.pop(name, None)
                 with contextlib.suppress(FileNotFoundError):
-                    self._system.rm_file(self._path(place))
+                    self._system.rm_file(self._path(name))
 
     @contextlib.contextmanager
     def cleaned(self, entry: Entry, suffix: str) -> Iterator[tuple[str, str, str]]:
@@ -363,22 +355,22 @@ class Results:
 
     def every_part(self) -> Iterator[tuple[dict[str, Any], Any]]:
         """Facts and rows of each file of rows of the folder's task, in the order of names."""
-        task = {name: value for name, value in self.task_facts().items() if name != "version"}
-        for place in self._to_read("rows"):
-            facts, rows = self._read_table(place)
+        task = {key: value for key, value in self.task_facts().items() if key != "version"}
+        for name in self._to_read("rows"):
+            facts, rows = self._read_table(name)
             if facts.get("task") == task:
                 yield facts, rows
 
     def failures(self) -> Iterator[Any]:
         """The table of each file of failures."""
-        for place in self._to_read("failures"):
-            yield self._read_table(place)[1]
+        for name in self._to_read("failures"):
+            yield self._read_table(name)[1]
 
     def _to_read(self, kind: str) -> list[str]:
         """The files of rows or failures; a warning names those of the manifest that are not there."""
         with self._errors():
-            stated = self._manifest()  # before the listing: a run may be going on
-        found = self._listed(kind)
+            stated = _lengths_in(self._read_json(_MANIFEST))  # before the listing: a run may be going on
+        found = self.names(kind)
         if lost := sorted(name for name in stated if name.startswith(f"{kind}/") and name not in found):
             text = f"{self.folder}: {lost[0]}{_more(lost[1:])} missing; the same command measures what is missing"
             warnings.warn(text, FileWarning, stacklevel=4)
@@ -389,7 +381,8 @@ class Results:
         with self._errors():
             data = self._system.cat_file(self._path(name))
         try:
-            rows = pyarrow("pyarrow.parquet").read_table(io.BytesIO(data))
+            file = pyarrow().BufferReader(data)  # unlike BytesIO it is read without a thread, where none may start
+            rows = pyarrow("pyarrow.parquet").ParquetFile(file).read(use_threads=False)
             return _facts(rows.schema), rows
         except (OSError, ValueError) as error:
             raise ResultsError(
@@ -481,7 +474,8 @@ def read_failures(folder: str | os.PathLike[str]) -> Any:
     results = Results(folder)
     results.task_facts()
     empty = schema(FAILURE).empty_table()
-    return _joined([empty, *results.failures()]).sort_by(PATH.name)
+    rows = _joined([empty, *results.failures()]).to_pylist()
+    return table(sorted(rows, key=lambda row: row[PATH.name] or ""), FAILURE)
 
 
 def _joined(tables: list[Any]) -> Any:
@@ -496,7 +490,7 @@ def failure_row(path: str, message: str) -> dict[str, str]:
 def rows_name(entry: Entry, part: Part | None, frame_count: int | None) -> str:
     """Name of the file of rows of a recording (part None) or of a stretch of it."""
     stretch = _WHOLE if part is None else f"{part.first:09d}-{part.stop:09d}-{frame_count:09d}"
-    return f"{entry.key}-{entry.state}-{stretch}.parquet"
+    return f"rows/{entry.key[:2]}/{entry.key}-{entry.state}-{stretch}.parquet"
 
 
 def _more(names: list[str]) -> str:
@@ -505,7 +499,7 @@ def _more(names: list[str]) -> str:
 
 def is_of(name: str, entry: Entry) -> bool:
     """True if a file of rows is of the recording in its present state."""
-    return name.startswith(f"{entry.key}-{entry.state}-")
+    return f"/{entry.key}-{entry.state}-" in name
 
 
 def are_whole(names: Iterable[str]) -> bool:
@@ -523,16 +517,19 @@ def are_whole(names: Iterable[str]) -> bool:
 
 
 def key_of(name: str) -> str:
-    """The key of the recording of a file of rows or failures."""
-    return name.partition("-")[0].removesuffix(".parquet")
-
-
-def _place(name: str) -> str:
-    return f"rows/{name[:2]}/{name}"
+    """The key of the recording of a file."""
+    return name.rpartition("/")[2][:_KEY]
 
 
 def _length_of(entry: Mapping[str, Any]) -> int | None:
     return None if entry.get("islink") or entry.get("type") == _NO_FILE else entry.get("size")
+
+
+def _lengths_in(manifest: Mapping[str, Any]) -> dict[str, int]:
+    """Lengths of files by name below the folder; those of another program's file are none."""
+    files = manifest.get("files")
+    named = files.items() if isinstance(files, dict) else ()
+    return {name: length for name, length in named if _OURS.fullmatch(name) and type(length) is int}
 
 
 def _facts(rows: Any) -> dict[str, Any]:

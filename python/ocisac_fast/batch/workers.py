@@ -133,7 +133,11 @@ def serve(descriptor: int) -> None:
     open_standard_streams()
     connection = Connection(descriptor)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # unwinding removes incomplete files
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    try:
+        threading.Thread(target=_end_with_parent, daemon=True).start()
+    except RuntimeError as error:
+        connection.send(ClusterError(f"a worker: {error}"))
+        return
     with contextlib.suppress(EOFError, OSError):  # the process that started it has ended
         work: Work = connection.recv()
         connection.send(None)

@@ -29,9 +29,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return run(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:  # while modules are imported
         return 130
-    except ModuleNotFoundError as error:
-        library = str(error.name).partition(".")[0]
-        if library not in ("click", "rich"):
-            raise
-        print(f"ocisac: the command line needs {library}: pip install {library}", file=sys.stderr)
+    except (ImportError, MemoryError) as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # of a module in C++
+            return 130
+        message = str(error.__cause__ or error) or "out of memory"
+        if isinstance(error, ModuleNotFoundError):
+            library = str(error.name).partition(".")[0]
+            if library not in ("click", "rich"):
+                raise
+            message = f"the command line needs {library}: pip install {library}"
+        print("ocisac:", " ".join(message.split()), file=sys.stderr)
         return 2

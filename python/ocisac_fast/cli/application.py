@@ -15,7 +15,7 @@ import click
 from click.shell_completion import CompletionItem, shell_complete
 
 from ocisac_fast import __version__
-from ocisac_fast.cli.errors import INPUT_ERRORS, error_text
+from ocisac_fast.cli.errors import error_text, input_errors
 from ocisac_fast.cli.text import one_line, write_any_text
 from ocisac_fast.core.checks import shown
 
@@ -41,11 +41,6 @@ _ROOM_OF = {"batch": "ocisac_fast.batch.command"}
 
 
 _COMPLETION = "_OCISAC_COMPLETE"  # variable of click's scripts: bash_source, bash_complete, zsh_source, ...
-
-
-def any_case(word: str) -> str:
-    """Options and choices in any case."""
-    return word.lower()
 
 
 class _LazyGroup(click.Group):
@@ -81,20 +76,12 @@ class _LazyGroup(click.Group):
             formatter.write_dl(list(_COMMANDS.items()))
 
 
-def _show_version(ctx: click.Context, _: click.Parameter, asked: bool) -> None:
-    if asked:
-        click.echo(f"ocisac {__version__}")
-        ctx.exit()
-
-
 @click.group(
     cls=_LazyGroup,
     invoke_without_command=True,
-    context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": any_case},
+    context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": str.lower},
 )
-@click.option(
-    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_show_version, help="Show the version."
-)
+@click.version_option(__version__, message="ocisac %(version)s", help="Show the version.")
 @click.pass_context
 def ocisac(ctx: click.Context) -> None:
     """Receiver for optical camera communication and sensing with a rolling shutter.
@@ -107,8 +94,6 @@ def ocisac(ctx: click.Context) -> None:
 
 def run(arguments: list[str], command: click.Command = ocisac) -> int:
     """Run a command; errors are one line on standard error. The exit code is that of ``ocisac_fast.cli.main``."""
-    if instruction := os.environ.get(_COMPLETION):
-        return shell_complete(command, {}, str(command.name), _COMPLETION, instruction)
     warnings.showwarning = _warn
     write_any_text()
     before = {}
@@ -134,6 +119,8 @@ def _stop(number: int, _: Any) -> None:
 def _run(arguments: list[str], command: click.Command) -> int:
     try:
         try:
+            if instruction := os.environ.get(_COMPLETION):
+                return shell_complete(command, {}, str(command.name), _COMPLETION, instruction)
             with command.make_context(command.name, list(arguments)) as context:
                 command.invoke(context)
         finally:
@@ -147,9 +134,7 @@ def _run(arguments: list[str], command: click.Command) -> int:
         return 130
     except BrokenPipeError:
         return 141
-    except MemoryError as error:
-        return _fail(command, f"out of memory: {error}")
-    except INPUT_ERRORS as error:
+    except input_errors() as error:
         return _fail(command, _as_written(error_text(error), arguments, command))
 
 

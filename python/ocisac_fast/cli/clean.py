@@ -21,9 +21,9 @@ from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import emit_json, emit_summary, emit_table, number, progress, rate
 from ocisac_fast.cli.outputs import INPUT, OUTPUT
-from ocisac_fast.cli.pictures import PictureOptions, cropped, select, stack
+from ocisac_fast.cli.pictures import PictureOptions, cropped, frames_of, select, stack
 from ocisac_fast.files import open_recording, write_frames
-from ocisac_fast.files.recording import KEPT_FRAMES, FileError, Frame, RecordingStream
+from ocisac_fast.files.recording import KEPT_FRAMES, Frame, RecordingStream
 from ocisac_fast.files.video_writing import USUAL_CRF
 from ocisac_fast.files.writing import most_frames
 
@@ -83,7 +83,7 @@ def clean(
         frames = cleaner.frames(_at_most(most, progress(stream, "cleaning", stream.frame_count)))
         if crf is None and picture.channel == "auto" and stream.video is not None and stream.video.codec in _LOSSY:
             crf = USUAL_CRF
-        with contextlib.suppress(_Unchanged), _naming(source):
+        with contextlib.suppress(_Unchanged), frames_of(source):
             write_frames(target, frames, frame_rate=stream.frame_rate or 30.0, like=stream, crf=crf)
     if not cleaner.facts and stop:
         signal.raise_signal(stop[0])
@@ -113,17 +113,6 @@ def _at_most(most: float, frames: Iterable[Frame]) -> Iterator[Frame]:
 
 class _Unchanged(Exception):
     """No frame was changed: there is nothing to write."""
-
-
-@contextlib.contextmanager
-def _naming(source: str) -> Iterator[None]:
-    """Errors of frames name their file, as those of files do."""
-    try:
-        yield
-    except FileError:
-        raise
-    except ValueError as error:
-        raise FileError(f"{source}: {error}") from error
 
 
 @contextlib.contextmanager

@@ -76,17 +76,17 @@ def _rows(record: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             flat |= {f"{name}.{inner}": each for inner, each in value.items()}
         else:
             flat[name] = value
-    lists = [name for name, value in flat.items() if _is_list_of_objects(value)]
+    lists = [
+        name
+        for name, value in flat.items()
+        if isinstance(value, list) and value and all(isinstance(each, Mapping) for each in value)
+    ]
     if not lists:
         yield flat
         return
     elements = flat.pop(lists[0])
     for element in elements:
         yield flat | {f"{lists[0]}.{name}" if name in flat else name: value for name, value in element.items()}
-
-
-def _is_list_of_objects(value: Any) -> bool:
-    return isinstance(value, list) and bool(value) and all(isinstance(each, Mapping) for each in value)
 
 
 def _cell(value: Any) -> str:

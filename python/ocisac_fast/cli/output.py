@@ -27,8 +27,7 @@ _TEXT_WIDTH = 24  # columns that a text has at the least
 _IN_MEMORY = 1 << 24  # characters of a table's objects: a stream may have no end
 _Item = TypeVar("_Item")
 _collected: ContextVar[list[Any] | None] = ContextVar("collected", default=None)
-_tabled: ContextVar[Any] = ContextVar("tabled", default=None)
-_printed: ContextVar[bool] = ContextVar("printed", default=True)
+_tabled: ContextVar[tuple[Any, bool]] = ContextVar("tabled", default=(None, True))  # a file; printed too
 
 
 def plain(value: Any) -> Any:
@@ -79,12 +78,11 @@ def table_of_objects(paths: Sequence[str], as_json: bool) -> Iterator[None]:
     from ocisac_fast.cli.csv_files import WRITERS, write_csv
 
     with SpooledTemporaryFile(_IN_MEMORY, "w+", encoding="utf-8") as file:
-        tokens = _tabled.set(file), _printed.set(as_json)
+        token = _tabled.set((file, as_json))
         try:
             yield
         finally:
-            _tabled.reset(tokens[0])
-            _printed.reset(tokens[1])
+            _tabled.reset(token)
             for path in paths if file.tell() else ():
                 WRITERS.get(os.path.splitext(path)[1].lower(), write_csv)(path, _Lines(file))
 
@@ -109,9 +107,10 @@ def emit_json(record: Mapping[str, Any]) -> None:
     """Print one JSON object on a line of standard output, or keep it for a file of ``table_of_objects``."""
     if (records := _collected.get()) is not None:
         records.append(plain(record))
-    if (file := _tabled.get()) is not None:
+    file, is_printed = _tabled.get()
+    if file is not None:
         file.write(json.dumps(plain(record)) + "\n")
-    if not is_collected() and _printed.get():
+    if not is_collected() and is_printed:
         print(_line(record), flush=True)
 
 

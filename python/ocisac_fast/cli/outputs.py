@@ -10,8 +10,10 @@ from typing import Any
 
 import click
 
+from ocisac_fast.files.extras import matplotlib
 from ocisac_fast.files.raw import read_whole, standard_input
-from ocisac_fast.files.reading import name_of, named
+from ocisac_fast.files.reading import name_of
+from ocisac_fast.files.recording import naming
 from ocisac_fast.files.remote import local_part
 from ocisac_fast.files.writing import fixed_outputs
 
@@ -27,12 +29,23 @@ class InputFile(click.Path):
         return (local_part(os.fspath(path)),)
 
 
-class OutputFile(click.Path):
+class _Output(click.Path):
+    kind = "file"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        if not os.fspath(value):
+            raise click.UsageError(f"{_label(param)}: got no name, allowed: a {self.kind}")
+        return super().convert(value, param, ctx)
+
+
+class OutputFile(_Output):
     """A file that a command writes."""
 
 
-class OutputFolder(click.Path):
+class OutputFolder(_Output):
     """A folder that a command writes into."""
+
+    kind = "folder"
 
 
 PLOTS = "PNG, PDF or SVG"
@@ -45,7 +58,7 @@ def read_input(path: str | os.PathLike[str]) -> bytes:
     Raises:
         FileError: more than 64 MiB.
     """
-    with named(name_of(path)), contextlib.ExitStack() as opened:
+    with naming(name_of(path), None), contextlib.ExitStack() as opened:
         is_standard = os.fspath(path) == _STANDARD
         return read_whole(standard_input() if is_standard else opened.enter_context(open(path, "rb")))
 
@@ -62,8 +75,8 @@ def draw(path: str | None, plot: str, *given: Any, **options: Any) -> None:
 def import_matplotlib() -> None:
     """Import it without reading a matplotlibrc of the working folder, which may be a stranger's, or a pipe."""
     is_there = os.path.lexists("matplotlibrc")
-    with contextlib.suppress(ModuleNotFoundError), contextlib.chdir(_HERE) if is_there else contextlib.nullcontext():
-        import matplotlib  # noqa: F401
+    with contextlib.chdir(_HERE) if is_there else contextlib.nullcontext():
+        matplotlib()
 
 
 @contextlib.contextmanager
@@ -80,8 +93,11 @@ def checked_outputs(force: bool) -> Iterator[None]:
     for param, path in (*_paths(context, InputFile), *outputs):
         if _is_standard_output(local_part(os.fspath(path))):
             raise click.UsageError(f"{_label(param)}: got {path}, which is standard output too, allowed: another file")
+    for param, path in _paths(context, InputFile):
+        assert isinstance(param.type, InputFile)
+        require_not_written(param.type.files(path))
     for k, (param, path) in enumerate(outputs):
-        _check(param, path, [*folders, *outputs[:k]], context, force)
+        _check(param, path, [*folders, *outputs[:k]], force)
     with fixed_outputs([path for _, path in every], replace=force):
         yield
 
@@ -94,21 +110,12 @@ def _paths(context: click.Context, kind: type[click.Path]) -> Iterator[tuple[cli
             yield from ((param, path) for path in (value if isinstance(value, tuple) else (value,)))
 
 
-def _check(
-    param: click.Parameter, path: str, before: list[tuple[click.Parameter, str]], context: click.Context, force: bool
-) -> None:
-    if not path:
-        raise click.UsageError(f"{_label(param)}: got no name, allowed: a file")
+def _check(param: click.Parameter, path: str, before: list[tuple[click.Parameter, str]], force: bool) -> None:
     refused = f"{_label(param)}: got {path}, which"
     for other, written in before:
         if _is_same(path, written):
             raise click.UsageError(f"{refused} {_label(other)} writes too, allowed: another file")
-    if not os.path.isfile(path):
-        return
-    for other, given in _paths(context, InputFile):
-        if isinstance(other.type, InputFile) and any(_is_same(path, each) for each in other.type.files(given)):
-            raise click.UsageError(f"{refused} is read, allowed: another file")
-    if not force:
+    if os.path.isfile(path) and not force:
         raise click.UsageError(f"{refused} exists, allowed: a new file, or --force")
 
 
@@ -118,6 +125,16 @@ def _is_same(path: str, other: str | os.PathLike[str]) -> bool:
         return os.path.samestat(os.stat(path), os.stat(0 if other == _STANDARD else other))
     except (OSError, ValueError):
         return other != _STANDARD and os.path.realpath(path) == os.path.realpath(other)
+
+
+def require_not_written(read: Iterable[str | os.PathLike[str]]) -> None:
+    """Refuse outputs of the present command that are files which it reads."""
+    every = _paths(click.get_current_context(), OutputFile)
+    files = [(param, path) for param, path in every if path != _STANDARD and os.path.isfile(path)]
+    for each in read if files else ():
+        for param, path in files:
+            if _is_same(path, each):
+                raise click.UsageError(f"{_label(param)}: got {path}, which is read, allowed: another file")
 
 
 def _is_standard_output(path: str) -> bool:

@@ -20,13 +20,14 @@ from ocisac_fast.cli.output import emit_note, is_collected
 from ocisac_fast.cli.units import RATE, ROW_TIME, TIME, Parsed, Quantity
 from ocisac_fast.core.arrays import as_frames
 from ocisac_fast.core.regions import Region
-from ocisac_fast.files import Part, RecordingStream, open_recording
+from ocisac_fast.files import FileError, Part, RecordingStream, open_recording
 from ocisac_fast.files.recording import Frame, gathered
 from ocisac_fast.lights import find_scan_axis
 
 _RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
 _LUMA_WEIGHTS = (0.299, 0.587, 0.114)  # ITU-R BT.601
 _BATCH_BYTES = 64 << 20
+_OF_FRAMES = ("columns: ", "frames: ")  # begins an error of theirs
 _SURE_LIGHT = 0.998  # probability of a light that contradicts a statement
 
 
@@ -271,6 +272,17 @@ def _silent_libraries() -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def frames_of(path: str) -> Iterator[None]:
+    """Within this, errors of frames name their file, as those of files do."""
+    try:
+        yield
+    except ValueError as error:
+        if not str(error).startswith(_OF_FRAMES):
+            raise
+        raise FileError(f"{path}: {error}") from error
+
+
+@contextlib.contextmanager
 def open_pictures(
     path: str, options: PictureOptions, part: Part | None = None, *, axis_of_light: bool = True
 ) -> Iterator[OpenPictures]:
@@ -280,7 +292,7 @@ def open_pictures(
     """
     with _silent_libraries():
         stream = open_recording(path, colour=options.channel in _RED_GREEN_BLUE, raw=options.raw, part=part)
-    with stream:
+    with stream, frames_of(path):
         frames = iter(stream)
         with _silent_libraries():
             first = next(frames)

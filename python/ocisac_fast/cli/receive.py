@@ -10,7 +10,7 @@ import click
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.command import command
-from ocisac_fast.cli.errors import INPUT_ERRORS, SOME_FAILED, error_text
+from ocisac_fast.cli.errors import SOME_FAILED, error_text, input_errors
 from ocisac_fast.cli.output import Table, emit_json, emit_summary, facts_of, number, progress, quantity
 from ocisac_fast.cli.outputs import INPUT, OUTPUT, PLOTS, draw
 from ocisac_fast.cli.packet_stream import PacketOptions, PacketStream
@@ -60,7 +60,7 @@ def receive(
                     axis = facts["scan_axis"] if stream is None else stream.scan_axis
                     title = f"scan axis {axis}" if picture.names(axis) else ""
                     table.add(_row(named, picture.in_hertz, stream is not None), title)
-            except INPUT_ERRORS as error:
+            except input_errors() as error:
                 if len(files) == 1:
                     if table is not None:
                         table.flush(title)
@@ -94,7 +94,8 @@ def _received(
         # A frame of a live stream is answered at once.
         for run in _in_runs(progress(pictures.frames, "receiving", announced), 1 if announced is None else _RUN):
             if plot is not None and count == 0:
-                _plot_first(plot, stack(run[:1]), camera, rate)
+                first = stack(run[:1])
+                draw(plot, "plot_received", first[0], camera, received=receive_frames(first, camera, chip_rate=rate)[0])
             if stream is not None:
                 for k, frame in enumerate(run):
                     yield from stream.push(frame, camera, count + k)
@@ -121,10 +122,6 @@ def _in_runs(frames: Iterator[Frame], most: int) -> Iterator[list[Frame]]:
         yield run
     if stopped is not None:
         raise stopped
-
-
-def _plot_first(plot: str, frames: Any, camera: Any, rate: float | None) -> None:
-    draw(plot, "plot_received", frames[0], camera, received=receive_frames(frames, camera, chip_rate=rate)[0])
 
 
 def _facts(result: Any, first_frame: int, shape: tuple[int, ...], camera: Camera) -> dict[str, Any]:

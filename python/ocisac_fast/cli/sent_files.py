@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from ocisac_fast.cli.output import emit_facts
 from ocisac_fast.cli.outputs import read_input
-from ocisac_fast.files import FileError
 from ocisac_fast.files.arrays import stream_arrays
+from ocisac_fast.files.recording import naming
 from ocisac_fast.packets.fsk import FskTransmission
 from ocisac_fast.packets.transmission import Transmission
 
@@ -21,11 +21,8 @@ from ocisac_fast.packets.transmission import Transmission
 def read_bits(path: str) -> npt.NDArray[np.int64]:
     """The bits of a .txt of ``transmit`` (0 and 1, and white space) or a .npy."""
     if path.lower().endswith(".npy"):
-        try:
-            with stream_arrays(io.BytesIO(read_input(path))) as arrays:
-                values = np.concatenate([array.ravel() for array in arrays])
-        except FileError as error:
-            raise FileError(f"{path}: {error}") from error
+        with naming(path), stream_arrays(io.BytesIO(read_input(path))) as arrays:
+            values = np.concatenate([array.ravel() for array in arrays])
     else:
         values = np.frombuffer(b"".join(read_input(path).split()), np.uint8) - np.uint8(ord("0"))
     if values.size == 0 or not np.isin(values, (0, 1)).all():
@@ -59,18 +56,15 @@ class ErrorCount:
             return
         for source, bits in self._received.items():
             found = compare_bits(bits, self._sent, repeat=True)
-            if not found.compared:
-                emit_facts(
-                    f"source {source} against {self._path}", {"bit error rate": "unknown: no bits were received"}
-                )
-                continue
-            facts = {
-                "bit error rate": f"{found.rate:.4g} (95 %: {found.low:.2g} to {found.high:.2g})",
-                "errors": f"{found.errors} of {found.compared} bits",
-                "missing, inserted": f"{found.missing}, {found.inserted}",
-                "inverted": "yes" if found.inverted else "no",
-                "by chance": f"{found.chance:.2g}" + (": unrelated bits align as well" if found.flags else ""),
-            }
+            facts = {"bit error rate": "unknown: no bits were received"}
+            if found.compared:
+                facts = {
+                    "bit error rate": f"{found.rate:.4g} (95 %: {found.low:.2g} to {found.high:.2g})",
+                    "errors": f"{found.errors} of {found.compared} bits",
+                    "missing, inserted": f"{found.missing}, {found.inserted}",
+                    "inverted": "yes" if found.inverted else "no",
+                    "by chance": f"{found.chance:.2g}" + (": unrelated bits align as well" if found.flags else ""),
+                }
             emit_facts(f"source {source} against {self._path}", facts)
 
 

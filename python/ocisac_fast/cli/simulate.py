@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 import click
@@ -17,14 +16,14 @@ from click.core import ParameterSource
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.output import emit, progress, quantity
-from ocisac_fast.cli.outputs import OUTPUT, InputFile
+from ocisac_fast.cli.outputs import OUTPUT, InputFile, require_not_written
 from ocisac_fast.cli.units import FREQUENCY, RATE, ROW_TIME, TIME, Parsed, Quantity
 from ocisac_fast.files import RecordingStream, write_frames
 from ocisac_fast.light.waveforms import Chips, SquareWave, Tone, TriangleWave, Waveform
-from ocisac_fast.scene import load_scene, render
+from ocisac_fast.scene import render
 from ocisac_fast.scene.effects import EFFECTS
 from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
-from ocisac_fast.scene.toml import pictures_of
+from ocisac_fast.scene.toml import load_scene_of
 
 _CLIPPED = "noise of dark rows is clipped at 0, which biases gains; give both commands a --dark-level of 5 times it"
 _DTYPES = {"8": "uint8", "16": "uint16", "float": "float32"}
@@ -36,11 +35,6 @@ _NAMES = "; ".join(f"{name} to {effect.most:g} {effect.unit}" for name, effect i
 def _effect(word: str) -> tuple[str, float]:
     name, _, level = word.partition("=")
     return name, float(level)
-
-
-class _Scene(InputFile):
-    def files(self, path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
-        return (path, *pictures_of(path))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -84,7 +78,7 @@ class RecordingOptions:
 
 @command
 def simulate(
-    scene: Annotated[str | None, _Scene(exists=True, dir_okay=False)] = None,
+    scene: Annotated[str | None, InputFile(exists=True, dir_okay=False)] = None,
     *,
     options: RecordingOptions,
     tolerance: Annotated[float, "Scene: largest error in DN."] = 0.5,
@@ -145,7 +139,8 @@ def _write(
 def _simulate_scene(
     path: str, as_json: bool, output: str, tolerance: float, noise_off: bool, options: RecordingOptions
 ) -> None:
-    scene = load_scene(path)
+    scene, pictures = load_scene_of(path, any_folder=False)
+    require_not_written(pictures)
     plan = scene.plan(tolerance=tolerance, frames=options.frames, start=float(options.start))
     frames = render(plan, noise=scene.sensor.noisy and not noise_off, seed=options.seed)
     rate = 1 / scene.camera.frame_time if scene.camera.frame_time else 30.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from collections.abc import Callable
@@ -18,12 +19,13 @@ else:  # generic only for type checkers
     ParameterType = click.ParamType
 
 
+@dataclasses.dataclass(eq=False)
 class Parsed(ParameterType):
     """The value that ``parse`` makes of a word; a word that is not ``allowed`` is an error that says so."""
 
-    def __init__(self, name: str, parse: Callable[[str], Any], allowed: str) -> None:
-        self.name = name
-        self._parse, self._allowed = parse, allowed
+    name: str
+    _parse: Callable[[str], Any]
+    _allowed: str
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if not isinstance(value, str):
@@ -67,36 +69,33 @@ class Quantity(float):
         return quantity
 
 
+@dataclasses.dataclass(eq=False)
 class QuantityType(ParameterType):
-    """A time, a length or a frequency of at most ``most``, or ``positive``; with ``automatic``, also ``"auto"``."""
+    """A number of a unit, of at most ``most``, or ``positive``; with ``automatic``, also ``"auto"``."""
 
-    def __init__(
-        self, unit: str, example: str, automatic: bool = False, most: float | None = None, positive: bool = False
-    ) -> None:
-        self.name = unit
-        self._unit = unit
-        self._example = example
-        self._automatic = automatic
-        self._most = most
-        self._positive = positive
+    name: str
+    example: str
+    automatic: bool = False
+    most: float = math.inf
+    positive: bool = False
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, Quantity):
             return value
-        if self._automatic and str(value).lower() == "auto":
+        if self.automatic and str(value).lower() == "auto":
             return "auto"
         try:
-            quantity = Quantity.parse(str(value), self._unit)
+            quantity = Quantity.parse(str(value), self.name)
             if math.isnan(quantity):
                 raise ValueError("not a number")
         except (ValueError, ZeroDivisionError, OverflowError):
-            auto = " or auto" if self._automatic else ""
-            self.fail(f"got {shown(value)}, allowed: a number with or without unit, such as {self._example}{auto}")
-        if self._most is not None and quantity > self._most:
-            hint = "" if quantity.has_unit else f"; {value} without a unit is in {self._unit}, {value}us may be meant"
-            self.fail(f"got {float(quantity):g} {self._unit}, allowed: at most {self._most:g} {self._unit}{hint}")
-        if self._positive and not 0.0 < quantity < math.inf:
-            self.fail(f"got {float(quantity):g} {self._unit}, allowed: a finite number above 0")
+            auto = " or auto" if self.automatic else ""
+            self.fail(f"got {shown(value)}, allowed: a number with or without unit, such as {self.example}{auto}")
+        if quantity > self.most:
+            hint = "" if quantity.has_unit else f"; {value} without a unit is in {self.name}, {value}us may be meant"
+            self.fail(f"got {float(quantity):g} {self.name}, allowed: at most {self.most:g} {self.name}{hint}")
+        if self.positive and not 0.0 < quantity < math.inf:
+            self.fail(f"got {float(quantity):g} {self.name}, allowed: a finite number above 0")
         return quantity
 
 
@@ -127,26 +126,26 @@ def spread_over(low: float, high: float, count: int) -> list[float]:
     return [float(one) for one in (np.geomspace if high > _WIDE * low else np.linspace)(low, high, count)]
 
 
+@dataclasses.dataclass(eq=False)
 class Several(ParameterType):
     """Values of one type, separated by commas; ``count``: how many, if not any number.
 
     Without ``count``, ``LOW..HIGH:COUNT`` stands for as many values between. With two, ``LOW..HIGH`` for both.
     """
 
-    def __init__(self, single: ParameterType, name: str, count: int | None = None) -> None:
-        self.name = name
-        self._single = single
-        self._count = count
+    single: ParameterType
+    name: str
+    count: int | None = None
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, tuple):
             return value
 
         def one(text: str) -> Any:
-            return self._single.convert(text.strip(), param, ctx)
+            return self.single.convert(text.strip(), param, ctx)
 
-        parts = str(value).replace("..", ",").split(",") if self._count == 2 else str(value).split(",")
-        if self._count is not None and len(parts) != self._count:
+        parts = str(value).replace("..", ",").split(",") if self.count == 2 else str(value).split(",")
+        if self.count not in (None, len(parts)):
             self.fail(f"got {shown(value)}, allowed: {self.name}")
         return tuple(each for part in parts for each in self._values(part, one))
 

@@ -10,12 +10,18 @@ from typing import Any
 
 from ocisac_fast.files.recording import FileError
 
+NO_THREAD = "this machine starts no further thread"
+
 
 def _library(module: str, name: str) -> Any:
     try:
         return importlib.import_module(module)
-    except ModuleNotFoundError as error:
-        raise FileError(f"needs {name}: pip install {name}") from error
+    except ImportError as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            raise error.__cause__ from None
+        if isinstance(error, ModuleNotFoundError):
+            raise FileError(f"needs {name}: pip install {name}") from error
+        raise FileError(f"{name} cannot be loaded: {error}") from error
 
 
 def pillow() -> Any:
@@ -30,7 +36,7 @@ def pyav() -> Any:
 
 def opened_video(file: Any, container: str | None = None) -> Any:
     """A container of FFmpeg, which gets bytes and never a name: it would read one as a URL, and open others itself."""
-    with interrupts():
+    with ffmpeg():
         return pyav().open(_Read(file), format=container, options={"protocol_whitelist": ""})
 
 
@@ -59,12 +65,20 @@ class _Read:
 
 
 @contextlib.contextmanager
-def interrupts() -> Iterator[None]:
-    """Within this, what interrupted PyAV while it read is raised as it was."""
+def ffmpeg() -> Iterator[None]:
+    """Within this, interrupts and lacks of the machine, which are no fault of a file, are none of FFmpeg's errors.
+
+    Raises:
+        MemoryError, OSError: too little memory, too few threads.
+    """
     try:
         yield
     except _Interrupted as interrupted:
         raise interrupted.__cause__ from None  # type: ignore[misc]
+    except pyav().MemoryError as error:
+        raise MemoryError from error
+    except pyav().BlockingIOError as error:
+        raise OSError(error.errno, NO_THREAD) from error
 
 
 def fsspec() -> Any:
@@ -81,6 +95,11 @@ def fsspec() -> Any:
 def pyarrow(module: str = "pyarrow") -> Any:
     """``pyarrow`` or a module of it."""
     return _library(module, "pyarrow")
+
+
+def matplotlib(module: str = "matplotlib") -> Any:
+    """``matplotlib`` or a module of it."""
+    return _library(module, "matplotlib")
 
 
 def savemat() -> Any:

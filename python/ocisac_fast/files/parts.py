@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from typing import Any
 
-from ocisac_fast.files.extras import interrupts
+from ocisac_fast.files.extras import ffmpeg
 from ocisac_fast.files.recording import FileError, Frame, KeyFrames, Part
 
 _INTRA = 1  # FFmpeg's AV_PICTURE_TYPE_I
@@ -82,7 +82,7 @@ class Ending:
 
     def packets(self) -> Iterator[Any]:
         """All packets, in the order of decoding."""
-        with interrupts():
+        with ffmpeg():
             for packet in self._container.demux(self._stream):
                 self._end = max(self._end, (packet.pos or 0) + packet.size)
                 yield packet
@@ -217,11 +217,6 @@ def _own_seconds(stream: Any) -> float:
 
 def decoded_part(container: Any, stream: Any, part: Part) -> Iterator[Any]:
     """The decoded frames of a stretch; FileError where they may differ from those of the whole video."""
-    with interrupts():
-        yield from _frames_of(container, stream, part)
-
-
-def _frames_of(container: Any, stream: Any, part: Part) -> Iterator[Any]:
     count = 0
     for frame in _decoded_from(container, stream, part):
         if frame.is_corrupt or frame.pts is None:

@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ocisac_fast.files.extras import opened_video, pillow, pyav
+from ocisac_fast.files.extras import ffmpeg, opened_video, pillow, pyav
 from ocisac_fast.files.profiles import response_of_picture
 from ocisac_fast.files.raw import read_whole
 from ocisac_fast.files.recording import FileError, Frame, LightResponse, PictureFormat, RecordingStream
-from ocisac_fast.files.remote import RemotePath
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -103,9 +102,8 @@ def grey_levels(path: Path, max_pixels: int) -> Frame:
         return np.asarray(image.convert("L"), np.float64) / 255
 
 
-def open_picture(source: Path | RemotePath | bytes) -> RecordingStream:
+def open_picture(data: bytes) -> RecordingStream:
     """Open a picture as one frame; pages of TIFF and pictures of an animated PNG or WebP as frames, as shown."""
-    data = source if isinstance(source, bytes) else source.read_bytes()
     if data[:2] in (b"P5", b"P6"):
         frames, response = _binary_pnm(data)
         return RecordingStream.of_array(frames, "picture", response)
@@ -300,7 +298,8 @@ def _deep_colour(data: bytes) -> Frame:
     av = pyav()
     try:
         with opened_video(io.BytesIO(data)) as container:
-            frame = next(container.decode(video=0))
+            with ffmpeg():
+                frame = next(container.decode(video=0))
             has_alpha = frame.format.name.startswith(("ya", "rgba"))
             values = np.ascontiguousarray(frame.to_ndarray(format="rgba64le" if has_alpha else "rgb48le"))
             return values[..., [0, 3]] if frame.format.name.startswith("ya") else values

@@ -15,7 +15,7 @@ from ocisac_fast.files.arrays import MAGIC, open_array, stream_arrays
 from ocisac_fast.files.parts import JPEGS, parts_between
 from ocisac_fast.files.pictures import JPEG, TIFF, are_jpegs, is_picture, most_bytes, next_jpeg, open_picture
 from ocisac_fast.files.raw import RawFormat, open_raw, read_whole, require_at_most, standard_input
-from ocisac_fast.files.recording import FileError, Frame, Part, Recording, RecordingStream
+from ocisac_fast.files.recording import FileError, Frame, Part, Recording, RecordingStream, naming
 from ocisac_fast.files.remote import RemotePath, is_remote
 from ocisac_fast.files.videos import Prefixed, open_video
 
@@ -47,7 +47,7 @@ def read_frames(
         FileError: a ValueError: empty, truncated, damaged, absurdly large, or none of these kinds.
         OSError: the file is missing, a directory, or not permitted.
     """
-    with open_recording(path, colour=colour, raw=raw) as stream, named(name_of(path)):
+    with open_recording(path, colour=colour, raw=raw) as stream, naming(name_of(path), None):
         return stream.read(max_bytes)
 
 
@@ -65,10 +65,9 @@ def open_recording(
     Args:
         part: a stretch from ``cut_recording``; default: all frames.
     """
-    name, kept = name_of(path), _kept(path)
-    before = _state(kept)
+    name, kept = name_of(path), _Kept(os.fspath(path))
     form = None if raw is None else RawFormat.parse(raw)
-    with named(name):
+    with naming(name, None):
         if form is not None:
             file = standard_input() if os.fspath(path) == STANDARD_INPUT else _place(path).open("rb")
             stream = open_raw(file, form, part)
@@ -76,7 +75,7 @@ def open_recording(
             stream = _of_stream(standard_input(), name, colour)
         else:
             stream = _of_file(_place(path), name, colour, part)
-    return stream.map_frames(lambda frames: _of_one_recording(path, kept, before, frames))
+    return stream.map_frames(lambda frames: _of_one_recording(name, kept, frames))
 
 
 @checked
@@ -175,66 +174,49 @@ def name_of(path: str | os.PathLike[str]) -> str:
     return "standard input" if os.fspath(path) == STANDARD_INPUT else os.fspath(path)
 
 
-@contextlib.contextmanager
-def named(name: str) -> Iterator[None]:
-    """Prefix error messages with the file's name; errors of the system have it as theirs."""
-    try:
-        yield
-    except OSError as error:
-        if error.filename is not None or error.errno is None:
-            raise
-        raise OSError(error.errno, error.strerror, name) from error
-    except FileError as error:
-        message = str(error)
-        raise FileError(message if message.startswith(f"{name}: ") else f"{name}: {message}") from error.__cause__
+class _Kept:
+    """A file as it is when this is made, and stays open: its name may lead to another one later. None else changes."""
 
-
-class _OpenFile:
-    """A regular file that stays open: its name may lead to another one later."""
-
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.number = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+    def __init__(self, path: str) -> None:
+        self._path, self._is_remote, self._number = path, False, -1
+        with contextlib.suppress(OSError, ValueError):
+            self._is_remote = is_remote(path)
+            place = sys.stdin.buffer.fileno() if path == STANDARD_INPUT else path
+            if stat.S_ISREG(os.stat(place).st_mode):  # opening a pipe could wait
+                self._number = os.dup(place) if isinstance(place, int) else os.open(place, os.O_RDONLY)
+        self._before = self._state()
 
     def __del__(self) -> None:
-        if hasattr(self, "number"):
-            os.close(self.number)
+        if self._number >= 0:
+            os.close(self._number)
 
+    def is_changed(self) -> bool:
+        """True if it was overwritten or cut, remotely also if it grew: here one that grows is still being recorded.
 
-def _kept(path: str | os.PathLike[str]) -> Any:
-    """Open a regular file for `_state`; return the number of standard input, or a remote path; None for all else."""
-    with contextlib.suppress(OSError, ValueError):
-        if is_remote(os.fspath(path)):
-            return RemotePath(os.fspath(path))
-        place = sys.stdin.buffer.fileno() if os.fspath(path) == STANDARD_INPUT else path
-        if stat.S_ISREG(os.stat(place).st_mode):  # opening a pipe could wait
-            return place if isinstance(place, int) else _OpenFile(place)
-    return None
+        Samples leave out the beginning, where films have lengths that are written as they end.
+        """
+        after = self._before and self._state(self._before[0])
+        if not (self._before and after):
+            return False
+        (size, time, samples), (size_now, time_now, samples_now) = self._before, after
+        return samples_now != samples or (time_now != time and size_now <= size)
 
-
-def _state(kept: Any, length: int | None = None) -> Any:
-    """Length and time of change of a file, and samples of its first ``length`` bytes; None of all else.
-
-    Samples leave out the beginning, where films have lengths that are written as they end; a remote file has its state.
-    """
-    with contextlib.suppress(OSError, ValueError):
-        if isinstance(kept, RemotePath):
-            return 0, RemotePath(kept.url).state, []
-        if kept is not None:
-            number = kept.number if isinstance(kept, _OpenFile) else kept
-            there = os.fstat(number)
+    def _state(self, length: int | None = None) -> tuple[int, Any, list[bytes]] | None:
+        """Length and time of change, and samples of the first ``length`` bytes."""
+        with contextlib.suppress(OSError, ValueError):
+            if self._is_remote:
+                return 0, RemotePath(self._path).state, []
+            there = os.fstat(self._number)
             size = there.st_size if length is None else length
-            starts = [size * (2 * k + 1) // (2 * _SAMPLES) for k in range(_SAMPLES)]
-            samples = [os.pread(number, min(_SAMPLE_BYTES, size - start), start) for start in starts]
+            starts = (size * (2 * k + 1) // (2 * _SAMPLES) for k in range(_SAMPLES))
+            samples = [os.pread(self._number, min(_SAMPLE_BYTES, size - start), start) for start in starts]
             return there.st_size, there.st_mtime_ns, samples
-    return None
+        return None
 
 
-def _of_one_recording(path: str | os.PathLike[str], kept: Any, before: Any, frames: Iterator[Frame]) -> Iterator[Frame]:
-    """Refuse frames of several shapes or types, and a file that was overwritten or cut since ``before``.
-
-    One that grows is still being recorded; one that is removed, or replaced by another, was read as it was.
-    """
-    with named(name_of(path)):
+def _of_one_recording(name: str, kept: _Kept, frames: Iterator[Frame]) -> Iterator[Frame]:
+    """Refuse frames of several shapes or types, and a file that was changed meanwhile."""
+    with naming(name, None):
         first: Any = None
         count = 0
         for frame in frames:
@@ -246,6 +228,5 @@ def _of_one_recording(path: str | os.PathLike[str], kept: Any, before: Any, fram
             yield frame
             count += 1  # noqa: SIM113, `enumerate` would hold the frame
             del frame  # before the next one is made
-        after = before and _state(kept, before[0])
-        if after and (after[2] != before[2] or (after[1] != before[1] and after[0] <= before[0])):
+        if kept.is_changed():
             raise FileError("changed while it was read: its frames may be of two recordings")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import math
 import os
 from collections import deque
@@ -25,6 +26,20 @@ KEPT_FRAMES = 4  # of a video, as they were decoded
 
 class FileError(ValueError):
     """A file that cannot be read as a recording, or values that a file type cannot hold; the message names both."""
+
+
+@contextlib.contextmanager
+def naming(path: str | os.PathLike[str], *found: str | None) -> Iterator[None]:
+    """Errors name the file; those of the system that name one of ``found``: others are of what is read meanwhile."""
+    try:
+        yield
+    except FileError as error:
+        message, name = str(error), os.fspath(path)
+        raise FileError(message if message.startswith(f"{name}: ") else f"{name}: {message}") from error.__cause__
+    except OSError as error:
+        if error.filename not in found:
+            raise
+        raise OSError(error.errno or errno.EIO, error.strerror or str(error), os.fspath(path)) from error
 
 
 class FileWarning(UserWarning):
@@ -205,15 +220,9 @@ class RecordingStream(_Recorded):
         stamps: list[int | None] | None = None,
         picture: PictureFormat | None = None,
     ) -> None:
-        self._frames = frames
-        self.kind = kind
-        self.response = response
-        self.frame_rate = frame_rate
-        self.frame_count = frame_count
-        self.key_frames = key_frames
-        self.video = video
-        self.picture = picture
-        self.stamps = [] if stamps is None else stamps
+        self._frames, self.kind, self.response = frames, kind, response
+        self.frame_rate, self.frame_count, self.key_frames = frame_rate, frame_count, key_frames
+        self.video, self.picture, self.stamps = video, picture, [] if stamps is None else stamps
         self._cleanup = contextlib.ExitStack()
         if close is not None:
             self._cleanup.callback(close)

@@ -47,7 +47,13 @@ def local_part(path: str) -> str:
 
 
 def absolute(path: str) -> str:
-    """The absolute path of a file of this machine; ``..`` is above the folder that a link before it leads to."""
+    """The absolute path of a file of this machine; ``..`` is above the folder that a link before it leads to.
+
+    Raises:
+        FileError: no name, which would be the working folder's.
+    """
+    if not path:
+        raise FileError("path: got no name, allowed: that of a file or a folder")
     parts = Path(os.path.join(os.getcwd(), path)).parts
     last = max((number for number, part in enumerate(parts, 1) if part == ".."), default=0)
     return os.path.join(os.path.realpath(os.path.join(*parts[:last])), *parts[last:]) if last else os.path.abspath(path)
@@ -153,10 +159,6 @@ class RemotePath:
         if len(data) > _WHOLE:
             raise FileError(f"{self.url}: no stated size, and more than {_WHOLE >> 20} MiB")
         return io.BytesIO(data)
-
-    def read_bytes(self) -> bytes:
-        with self.open() as file:
-            return file.read()
 
 
 def _require_ranges(file: Any, size: int, url: str) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ocisac_fast.files.colours import Conversion
-from ocisac_fast.files.extras import opened_video, pyav
+from ocisac_fast.files.extras import NO_THREAD, ffmpeg, opened_video, pyav
 from ocisac_fast.files.profiles import transfer_stating
 from ocisac_fast.files.recording import FileError, FileWarning, Frame, LightResponse, RecordingStream, VideoFormat
 
@@ -54,14 +54,14 @@ def write_video(
                 sound = _sound(av, container, like, opened)
             writer.check(frame, count)
             time = None if like is None else like.time_of(count)
-            picture = writer.picture(frame, count, time)
             try:
-                packets = writer.stream.encode(picture)
-            except MemoryError:
-                raise
+                with ffmpeg():
+                    picture = writer.picture(frame, count, time)
+                    packets = writer.stream.encode(picture)
             except av.FFmpegError as error:
                 rows, columns = frame.shape[:2]
-                raise FileError(f"{codec} cannot hold frames of {columns} x {rows} pixels") from error
+                lack = f", or {NO_THREAD}" if isinstance(error, av.ExternalError) else ""  # which x264 does not tell
+                raise FileError(f"{codec} cannot hold frames of {columns} x {rows} pixels{lack}") from error
             container.mux(packets)
             _copy_until(container, sound, float(picture.pts * writer.time_base))
         if writer is None:
@@ -96,7 +96,8 @@ class _Writer:
         context = self.stream.codec_context
         context.time_base = self.time_base
         is_converted = stored.startswith("yuv")
-        self._range = _FULL_RANGE if source is None or not _keeps_range(first, stored, source) else _LIMITED_RANGE
+        is_luma = first.ndim == 2 or is_converted
+        self._range = _LIMITED_RANGE if source is not None and source.limited and is_luma else _FULL_RANGE
         context.color_range = self._range
         context.color_trc = transfer if source is None else source.transfer
         self._convert: Conversion | None = None
@@ -140,11 +141,6 @@ class _Writer:
         picture.pts = self._last = max(round(at / self.time_base), self._last + 1)
         picture.time_base = self.time_base
         return picture
-
-
-def _keeps_range(frame: Frame, stored: str, source: VideoFormat) -> bool:
-    """Luma that is limited, and is stored as luma."""
-    return source.limited and (frame.ndim == 2 or stored.startswith("yuv"))
 
 
 def _formats(codec: str, frame: Frame, source: VideoFormat | None) -> tuple[str, str]:

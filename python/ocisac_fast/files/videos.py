@@ -19,7 +19,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ocisac_fast.files.colours import Conversion, rgb_format, rgb_white
-from ocisac_fast.files.extras import opened_video, pyav
+from ocisac_fast.files.extras import ffmpeg, opened_video, pyav
 from ocisac_fast.files.films import FirstFilm
 from ocisac_fast.files.parts import HEAD_BYTES, JPEGS, Ending, decoded_part, video_key_frames
 from ocisac_fast.files.profiles import response_of_video, transfer_of
@@ -95,11 +95,10 @@ def open_video(
             film = FirstFilm(Prefixed(b"", file))
             opened = opened_video(film, container)
         return _stream(av, opened, film, name, colour, part, source if is_path else None, status)
-    except (FileError, MemoryError):  # PyAV's MemoryError is one of FFmpeg's errors too
+    except BaseException as error:
         file.close()
-        raise
-    except (av.FFmpegError, UnicodeDecodeError, ValueError) as error:
-        file.close()
+        if isinstance(error, FileError) or not isinstance(error, (av.FFmpegError, ValueError)):
+            raise
         raise FileError(_UNKNOWN) from error
 
 
@@ -225,17 +224,13 @@ def _number(code: Any) -> int:
     return 2 if code is None else int(code)  # 2: unspecified
 
 
-def _has_luma(name: str) -> bool:
-    return bool(_LUMA_PLANE.match(name)) or name in _PACKED_LUMA
-
-
 def _layout(av: Any, name: str, context: Any, colour: bool) -> tuple[Callable[[Any], Frame], LightResponse]:
     """A function that extracts the values of a frame of this pixel format, and their response."""
     # Where the stream states no range, YUV is limited by convention; grey is assumed full (sensor values).
     stated = int(context.color_range or 0)
     limited = _is_limited(name, stated)
     bits = av.VideoFormat(name).components[0].bits if name else 8
-    if colour or not _has_luma(name):
+    if colour or not (_LUMA_PLANE.match(name) or name in _PACKED_LUMA):
         convert = Conversion(rgb_format(bits > 8), _number(context.colorspace), limited)
         return lambda frame: convert(frame).to_ndarray(), response_of_video(context, 0.0, rgb_white(limited, bits))
     shift = 16 - bits if _UPPER_BITS.match(name) else 0
@@ -284,19 +279,18 @@ def _frames(
         return
     count = damaged = 0
     try:
-        for frame in ending.decoded():
-            if frame.is_corrupt:
-                damaged += 1
-                continue
-            _require_progressive(frame)
-            count += 1
-            stamps.append(frame.pts)
-            if count == 1 and (turn := frame.side_data.get("DISPLAYMATRIX")) is not None:
-                form.display_matrix = struct.unpack("=9i", bytes(turn))
-            form.decoded.append((values(frame), frame))
-            yield form.decoded[-1][0]
-    except MemoryError:
-        raise
+        with ffmpeg():
+            for frame in ending.decoded():
+                if frame.is_corrupt:
+                    damaged += 1
+                    continue
+                _require_progressive(frame)
+                count += 1
+                stamps.append(frame.pts)
+                if count == 1 and (turn := frame.side_data.get("DISPLAYMATRIX")) is not None:
+                    form.display_matrix = struct.unpack("=9i", bytes(turn))
+                form.decoded.append((values(frame), frame))
+                yield form.decoded[-1][0]
     except av.FFmpegError as error:
         if count == 0:
             raise FileError("no frame that can be decoded") from error
@@ -315,11 +309,10 @@ def _frames(
 
 def _part_frames(av: Any, container: Any, stream: Any, values: Callable[[Any], Frame], part: Part) -> Iterator[Frame]:
     try:
-        for frame in decoded_part(container, stream, part):
-            _require_progressive(frame)
-            yield values(frame)
-    except MemoryError:
-        raise
+        with ffmpeg():
+            for frame in decoded_part(container, stream, part):
+                _require_progressive(frame)
+                yield values(frame)
     except av.FFmpegError as error:
         raise FileError("a stretch that cannot be decoded") from error
 

@@ -25,7 +25,7 @@ import numpy as np
 from ocisac_fast.core.checks import checked, shown
 from ocisac_fast.files.extras import pillow, pyav
 from ocisac_fast.files.pictures import ORIENTATION
-from ocisac_fast.files.recording import FileError, Frame, PictureFormat, RecordingStream
+from ocisac_fast.files.recording import FileError, Frame, PictureFormat, RecordingStream, naming
 from ocisac_fast.files.video_writing import CODECS, check_frame, write_video
 
 _PICTURES = {".png": "PNG", ".tif": "TIFF", ".tiff": "TIFF", ".jpg": "JPEG", ".jpeg": "JPEG"}
@@ -142,7 +142,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
     is rejected, and one that appeared though it is of `fixed_outputs`. A target that is not a regular file, such as a
     FIFO or a device, receives all bytes at the end. Errors of the system name ``path``.
     """
-    with _written(path) as temporary, _naming(path, None, str(temporary)):
+    with _written(path) as temporary, naming(path, None, str(temporary)):
         yield temporary
 
 
@@ -153,13 +153,14 @@ def _written(path: str | os.PathLike[str]) -> Iterator[Path]:
         held = _places.get().get(os.fspath(path))
         place = opened.enter_context(contextlib.closing(_Place(path))) if held is None else held
         there = place.status()
-        temporary = opened.enter_context(place.temporary(0o600 if there or not place.is_file else 0o666))
+        mode = 0o600 if there or not place.is_file else 0o666
+        temporary = opened.enter_context(contextlib.closing(place.temporary(mode)))
         yield temporary.path
         if there is not None:
             with contextlib.suppress(PermissionError):
                 os.fchown(temporary.file, there.st_uid, there.st_gid)
             os.fchmod(temporary.file, stat.S_IMODE(there.st_mode))
-        with _naming(path, None, temporary.path.name):
+        with naming(path, None, temporary.path.name):
             os.fsync(temporary.file)  # before its name: no crash leaves a name without its bytes
             place.publish(temporary)
 
@@ -229,12 +230,6 @@ class _Temporary:
                 os.close(descriptor)
         self.file = self.folder = -1
 
-    def __enter__(self) -> _Temporary:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
-
 
 def _status(path: str, folder: int | None = None) -> os.stat_result | None:
     try:
@@ -276,13 +271,13 @@ def write_frames(
     single = isinstance(frames, np.ndarray) and frames.ndim == 2
     if single:
         frames = [np.asarray(frames)]
-    with _written(path) as temporary, _naming(path, str(temporary)):
+    with _written(path) as temporary, naming(path, str(temporary)):
         most = most_frames(path)
         if suffix in CODECS:
             write_video(temporary, frames, frame_rate, like, crf)
         else:
             every = _alike(frames, most)
-            with _naming(path, None):
+            with naming(path, None):
                 if suffix == ".npy":
                     with temporary.open("wb") as file:
                         # Through Python's file: tofile() says nothing of the last bytes that a disk does not take.
@@ -298,20 +293,6 @@ def most_frames(path: str | os.PathLike[str]) -> float:
     if suffix not in allowed:
         raise FileError(f"{os.fspath(path)}: suffix: got {shown(suffix)}, allowed: {', '.join(allowed)}")
     return 1 if _PICTURES.get(suffix) in ("PNG", "JPEG") else math.inf
-
-
-@contextlib.contextmanager
-def _naming(path: str | os.PathLike[str], *found: str | None) -> Iterator[None]:
-    """Errors name the file; those of the system that name one of ``found``: others are of what is read meanwhile."""
-    try:
-        yield
-    except FileError as error:
-        message, name = str(error), os.fspath(path)
-        raise FileError(message if message.startswith(f"{name}: ") else f"{name}: {message}") from error.__cause__
-    except OSError as error:
-        if error.filename not in found:
-            raise
-        raise OSError(error.errno or errno.EIO, error.strerror or str(error), os.fspath(path)) from error
 
 
 def _alike(frames: Iterable[Frame], most: float) -> list[Frame]:

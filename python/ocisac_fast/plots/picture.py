@@ -16,6 +16,7 @@ import numpy as np
 
 from ocisac_fast.core.checks import shown
 from ocisac_fast.files import FileError, atomic_path
+from ocisac_fast.files.extras import matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,28 +102,21 @@ def _figure(path: FilePath | None, size: tuple[float, float], figure: Figure | N
     """A figure, or the given one, in the package's style; afterwards it is written to ``path``."""
     if path is not None and (suffix := Path(path).suffix.lower()) not in _SUFFIXES:
         raise FileError(f"{os.fspath(path)}: suffix: got {shown(suffix)}, allowed: {', '.join(_SUFFIXES)}")
-    try:
-        import matplotlib.figure
-        import matplotlib.style
-    except ModuleNotFoundError as error:
-        raise FileError("plots need matplotlib: pip install matplotlib") from error
     # A file's look does not depend on a matplotlibrc, which the working folder may hold; a notebook's does.
     base = ["default"] if path is not None and figure is None else []
-    with matplotlib.style.context([*base, _LOOK]):
+    with matplotlib("matplotlib.style").context([*base, _LOOK]):
         if figure is None and path is None:
-            from matplotlib import pyplot
-
-            figure = pyplot.figure(figsize=size, layout="constrained")
+            figure = matplotlib("matplotlib.pyplot").figure(figsize=size, layout="constrained")
         elif figure is None:
-            figure = matplotlib.figure.Figure(figsize=size, layout="constrained")
-        is_interactive = matplotlib.is_interactive()  # notebooks say so with their first figure
+            figure = matplotlib("matplotlib.figure").Figure(figsize=size, layout="constrained")
+        is_interactive = matplotlib().is_interactive()  # notebooks say so with their first figure
         yield figure
         if path is not None:
             with atomic_path(path) as temporary:
                 drawn = io.BytesIO()  # matplotlib's errors of a full disk are not the system's
                 figure.savefig(drawn, dpi=120, format=temporary.suffix[1:])
                 temporary.write_bytes(drawn.getvalue())
-    matplotlib.interactive(is_interactive)
+    matplotlib().interactive(is_interactive)
 
 
 def figure_of(axes: Axes) -> Figure:

@@ -10,7 +10,7 @@ import os
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -56,10 +56,11 @@ class SceneFileError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class _Folder:
-    """Folder of a scene's pictures."""
+    """Folder of a scene's pictures, and those that were read."""
 
     path: Path
     any_folder: bool
+    read: list[Path] = dataclasses.field(default_factory=list)
 
 
 # Separators of a dotted key, terminators, and tokens whose dots are not separators: strings and comments.
@@ -108,6 +109,12 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
         SceneFileError: a ValueError: not TOML, unknown or missing keys, bad values; names the file, line and key.
         OSError: the file cannot be read.
     """
+    return load_scene_of(path, any_folder)[0]
+
+
+def load_scene_of(path: str | os.PathLike[str], any_folder: bool) -> tuple[Scene, list[Path]]:
+    """`load_scene`, and the pictures that the scene has read."""
+    folder = _Folder(Path(path).parent, any_folder)
     with open(path, "rb") as file:
         try:
             data = read_whole(file)
@@ -115,7 +122,7 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
             raise SceneFileError(f"{os.fspath(path)}: {error}") from error
     try:
         text = data.decode("utf-8")
-        return _scene(_document(text), _Folder(Path(path).parent, any_folder))
+        return _scene(_document(text), folder), folder.read
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise SceneFileError(f"{os.fspath(path)}:{line}: byte {data[error.start]:#x}, allowed: UTF-8") from error
@@ -126,25 +133,6 @@ def load_scene(path: str | os.PathLike[str], *, any_folder: bool = False) -> Sce
     except _BadKey as error:
         where = f"{_line_of(text, error.keys)}: {_dotted(error.keys)}: " if error.keys else " "
         raise SceneFileError(f"{os.fspath(path)}:{where}{error.problem}") from error
-
-
-def pictures_of(path: str | os.PathLike[str]) -> list[Path]:
-    """The pictures that a scene's file names; none of one that cannot be read, or only once: a pipe."""
-
-    def names(item: Any) -> Iterator[Any]:
-        if isinstance(item, dict):
-            yield item.get("file")
-        for each in item.values() if isinstance(item, dict) else item if isinstance(item, list) else ():
-            yield from names(each)
-
-    if not os.path.isfile(path):
-        return []
-    try:
-        with open(path, "rb") as file:
-            found = names(_document(read_whole(file).decode()))
-        return [Path(path).parent / name for name in found if isinstance(name, str)]
-    except (OSError, ValueError, RecursionError):
-        return []
 
 
 @checked
@@ -302,6 +290,7 @@ def _picture(name: Any, keys: Keys, folder: _Folder) -> Any:
         raise _BadKey(keys, f"got {shown(name)}, allowed: a picture in the scene's folder or below it")
     if path.exists() and not path.is_file():
         raise _BadKey(keys, f"got {shown(name)}, allowed: a file")
+    folder.read.append(path)
     try:
         return grey_levels(path, _MAX_PICTURE_PIXELS)
     except (OSError, ValueError) as error:
