@@ -298,12 +298,10 @@ def _shared_std(gain: float, of_all: float, of_all_std: float, tone: float) -> f
 
 def _course(frames: Frame, camera: Camera, weights: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """(rows,) linear light of all frames and columns, by weights (1, columns)."""
-    if camera.tone_curve == "linear":
-        return (
-            sum(project(frame.T, weights, 1, 2)[0][0] for frame in frames)
-            - len(frames) * camera.dark_level * weights.sum()
-        )
-    return (linear_light(frames, camera) @ weights[0]).sum(axis=0)
+    if camera.tone_curve != "linear":
+        return np.asarray((linear_light(frames, camera) @ weights[0]).sum(axis=0))
+    stored = np.stack([project(frame.T, weights, 1, 2)[0][0] for frame in frames])
+    return np.asarray(stored.sum(axis=0) - len(frames) * camera.dark_level * weights.sum())
 
 
 def _joined(gains: list[Any]) -> dict[str, npt.NDArray[Any]]:
