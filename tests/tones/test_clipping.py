@@ -275,3 +275,35 @@ def test_columns_of_different_light_that_share_a_level_are_clipped(noise):
         flagged.append((rounded_lamp(250, noise, seed)[0].flags & Flag.SATURATED) != 0)
     assert np.mean(saturated) > 0.25
     assert np.mean(flagged) < 0.02
+
+
+@pytest.mark.parametrize("pooled", [False, True])
+def test_dark_rows_that_round_alike_beside_noise_of_the_light_are_flagged(pooled):
+    """Rows that see no lamp are 0.4 of a step off, all of them; noise of the read-out as large as a step hides that."""
+    for seed in range(6):
+        random = np.random.default_rng([seed, 5])
+        frequency, camera = random.uniform(5, 20) / (ROWS * ROW_TIME), Camera(ROW_TIME, 50e-6, dark_level=16.4)
+        wave = SquareWave(frequency, phase=random.uniform(0, 6))
+        light = integrate_exposure(wave, camera, ROWS)[:, None] * random.uniform(70, 120, 60)
+        shot = random.choice([0.1, 0.2]) * np.sqrt(light) * random.standard_normal(light.shape)
+        for read in (0.0, 1.0):
+            noise = shot + read * random.standard_normal(light.shape)
+            pixels = np.rint(16.4 + light + noise).clip(0, 255).astype(np.uint8)
+            flags = tone_gain(pixels, camera, frequency, waveform="square", pooled=pooled).flags
+            assert np.mean((flags & Flag.QUANTISED) != 0) == (read == 0.0), (seed, read)
+
+
+@pytest.mark.parametrize("noise", [0.6, 1.2, 2.0])
+def test_noise_cut_off_in_the_few_dark_rows_of_any_period_is_seen(noise):
+    """One or two rows of 30 are dark; rows at multiples of the golden ratio see four phases of that period."""
+    exposure = 300e-6
+    for turns in (0.43, 0.45, 0.47):
+        frequency, camera = turns / exposure, Camera(ROW_TIME, exposure, dark_level=0)
+        for seed in range(8):
+            random = np.random.default_rng(seed)
+            light = integrate_exposure(SquareWave(frequency, phase=random.uniform(0, 6)), camera, ROWS)[:, None]
+            stored = 60 * light * random.uniform(0.8, 1, 100) + noise * random.standard_normal((ROWS, 100))
+            pixels = np.rint(stored).clip(0, 255).astype(np.uint8)
+            found = tone_gain(pixels, camera, frequency, waveform="square", pooled=True)
+            error = abs(float(found.gain) - np.sinc(turns))
+            assert int(found.flags) & Flag.SATURATED or error < 5 * found.gain_std, (turns, seed)

@@ -559,3 +559,14 @@ def test_films_whose_squares_are_0_are_searched_without_a_warning(scale):
     film = scale * np.random.default_rng(1).random((4, 64, 9))
     with np.errstate(divide="raise", invalid="raise"):
         assert oc.find_frequency(film, Camera(2e-5, frame_time=1 / 30)).flags
+
+
+def test_frames_that_share_their_errors_count_as_one():
+    """A frozen film has the error of a frame; in one of a lamp that keeps its phase noise of the rows is shared."""
+    random = np.random.default_rng(3)
+    rows, frames = 480, 60
+    light = 100 + 80 * tone(0.02123, rows)[:, None]
+    still, moving = random.normal(0, 3, (rows, 20)), random.normal(0, 3, (frames, rows, 20))
+    one = oc.find_frequency(light + still, PER_ROW).frequency_std
+    assert oc.find_frequency(np.repeat((light + still)[None], frames, 0), PER_ROW).frequency_std > 0.9 * one
+    assert oc.find_frequency(light + moving, PER_ROW).frequency_std < 1.3 * one / np.sqrt(frames)

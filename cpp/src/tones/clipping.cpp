@@ -20,12 +20,12 @@ constexpr std::size_t kFewest = 4;  // samples that are a pile, or not chance
 
 // Visits samples of some rows.
 template <class T>
-void for_some(const FramesView<const T>& view, std::size_t frame, std::size_t column, std::size_t columns, auto visit) {
-  const std::size_t width = std::min(columns, view.columns);
-  const std::size_t first = std::min(column - std::min(column, width / 2), view.columns - width);
-  const std::size_t count = std::min(view.rows, kRows * columns / width);
-  for (std::uint32_t i = 0; i < count; ++i) {
-    const std::size_t row = count < view.rows ? some_row(i, view.rows) : i;
+void for_some(const FramesView<const T>& view, std::size_t frame, std::size_t column, double cycles_per_row,
+              auto visit) {
+  const auto [first, end] = columns_about(column, view.columns, 16);
+  const std::size_t width = end - first, count = std::min(view.rows, 16 * kRows / width);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t row = count < view.rows ? some_row(i, view.rows, cycles_per_row) : i;
     const T* const samples = view.at(frame, row, first);
     for (std::size_t c = 0; c < width; ++c) visit(samples[static_cast<std::ptrdiff_t>(c) * view.column_stride]);
   }
@@ -70,20 +70,53 @@ void count(Count& to, bool is) {
 
 }  // namespace
 
-std::size_t some_row(std::uint32_t i, std::size_t rows) {
-  constexpr std::uint32_t kGolden = 2654435769;  // 2³² times the golden ratio's part
-  return std::uint64_t{i * kGolden} * rows >> 32U;
+// The sequence of Roberts, of least discrepancy in two dimensions: multiples of 1/p and 1/p², p³ = p + 1.
+std::size_t some_row(std::size_t i, std::size_t rows, double cycles_per_row) {
+  constexpr double kPlastic = 1.32471795724474602596;
+  const auto part = [i](double of) {
+    const double all = static_cast<double>(i) * of;
+    return all - static_cast<double>(static_cast<std::size_t>(all));
+  };
+  const double height = static_cast<double>(rows), cycles = std::max(std::floor(cycles_per_row * height), 1.0),
+               cycle = std::floor(cycles * part(1 / kPlastic)), phase = part(1 / (kPlastic * kPlastic));
+  const auto row = static_cast<std::size_t>((cycle + phase) / std::max(cycles_per_row, 1 / height));
+  return std::min(row, rows - 1);
 }
 
-Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t column, double least) {
+Piles find_piles(const AnyFramesView& frames, std::size_t frame, std::size_t column, double least,
+                 double cycles_per_row) {
   return std::visit(
       [&]<class T>(const FramesView<const T>& view) {
         std::vector<T> samples;
         samples.reserve(16 * kRows);
-        for_some(view, frame, column, 16, [&](T sample) { samples.push_back(sample); });
+        for_some(view, frame, column, cycles_per_row, [&](T sample) { samples.push_back(sample); });
         const auto below =
             std::ranges::count_if(samples, [least](T sample) { return static_cast<double>(sample) < least; });
         return Piles{lowest(samples, 1), lowest(samples, -1), static_cast<std::size_t>(below) >= kFewest};
+      },
+      frames);
+}
+
+IndexRange columns_about(std::size_t column, std::size_t columns, std::size_t most) {
+  const std::size_t width = std::min(most, columns),
+                    first = std::min(column - std::min(column, width / 2), columns - width);
+  return {first, first + width};
+}
+
+Eigen::MatrixXd samples_of_pairs(const AnyFramesView& frames, std::size_t frame, IndexRange columns, std::size_t pairs,
+                                 double cycles_per_row) {
+  return std::visit(
+      [&](const auto& view) {
+        const std::size_t count = 2 * std::min(view.rows - 1, pairs);
+        Eigen::MatrixXd samples(static_cast<Eigen::Index>(columns.size()), static_cast<Eigen::Index>(count));
+        for (std::size_t n = 0; n < count; ++n) {
+          const auto* from = view.at(frame, some_row(n / 2, view.rows - 1, cycles_per_row) + n % 2, columns.begin);
+          for (double& sample : samples.col(static_cast<Eigen::Index>(n))) {
+            sample = static_cast<double>(*from);
+            from += view.column_stride;
+          }
+        }
+        return samples;
       },
       frames);
 }

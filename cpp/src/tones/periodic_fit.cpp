@@ -503,7 +503,9 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   for (Index g = 0; g < scores.cols(); ++g)
     scores.col(g) = products.middleCols(g * members, members).rowwise().sum().cwiseProduct(spare);
   const double texture = texture_score(model, frequency, amplitudes, residual, derivative);
-  return std::sqrt(std::max(variance_of_sum(scores), texture)) / information;
+  // Frames that repeat each other, or see a lamp of one phase on rows of a fixed pattern, share their errors.
+  const double shared = variance_of_sum(scores.rowwise().sum());
+  return std::sqrt(std::max({variance_of_sum(scores), shared, texture})) / information;
 }
 
 }  // namespace ocisac

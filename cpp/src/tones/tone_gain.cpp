@@ -396,13 +396,20 @@ void flag_pile(const AnyFramesView& frames, const Context& context, std::size_t 
     flag_column(i);
 }
 
-// Clears the flags of columns in which rounding errs by less than the standard error.
-void flag_rounding(const Context& context, std::size_t tone, std::size_t frame, const ToneGainView& result) {
-  const double step = context.steps.step;
+// Flags columns in which rounding errs by more than the standard error, beside noise that grows with the light: by its
+// own mean for those that are flagged so far.
+void flag_rounding(const Context& context, std::size_t tone, std::size_t frame, const NoiseOfLight& noise_of_frame,
+                   const ToneGainView& result) {
+  const double step = context.steps.step, most = most_rounding_error(context.steps, noise_of_frame.least());
+  const bool may_err = most > kEqual * step;
+  const std::size_t start = index_of(context, tone, frame);
   std::map<std::array<double, 5>, double> known;  // of about the same light and noise
   for (std::size_t i = 0; i < context.shape.columns; ++i) {
-    const std::size_t index = index_of(context, tone, frame) + i;
-    if (!(result.flags[index] & flag::quantised)) continue;
+    const std::size_t index = start + i;
+    Flags& flags = result.flags[index];
+    if (!(flags & flag::quantised || may_err)) continue;
+    if (!(flags & flag::quantised) && (flags & (kUnusable | flag::weak) || !(most > own_error(context, result, index))))
+      continue;
     const double background = background_of(context, frame, i), mean = result.mean[index], gain = result.gain[index],
                  phase = result.phase[index], noise = noise_of(result, index);
     std::array<double, 5> about{std::log2(mean * gain / step), gain, phase, noise / step, background / step};
@@ -411,8 +418,9 @@ void flag_rounding(const Context& context, std::size_t tone, std::size_t frame, 
     const RoundedColumn column{1, mean, background};
     if (is_new)
       found->second = rounding_error(context.steps, rounded_tone(context, context.tones[tone], gain, phase),
-                                     {&column, 1}, noise * noise);
-    if (!(found->second > own_error(context, result, index))) result.flags[index] &= ~flag::quantised;
+                                     {&column, 1}, noise_of_frame.up_to(noise * noise));
+    flags &= ~flag::quantised;
+    flags |= flag_if(found->second > own_error(context, result, index), flag::quantised);
   }
 }
 
@@ -426,6 +434,35 @@ std::size_t place_of_extreme(std::span<const double> values, double sign) {
     if (values[i] == values[first]) last = i;
   }
   return values[last] == values[first] ? (first + last) / 2 : first;
+}
+
+// Noise of some columns, by the variance that a fit leaves, and the share of their own noise in it.
+NoiseOfLight noise_of_light(const AnyFramesView& frames, const Context& context, std::size_t frame, IndexRange columns,
+                            double variance, double share) {
+  if (context.shape.rows < 4 || columns.size() == 1) return {variance / share};
+  const ToneCurve& curve = context.camera->tone_curve;
+  Eigen::MatrixXd light = samples_of_pairs(frames, frame, columns, 2 * kSome, context.tones[0].cycles_per_row);
+  if (curve.kind == ToneCurve::Kind::linear)
+    light.array() -= curve.dark_level;
+  else
+    light = light.unaryExpr([&](double stored) { return linear_light(curve, stored, context.steps.type_maximum); });
+  return noise_of_samples(light, variance, share);
+}
+
+// Noise of the brightest columns and those beside them, where any of a few pairs of rows differs by less than a step.
+NoiseOfLight noise_of_brightest(const AnyFramesView& frames, const Context& context, std::size_t frame,
+                                std::span<const double> tops, const ToneGainView& result) {
+  const IndexRange columns = columns_about(place_of_extreme(tops, 1), tops.size(), kSome / 2);
+  if (context.shape.rows < 4) return {};
+  const auto few = samples_of_pairs(frames, frame, columns, kSome, context.tones[0].cycles_per_row);
+  double least = kInfinity;
+  for (Eigen::Index n = 0; n < few.cols(); n += 2) least = std::min(least, (few.col(n + 1) - few.col(n)).squaredNorm());
+  if (least > 2 * static_cast<double>(few.rows()) * context.steps.step * context.steps.step) return {};
+  double sum = 0, count = 0;
+  for (std::size_t i = columns.begin; i < columns.end; ++i)
+    if (const double noise = noise_of(result, index_of(context, 0, frame) + i); std::isfinite(noise))
+      sum += noise * noise, ++count;
+  return noise_of_light(frames, context, frame, columns, sum / count, 1);
 }
 
 // Stored value below which there is no light.
@@ -448,7 +485,7 @@ void flag_clipped(const AnyFramesView& frames, const Context& context, std::size
         context.camera->tone_curve.kind == ToneCurve::Kind::linear)
       return Piles{};
     const double least = least_light(frames, *context.camera) - kSure * noise;
-    return find_piles(frames, frame, column, least);
+    return find_piles(frames, frame, column, least, context.tones[0].cycles_per_row);
   };
   // Noise is known where there is light above dark.
   const std::size_t top = place_of_extreme(tops, 1), darkest = place_of_extreme(means, -1),
@@ -542,8 +579,11 @@ void gains_of_model(const AnyFramesView& frames, const Context& context, IndexRa
     return std::span(tops).subspan((frame - which.begin) * columns_of_frame, columns_of_frame);
   };
   const auto flag_frame = [&](std::size_t frame) {
-    for (std::size_t tone = 0; context.steps.step > 0 && tone < context.tones.size(); ++tone)
-      flag_rounding(context, tone, frame, result);
+    if (context.steps.step > 0) {
+      const auto noise = noise_of_brightest(frames, context, frame, top_of(frame), result);
+      for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
+        flag_rounding(context, tone, frame, noise, result);
+    }
     if (context.stored) flag_clipped(frames, context, frame, top_of(frame), result);
   };
   for_each_block(pieces.size(), context.options->threads, [&](std::size_t block) {
@@ -586,8 +626,9 @@ struct PooledColumn {
   std::vector<double> signal;  // (rows,), linear light; empty: none are
   double background = 0;
   bool saturated = false, misfit = false;
-  double noise_variance = 0, squares = 1;  // of a column; of the weights
-  std::vector<RoundedColumn> some{};       // of every so many columns
+  std::size_t brightest = 0;
+  double squares = 1;                 // of the weights
+  std::vector<RoundedColumn> some{};  // of every so many columns
 };
 
 // Flags of each column by itself, where the brightest or the darkest may be clipped; else none.
@@ -595,7 +636,7 @@ std::vector<Flags> flags_of_columns(const AnyFramesView& one, const Context& con
                                     const Projection& light) {
   const double least = least_light(one, *context.camera);
   const auto may_be = [&](std::size_t column) {
-    const Piles piles = find_piles(one, 0, column, least);
+    const Piles piles = find_piles(one, 0, column, least, context.tones[0].cycles_per_row);
     return piles.low || piles.high || piles.negative;
   };
   const std::size_t brightest = place_of_extreme(light.maximum, 1), darkest = place_of_extreme(light.totals, -1);
@@ -665,17 +706,6 @@ std::vector<double> pooled_rows(const AnyFramesView& frames, std::size_t frame, 
   return signal;
 }
 
-// Variance of the brightest column about the pooled ones: noise, and rounding that is not common.
-double noise_of_column(const AnyFramesView& frames, std::size_t at, const Context& context,
-                       std::span<const double> pooled, std::span<const double> weights) {
-  const auto brightest = static_cast<std::size_t>(std::ranges::max_element(weights) - weights.begin());
-  const auto column = column_signals(frames, at, brightest, 1, context.camera->tone_curve);
-  const Eigen::Map<const Eigen::ArrayXd> y(column.data(), std::ssize(column)), x(pooled.data(), std::ssize(pooled));
-  const Eigen::ArrayXd own = y - y.mean(), common = x - x.mean();
-  const double share = (own * common).sum() / std::max(common.square().sum(), std::numeric_limits<double>::min());
-  return (own - share * common).square().mean() / (1 - weights[brightest]);
-}
-
 // True where columns show the tone at phases that cancel in their sum, by some rows of some columns in which it is most
 // of what varies.
 bool cancels(const AnyFramesView& frames, std::size_t at, const Tone& tone, std::span<const double> weights) {
@@ -685,8 +715,8 @@ bool cancels(const AnyFramesView& frames, std::size_t at, const Tone& tone, std:
   Eigen::Array<double, kSome, 1> weight = weight.Zero();
   std::visit(
       [&](const auto& view) {
-        for (std::uint32_t i = 0; i < kSome; ++i) {
-          const std::size_t row = some_row(i, view.rows);
+        for (Eigen::Index i = 0; i < Eigen::Index{kSome}; ++i) {
+          const std::size_t row = some_row(static_cast<std::size_t>(i), view.rows);
           const Phasor wave = phasor(tone.cycles_per_row, static_cast<double>(row));
           waves.row(i) << wave.cosine, wave.sine;
           for (std::size_t c = every / 2; c < weights.size(); c += every) {
@@ -719,7 +749,7 @@ PooledColumn pool_columns(const AnyFramesView& frames, std::size_t at, const Con
   for (std::size_t column = 0; column < weights.size(); ++column)
     pooled.background += weights[column] * background_of(context, frame, column);
   if (context.steps.step == 0) return pooled;
-  if (weights.size() > 1) pooled.noise_variance = noise_of_column(frames, at, context, pooled.signal, weights);
+  pooled.brightest = static_cast<std::size_t>(std::ranges::max_element(weights) - weights.begin());
   pooled.squares = scalar_product(weights, weights);
   const std::size_t every = step_of_some(weights.size());
   for (std::size_t k = every / 2; k < weights.size(); k += every) {
@@ -961,17 +991,17 @@ void gains_of(const AnyFramesView& frames, const Context& context, std::span<con
   flag_impossible(context, result);
 }
 
-// Relative error of a pooled gain by noise that black cuts off, by the samples there in some rows and columns. Noise as
-// the fit leaves it, without texture.
+// Relative error of a pooled gain by noise that black cuts off, by the samples there in some rows and columns. Noise is
+// that of the brightest rows, of which black takes none.
 double pull_of_black(const AnyFramesView& frames, const Context& context, const PooledColumn& pooled,
-                     std::span<const double> signal, std::size_t i, const ToneGainView& result) {
-  const auto some_rows = static_cast<std::uint32_t>(4 * kSome);
+                     std::span<const double> signal, const NoiseOfLight& noise, std::size_t i,
+                     const ToneGainView& result) {
+  constexpr std::size_t some_rows = 4 * kSome;
   const std::size_t frame = i % context.shape.frames;
   const Tone& tone = context.tones[i / context.shape.frames];
   const std::size_t every = step_of_some(context.shape.columns);
   const double steady = mean_of(signal), step = context.steps.step, dark = context.camera->tone_curve.dark_level,
-               noise = std::min(std::pow(noise_of(result, i), 2), noise_of_differences(signal)),
-               variance = noise / pooled.squares / (step * step) - 1.0 / 12,
+               variance = noise.at(2 * result.mean[i]) / (step * step) - 1.0 / 12,
                deviation = std::sqrt(std::max(variance, kNextToNone * kNextToNone)),
                each = pooled.squares * static_cast<double>(every);
   double lost = 0;
@@ -986,8 +1016,8 @@ double pull_of_black(const AnyFramesView& frames, const Context& context, const 
   };
   std::visit(
       [&](const auto& view) {
-        for (std::uint32_t n = 0; n < some_rows; ++n)
-          for (std::size_t row = some_row(n, view.rows), k = 0; k < pooled.some.size(); ++k)
+        for (std::size_t n = 0; n < some_rows; ++n)
+          for (std::size_t row = some_row(n, view.rows, tone.cycles_per_row), k = 0; k < pooled.some.size(); ++k)
             if (view(frame, row, every / 2 + k * every) == 0) look(row, pooled.some[k]);
       },
       frames);
@@ -1022,17 +1052,18 @@ void pooled_gains(const AnyFramesView& frames, const Context& context, const Ton
   for (std::size_t i = 0; i < result.gain.size(); ++i) {
     const PooledColumn& pooled = kept[i % frame_count];
     if (pooled.some.empty() || (result.flags[i] & (kUnusable | flag::weak))) continue;
-    const double noise = noise_of(result, i),
-                 variance = context.shape.columns == 1 ? noise * noise : pooled.noise_variance;
-    const double allowed = own_error(context, result, i);
-    if (most_rounding_error(context.steps, variance) > allowed &&
+    const double noise = noise_of(result, i), allowed = own_error(context, result, i);
+    const NoiseOfLight of_column =
+        noise_of_light(frames, context, i % frame_count, columns_about(pooled.brightest, context.shape.columns, kSome),
+                       noise * noise, pooled.squares);
+    if (most_rounding_error(context.steps, of_column.least()) > allowed &&
         rounding_error(context.steps,
                        rounded_tone(context, context.tones[i / frame_count], result.gain[i], result.phase[i]),
-                       pooled.some, variance) > allowed)
+                       pooled.some, of_column) > allowed)
       result.flags[i] |= flag::quantised;
     if (holds_integers(frames) && context.camera->tone_curve.kind == ToneCurve::Kind::linear) {
-      const double pull =
-          pull_of_black(frames, context, pooled, std::span(signals).subspan(i % frame_count * rows, rows), i, result);
+      const double pull = pull_of_black(frames, context, pooled,
+                                        std::span(signals).subspan(i % frame_count * rows, rows), of_column, i, result);
       result.gain_std[i] = std::hypot(result.gain_std[i], pull * result.gain[i]);
       if (result.gain[i] < kWeak * result.gain_std[i]) result.flags[i] |= flag::weak;
     }

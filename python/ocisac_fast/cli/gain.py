@@ -12,6 +12,7 @@ import click
 import numpy as np
 import numpy.typing as npt
 
+from ocisac_fast._core import project
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cli.columns import frequency_waveform, lit_columns, one_colour, some_columns
@@ -145,6 +146,7 @@ class FrameGains:
         values: arrays (frames,) of gain, gain_std, phase, mean, snr and flags; empty where no tone was found.
         columns: (rows, columns) of the first frame, those used.
         frame_count: number of frames read.
+        shared: of the mean of all frames, whose errors they share: arguments of ``_shared_std``; none of one frame.
         column_values: the same arrays (frames, columns) for all columns, where requested.
     """
 
@@ -153,6 +155,7 @@ class FrameGains:
     values: dict[str, npt.NDArray[Any]]
     columns: Frame
     frame_count: int
+    shared: tuple[float, float, float] | None = None
     column_values: dict[str, npt.NDArray[Any]] = dataclasses.field(default_factory=dict)
 
     def facts(self, frame: dict[str, Any], background_given: bool) -> dict[str, Any]:
@@ -213,6 +216,8 @@ class FrameGains:
             return _NO_TONE
         values, weights = self.values, inverse_variance_weights(self.values["gain_std"])
         gain, gain_std = mean_and_std(values["gain"], values["gain_std"])
+        if self.shared is not None:
+            gain_std = float(np.fmax(gain_std, _shared_std(gain, *self.shared)))
         changed = do_differ(values["gain"], values["gain_std"])
         return {
             "gain": gain,
@@ -264,14 +269,39 @@ def frame_gains(
         gains, of_columns = [], []
         span, of_span = light.pooled(options["background"])
         pooled_options = {**options, "background": of_span, "pooled": True}
+        weights = np.maximum(
+            linear_light(first[0, ..., light.colour or 0][..., span], camera).mean(axis=0) - of_span, 0.0
+        )
+        course = np.zeros(len(columns))
         total = None if pictures.frame_count is None else math.ceil(pictures.frame_count / at_once)
         for batch in progress(itertools.chain(parts, batches), "measuring", total):
             every = batch[..., light.colour or 0]
             gains.append(tone_gain(every[..., span], camera, light.frequency, **pooled_options))
+            course += _course(every[..., span], camera, weights)
             if per_column:
                 of_columns.append(tone_gain(every, camera, light.frequency, **options))
     values = _joined(gains)
-    return FrameGains(camera, light, values, columns, len(values["gain"]), _joined(of_columns) if of_columns else {})
+    count, shared = len(values["gain"]), None
+    if count > 1 and weights.any():
+        steady = Camera(camera.row_time, camera.exposure)
+        of_all = tone_gain(course / (count * weights.sum()), steady, light.frequency, **options)
+        ratio = 2.0 * float(np.sinc(options["duty"])) if options["waveform"] == "square" else 1.0
+        shared = float(of_all.gain), float(of_all.gain_std), 2.0 / ratio**2
+    return FrameGains(camera, light, values, columns, count, shared, _joined(of_columns) if of_columns else {})
+
+
+def _shared_std(gain: float, of_all: float, of_all_std: float, tone: float) -> float:
+    """Standard error by what all frames share: of the mean, and of the tone by as much as one phase is left of it in
+    the mean of all frames. ``tone``: variance of a gain by its tone's error over that by the mean's and gain 1."""
+    return of_all_std * math.sqrt((tone * (of_all / gain) ** 2 + gain**2) / (tone + of_all**2)) if gain > 0.0 else 0.0
+
+
+def _course(frames: Frame, camera: Camera, weights: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """(rows,) linear light of all frames and columns, by weights (1, columns)."""
+    if camera.tone_curve != "linear":
+        return np.asarray((linear_light(frames, camera) @ weights[0]).sum(axis=0))
+    stored = np.stack([project(frame.T, weights, 1, 2)[0][0] for frame in frames])
+    return np.asarray(stored.sum(axis=0) - len(frames) * camera.dark_level * weights.sum())
 
 
 def _joined(gains: list[Any]) -> dict[str, npt.NDArray[Any]]:
