@@ -1,7 +1,6 @@
 // Periodic chips: they carry no data, and do not determine their exposure.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>

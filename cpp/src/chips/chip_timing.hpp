@@ -2,10 +2,8 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <optional>
 #include <span>
-#include <vector>
 
 #include "chips/edges.hpp"
 #include "ocisac/rows/chip_clock.hpp"

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "cleaning/quantile.hpp"
-#include "cleaning/row_basis.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/receive.hpp"
 #include "rows/fit.hpp"

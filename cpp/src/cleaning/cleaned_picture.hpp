@@ -1,8 +1,9 @@
-// A picture divided by its estimated light, as compared in light_share and refine_row_light.
+// A picture divided by its estimated light, as compared in light_share and refine_row_light; how much its rows differ.
 #pragma once
 
 #include <algorithm>
 #include <array>
+#include <cstddef>
 #include <span>
 #include <vector>
 
@@ -71,5 +72,15 @@ inline void check(const BandedPicture& picture, std::span<const double> row_ligh
   for (const double value : picture.variance) require(value > 0, "variance", value, "above 0");
   for (const double value : row_light) require_not_negative("row_light", value);
 }
+
+// How much rows a few apart differ, by which row lights and shares are compared: mean of log(τ² + (difference² + noise
+// variance)/mean²), τ = 0.05, over pairs of pixels `lag` rows apart in one column. Lower is more likely; the logarithm
+// limits the influence of edges. 0 without pairs: pixels of infinite variance and pairs without light do not count.
+double pair_misfit(const BandedPicture& picture, std::size_t lag);
+
+// The same after division by the light. row_light: (frames × rows), mean about 1; share: one for all, one a column, or
+// one a pixel (rows × columns).
+double row_misfit(const BandedPicture& picture, std::span<const double> row_light, std::span<const double> share,
+                  std::size_t lag);
 
 }  // namespace ocisac

@@ -9,7 +9,6 @@
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
 #include "cleaning/quantile.hpp"
-#include "cleaning/row_misfit.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/levels.hpp"
 #include "core/statistics.hpp"

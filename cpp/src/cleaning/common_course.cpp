@@ -6,7 +6,6 @@
 #include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
-#include "cleaning/row_basis.hpp"
 #include "cleaning/slow_tones.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/levels.hpp"
@@ -121,8 +120,7 @@ void compare_groups(const Differences& all, const Values& weights, CommonCourse&
     rest.matrix -= groups[left_out].matrix;
     rest.right -= groups[left_out].right;
     others.col(static_cast<Eigen::Index>(left_out)) =
-        count > 1 ? rest.solution()
-                  : Eigen::VectorXd(Eigen::Map<const Eigen::VectorXd>(course.modes.data(), all.design.cols()));
+        count > 1 ? rest.solution() : Eigen::VectorXd(vector_of(course.modes));
   }
   const Eigen::VectorXd mean = others.rowwise().mean();
   const Eigen::VectorXd squares = (others.colwise() - mean).rowwise().squaredNorm();
@@ -165,8 +163,7 @@ CommonCourse common_course(std::span<const BandedPicture> colours, const CommonC
   const Blocks blocks = block_means(colours, height, width);
   const Differences all = differences_of(blocks, count);
   Eigen::VectorXd modes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
-  if (of_all != nullptr)
-    modes = Eigen::Map<const Eigen::VectorXd>(of_all->modes.data(), static_cast<Eigen::Index>(count));
+  if (of_all != nullptr) modes = vector_of(of_all->modes);
   Values weights;
   for (int step = of_all != nullptr ? kWideSteps : 0; step < kSteps; ++step) {
     check_interrupt();

@@ -10,7 +10,6 @@
 #include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
-#include "cleaning/row_misfit.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/core/constants.hpp"
 #include "rows/fit.hpp"

@@ -4,11 +4,11 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <type_traits>
+#include <utility>
 
 #include "cleaning/cleaned_picture.hpp"
-#include "cleaning/edge_aware_filter.hpp"
 #include "cleaning/merged_blocks.hpp"
-#include "cleaning/row_misfit.hpp"
 #include "cleaning/smooth_shares.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/statistics.hpp"
@@ -29,6 +29,8 @@ constexpr std::size_t kMergedAtFirst = 4;  // columns per sum in the wide steps
 
 // Increase of the log-likelihood of a pair of pixels: pictures under an even light have at most 0.03.
 constexpr double kGainByChance = 0.05;
+
+constexpr std::size_t kTogether = 8;  // rows: independent chains hide the latency of the products
 
 // Comparison of two pixels of equal texture: weight of the pair and its contribution to the gradient in q.
 struct Comparison {
@@ -100,6 +102,48 @@ void passages(const Cleaned& guide, std::size_t apart, double reach, double edge
     const double noise = kEdgeNoise * (variance[a + apart] + variance[a]);
     weight[a] = decay / (1 + difference * difference / (edge * edge * mean * mean + noise));
   }
+}
+
+// Both directions along neighbouring lines of `length` pixels, `apart` each from the next; the lines are `beside`.
+// `sum`: zeros, one a line.
+template <class Apart, class Beside, class Sum>
+void sum_both_ways(const double* passage, double* values, std::size_t length, Apart apart, Beside beside, Sum sum) {
+  const std::size_t lines = sum.size();
+  std::vector<double> back(length * lines);  // from beyond, without the pixel itself
+  for (std::size_t k = length; k-- > 0;)
+    for (std::size_t line = 0; line < lines; ++line) {
+      const std::size_t i = k * apart + line * beside;
+      back[k * lines + line] = sum[line];
+      if (k > 0) sum[line] = passage[i - apart] * (values[i] + sum[line]);
+    }
+  std::ranges::fill(sum, 0.0);
+  for (std::size_t k = 0; k < length; ++k)
+    for (std::size_t line = 0; line < lines; ++line) {
+      const std::size_t i = k * apart + line * beside;
+      const double here = values[i] + sum[line];
+      values[i] = here + back[k * lines + line];
+      sum[line] = passage[i] * here;
+    }
+}
+
+using One = std::integral_constant<std::size_t, 1>;
+
+// Sums over the surroundings of every pixel that end at edges: a recursive edge-aware filter (cf. Gastal and Oliveira
+// 2011, domain transform). Each value becomes the sum of those of its line, weighted with the product of the passages
+// on the way. `down`, `across`: (rows × columns), passage from each pixel to the next row and column; the last ones are
+// not used.
+void sum_along_columns(const std::vector<double>& down, std::size_t columns, std::vector<double>& values) {
+  sum_both_ways(down.data(), values.data(), values.size() / columns, columns, One{}, std::vector<double>(columns));
+}
+
+void sum_along_rows(const std::vector<double>& across, std::size_t columns, std::vector<double>& values) {
+  const std::size_t rows = values.size() / columns;
+  const auto sum_rows = [&](std::size_t row, auto sum) {
+    sum_both_ways(&across[row * columns], &values[row * columns], columns, One{}, columns, std::move(sum));
+  };
+  std::size_t row = 0;
+  for (; row + kTogether <= rows; row += kTogether) sum_rows(row, std::array<double, kTogether>{});
+  if (row < rows) sum_rows(row, std::vector<double>(rows - row));
 }
 
 class ShareEstimator {

@@ -84,7 +84,6 @@ RowEquations row_equations(const BandedPicture& picture, std::span<const double>
 std::vector<double> solve_in(std::span<const double> basis, const RowEquations& equations, std::size_t rows) {
   const auto terms = static_cast<Eigen::Index>(basis.size() / rows);
   const Eigen::Map<const Eigen::MatrixXd> b(basis.data(), static_cast<Eigen::Index>(rows), terms);
-  const Eigen::Map<const Eigen::VectorXd> right(equations.right.data(), static_cast<Eigen::Index>(rows));
   Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(terms, b.rows());  // (H·B)ᵀ
   const Eigen::MatrixXd turned = b.transpose();
   for (std::size_t n = 0; n < rows; ++n)
@@ -97,8 +96,8 @@ std::vector<double> solve_in(std::span<const double> basis, const RowEquations& 
   Eigen::MatrixXd normal = product(moved, b);
   if (!(normal.trace() > 0)) return std::vector<double>(rows);
   normal.diagonal().array() += 1e-6 * normal.trace() / static_cast<double>(terms);
-  const Eigen::VectorXd change = b * solve_positive_definite(normal, b.transpose() * right);
-  return {change.data(), change.data() + change.size()};
+  const Eigen::VectorXd change = b * solve_positive_definite(normal, b.transpose() * vector_of(equations.right));
+  return values_of(change);
 }
 
 // Adds a Gaussian prior of the given deviation about the start.

@@ -6,7 +6,6 @@
 #include "cleaning/chip_light.hpp"
 #include "cleaning/quantile.hpp"
 #include "core/levels.hpp"
-#include "core/statistics.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/core/require.hpp"
 

@@ -8,7 +8,6 @@
 #include "cleaning/chip_light.hpp"
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
-#include "columns/contrast_slope.hpp"
 #include "core/levels.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -103,14 +102,6 @@ std::vector<SlowLight> slow_light_left(const StoredScene& scene, const SceneLigh
       picture = cleaned.back().picture();
     }
   return find_slow_lights(frames);
-}
-
-// True if the rows of the first frame have contrast where they are dark, or where they are bright, alone.
-bool is_texture(const StoredScene& scene, const ColourLights& lights) {
-  const BandedPicture picture = scene.picture(0, 0);
-  return contrast_slope(dense_view(picture.light.data(), 1, picture.rows, picture.columns), 0,
-                        {0, 0, picture.columns, picture.rows}, {}, lights.of(0).light)
-      .is_of_texture();
 }
 
 void tell_slow_bands(std::span<const SlowLight> slow, SceneLight& light) {
@@ -298,9 +289,6 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
     found.unchanged = "chips that explain the rows in part";
   if (found.unchanged.empty() && model == RowModel::automatic && given.empty())
     found.unchanged = objection_to_chips(chips_of(found.lights));
-  if (found.unchanged.empty() && model == RowModel::automatic && given.empty() &&
-      is_texture(scene, found.lights.front()))
-    found.unchanged = "contrast differs between bright and dark rows: they may be the picture's own";
   if (slow_found) {
     const bool is_even = main == RowModel::tone && std::ranges::all_of(found.shares, &BlockShares::is_one);
     const bool explains_more = mean_verdict(slow_found->verdicts).gain >= mean.gain;

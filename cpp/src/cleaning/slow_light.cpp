@@ -5,7 +5,6 @@
 #include <numeric>
 
 #include "cleaning/cleaned_picture.hpp"
-#include "cleaning/merged_blocks.hpp"
 #include "cleaning/slow_tones.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/levels.hpp"

@@ -1,6 +1,5 @@
 #include "cleaning/slow_tones.hpp"
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,7 +9,6 @@
 #include "core/levels.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/cleaning/column_bundles.hpp"
-#include "ocisac/rows/tone_search.hpp"
 
 namespace ocisac {
 
@@ -146,8 +144,8 @@ Frames frames_of(std::span<const CommonCourse> courses) {
   for (Index frame = 0; frame < number; ++frame) {
     const CommonCourse& course = courses[static_cast<std::size_t>(frame)];
     frames.places.push_back(static_cast<double>(course.place - courses.front().place));
-    frames.modes.col(frame) = Eigen::Map<const VectorXd>(course.modes.data(), count);
-    variance += Eigen::Map<const VectorXd>(course.variance.data(), count) / static_cast<double>(number);
+    frames.modes.col(frame) = vector_of(course.modes);
+    variance += vector_of(course.variance) / static_cast<double>(number);
   }
   const auto falling = [&](double exponent) {
     VectorXd fall(count);

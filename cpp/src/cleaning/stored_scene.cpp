@@ -109,7 +109,6 @@ StoredScene::StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& cu
   rows_ = shape.rows;
   columns_ = shape.columns;
   merged_ = std::min(blocks_of(rows_ * columns_, kWholePixels), kMostMerged);
-  pixels_ = rows_ * blocks_of(columns_, merged_);
   white_ = white_level(curve_, sample_maximum(colours_.front())) - curve_.dark_level;
   noise_ = noise || !is_read ? noise.value_or(0.5) : noise_of(colours_, shape);
   if (is_read) set_toe(toe);
@@ -118,19 +117,9 @@ StoredScene::StoredScene(std::vector<AnyFramesView> colours, const ToneCurve& cu
 void StoredScene::set_toe(double toe) {
   toe_ = toe;
   if (holds_integers(colours_.front())) make_table();
-  light_.assign(colours_.size(), {});
-  variance_ = light_;
-  for (std::size_t colour = 0; colour < colours_.size(); ++colour)
-    for (std::size_t frame = 0; frame < frames_; ++frame) {
-      Blocks found = converted(frame, colour);
-      if (frames_ == 1) {
-        light_[colour] = std::move(found.light);
-        variance_[colour] = std::move(found.variance);
-        continue;
-      }
-      light_[colour].insert(light_[colour].end(), found.light.begin(), found.light.end());
-      variance_[colour].insert(variance_[colour].end(), found.variance.begin(), found.variance.end());
-    }
+  pictures_.clear();
+  for (std::size_t frame = 0; frame < frames_; ++frame)
+    for (std::size_t colour = 0; colour < colours_.size(); ++colour) pictures_.push_back(converted(frame, colour));
 }
 
 double StoredScene::variance_at(double value, double top) const {
@@ -173,10 +162,7 @@ Blocks StoredScene::converted(std::size_t frame, std::size_t colour) const {
 }
 
 BandedPicture StoredScene::picture(std::size_t frame, std::size_t colour) const {
-  const auto part = [&](const std::vector<double>& values) {
-    return std::span(values).subspan(frame * pixels_, pixels_);
-  };
-  return {part(light_[colour]), part(variance_[colour]), 1, rows_, pixels_ / rows_};
+  return pictures_[frame * colours_.size() + colour].picture();
 }
 
 std::vector<BandedPicture> StoredScene::colours_of(std::size_t frame) const {

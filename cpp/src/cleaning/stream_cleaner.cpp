@@ -31,15 +31,12 @@ constexpr std::size_t kMostFrequencies = 64;  // frames whose mean frequency is 
 constexpr std::size_t kFramesOfSearch = 32, kSearchedFrames = 3;  // where none has a light
 constexpr double kMostJitter = 0.25;  // of a time stamp, in frames: phases of slow tones are those of whole ones
 
-// Means of one colour over the blocks of its shares.
-Blocks in_blocks(const StoredScene& stored, std::size_t colour, const BlockShares& shares) {
+// Means of the colours over the blocks of their shares.
+std::vector<Blocks> in_blocks(const StoredScene& stored, const BlockShares& shares) {
   const std::size_t width = std::max<std::size_t>(1, shares.block_columns / stored.merged());
-  return block_means(stored.picture(0, colour), shares.block_rows, width);
-}
-
-std::vector<Blocks> all_in_blocks(const StoredScene& stored, const BlockShares& shares) {
   std::vector<Blocks> blocks;
-  for (std::size_t colour = 0; colour < stored.colours(); ++colour) blocks.push_back(in_blocks(stored, colour, shares));
+  for (const BandedPicture& colour : stored.colours_of(0))
+    blocks.push_back(block_means(colour, shares.block_rows, width));
   return blocks;
 }
 
@@ -209,7 +206,7 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
   }
   forget_slow();
   if (light.unchanged.empty()) {
-    const std::vector<Blocks> blocks = all_in_blocks(stored, light.shares.front());
+    const std::vector<Blocks> blocks = in_blocks(stored, light.shares.front());
     before_ = Before{light.lights.front(),
                      light.shares,
                      guide_of(blocks, light.lights.front(), light.shares),
@@ -280,7 +277,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
     if (!objection_to_chips(std::array{chips_, main.light}).empty()) return {};
     chips_ = main.light;
   }
-  const std::vector<Blocks> blocks = all_in_blocks(stored, now.shares.front());
+  const std::vector<Blocks> blocks = in_blocks(stored, now.shares.front());
   now.guide = guide_of(blocks, now.lights, now.shares);
   const PictureChange change = picture_change(before_->guide, now.guide);
   const auto unlike = std::accumulate(change.is_new.begin(), change.is_new.end(), std::size_t{0});

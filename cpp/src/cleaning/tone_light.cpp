@@ -6,7 +6,6 @@
 #include <numbers>
 
 #include "cleaning/merged_blocks.hpp"
-#include "cleaning/row_basis.hpp"
 #include "core/levels.hpp"
 #include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"

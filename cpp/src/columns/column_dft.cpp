@@ -1,6 +1,6 @@
 #include "columns/column_dft.hpp"
 
-#include <cmath>
+#include <complex>
 
 #include "core/levels.hpp"
 #include "ocisac/core/require.hpp"

@@ -1,7 +1,6 @@
 // Filters of many columns at once by their DFT, one pair of columns in each lane of a vector.
 #pragma once
 
-#include <complex>
 #include <cstddef>
 #include <span>
 #include <vector>

@@ -1,6 +1,5 @@
 #include "columns/column_dft_kernels.hpp"
 
-#include <cmath>
 #include <numbers>
 
 #undef HWY_TARGET_INCLUDE

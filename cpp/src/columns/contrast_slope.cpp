@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <span>
 #include <variant>
 #include <vector>
 
@@ -117,16 +116,15 @@ bool ContrastSlope::is_of_texture() const {
   return -2 - slope > kSure * std;  // more than a veil's
 }
 
-ContrastSlope contrast_slope(const AnyFramesView& frames, std::size_t frame, const Region& box, const ToneCurve& curve,
-                             std::span<const double> course) {
+ContrastSlope contrast_slope(const AnyFramesView& frames, std::size_t frame, const Region& box,
+                             const ToneCurve& curve) {
   const PairedColumns columns = paired_columns(frames, frame, box, curve);
   if (columns.first.cols() < kGroups || box.height < 4 * kGroups) return {};
-  VectorXd own = columns.first.rowwise().sum();
-  if (!course.empty()) own = Eigen::Map<const VectorXd>(course.data(), std::ssize(course));
-  const std::vector<Index> pairs = alike_pairs(columns, own);
+  const VectorXd course = columns.first.rowwise().sum();
+  const std::vector<Index> pairs = alike_pairs(columns, course);
   VectorXd contrast, light;
   if (std::ssize(pairs) < kGroups || !find_contrast(columns.only(pairs), contrast, light)) return {};
-  return slope_of(contrast, light, own);
+  return slope_of(contrast, light, course);
 }
 
 }  // namespace ocisac

@@ -4,7 +4,6 @@
 
 #include <cstddef>
 #include <limits>
-#include <span>
 
 #include "ocisac/camera/tone_curve.hpp"
 #include "ocisac/core/views.hpp"
@@ -21,12 +20,10 @@ struct ContrastSlope {
   [[nodiscard]] bool is_of_texture() const;
 };
 
-// `course`: changes with the light of each row of the box, and with nothing else, in any unit (an instrumental
-// variable); empty: the sum over the columns. The contrast of rows n and n + 1 is the sum of (y[n, c + 2] − y[n, c])·
-// (y[n + 1, c + 2] − y[n + 1, c]), which white noise does not bias, over the product of their means, for columns that
-// show the light in the same depth and do not saturate. The standard error is a jackknife over groups of rows, since
-// texture has no independent rows.
-ContrastSlope contrast_slope(const AnyFramesView& frames, std::size_t frame, const Region& box, const ToneCurve& curve,
-                             std::span<const double> course = {});
+// The contrast of rows n and n + 1 is the sum of (y[n, c + 2] − y[n, c])·(y[n + 1, c + 2] − y[n + 1, c]), which white
+// noise does not bias, over the product of their means, for columns that show the light in the same depth and do not
+// saturate. The sum of a row over the columns is the instrumental variable. The standard error is a jackknife over
+// groups of rows, since texture has no independent rows.
+ContrastSlope contrast_slope(const AnyFramesView& frames, std::size_t frame, const Region& box, const ToneCurve& curve);
 
 }  // namespace ocisac

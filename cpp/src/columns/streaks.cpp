@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <vector>
 
 #include "core/levels.hpp"
 #include "ocisac/core/constants.hpp"

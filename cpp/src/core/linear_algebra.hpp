@@ -4,11 +4,25 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <span>
 #include <vector>
 
 namespace ocisac {
 
 using ConstMatrix = Eigen::Ref<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
+
+// Values as vectors of Eigen, and back.
+inline std::span<const double> span_of(const Eigen::MatrixXd& matrix) {
+  return {matrix.data(), static_cast<std::size_t>(matrix.size())};
+}
+
+inline Eigen::Map<const Eigen::VectorXd> vector_of(std::span<const double> values) {
+  return {values.data(), static_cast<Eigen::Index>(values.size())};
+}
+
+inline std::vector<double> values_of(const Eigen::MatrixXd& matrix) {
+  return {matrix.data(), matrix.data() + matrix.size()};
+}
 
 Eigen::MatrixXd product(const ConstMatrix& a, const ConstMatrix& b);             // a·b
 Eigen::MatrixXd transposed_product(const ConstMatrix& a, const ConstMatrix& b);  // aᵀ·b

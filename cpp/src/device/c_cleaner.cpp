@@ -145,13 +145,8 @@ ocisac_cleaned cleaned_of(const ocisac_cleaner& cleaner, const ocisac::SceneLigh
 
 extern "C" {
 
-void ocisac_cleaner_options_init(ocisac_cleaner_options* options) {
-  if (options != nullptr) *options = default_cleaner_options();
-}
-
-void ocisac_cleaned_init(ocisac_cleaned* cleaned) {
-  if (cleaned != nullptr) *cleaned = empty_cleaned();
-}
+void ocisac_cleaner_options_init(ocisac_cleaner_options* options) { fill(options, default_cleaner_options()); }
+void ocisac_cleaned_init(ocisac_cleaned* cleaned) { fill(cleaned, empty_cleaned()); }
 
 int ocisac_cleaner_create(const ocisac_cleaner_options* options, ocisac_cleaner** cleaner) {
   return guarded([&] {

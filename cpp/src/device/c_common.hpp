@@ -45,6 +45,12 @@ int guarded(Body body) noexcept {
   }
 }
 
+// What an _init function does.
+template <class Struct>
+void fill(Struct* place, const std::type_identity_t<Struct>& defaults) {
+  if (place != nullptr) *place = defaults;
+}
+
 // The fields known to the calling program; defaults for the others.
 template <class Struct>
 Struct completed(const Struct* given, Struct defaults, const char* name) {

@@ -2,9 +2,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <new>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -315,41 +313,17 @@ ocisac_exposure_advice advice_without_bands(const ocisac_exposure_request& reque
 
 extern "C" {
 
-void ocisac_options_init(ocisac_options* options) {
-  if (options != nullptr) *options = default_options();
-}
-
-void ocisac_stamp_init(ocisac_stamp* stamp) {
-  if (stamp != nullptr) *stamp = default_stamp();
-}
-
-void ocisac_result_init(ocisac_result* result) {
-  if (result != nullptr) *result = empty_result();
-}
-
-void ocisac_light_init(ocisac_light* light) {
-  if (light != nullptr) *light = empty_light();
-}
-
+void ocisac_options_init(ocisac_options* options) { fill(options, default_options()); }
+void ocisac_stamp_init(ocisac_stamp* stamp) { fill(stamp, default_stamp()); }
+void ocisac_result_init(ocisac_result* result) { fill(result, empty_result()); }
+void ocisac_light_init(ocisac_light* light) { fill(light, empty_light()); }
 void ocisac_calibration_init(ocisac_calibration* calibration) {
-  if (calibration != nullptr) *calibration = {sizeof(ocisac_calibration), kNaN, kNaN, 0};
+  fill(calibration, {sizeof(ocisac_calibration), kNaN, kNaN, 0});
 }
-
-void ocisac_tone_init(ocisac_tone* tone) {
-  if (tone != nullptr) *tone = empty_tone();
-}
-
-void ocisac_flicker_init(ocisac_flicker* light) {
-  if (light != nullptr) *light = default_flicker();
-}
-
-void ocisac_exposure_request_init(ocisac_exposure_request* request) {
-  if (request != nullptr) *request = default_request();
-}
-
-void ocisac_exposure_advice_init(ocisac_exposure_advice* advice) {
-  if (advice != nullptr) *advice = empty_advice();
-}
+void ocisac_tone_init(ocisac_tone* tone) { fill(tone, empty_tone()); }
+void ocisac_flicker_init(ocisac_flicker* light) { fill(light, default_flicker()); }
+void ocisac_exposure_request_init(ocisac_exposure_request* request) { fill(request, default_request()); }
+void ocisac_exposure_advice_init(ocisac_exposure_advice* advice) { fill(advice, empty_advice()); }
 
 int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver) {
   return guarded([&] {
@@ -362,8 +336,7 @@ int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver) {
 }
 
 int ocisac_push(ocisac_receiver* receiver, const ocisac_frame* frame) {
-  ocisac_stamp stamp;
-  ocisac_stamp_init(&stamp);
+  const ocisac_stamp stamp = default_stamp();
   return ocisac_push_stamped(receiver, frame, &stamp);
 }
 

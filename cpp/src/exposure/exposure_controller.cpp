@@ -7,7 +7,6 @@
 #include <numbers>
 
 #include "core/levels.hpp"
-#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <string>
 
 #include "core/check_interrupt.hpp"
 #include "ocisac/core/constants.hpp"

@@ -4,9 +4,7 @@
 #include <cmath>
 #include <complex>
 #include <functional>
-#include <numeric>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "core/levels.hpp"

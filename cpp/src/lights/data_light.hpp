@@ -1,7 +1,6 @@
 // Detection of lights that send data: no spectral line, but a common waveform of all columns and a clock in its edges.
 #pragma once
 
-#include <cstddef>
 #include <optional>
 
 #include "lights/refinement.hpp"

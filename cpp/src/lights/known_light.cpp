@@ -221,10 +221,8 @@ struct KnownLight::State {
     std::vector<double> change(now.mean.size());
     for (std::size_t k = 0; k < change.size(); ++k) change[k] = pattern.mean[k] - now.mean[k] * (before / light);
     Eigen::MatrixXd slopes(static_cast<Eigen::Index>(change.size()), 2);
-    slopes << Eigen::Map<const Eigen::VectorXd>(right.data(), slopes.rows()),
-        Eigen::Map<const Eigen::VectorXd>(down.data(), slopes.rows());
-    const Eigen::MatrixXd way =
-        least_squares(slopes, Eigen::Map<const Eigen::VectorXd>(change.data(), slopes.rows()), kNextToNone);
+    slopes << vector_of(right), vector_of(down);
+    const Eigen::MatrixXd way = least_squares(slopes, vector_of(change), kNextToNone);
     const auto step = [](double distance, std::size_t size) {
       const bool still = std::abs(distance) < std::max(static_cast<double>(size) / double{kSampled}, 1.0);
       return still ? 0 : static_cast<std::ptrdiff_t>(std::nearbyint(distance));

@@ -1,6 +1,5 @@
 #include "lights/light_patch.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <numeric>
@@ -10,7 +9,6 @@
 #include "columns/dense_rows.hpp"
 #include "core/levels.hpp"
 #include "core/statistics.hpp"
-#include "lights/refinement_kernels.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_blocks.hpp"
 #include "ocisac/core/constants.hpp"

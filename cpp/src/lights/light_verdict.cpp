@@ -2,16 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <numbers>
 #include <numeric>
 #include <span>
-#include <vector>
 
 #include "columns/contrast_slope.hpp"
 #include "core/levels.hpp"
 #include "lights/light_model.hpp"
-#include "lights/screening.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/tones/tone_gain.hpp"

@@ -1,6 +1,5 @@
 #include "lights/own_pixels.hpp"
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,6 +8,7 @@
 #include <span>
 
 #include "core/levels.hpp"
+#include "core/linear_algebra.hpp"
 #include "lights/profile_frequency.hpp"
 #include "ocisac/rows/basis.hpp"
 #include "rows/normal_factors.hpp"
@@ -22,10 +22,6 @@ using Complex = std::complex<double>;
 constexpr std::size_t kMinBeyond = 4;  // rows
 
 double squared(double x) { return x * x; }
-
-Eigen::Map<const Eigen::VectorXd> vector_of(std::span<const double> x) {
-  return {x.data(), static_cast<Eigen::Index>(x.size())};
-}
 
 // Weighted least squares of the profile on mean, slope, curvature (of a bright core) and harmonics. Rows without weight
 // have the continued fit.

@@ -1,7 +1,6 @@
 #include "lights/profile_frequency.hpp"
 
 #include <array>
-#include <complex>
 #include <utility>
 
 #include "lights/light_patch.hpp"

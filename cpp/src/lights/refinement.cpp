@@ -4,13 +4,8 @@
 #include <cmath>
 #include <complex>
 #include <numeric>
-#include <span>
-#include <vector>
 
-#include "core/levels.hpp"
-#include "lights/light_patch.hpp"
 #include "lights/own_pixels.hpp"
-#include "lights/profile_frequency.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "rows/verdict.hpp"
 

@@ -2,8 +2,6 @@
 // modulates all columns alike, each in proportion to its brightness; texture does not.
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
 #include <vector>
 
 #include "lights/light_patch.hpp"

@@ -1,6 +1,5 @@
 #include "lights/screening_kernels.hpp"
 
-#include <algorithm>
 #include <array>
 #include <cstring>
 

@@ -4,7 +4,6 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <utility>
 
 #include "core/levels.hpp"
 #include "core/statistics.hpp"

@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <iterator>
 #include <map>
 #include <numbers>
 #include <numeric>
-#include <optional>
 #include <utility>
 
 #include "core/levels.hpp"

@@ -3,8 +3,6 @@
 #include "packets/reed_solomon.hpp"
 
 #include <algorithm>
-#include <array>
-#include <span>
 #include <string>
 
 #include "ocisac/core/require.hpp"

@@ -19,8 +19,6 @@ Eigen::Map<const MatrixXd> transposed(std::span<const double> values, std::size_
   return {values.data(), static_cast<Index>(values.size() / rows), static_cast<Index>(rows)};
 }
 
-std::vector<double> values_of(const MatrixXd& matrix) { return {matrix.data(), matrix.data() + matrix.size()}; }
-
 }  // namespace
 
 std::vector<double> dense_product(std::span<const double> a, std::size_t rows, std::span<const double> b,

@@ -1,7 +1,6 @@
 #include "ocisac/scene/render.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <type_traits>
 #include <vector>

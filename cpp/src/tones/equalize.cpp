@@ -24,7 +24,6 @@
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
-#include "ocisac/light/exposure_modulation.hpp"
 #include "ocisac/light/exposure_response.hpp"
 
 namespace ocisac {

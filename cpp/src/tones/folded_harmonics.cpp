@@ -6,7 +6,6 @@
 #include <memory>
 #include <numbers>
 #include <numeric>
-#include <span>
 #include <tuple>
 
 #include "core/levels.hpp"

@@ -1,7 +1,6 @@
 // Harmonics of a square wave above half the row rate, which rows show at aliases.
 #pragma once
 
-#include <cstddef>
 #include <optional>
 #include <span>
 #include <vector>

@@ -12,11 +12,9 @@
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "rows/fit.hpp"
-#include "rows/verdict.hpp"
 #include "tones/harmonic_kernels.hpp"
 #include "tones/row_moments.hpp"
 #include "tones/texture.hpp"
-#include "tones/tone_combination.hpp"
 
 namespace ocisac {
 

@@ -1,6 +1,5 @@
 #include "tones/streaming_fit.hpp"
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <numbers>

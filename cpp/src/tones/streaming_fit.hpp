@@ -7,7 +7,6 @@
 #include <span>
 #include <vector>
 
-#include "ocisac/core/flags.hpp"
 #include "ocisac/core/views.hpp"
 #include "ocisac/tones/projection.hpp"
 #include "tones/harmonic_model.hpp"

@@ -8,7 +8,6 @@
 #include <memory>
 #include <numbers>
 #include <utility>
-#include <vector>
 
 #include "core/levels.hpp"
 #include "core/recently_used.hpp"

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "core/levels.hpp"
-#include "core/statistics.hpp"
 #include "ocisac/rows/basis.hpp"
 #include "rows/fit.hpp"
 #include "rows/verdict.hpp"

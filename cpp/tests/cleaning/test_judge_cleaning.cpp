@@ -5,7 +5,7 @@
 #include <numbers>
 #include <vector>
 
-#include "cleaning/row_misfit.hpp"
+#include "cleaning/cleaned_picture.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
 
 namespace ocisac {

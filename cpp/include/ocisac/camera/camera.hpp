@@ -1,7 +1,6 @@
 // The timing of a rolling-shutter camera and its response to light.
 #pragma once
 
-#include <cstddef>
 #include <optional>
 
 #include "ocisac/camera/tone_curve.hpp"

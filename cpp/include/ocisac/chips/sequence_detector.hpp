@@ -1,7 +1,6 @@
 // Maximum-likelihood detection of chips with intersymbol interference by the exposure.
 #pragma once
 
-#include <cstddef>
 #include <vector>
 
 #include "ocisac/chips/refine_channel.hpp"

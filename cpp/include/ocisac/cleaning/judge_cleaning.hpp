@@ -1,7 +1,6 @@
 // What cleaning achieved, measured on the result, and whether the picture is better left alone.
 #pragma once
 
-#include <cstddef>
 #include <span>
 #include <string>
 

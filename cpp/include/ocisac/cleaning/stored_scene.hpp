@@ -2,10 +2,7 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
-#include <memory>
 #include <optional>
-#include <span>
 #include <vector>
 
 #include "ocisac/camera/tone_curve.hpp"
@@ -61,10 +58,10 @@ class StoredScene {
 
   std::vector<AnyFramesView> colours_;
   ToneCurve curve_;
-  std::size_t frames_, rows_, columns_, merged_, pixels_ = 0;  // pixels of a picture with merged columns
+  std::size_t frames_, rows_, columns_, merged_;
   double noise_, white_, toe_ = 0;
   StoredTable table_;
-  std::vector<std::vector<double>> light_, variance_;  // of each colour: (frames × rows × merged columns)
+  std::vector<Blocks> pictures_;  // of each frame, of each colour
 };
 
 }  // namespace ocisac

@@ -1,7 +1,6 @@
 // Exposures at which flickering lights leave no bands.
 #pragma once
 
-#include <cstddef>
 #include <optional>
 #include <span>
 #include <vector>

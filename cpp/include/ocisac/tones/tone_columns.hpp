@@ -1,7 +1,6 @@
 // Selection of the columns with a periodic light, without text, edges, dark and saturated columns.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <vector>
 

@@ -1,8 +1,7 @@
-#include "cleaning/row_misfit.hpp"
+#include "cleaning/cleaned_picture.hpp"
 
 #include <cmath>
 
-#include "cleaning/cleaned_picture.hpp"
 #include "core/check_interrupt.hpp"
 
 namespace ocisac {
