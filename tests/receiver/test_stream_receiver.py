@@ -641,3 +641,19 @@ def test_a_gradient_is_found_with_an_exposure_that_is_not_given(rows_per_chip, e
         found = receiver.push(30 + 100 * np.linspace(1, 0.8, 480) * light + random.normal(0, 0.5, 480))
         assert not found.flags & Flag.MODEL_MISFIT
         assert found.exposure == pytest.approx(exposed.exposure, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("rows_per_chip", "exposure", "seed"), [(12.7, 0.8, 0), (12.7, 0.8, 1), (10.9, 0.8, 4), (8, 0.8, 2)]
+)
+def test_chips_read_at_three_halves_of_their_rate_are_flagged(rows_per_chip, exposure, seed):
+    """Half of the edges lie on that clock, the others in the middle between."""
+    random = np.random.default_rng(seed)
+    chip_time = rows_per_chip * ROW_TIME
+    camera = Camera(ROW_TIME, exposure * chip_time, frame_time=FRAME_TIME)
+    chips = Chips(random.integers(0, 2, 9000), 1 / chip_time)
+    receiver = Receiver(camera, chip_rate=1.5 / chip_time, format=PacketFormat(line_code="none"))
+    for number in range(5):
+        light = integrate_exposure(chips, camera, 900, start=0.05 + number * FRAME_TIME)
+        found = receiver.push(30 + 100 * light + random.normal(0, 1, 900))
+        assert found.flags & Flag.MODEL_MISFIT or not found.bits
