@@ -23,8 +23,8 @@ constexpr double kMaxCorrelation = 0.3;                       // right frames ha
 constexpr double kChangedRows = 1.5;                          // chips, by one of them
 constexpr double kExcessChips = 8;                            // either side, in which the residual is alike
 constexpr double kExcessErrors = 5;                           // standard errors
-constexpr double kMostSpread =
-    0.22;  // chips, of edges off the clock: 0.2 where falls or rises are late by 0.4, 0.25 at 3/2 of their rate
+// Chips, of edges off the clock: 0.2 where falls or rises are late by 0.4 chips, 0.25 on a clock of 3/2 of their rate.
+constexpr double kMostSpread = 0.22;
 constexpr double kSureErrors = 0.05;           // chips in a frame
 constexpr double kTail = 2, kUnderstated = 6;  // (degrees of freedom + 1)/2 of Student's t; of the residual's squares
 
