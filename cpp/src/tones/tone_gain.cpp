@@ -996,7 +996,7 @@ void gains_of(const AnyFramesView& frames, const Context& context, std::span<con
 double pull_of_black(const AnyFramesView& frames, const Context& context, const PooledColumn& pooled,
                      std::span<const double> signal, const NoiseOfLight& noise, std::size_t i,
                      const ToneGainView& result) {
-  constexpr std::size_t some_rows = 4 * kSome;
+  const std::size_t some_rows = 4 * kSome;
   const std::size_t frame = i % context.shape.frames;
   const Tone& tone = context.tones[i / context.shape.frames];
   const std::size_t every = step_of_some(context.shape.columns);
