@@ -322,7 +322,8 @@ std::optional<RefinedLight> refine_source(const LitFrame& frame, const Suspect& 
     const double lower = frequency * (1 - reach), upper = std::min(frequency * (1 + reach), 0.499);
     frequency = inside ? strongest_frequency(own, lower, upper) : strongest_frequency(profile.matched, lower, upper);
     if (frequency <= lower || frequency >= upper) return {};
-    // A round sees two cycles above and below its box, less at a wrong frequency; of a long one that grows, all its rows.
+    // A round sees two cycles above and below its box, less at a wrong frequency; of a long one that grows, all its
+    // rows.
     const bool grows = static_cast<double>(box.height) > static_cast<double>(known) + 0.5 / frequency;
     doubles = grows && static_cast<double>(box.height) * frequency > kLongestInner;
     const bool settled = std::abs(frequency - last) <= kSettledFrequency * frequency && !grows;
