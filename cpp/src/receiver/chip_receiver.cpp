@@ -298,7 +298,7 @@ void ChipReceiver::read(ChipFrame& frame) {
     history_.frames.pop_back();  // darkness and noise teach no profile
     return;
   }
-  if (!follow_profile(reader_, frame.reading, history_, state_)) assembler_.lose_clock();
+  if (!follow_profile(reader_, frame.reading, history_, state_)) return assembler_.lose_clock();  // no frame is kept
   const auto none = [&] {
     const std::size_t count = history_.frames.back().signal.size(), begin = frame.rows.first_row - history_.first_row;
     return LearnedProfile{.profile = {std::vector<double>(count), std::vector<double>(count, 1.0)},
