@@ -220,3 +220,44 @@ def test_chips_of_a_lamp_that_fades_at_its_end_keep_their_rate():
         lamp = np.exp(-(((np.arange(300) - 150) / 60.0) ** 4))
         got = ocisac.receive(photographed(1 + 30 * (wave * fades)[::20, None] * lamp, seed, noise=0.6), Camera(1.0))[0]
         assert abs(got.rows_per_chip / pitch - 1) < 0.01
+
+
+def stream(payload, rows_per_chip, exposure, start, brightness, *, noise, count, seed, row_time=20e-6, error=1.001):
+    """Frames of a lamp of some brightness in each row, as they are received one by one; stops with the payload."""
+    random = np.random.default_rng(seed)
+    rate, frame_time = 1 / (rows_per_chip * row_time), 1.3 * brightness.size * row_time
+    camera = Camera(row_time, exposure * rows_per_chip * row_time, frame_time=frame_time)
+    waveform = ocisac.transmit(payload).waveform(rate)
+    receiver = ocisac.Receiver(camera, chip_rate=error * rate)
+    for number in range(count):
+        light = integrate_exposure(waveform, camera, brightness.size, start=start + number * frame_time)
+        rows = 30 + (light * brightness)[:, None] + random.normal(0, noise, (brightness.size, 64))
+        found = receiver.push(np.clip(np.rint(rows), 0, 255).astype(np.uint8))
+        yield found
+        if found.payload:
+            return
+
+
+@pytest.mark.parametrize(("top", "bottom"), [(80, 80), (0, 80), (80, 0), (150, 100)])
+@pytest.mark.parametrize("rows_per_chip", [5.7, 8])
+def test_a_lamp_ends_where_rows_of_a_few_chips_are_dark(top, bottom, rows_per_chip):
+    brightness = np.full(1080, 90.0)
+    brightness[:top] = brightness[1080 - bottom :] = 0
+    frames = list(stream(b"dark ends", rows_per_chip, 0.5, 0.1, brightness, noise=2, count=16, seed=top))
+    assert frames[-1].payload.data == b"dark ends"
+    later = frames[3:]
+    assert not any(frame.flags & Flag.MODEL_MISFIT for frame in later)
+    assert all(frame.phase > top - rows_per_chip for frame in later)
+    last = [frame.phase + len(frame.bits) * frame.rows_per_chip for frame in later]
+    assert max(last) < 1080 - bottom + 1.5 * rows_per_chip
+
+
+@pytest.mark.parametrize("seed", [66, 95])
+def test_a_profile_that_is_given_up_beside_chips_that_are_mostly_right(seed):
+    """The kept frames are gone then: the process ended."""
+    random, rows = np.random.default_rng(seed), np.arange(720)
+    brightness = 78 * np.sqrt(np.clip(1 - ((rows - 395) / 246) ** 2, 0, 1)) * ((rows >= 150) & (rows < 640))
+    payload = bytes(random.integers(0, 256, 20, dtype=np.uint8))
+    of_lamp = {"noise": 3, "count": 24, "seed": seed, "row_time": 14.8e-6, "error": 1.00256}
+    frames = list(stream(payload, 7.667, 0.4036, random.uniform(0.1, 3), brightness, **of_lamp))
+    assert len(frames) == 24 or frames[-1].payload.data == payload

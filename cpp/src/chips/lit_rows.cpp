@@ -81,16 +81,17 @@ LitRows lit_rows(std::span<const double> signal, double noise, const RowRange& s
   const double alike =
       1 - (static_cast<double>(runs.size()) + 1) / (std::max(chips, static_cast<double>(runs.size())) + 2);
   const double rare = static_cast<double>(lit.shortest) * std::log(kNextToNone) / std::log(alike);
-  const auto enough = [&](bool expected) {
+  const auto enough = [&](bool expected, std::size_t known) {
+    if (known > 0) return kMostly * static_cast<double>(known);
     const double more = kMinDarkRuns * longest;
     if (dark.expected) return std::min(more, std::max(rare, longest));
     return expected ? more : std::max(more, many);
   };
   const std::size_t after = signal.size() - 1 - points[points.size() - 2], before = points[2];
   RowRange rows{0, signal.size()};
-  if (static_cast<double>(after) > enough(seen.end < signal.size()))
+  if (static_cast<double>(after) > enough(seen.end < signal.size(), dark.after))
     rows.end -= dark_rows(signal, after / 2, span, spread, dark);
-  if (static_cast<double>(before) > enough(seen.begin > 0)) {
+  if (static_cast<double>(before) > enough(seen.begin > 0, dark.before)) {
     const std::vector<double> reversed(signal.rbegin(), signal.rend());
     rows.begin += dark_rows(reversed, before / 2, span, spread, dark);
   }

@@ -24,6 +24,7 @@ struct DarkRows {
   double texture = 0;              // standard deviation of the light there, of its level
   double most_noise = 0.04;        // of the light's swing: more may be chips
   bool expected = false;           // at both ends, as beyond the rows in which the light was seen
+  std::size_t before = 0, after = 0;  // that the lamp did not reach in another frame: most of them suffice
 };
 
 // All rows, less the steady ones at either end that are too many for a run of chips: more than four times as many as

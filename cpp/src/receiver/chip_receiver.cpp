@@ -10,6 +10,7 @@
 #include "chips/chip_period.hpp"
 #include "chips/lit_rows.hpp"
 #include "core/levels.hpp"
+#include "core/statistics.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/receiver/receive.hpp"
 #include "ocisac/rows/chip_clock.hpp"
@@ -22,11 +23,24 @@ namespace {
 constexpr std::size_t kBlurredRows = 2;  // at a lamp's end, by a lens that blurs by up to a pixel
 
 // The lit rows without those at a lamp's ends that the lens blurs.
-RowRange sharp_rows(const CombinedColumn& column, const RowRange& region) {
-  RowRange rows = lit_rows(column.signal, column.noise, region).rows;
+RowRange sharp_rows(const CombinedColumn& column, const RowRange& region, const DarkRows& dark) {
+  RowRange rows = lit_rows(column.signal, column.noise, region, dark).rows;
   if (rows.size() <= 2 * kBlurredRows) return rows;
   if (rows.begin != region.begin) rows.begin += kBlurredRows;
   if (rows.end != region.end) rows.end -= kBlurredRows;
+  return rows;
+}
+
+FrameRows part_of(FrameRows rows, const RowRange& part) {
+  const auto cut = [&](const std::vector<double>& values) {
+    const auto seen = std::span(values).subspan(part.begin, part.size());
+    return std::vector<double>(seen.begin(), seen.end());
+  };
+  rows.signal = cut(rows.signal);
+  rows.first_row += part.begin;
+  for (auto& other : rows.recent) other = other.subspan(part.begin, part.size());
+  if (!rows.before.empty()) rows.before = without_mean(cut(rows.before));
+  rows.is_noise.reset();
   return rows;
 }
 
@@ -128,6 +142,7 @@ ChipReceiver::ChipReceiver(const Camera& camera, ChipOptions options)
 void ChipReceiver::forget() {
   state_ = reader_.first_state(state_.tracker);
   history_ = {};
+  dark_before_ = dark_after_ = 0;
   lost_ = 0;
   search_.restart();
   assembler_.lose_clock();
@@ -194,13 +209,16 @@ ChipFrame ChipReceiver::explain(CombinedColumn column, std::int64_t frame, std::
   now.may_be_mean = means_ && frame - last_idle_ == idle_gap_;
   rows.time = history_.frames.back().time = time_of(frame, stamp);
   const auto& learned = history_.profile;
-  const RowRange lit = learned ? learned->rows : sharp_rows(column, region);
+  const RowRange lit =
+      learned ? learned->rows : sharp_rows(column, region, {.before = dark_before_, .after = dark_after_});
   rows.first_row = first_row + lit.begin;
   const auto lit_signal = std::span(column.signal).subspan(lit.begin, lit.size());
   rows.signal = learned ? without_profile(column.signal, learned->profile, lit)
                         : std::vector<double>(lit_signal.begin(), lit_signal.end());
   rows.recent = history_.rows_of_all(lit.begin, lit.size());
   rows.before = rows_before(history_.frames.back(), learned, lit);
+  const RowRange fewer = learned ? lit : sharp_rows(column, region, {.expected = true});
+  now.lamp = {std::max(fewer.begin, lit.begin) - lit.begin, std::min(fewer.end, lit.end) - lit.begin};
   rows.may_search = search_.is_due();
   rows.effort = reader_.effort(state_, lit.size());
   rows.effort_of_others = {.rows = kMostly * rows.effort.rows};
@@ -289,9 +307,28 @@ void ChipReceiver::restart_packet(bool all) {
     assembler_.lose_clock();
 }
 
+// Where all rows do not fit, and those of a lamp that dark rows end do: these.
+RowsRead ChipReceiver::read_lamp(ChipFrame& frame) {
+  const auto fits = [](const RowsRead& read) { return read.reading && read.reading->trust == Trust::fits; };
+  std::optional<FrameRows> of_lamp;
+  LightState state;
+  if (frame.lamp.size() < frame.rows.signal.size()) of_lamp = part_of(frame.rows, frame.lamp), state = state_;
+  RowsRead read = reader_.read(frame.rows, std::move(state_));
+  if (of_lamp && !fits(read)) {
+    RowsRead within = reader_.read(*of_lamp, std::move(state));
+    if (fits(within)) frame.rows = std::move(*of_lamp), read = std::move(within);
+  }
+  if (!fits(read) || history_.profile) return read;
+  const std::size_t before = frame.rows.first_row - history_.first_row,
+                    after = history_.frames.back().signal.size() - before - frame.rows.signal.size();
+  if (before > 0) dark_before_ = before;
+  if (after > 0) dark_after_ = after;
+  return read;
+}
+
 void ChipReceiver::read(ChipFrame& frame) {
   if (is_mean(frame)) return;
-  RowsRead read = reader_.read(frame.rows, std::move(state_));
+  RowsRead read = read_lamp(frame);
   state_ = std::move(read.state);
   frame.reading = std::move(read.reading);
   if (!frame.reading && reader_.shows_no_light(frame.rows, state_)) {

@@ -46,6 +46,7 @@ struct ChipFrame {
   std::ptrdiff_t first_chip = 0;     // number of the reading's first chip on the light's clock
   PlaceErrors place_errors{};        // of it
   bool repeats = false;              // the frame shows what the last one did
+  RowRange lamp{};                   // of the rows, of a lamp that dark rows may end
   bool may_be_mean = false;          // of its neighbours, as the film has them between its frames
   std::optional<Payload> earlier{};  // completed by earlier frames, which were read again
 };
@@ -81,6 +82,7 @@ class ChipReceiver {
   double time_of(std::int64_t frame, const FrameStamp& stamp);
   double drop_given_again();
   [[nodiscard]] bool is_mean(const ChipFrame& frame) const;
+  RowsRead read_lamp(ChipFrame& frame);
   bool learn(ChipFrame& frame);
   void restart_packet(bool all);
   void read_again(ChipFrame& frame, const LearnedProfile& profile, LightState state);
@@ -94,14 +96,15 @@ class ChipReceiver {
   LightState state_;
   FrameHistory history_;
   PacketAssembler assembler_;
-  std::optional<double> reference_exposure_;  // s, of the first frame that states one
-  std::optional<double> last_stamp_;          // s
-  bool counted_ = false;                      // this frame's place in the stream is stated
-  std::int64_t repeats_ = 0;                  // frames that were given twice, not counted
-  std::int64_t last_idle_ = 0;                // the last frame that showed nothing new
-  std::int64_t idle_gap_ = 2;                 // frames from the one before to it
-  int alternating_ = 0;                       // gaps of two in a row
-  bool means_ = false;                        // it was the mean of its neighbours
+  std::optional<double> reference_exposure_;      // s, of the first frame that states one
+  std::optional<double> last_stamp_;              // s
+  bool counted_ = false;                          // this frame's place in the stream is stated
+  std::int64_t repeats_ = 0;                      // frames that were given twice, not counted
+  std::int64_t last_idle_ = 0;                    // the last frame that showed nothing new
+  std::int64_t idle_gap_ = 2;                     // frames from the one before to it
+  int alternating_ = 0;                           // gaps of two in a row
+  bool means_ = false;                            // it was the mean of its neighbours
+  std::size_t dark_before_ = 0, dark_after_ = 0;  // rows of the signal that a lamp did not reach
   std::string last_bits_;
   double last_phase_ = 0;
   std::ptrdiff_t count_base_ = 0;                // chips that the tracker counted before it restarted
