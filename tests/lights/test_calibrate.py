@@ -200,3 +200,23 @@ def test_bounds_whose_frequency_overflows_are_refused():
     picture = np.random.default_rng(0).random((64, 8))
     with np.errstate(all="raise"), pytest.raises(ValueError, match="bounds"):
         oc.calibrate(picture, np.float64(1e308), bounds=(np.float64(1e-5), np.float64(1e5)))
+
+
+@pytest.mark.parametrize(("duty", "second"), [(0.1, 0.3), (0.1, 0.4), (0.2, 0.5)])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_weaker_pulse_between_the_pulses_is_in_doubt_as_in_the_search(duty, second, seed):
+    """Its second harmonic is the strongest: the row time would be twice as large."""
+    random = np.random.default_rng(seed)
+    row_time = 22.2e-6
+    frequency = random.uniform(6, 100) / (1080 * row_time)
+    start = random.uniform(0, 1)
+    pulses = [
+        oc.integrate_exposure(
+            oc.SquareWave(frequency, duty=duty, phase=phase), Camera(row_time, 1e-5), 1080, start=start
+        )
+        for phase in (0, np.pi)
+    ]
+    light = 10 + 150 * (pulses[0] + second * pulses[1])
+    rows = np.clip(np.rint(light[:, None] + random.normal(0, 1, (1080, 32))), 0, 255).astype(np.uint8)
+    found = oc.calibrate(rows, frequency)
+    assert found.flags & Flag.MODEL_MISFIT or found.row_time == pytest.approx(row_time, rel=1e-2)

@@ -12,6 +12,7 @@
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/lights/detect_sources.hpp"
+#include "ocisac/tones/periodic_fit.hpp"
 #include "ocisac/tones/tone_columns.hpp"
 
 namespace ocisac {
@@ -122,7 +123,10 @@ Calibration find_lamp(const AnyFramesView& frames, const FrequencySearch& search
   std::ranges::copy(own.strength, all.strength.begin() + first);
   // A lamp that is no likely tone, such as data, counts only beside a tone of the whole frame.
   const bool uncertain = light.share == 0 || light.probability < kMostly;
-  const bool doubtful = contested || (uncertain && (misfit || !answered(whole))) || is_narrow(all);
+  // Pulses may have weaker ones between them, which the whole frame shows.
+  const bool doubted =
+      misfit && whole.harmonics > kComparedHarmonics && agree(whole.frequency, whole.frequency_std, light);
+  const bool doubtful = contested || doubted || (uncertain && (misfit || !answered(whole))) || is_narrow(all);
   const Flags flags = flag_if(own.saturated, flag::saturated) | flag_if(doubtful, flag::model_misfit);
   return {kNaN, kNaN, {light.frequency, light.frequency_std, light.snr, 3, flags, std::move(all)}, light.probability};
 }
