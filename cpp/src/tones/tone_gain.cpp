@@ -1001,7 +1001,7 @@ double pull_of_black(const AnyFramesView& frames, const Context& context, const 
   const Tone& tone = context.tones[i / context.shape.frames];
   const std::size_t every = step_of_some(context.shape.columns);
   const double steady = mean_of(signal), step = context.steps.step, dark = context.camera->tone_curve.dark_level,
-               variance = noise.at(2 * result.mean[i]) / (step * step) - 1.0 / 12,
+               variance = noise.at(std::ranges::max(signal)) / (step * step) - 1.0 / 12,
                deviation = std::sqrt(std::max(variance, kNextToNone * kNextToNone)),
                each = pooled.squares * static_cast<double>(every);
   double lost = 0;
