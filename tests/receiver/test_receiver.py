@@ -469,3 +469,18 @@ def test_pulses_of_two_chips_are_flagged_where_the_exposure_is_unknown(exposure)
         got = ocisac.receive(np.rint(20 + 120 * light[:, None] + random.normal(0, 1, (1080, 64))), Camera(22.2e-6))[0]
         silent += not got.flags and got.bits not in "".join(map(str, chips.astype(int)))
     assert silent <= 1
+
+
+@pytest.mark.parametrize("seed", [61, 311, 394])
+def test_light_beside_a_lamp_that_is_its_own_is_not_subtracted(seed):
+    """Columns of a wall whose shades each walk along the rows: those of little weight show the lamp, too."""
+    random = np.random.default_rng(seed)
+    row_time, rows_per_chip, columns = 22.2e-6, 8 * random.uniform(0.97, 1.03), (8, 32)[seed % 2]
+    camera = Camera(row_time, 0.5 * rows_per_chip * row_time)
+    sent = random.integers(0, 2, 500)
+    light = integrate_exposure(Chips(sent, 1 / (rows_per_chip * row_time)), camera, 720, start=1e-3)[:, None]
+    wall = np.exp(np.cumsum(random.normal(0, 0.04, (720, columns)), 0))
+    picture = 200 * light * wall / wall.max() + random.normal(0, 0.5, wall.shape)
+    found = ocisac.receive(np.clip(np.rint(picture), 0, 255).astype(np.uint8)[None], camera)[0]
+    bits = np.array(list(found.bits), int)
+    assert max(np.mean(bits == sent[k : k + bits.size]) for k in range(60)) > 0.9

@@ -465,6 +465,9 @@ std::optional<CombinedColumn> without_light_beside(const CombinedColumn& column)
     return std::nullopt;
   CombinedColumn own = column;
   for (std::size_t n = 0; n < rows; ++n) own.signal[n] -= share * beside[n];
+  double alike = 0;
+  for (std::size_t n = 1; n < rows; ++n) alike += (own.signal[n] - own.signal[n - 1]) * (signal[n] - signal[n - 1]);
+  if (!(alike > 0)) return std::nullopt;  // what is left of a lamp that the columns beside show is its negative
   own.noise = std::fmax(column.noise, rest);
   return own;
 }
