@@ -111,6 +111,11 @@ CLI::Validator whole() {
           ""};
 }
 
+CLI::Validator named() {
+  return {[](const std::string& path) { return path.empty() ? "got no name, allowed: that of a file" : std::string{}; },
+          ""};
+}
+
 void add_input_options(CLI::App& app, Settings& settings, Written& written) {
   app.add_option("input", settings.input, "File or FIFO: raw frames, YUV4MPEG2 or PGM; - is standard input")
       ->type_name("FILE")
@@ -124,7 +129,8 @@ void add_input_options(CLI::App& app, Settings& settings, Written& written) {
       ->type_name("BYTES")
       ->check(whole());
   app.add_option("--timestamps", settings.timestamps, "Times of raw frames, ms, one a line (rpicam-vid --save-pts)")
-      ->type_name("FILE");
+      ->type_name("FILE")
+      ->check(named());
   app.add_option("--frames", settings.frames, "Stop after so many")->type_name("N")->check(whole());
   app.add_option("--region", written.region, "Box of the light in stored pixels; detected when not given")
       ->type_name("x,y,w,h");
@@ -199,7 +205,7 @@ void add_output_options(CLI::App& app, Settings& settings, Written& written) {
       ->transform(one_of<Delimiter>(
           {{"none", Delimiter::none}, {"newline", Delimiter::newline}, {"length", Delimiter::length}}));
   app.add_flag("--stats", settings.stats, "Latency and memory at the end, on standard error");
-  app.set_config("--config", "", "File of options, TOML: row-time = \"22.2us\"")->type_name("FILE");
+  app.set_config("--config", "", "File of options, TOML: row-time = \"22.2us\"")->type_name("FILE")->check(named());
   app.add_flag("--version", written.version, "Version, commit, SIMD targets, OpenCV");
 }
 

@@ -23,6 +23,13 @@ def test_the_shell_completes(run, monkeypatch, words, want):
     assert run() == (0, want, [])
 
 
+def test_completion_without_its_variables_is_one_line(run, monkeypatch):
+    monkeypatch.setenv("_OCISAC_COMPLETE", "bash_complete")
+    monkeypatch.delenv("COMP_WORDS", raising=False)
+    want = "ocisac: COMP_WORDS: not set, allowed: _OCISAC_COMPLETE by a shell's script alone"
+    assert run() == (2, [], [want])
+
+
 def test_completion_to_a_full_output_is_one_line():
     with open("/dev/full", "w") as full:
         words = [sys.executable, "-m", "ocisac_fast.cli"]

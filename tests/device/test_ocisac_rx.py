@@ -147,6 +147,8 @@ def test_a_torn_frame_is_told_and_what_came_before_is_kept(receiver):
         (["--line-code", "morse"], "morse"),
         (["--no-bits", "--no-gain"], "--no-bits: got with --no-gain"),
         (["--config", "/nonexistent/rx.toml"], "/nonexistent/rx.toml"),
+        (["--config", ""], "--config: got no name, allowed: that of a file"),
+        (["--timestamps", ""], "--timestamps: got no name, allowed: that of a file"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(receiver, options, message):

@@ -120,7 +120,11 @@ def _run(arguments: list[str], command: click.Command) -> int:
     try:
         try:
             if instruction := os.environ.get(_COMPLETION):
-                return shell_complete(command, {}, str(command.name), _COMPLETION, instruction)
+                try:
+                    return shell_complete(command, {}, str(command.name), _COMPLETION, instruction)
+                except KeyError as missing:
+                    lack = f"{missing.args[0]}: not set, allowed: {_COMPLETION} by a shell's script alone"
+                    raise click.ClickException(lack) from None
             with command.make_context(command.name, list(arguments)) as context:
                 command.invoke(context)
         finally:

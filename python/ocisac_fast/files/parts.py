@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from typing import Any
 
-from ocisac_fast.files.extras import ffmpeg
+from ocisac_fast.files.extras import call, called, ffmpeg, steps
 from ocisac_fast.files.recording import FileError, Frame, KeyFrames, Part
 
 _INTRA = 1  # FFmpeg's AV_PICTURE_TYPE_I
@@ -83,8 +83,9 @@ class Ending:
     def packets(self) -> Iterator[Any]:
         """All packets, in the order of decoding."""
         with ffmpeg():
-            for packet in self._container.demux(self._stream):
+            for packet in steps(self._container.demux(self._stream)):
                 self._end = max(self._end, (packet.pos or 0) + packet.size)
+                self._cut += call.is_endless()
                 yield packet
 
     def decoded(self) -> Iterator[Any]:
@@ -235,10 +236,10 @@ def decoded_part(container: Any, stream: Any, part: Part) -> Iterator[Any]:
 def _decoded_from(container: Any, stream: Any, part: Part) -> Iterator[Any]:
     """Frames from an intra-coded key frame at or before the begin of a stretch."""
     if part.first == 0:
-        return iter(container.decode(stream))
+        return steps(container.decode(stream))
     for seconds in _SEEK_BACK:
-        container.seek(int(part.begin or 0) - round(seconds / stream.time_base), stream=stream)
-        frames = iter(container.decode(stream))
+        called(container.seek, int(part.begin or 0) - round(seconds / stream.time_base), stream=stream)
+        frames = steps(container.decode(stream))
         first = next(frames, None)
         if first is not None and first.pts is not None and first.pts <= part.begin:
             if not first.key_frame or int(first.pict_type) != _INTRA:

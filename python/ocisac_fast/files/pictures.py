@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ocisac_fast.files.extras import ffmpeg, opened_video, pillow, pyav
+from ocisac_fast.files.extras import ffmpeg, opened_video, pillow, pyav, steps
 from ocisac_fast.files.profiles import response_of_picture
 from ocisac_fast.files.raw import read_whole
 from ocisac_fast.files.recording import FileError, Frame, LightResponse, PictureFormat, RecordingStream
@@ -299,7 +299,7 @@ def _deep_colour(data: bytes) -> Frame:
     try:
         with opened_video(io.BytesIO(data)) as container:
             with ffmpeg():
-                frame = next(container.decode(video=0))
+                frame = next(steps(container.decode(video=0)))
             has_alpha = frame.format.name.startswith(("ya", "rgba"))
             values = np.ascontiguousarray(frame.to_ndarray(format="rgba64le" if has_alpha else "rgb48le"))
             return values[..., [0, 3]] if frame.format.name.startswith("ya") else values

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ocisac_fast.files.colours import Conversion
-from ocisac_fast.files.extras import NO_THREAD, ffmpeg, opened_video, pyav
+from ocisac_fast.files.extras import NO_THREAD, ffmpeg, opened_video, pyav, steps
 from ocisac_fast.files.profiles import transfer_stating
 from ocisac_fast.files.recording import FileError, FileWarning, Frame, LightResponse, RecordingStream, VideoFormat
 
@@ -222,7 +222,7 @@ def _again(video: VideoFormat) -> Any:
 
 
 def _copied(original: Any, copies: dict[int, Any]) -> Iterator[Any]:
-    for packet in original.demux([original.streams[index] for index in copies]) if copies else ():
+    for packet in steps(original.demux([original.streams[index] for index in copies])) if copies else ():
         if packet.dts is not None:
             packet.stream = copies[packet.stream.index]
             yield packet
