@@ -68,13 +68,11 @@ call = _Call()
 
 def called(function: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
     """The result of a call of FFmpeg that may read; raises what its reads raised, whatever FFmpeg made of it."""
-    call.__init__()  # type: ignore[misc]
+    call.count = 0
     hooks = sys.unraisablehook, sys.excepthook
     is_main = threading.current_thread() is threading.main_thread()  # which alone handles signals
     try:
-        if (
-            is_main
-        ):  # by functions in C, which no further signal breaks off; the second would print what the first keeps
+        if is_main:  # functions in C, which no further signal breaks off; the second would print what the first keeps
             sys.unraisablehook, sys.excepthook = call.reports.append, "".format
         return function(*arguments, **options)
     finally:
