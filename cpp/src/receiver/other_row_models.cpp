@@ -96,13 +96,15 @@ std::optional<FrameMixing> mixing_of(const FrameRows& frame, const RowsRead& bes
 std::optional<std::ptrdiff_t> longer_rows(const FrameRows& frame, const std::optional<FrameReading>& reading) {
   const auto changes = changes_by_row(frame.signal, frame.first_row);
   const auto least = static_cast<std::size_t>(std::ranges::min_element(changes) - changes.begin());
-  double expected = 1;
+  const double by_chance = kPairErrors / std::sqrt(static_cast<double>(frame.signal.size()));
+  const auto differ_by_more = [&](double ratio) {
+    return changes[(least + 2) % 4] > (1 + by_chance) * ratio * changes[least];
+  };
+  if (!differ_by_more(1)) return std::nullopt;
   if (reading) {
     const auto of_chips = changes_by_row(exposed_rows(*reading, frame.signal.size()), frame.first_row);
-    expected = std::max(of_chips[(least + 2) % 4] / of_chips[least], 1.0);
+    if (!differ_by_more(of_chips[(least + 2) % 4] / of_chips[least])) return std::nullopt;
   }
-  const double by_chance = kPairErrors / std::sqrt(static_cast<double>(frame.signal.size()));
-  if (!(changes[(least + 2) % 4] > (1 + by_chance) * expected * changes[least])) return std::nullopt;
   return static_cast<std::ptrdiff_t>(least);
 }
 
