@@ -45,7 +45,7 @@ int guarded(Body body) noexcept {
   }
 }
 
-// What an _init function does.
+// An _init function writes the defaults, if there is a place for them.
 template <class Struct>
 void fill(Struct* place, const std::type_identity_t<Struct>& defaults) {
   if (place != nullptr) *place = defaults;

@@ -21,6 +21,12 @@ namespace ocisac {
 namespace {
 
 constexpr std::size_t kBlurredRows = 2;  // at a lamp's end, by a lens that blurs by up to a pixel
+constexpr double kBrightLight = 10;      // power of the columns' common light over its noise
+constexpr double kUnknownJump = 2;       // chips; standard error of the count where the clock jumped
+constexpr double kAnyJump = 1e6;         // the same where frames may be missing
+constexpr int kAlternating = 2;          // frames in a row
+constexpr double kSureCount = 8;         // nats, of a chip after a pause
+constexpr std::size_t kForgotten = 60;   // consecutive frames without chips, after which another light may appear
 
 // The lit rows without those at a lamp's ends that the lens blurs.
 RowRange sharp_rows(const CombinedColumn& column, const RowRange& region, const DarkRows& dark) {
@@ -31,6 +37,7 @@ RowRange sharp_rows(const CombinedColumn& column, const RowRange& region, const 
   return rows;
 }
 
+// A frame as if the picture had these rows alone.
 FrameRows part_of(FrameRows rows, const RowRange& part) {
   const auto cut = [&](const std::vector<double>& values) {
     const auto seen = std::span(values).subspan(part.begin, part.size());
@@ -43,13 +50,6 @@ FrameRows part_of(FrameRows rows, const RowRange& part) {
   rows.is_noise.reset();
   return rows;
 }
-
-constexpr double kBrightLight = 10;     // power of the columns' common light over its noise
-constexpr double kUnknownJump = 2;      // chips; standard error of the count where the clock jumped
-constexpr double kAnyJump = 1e6;        // the same where frames may be missing
-constexpr int kAlternating = 2;         // frames in a row
-constexpr double kSureCount = 8;        // nats, of a chip after a pause
-constexpr std::size_t kForgotten = 60;  // consecutive frames without chips, after which another light may appear
 
 // Chips whose numbers a reading knows: of a misfit, the run that its clock explains, if that is before a pause whose
 // count is not sure.
