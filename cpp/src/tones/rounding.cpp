@@ -60,7 +60,7 @@ NoiseOfLight noise_of_samples(const Eigen::MatrixXd& samples, double variance, d
   squares *= rows / ((columns - 1) * (rows - 2));
   // Mean light and noise of the darker and the lighter pairs.
   std::array<double, 2> at{}, noise{};
-  for (const std::size_t side : {0, 1}) {
+  for (const std::size_t side : {0U, 1U}) {
     std::vector<double> changes;
     double own_noise = 0;
     for (Eigen::Index n = 0; n + 1 < samples.cols(); n += 2) {
