@@ -1,7 +1,5 @@
 """Many recordings: two workers beside two processes of plain decoding, cost of a task, memory, model of the whole.
 
-    python bench/batch.py [--recordings N] [--long N] [--check]
-
 A scheduler and two workers, each a process of its own, measure gains of recordings of 1 s, 480 rows by 320 columns,
 H.264, and of long ones of 100 s, which are cut. Recordings are links to a few files, which are in the page cache: what
 is measured is processors, not disks. --check: exit code 1 where an aim is missed.

@@ -9,9 +9,6 @@ by the frame's own clock; a frame may be a chip early or late as a whole, the ch
 
 Half of the draws are others (`device_draws.py`): two or three at once of what cameras and cheap senders do.
 
-usage: bench/calibration.py [--draws all|light|devices] [--chips N] [--first SEED] [--processes N] [--picture FILE]
-    [--text FILE] [--check payloads|rates]
-
 --check: exit status 1 for a wrong payload; with rates, also for a decade whose share is not within a factor of two of
 the rate told.
 """

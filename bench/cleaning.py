@@ -18,9 +18,6 @@ processor time of the first frame and of those after it.
 --slow FOLDER: photographs under mains light of one to three and a half cycles a picture, sRGB, upright and on their
 side: how many are cleaned, PSNR (peak 255, one gain a colour) stored, cleaned, and with the best gain of each row and
 colour (oracle), and how many of them became worse; the same photographs without bands.
-
-usage: bench/cleaning.py [--recordings FOLDER] [--slow FOLDER] [--video] [--picture FILE] [--quick] [--each]
-       [--seeds N ...]
 """
 
 from __future__ import annotations

@@ -14,8 +14,6 @@ the scene and how large its shades of each size are, and fits the lights' waves 
 counted, and have a row of their own in the table.
 
 --markdown: no scenes are made; a table of those whose lines are in a file, a row for each kind.
-
-usage: bench/cleaning_scenes.py [--first SEED] [--count N] [--largest ROWS] [--plain] [--markdown FILE]
 """
 
 from __future__ import annotations

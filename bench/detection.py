@@ -5,9 +5,6 @@ Random chips through an exposure, with random rate and phase for every frame of 
 are excluded. The limits are the project's aims; a limit is reached if the error rate is below it. The channel is known.
 bench/timing.py measures the same with the channel estimated. --picture draws every detector's error rate over the
 exposure, the theoretical one, and the bound of the closest pair.
-
-usage: bench/detection.py [--frames N] [--method NAME] [--check]
-       bench/detection.py --picture FILE [--frames N]
 """
 
 from __future__ import annotations

@@ -2,8 +2,6 @@
 """Bounds of reception: films of what cameras do, as they are and with it undone by its true parameters.
 
 The same receiver reads both; what it reads of the second kind bounds what a model of the effect could gain.
-
-usage: bench/device_bounds.py [--draws N] [--text FILE]
 """
 
 from __future__ import annotations

@@ -1,8 +1,5 @@
 #!/usr/bin/env python3
-"""The sheets of docs/measured/field.md: what goes wrong outside a laboratory, one at a time, and what is read of it.
-
-usage: bench/field_pictures.py [--picture FILE] [--device-picture FILE] [--text FILE]
-"""
+"""The sheets of docs/measured/field.md: what goes wrong outside a laboratory, one at a time, and what is read of it."""
 
 from __future__ import annotations
 

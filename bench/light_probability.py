@@ -6,8 +6,6 @@ and more put onto them; one in eleven is a scene of light_scenes.py; and whole p
 some. Photographs that photographs.KEPT_OUT names are left out. --write writes the coefficients to
 cpp/src/lights/light_model.hpp; the odds required of a light follow from its false ones in photographs without lamps,
 by fits to the other folds, which have other photographs. Calibration is printed of these fits and of the code.
-
-usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--first SEED] [--write]
 """
 
 from __future__ import annotations

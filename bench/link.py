@@ -6,8 +6,6 @@ gradient; the frame clock locked to the chip clock or drifting; a rate error up 
 Speed: processor time of one thread from pixels (1080 x 1920 bytes) and from combined columns (7 chips of exposure, 4
 rows per chip, 2 % noise) to payloads, the minimum over batches of frames; other load can only increase it. --check: at
 most 130 frames, 120 frame/s from pixels and 1000 frame/s from columns.
-
-usage: bench/link.py [--starts N] [--no-speed] [--json] [--check]
 """
 
 from __future__ import annotations

@@ -2,8 +2,6 @@
 """Sensing compared with theory: error of f_x v and its Cramér-Rao bound, and contrast restored by the equaliser.
 
 A full-depth cosine moves across the rows; the exposure is as on the testbed.
-
-usage: bench/motion.py [--frames N]
 """
 
 from __future__ import annotations

@@ -5,8 +5,6 @@ Every photograph of a folder, or every sample picture of scikit-image where it i
 read out down and across. False lights are counted for several `false_alarms`; then each picture gets lamps
 (light_probability.with_lamps), and of all lights reported at 0.9 and more the share of lamps is counted. Sources and
 licences of the pictures that were measured: docs/explanation/lights.md.
-
-usage: bench/photographs.py [--photographs FOLDER] [--every N] [--lamps]
 """
 
 from __future__ import annotations

@@ -1,8 +1,5 @@
 #!/usr/bin/env python3
-"""Draws the pictures of docs/explanation/receiver.md: eye diagrams, and the trellis of an exposure of two chips.
-
-usage: bench/receiver_pictures.py [--directory DIRECTORY]
-"""
+"""Draws the pictures of docs/explanation/receiver.md: eye diagrams, and the trellis of an exposure of two chips."""
 
 from __future__ import annotations
 

@@ -3,8 +3,6 @@
 
 find: recall, precision and false lights on the scenes of light_scenes.py; time of a 33-megapixel picture. track:
 lights that move and cross in a 1080p video. locate: the camera's position.
-
-usage: bench/sensing.py [--json] [--chart FILE] [--check] [--quick] [--only PART]
 """
 
 from __future__ import annotations

@@ -6,8 +6,6 @@ Every figure is the median of ratios of two alternating calls, each time on othe
 caches, so that drift of the machine cancels and frames come from memory. Peers alternate in blocks, so that write-backs
 of one are not charged to the other. Results are checked on the same frames before timing. Limits are the project's aims
 for one thread, 1080x1920 bytes, one tone, all columns.
-
-usage: bench/speed.py [--json] [--check] [--quick]      peers: pip install -r bench/studies/requirements.txt
 """
 
 from __future__ import annotations

@@ -10,8 +10,6 @@ the same of ten frames pooled.
 
 --anywhere measures one frame each of random decodable settings within the grid and pools them. --check: exit code 1 if
 a setting is not good (`is_good`).
-
-usage: bench/timing.py [--frames N] [--exposures CHIPS...] [--anywhere SETTINGS] [--json] [--check]
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Simulate the paper's testbed, measure it by the paper's method and by the fit, and draw the figures.
-
-usage: PYTHONPATH=bench python -m studies.reproduction [-o FOLDER] [--figure NAME...] [--frames N] [--text FILE]
-"""
+"""Simulate the paper's testbed, measure it by the paper's method and by the fit, and draw the figures."""
 
 from __future__ import annotations
 
