@@ -31,6 +31,7 @@ import stored
 from chip_frames import make_frame
 from cleaning import clouds, deflickered, fitted_psnr
 from closed_forms import CHIP_LEVELS, ClosedForms
+from figures import Figure, missed, print_table
 from peers import PEERS
 from processors import FEWEST_ROUNDS, RoundsOnTwo, arithmetic_on_two, at_mean_rate, two_processors
 
@@ -60,29 +61,6 @@ OVER_BOUND = 1.1  # limit of a row whose bound lies above its aim, over that bou
 TURN = 0.06  # seconds of a row of two threads, then the next one's
 GAIN_TOLERANCE = 1e-3  # one standard error; cheaper plans weight the noise differently
 SLOW_FRAMES = 2  # frames of a film under slow bands that are left until a third one shows them
-
-
-@dataclasses.dataclass(frozen=True)
-class Figure:
-    """One measured ratio, with its limit if it has one.
-
-    undisturbed: the same from the fastest tenth of both calls; the difference shows the effect of other load.
-    """
-
-    name: str
-    value: float
-    unit: str
-    limit: float | None = None
-    at_most: bool = True
-    milliseconds: float | None = None
-    undisturbed: float | None = None
-
-    @property
-    def reached(self) -> bool | None:
-        """True if the limit is reached; None without a limit."""
-        if self.limit is None:
-            return None
-        return self.value <= self.limit if self.at_most else self.value >= self.limit
 
 
 def figure_of(name: str, timing: Timing, limit: float | None = None, at_most: bool = True) -> Figure:
@@ -492,20 +470,6 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
     yield from beside_two_threads(groups, seconds)
 
 
-def print_table(figures: list[Figure], missing: list[str]) -> None:
-    """Print a table."""
-    width = max(len(figure.name) for figure in figures)
-    for f in figures:
-        limit = "" if f.limit is None else f"{'at most' if f.at_most else 'at least'} {f.limit:g}"
-        verdict = {None: "", True: "reached", False: "NOT REACHED"}[f.reached]
-        took = "" if f.milliseconds is None else f"{f.milliseconds:8.3f} ms"
-        best = "" if f.undisturbed is None else f"({f.undisturbed:.2f})"
-        print(f"{f.name:{width}}  {f.value:7.2f} {best:>8} {f.unit:3}  {took:11}  {limit:13}  {verdict}")
-    print("in brackets: from the fastest tenth of both calls")
-    for name in dict.fromkeys(missing):
-        print(f"{name}: not installed, left out")
-
-
 def main() -> int:
     """Exit code 1 with --check if a limit is not reached."""
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n\n")[0])
@@ -518,12 +482,14 @@ def main() -> int:
     figures = list(measure(0.02 if arguments.quick else 0.6, missing))
     facts = {"simd_target": _core.simd_target(), "load_before": before, "load_after": os.getloadavg()[0]}
     if arguments.json:
-        records = [{**dataclasses.asdict(figure), "reached": figure.reached} for figure in figures]
-        print(json.dumps({**facts, "missing": missing, "figures": records}, ensure_ascii=False))
+        print(json.dumps({**facts, "missing": missing, "figures": [f.record() for f in figures]}, ensure_ascii=False))
     else:
-        print_table(figures, missing)
+        print_table(figures)
+        print("in brackets: from the fastest tenth of both calls")
+        for name in dict.fromkeys(missing):
+            print(f"{name}: not installed, left out")
         print(", ".join(f"{name} {value}" for name, value in facts.items()))
-    return 1 if arguments.check and any(figure.reached is False for figure in figures) else 0
+    return int(arguments.check and missed(figures))
 
 
 if __name__ == "__main__":
