@@ -72,12 +72,6 @@ def chi_squared(results: Iterable[GainResult]) -> float:
     return sum(result.deviation**2 for result in results)
 
 
-def chi_squared_limit(degrees: int) -> float:
-    """The 1 % point of the distribution by Wilson and Hilferty's cube (accurate to 0.3 % from 10 degrees on)."""
-    spread = 2.0 / (9.0 * degrees)
-    return degrees * (1.0 - spread + 2.3263 * math.sqrt(spread)) ** 3
-
-
 def worst_deviation(results: Sequence[GainResult]) -> float:
     """Largest deviation of the fit from theory, in standard errors."""
     return max(abs(result.deviation) for result in results)
