@@ -5,7 +5,7 @@ Pictures: grounds of light_scenes.py and crops of photographs in both directions
 and more put onto them; one in eleven is a scene of light_scenes.py; and whole photographs, each without lamps and with
 some. Photographs that photographs.KEPT_OUT names are left out. --write writes the coefficients to
 cpp/src/lights/light_model.hpp; the odds required of a light follow from its false ones in photographs without lamps,
-by fits to the other folds, which have other photographs. Calibration is printed of these fits and of the code.
+by fits to the other folds, which have other photographs. Calibration is printed of these fits.
 """
 
 from __future__ import annotations
@@ -44,7 +44,6 @@ class Candidates:
     fold: np.ndarray
     plain: np.ndarray  # True in a whole photograph without lamps
     odds: np.ndarray  # by which those of the model are multiplied
-    probability: np.ndarray  # by the code
 
 
 def wave_of(random: np.random.Generator, frequency: float, data: bool) -> Waveform:
@@ -180,10 +179,8 @@ def with_lamps(look: np.ndarray, seed: int, data: bool = False) -> tuple[np.ndar
 def candidates(all_pictures: Iterator[Picture], data: bool) -> Candidates:
     rows = []
     for frame, truth, fold, plain in all_pictures:
-        for box, frequency, probability, odds, terms in _core.light_candidates(
-            frame[None], light_scenes.CAMERA._handle, data
-        ):
-            rows.append((terms, is_light(box, frequency, truth, data), fold, plain, odds, probability))
+        for box, frequency, _, odds, terms in _core.light_candidates(frame[None], light_scenes.CAMERA._handle, data):
+            rows.append((terms, is_light(box, frequency, truth, data), fold, plain, odds))
     return Candidates(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -247,9 +244,7 @@ def report_of(found: Candidates, probability: np.ndarray) -> dict[str, Any]:
         "candidates": len(found.light),
         "lights": int(found.light.sum()),
         "calibration": calibration(probability, found.light),
-        "calibration_of_the_code": calibration(found.probability, found.light),
         "between_0.1_and_0.9": between(probability, found.light),
-        "between_0.1_and_0.9_of_the_code": between(found.probability, found.light),
     }
 
 
