@@ -30,9 +30,9 @@ from fractions import Fraction
 from typing import Any
 
 import av
-import cleaning as bands
 import numpy as np
 import numpy.typing as npt
+from grounds import clouds
 
 from ocisac_fast import Camera
 from ocisac_fast.camera.linear_light import linear_light, stored_values
@@ -77,7 +77,7 @@ def reflectance(rows: int, columns: int, random: np.random.Generator) -> Array:
     """(rows, columns, 3) of a room: clouds, shades, a vignette, a table's edge, boxes, lines of text."""
     picture = np.broadcast_to(random.uniform(0.25, 0.7, 3), (rows, columns, 3)).copy()
     if random.random() < 0.5:
-        picture *= np.exp(random.uniform(0.1, 0.35) * bands.clouds(rows, columns, random))[..., None]
+        picture *= np.exp(random.uniform(0.1, 0.35) * clouds(rows, columns, random))[..., None]
     y, x = np.linspace(-1, 1, rows)[:, None], np.linspace(-1, 1, columns)
     shade, slope = random.uniform(0, 0.4), random.normal(0, 0.3, 2)
     picture *= np.exp(slope[0] * y + slope[1] * x - shade * (x**2 + y**2))[..., None]

@@ -11,6 +11,7 @@ import itertools
 from typing import Any
 
 import numpy as np
+from grounds import add_boxes, add_text, clouds
 
 from ocisac_fast import Camera, Chips, SquareWave, Tone, Waveform, detect_sources, integrate_exposure
 from ocisac_fast.lights import LightSource
@@ -25,22 +26,12 @@ GROUNDS = ("even", "clouds", "boxes", "text")
 def ground(kind: str, random: np.random.Generator) -> np.ndarray:
     """A static picture, (rows, columns), stored values."""
     if kind == "clouds":
-        fy, fx = np.meshgrid(np.fft.fftfreq(ROWS), np.fft.rfftfreq(COLUMNS), indexing="ij")
-        size = 1.0 / np.maximum(np.hypot(fx, fy), 1.0 / COLUMNS)
-        field = np.fft.irfft2(size * np.exp(2j * np.pi * random.random(size.shape)), (ROWS, COLUMNS))
-        return 60.0 + 15.0 * field / field.std()
+        return 60.0 + 15.0 * clouds(ROWS, COLUMNS, random, 1.0)
     picture = np.full((ROWS, COLUMNS), 50.0)
     if kind == "boxes":
-        for _ in range(60):
-            top, left = random.integers(0, ROWS - 20), random.integers(0, COLUMNS - 20)
-            height, width = random.integers(10, 150, 2)
-            picture[top : top + height, left : left + width] = random.uniform(10, 110)
+        add_boxes(picture, random, (10, 150), (10, 110))
     if kind == "text":
-        for top in range(20, ROWS - 40, int(random.integers(26, 40))):
-            for left in range(20, COLUMNS - 40, 12):
-                stroke = random.integers(0, 4)
-                picture[top : top + 16, left + 2 * stroke : left + 2 * stroke + 3] = 10.0
-                picture[top + 4 * stroke : top + 4 * stroke + 3, left : left + 9] = 10.0
+        add_text(picture, random, int(random.integers(26, 40)), 10.0)
     return picture
 
 

@@ -29,9 +29,10 @@ from typing import Any
 import numpy as np
 import stored
 from chip_frames import make_frame
-from cleaning import clouds, deflickered, fitted_psnr
+from cleaning import deflickered, fitted_psnr
 from closed_forms import CHIP_LEVELS, ClosedForms
 from figures import Figure, missed, print_table
+from grounds import clouds
 from peers import PEERS
 from processors import FEWEST_ROUNDS, RoundsOnTwo, arithmetic_on_two, at_mean_rate, two_processors
 
@@ -41,7 +42,6 @@ from ocisac_fast import (
     SquareWave,
     Tone,
     _core,
-    best_exposure,
     equalize,
     find_frequency,
     integrate_exposure,
@@ -340,8 +340,8 @@ def equalisation(seconds: float, missing: list[str]) -> Iterator[Figure]:
         out = np.empty((ROWS, COLUMNS), dtype)
         hand = by_hand(peer.rfft, peer.irfft, gain.astype(np.result_type(dtype, np.complex64)))
 
-        def own(columns: np.ndarray, out: Any = out, threads: int = 1) -> np.ndarray:
-            return np.asarray(equalize(columns, camera, out=out, threads=threads))
+        def own(columns: np.ndarray, out: Any = out) -> np.ndarray:
+            return np.asarray(equalize(columns, camera, out=out))
 
         name = f"equalize {np.dtype(dtype).name}"
         worst = float(np.max(np.abs(own(frames[0])[:, :8] - precise))) / float(np.max(np.abs(precise)))
@@ -349,8 +349,6 @@ def equalisation(seconds: float, missing: list[str]) -> Iterator[Figure]:
             raise SystemExit(f"speed.py: {name}: off by {worst:.2g}, allowed: {tolerance:g}; not timed")
         timing = in_turn(own, hand, frames, seconds, (9, 200))
         yield figure_of(f"{name} / {peer.__name__}: rfft, product, irfft", timing, limit)
-        two = functools.partial(own, threads=2)
-        yield figure_of(f"  {name}, one thread / two", in_turn(own, two, frames, seconds, (9, 200)))
 
 
 def frequency_search(seconds: float) -> Iterator[Figure]:
@@ -391,20 +389,6 @@ def sequences(seconds: float) -> Iterator[Figure]:
         yield Figure(
             name, 1e-9 * steps / timing.seconds, "G/s", limit, at_most=False, milliseconds=1e3 * timing.seconds
         )
-
-
-def exposure_choice(seconds: float) -> Iterator[Figure]:
-    """Problems per second from Python arrays."""
-    random = np.random.default_rng(3)
-    f_comm, f_sense = random.uniform(100.0, 1000.0, (2, 100_000))
-    found = best_exposure(f_comm, f_sense)
-    few = slice(0, 50)
-    searched = best_exposure(f_comm[few], f_sense[few], method="search", points=100_001)
-    objective, grid = np.asarray(found.objective)[few], np.asarray(searched.objective)
-    if not (np.all(objective >= grid - 1e-18) and np.all(objective <= grid * (1 + 1e-6))):
-        raise SystemExit("speed.py: best_exposure: not the maximum that a search finds; not timed")
-    timing = in_turn(lambda _: best_exposure(f_comm, f_sense), lambda _: None, [None], seconds, (5, 50))
-    yield Figure("best_exposure exact from arrays", 1e-6 * f_comm.size / timing.seconds, "M/s", 1.0, at_most=False)
 
 
 def films(missing: list[str]) -> Iterator[Figure]:
@@ -464,7 +448,6 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
         varying_tone(seconds),
         integration(seconds),
         sequences(seconds),
-        exposure_choice(seconds),
         films(missing),
     ]
     yield from beside_two_threads(groups, seconds)
