@@ -26,7 +26,7 @@ from processors import TWO_CORES, arithmetic_on_two, gain_by_second
 
 from ocisac_fast.batch import Task, cluster, measure_recordings
 from ocisac_fast.batch.campaign import MAX_FRAMES, group_size
-from ocisac_fast.cli.gain import frame_gains
+from ocisac_fast.cli.gain import frame_gains, tone_options
 from ocisac_fast.files import open_recording
 from ocisac_fast.files.videos import decoder_threads
 
@@ -198,7 +198,7 @@ def overhead(folder: Path) -> dict[str, float]:
     import psutil
 
     arguments, picture = TASK.arguments()
-    options = {"method": arguments["method"], "background": 0.0, "threads": 1}
+    options = tone_options(picture, **arguments)
     paths = sorted(str(path) for path in (folder / "tiny").iterdir())
     clock, processor = [], []
     with processes(1) as (client, watched):
