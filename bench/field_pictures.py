@@ -78,24 +78,15 @@ SHEETS: dict[str, tuple[tuple[str, Draw], ...]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Read:
-    """What was read of a case.
-
-    Attributes:
-        title: its name.
-        pixels: its frame SHOWN.
-        payload: frames until the payload; None: not in `calibration.FRAMES`.
-        chips, wrong: of all frames.
-        told: mean error rate told.
-        flags: of at least half of the frames.
-    """
+    """What was read of a case."""
 
     title: str
-    pixels: npt.NDArray[np.uint8]
-    payload: int | None
+    pixels: npt.NDArray[np.uint8]  # its frame SHOWN
+    payload: int | None  # frames until it came; None: not in calibration.FRAMES
     chips: int
     wrong: int
-    told: float
-    flags: tuple[str, ...]
+    told: float  # mean error rate
+    flags: tuple[str, ...]  # of at least half of the frames
 
 
 def read(title: str, draw: Draw) -> Read:

@@ -15,24 +15,14 @@ from studies.reproduction.testbed import FRAMES, Setting, record
 
 @dataclass(frozen=True)
 class GainResult:
-    """Mean gain of a setting over its frames, by both methods.
-
-    Attributes:
-        setting: the recorded setting.
-        frames: number of frames.
-        paper, paper_std: eqs. 24 and 25: one column, the DFT's bin nearest to the tone; standard error of the mean,
-            from the scatter.
-        fit, fit_std: least squares with all harmonics at the exact frequency; reported standard error.
-        fit_scatter: standard error of the mean from the scatter of the frames.
-    """
+    """Mean gain of a setting over its frames, by both methods, with standard errors of the mean."""
 
     setting: Setting
-    frames: int
-    paper: float
-    paper_std: float
-    fit: float
-    fit_std: float
-    fit_scatter: float
+    paper: float  # eqs. 24 and 25: one column, the DFT's bin nearest to the tone
+    paper_std: float  # from the scatter
+    fit: float  # least squares with all harmonics at the exact frequency
+    fit_std: float  # as reported
+    fit_scatter: float  # from the scatter of the frames
 
     @property
     def bin(self) -> float:
@@ -58,7 +48,6 @@ def measure(setting: Setting, frames: int = FRAMES, seed: int = 0) -> GainResult
     root = math.sqrt(frames)
     return GainResult(
         setting,
-        frames,
         float(np.mean(paper)),
         float(np.std(paper, ddof=1)) / root,
         float(np.mean(fit.gain)),
