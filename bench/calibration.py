@@ -45,19 +45,15 @@ MIN_WRONG = 10  # wrong chips in a decade, seen or told: fewer prove nothing
 class Counts:
     """Chips, wrong chips and wrong chips expected by decades of the rate told; the first decade is 1 to 0.1."""
 
-    chips: npt.NDArray[np.int64]
-    wrong: npt.NDArray[np.int64]
-    expected: npt.NDArray[np.float64]
+    chips: npt.NDArray[np.int64] = dataclasses.field(default_factory=lambda: np.zeros(DECADES, np.int64))
+    wrong: npt.NDArray[np.int64] = dataclasses.field(default_factory=lambda: np.zeros(DECADES, np.int64))
+    expected: npt.NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros(DECADES))
     frames: int = 0
     read: int = 0  # frames with chips
     payloads: int = 0  # draws with a payload
     draws: int = 0
     wrong_payloads: int = 0
     silent: int = 0  # frames with over 5 % wrong chips and a rate told below 1 %
-
-    @staticmethod
-    def none() -> Counts:
-        return Counts(np.zeros(DECADES, np.int64), np.zeros(DECADES, np.int64), np.zeros(DECADES))
 
     def add(self, other: Counts) -> None:
         for item in dataclasses.fields(self):
@@ -114,7 +110,7 @@ def receive(draw: Draw, undo: Callable[..., npt.NDArray[np.uint8]] | None = None
 
 def counted(draw: Draw) -> Counts:
     """Count the chips of one draw."""
-    counts = Counts.none()
+    counts = Counts()
     payloads = []
     for frame in receive(draw):
         counts.frames += 1
@@ -141,7 +137,7 @@ def draw_of(seed: int, kinds: str) -> Draw:
 
 def measure(chips: int, first: int, processes: int, kinds: str = "all") -> Counts:
     """Draws from a seed on, until at least so many chips are read, a few at once."""
-    total, seeds = Counts.none(), itertools.count(first)
+    total, seeds = Counts(), itertools.count(first)
     with multiprocessing.get_context("spawn").Pool(processes or None) as pool:
         while total.chips.sum() < chips:
             for counts in pool.imap(counted, [draw_of(seed, kinds) for seed in itertools.islice(seeds, _AT_ONCE)]):

@@ -1,23 +1,10 @@
 #!/usr/bin/env python3
-"""Accuracy of the removal of bands: simulated scenes with a known clean picture, and recordings.
+"""Accuracy of the removal of bands: simulated scenes and videos with a known clean picture, photographs, recordings.
 
-Scenes of 360 x 480 bytes (clouds, boxes, lines of text; a lamp that is uniform, a spot, or on a part) under tones of 8
-to 60 rows per cycle and random chips of 6.2 rows; noise 1.5. PSNR over pixels with at least a tenth of the mean light,
-compared with division by the row mean over its smoothed trend (the best of eight lengths) and by the true light and
-share (oracle).
-
-For recordings, in linear light and over unmarked pixels: depth of the fitted row light in the columns, before
-over after (dB), and the depth that texture gives for an absent light; the largest change of a fully lit row; and the
-energy of texture, after over before. For remove_bands, and for vertical blurs, which must fail. For a picture under
-mains light whose truth is known: PSNR after one gain for each colour.
-
---video: 1920 x 1080 frames of scenes over which the camera turns, cleaned one after the other (VideoCleaner): PSNR,
-that of every third frame cleaned alone, the stored one and that after FFmpeg's deflicker filter (one gain a frame), and
-processor time of the first frame and of those after it.
-
---slow FOLDER: photographs under mains light of one to three and a half cycles a picture, sRGB, upright and on their
-side: how many are cleaned, PSNR (peak 255, one gain a colour) stored, cleaned, and with the best gain of each row and
-colour (oracle), and how many of them became worse; the same photographs without bands.
+docs/explanation/cleaning.md says what each option measures. Scenes of 360 x 480 bytes under tones of 8 to 60 rows per
+cycle and random chips of 6.2 rows, noise 1.5; PSNR over pixels with at least a tenth of the mean light, compared with
+division by the row mean over its smoothed trend (the best of eight lengths) and by the true light and share (oracle).
+--slow: peak 255, one gain a colour; oracle: the best gain of each row and colour.
 """
 
 from __future__ import annotations
@@ -360,10 +347,6 @@ def rounded(values: dict[str, float]) -> dict[str, float]:
     return {key: round(value, 2) for key, value in values.items()}
 
 
-def behind_the_oracle(scenes: list[dict[str, float]]) -> dict[str, float]:
-    return means([{key: one["oracle"] - one[key] for key in ("given", "found")} for one in scenes])
-
-
 def draw(path: str) -> None:
     """Draw scenes side by side: stored, by row means, remove_bands, clean."""
     rows = []
@@ -409,7 +392,8 @@ def main() -> None:
         for ground, kind in itertools.product(GROUNDS[1:2] if options.quick else GROUNDS, LAMPS):
             scenes += [measured_scene(light, ground, kind, seed) for seed in options.seeds]
             if options.each:
-                behind = behind_the_oracle(scenes[-len(options.seeds) :])
+                own = scenes[-len(options.seeds) :]
+                behind = means([{key: one["oracle"] - one[key] for key in ("given", "found")} for one in own])
                 print(f"{name}, {ground}, {kind}: dB behind the oracle", rounded(behind))
         print(name, rounded(means(scenes)))
     if options.recordings:

@@ -1,19 +1,15 @@
 #!/usr/bin/env python3
 """Random scenes under zero to two lamps, as films of a few frames, cleaned as `ocisac clean` does: it must never harm.
 
-Bands of 20 to 2,000 rows a cycle, 480p to 4K, still, panned or shaken, noise of 1.5 DN of 255, a lamp that lights all
-alike or some parts more; sRGB, a third of the films HLG; half of them coded: H.264 or HEVC of 8 or 10 bits, limited
-range, crf 18 to 28. For each scene, over its frames: the least and the median gain of PSNR to the scene
-without bands (peak 255, one gain for all colours), that of the least frame of the file, coded again at crf 10, how far
-it is behind that of the true light divided out, the largest growth of the cast (DN), of the share of burnt pixels (254
-or more) and of the amplitude of the row means of ln(picture/truth) along the lights' waves; and which limit is broken.
+`film` and `measured` draw them. For each scene, over its frames: the least and the median gain
+of PSNR to the scene without bands (peak 255, one gain for all colours), that of the least frame of the file, coded
+again at crf 10, how far it is behind that of the true light divided out, the largest growth of the cast (DN), of the
+share of burnt pixels (254 or more) and of the amplitude of the row means of ln(picture/truth) along the lights' waves;
+and which limit is broken. --markdown: no scenes are made; a table of those whose lines are in a file.
 
 A scene whose bands are longer than the frame cannot be told apart where an oracle makes one of the first three frames
 worse: these are all that is known when they leave. The oracle knows the lights' frequencies and shares, what moves in
-the scene and how large its shades of each size are, and fits the lights' waves to the means of rows. Such scenes are
-counted, and have a row of their own in the table.
-
---markdown: no scenes are made; a table of those whose lines are in a file, a row for each kind.
+the scene and how large its shades of each size are, and fits the lights' waves to the means of rows.
 """
 
 from __future__ import annotations

@@ -156,12 +156,6 @@ def line(got: dict[str, Any]) -> str:
     )
 
 
-def print_heading() -> None:
-    """Print the heading of the table whose rows are `line`."""
-    print("exposure rows noise     genie estimated      lost clock   bound  rms/b  ms a frame")
-    print("  chips /chip /swing  errors    errors        frames  off  of exposure")
-
-
 def measure_anywhere(settings: int) -> dict[str, Any]:
     """One frame of each random setting within the grid, pooled as one setting."""
     random = np.random.default_rng(0)
@@ -191,7 +185,8 @@ def main() -> int:
         print(json.dumps(got))
         return int(options.check and not is_good(got))
     if not options.json:
-        print_heading()
+        print("exposure rows noise     genie estimated      lost clock   bound  rms/b  ms a frame")
+        print("  chips /chip /swing  errors    errors        frames  off  of exposure")
     good = True
     for exposure, rows_per_chip, noise in itertools.product(options.exposures, ROWS_PER_CHIP, NOISES):
         got = measure(rows_per_chip, exposure, noise, options.frames)

@@ -46,7 +46,7 @@ def test_a_pause_of_the_read_out_is_no_silent_frame_where_edges_may_lie_off_the_
     ("wrong", "expected", "good"), [(30, 20.0, True), (50, 20.0, False), (11, 23.0, False), (3, 4.0, None)]
 )
 def test_a_decade_is_calibrated_within_a_factor_of_two(wrong, expected, good):
-    counts = Counts.none()
+    counts = Counts()
     counts.chips[1], counts.wrong[1], counts.expected[1] = 1000, wrong, expected
     assert counts.calibrated(1) is good
     assert counts.calibrated(2) is None
