@@ -88,9 +88,6 @@ class Constant(Waveform):
 
     Args:
         level: finite, within 1e100 of 0.
-
-    Raises:
-        ValueError: a level outside its range.
     """
 
     level: float
@@ -177,9 +174,6 @@ class Chips(Waveform):
         amplitude: finite, within 1e100 of 0.
         rise, fall: time constants of an LED that approaches a brighter or a darker level exponentially, in chips, 0
             (instantly) to 1000. Such chips may be multiplied by steady light only.
-
-    Raises:
-        ValueError: a value that is not finite or outside its range, no levels, or a wrong shape; the message names it.
     """
 
     levels: npt.NDArray[np.float64]
@@ -222,9 +216,6 @@ class Samples(Waveform):
         start: time of the first sample, s, finite.
         repeat: the samples repeat with the period len(values)/sample_rate, linear from the last to the first;
             otherwise the first and the last value hold before and after.
-
-    Raises:
-        ValueError: a value that is not finite or outside its range, no values, or a wrong shape; the message names it.
     """
 
     values: npt.NDArray[np.float64]

@@ -220,9 +220,6 @@ class PacketAssembler:
             llr: (chips,) ln P(bright)/P(dark), nats; 0: unknown.
             scatter: standard error of ``first``, chips, of this stretch alone: frames whose starts jitter. Its place is
                 then the most likely one by the expected preamble, header and line code; in doubt it waits.
-
-        Raises:
-            ValueError: a wrong shape, or NaN; a negative scatter.
         """
         return Stretch._of(self._handle.push(first, _as_ratios(llr), scatter))
 

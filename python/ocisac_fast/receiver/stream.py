@@ -139,9 +139,6 @@ class Receiver:
                 frames instead of their numbers and needs no frame time of the camera.
             exposure: s, of this frame, where it is another than the camera's; it is checked by the rows.
             gain: factor of the pixel values, above 0, where automatic gain changes it from frame to frame.
-
-        Raises:
-            ValueError: a wrong shape or type; a number that is not whole; a value outside its range.
         """
         colours = frame_colours(frame, self._camera, self._colour)
         lights = self._handle.push(colours, frame_number(number), time, exposure, gain)

@@ -58,9 +58,6 @@ def sense(
 
     Returns:
         Regions in descending order of ``snr``.
-
-    Raises:
-        ValueError: frames or ``unlit`` of wrong shape or type, or as for ``sense_region``.
     """
     found = find_periodic(frames, camera)
     return found.measure(frames, Request(waveform, duty, depth, motion), unlit, beside=beside)
