@@ -301,12 +301,11 @@ def _as_numbers(numbers: int | npt.ArrayLike, name: str) -> npt.NDArray[np.int64
     return np.ascontiguousarray(array, dtype=np.int64)
 
 
-def _as_out(out: Any, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
+def _as_out(out: npt.NDArray[Any] | None, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
     if out is None:
         return np.empty(shape)
-    if not isinstance(out, np.ndarray) or out.shape != shape:
-        got = f"shape {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
-        raise ValueError(f"out: got {got}, allowed: an array of shape {shape}")
+    if out.shape != shape:
+        raise ValueError(f"out: got shape {out.shape}, allowed: an array of shape {shape}")
     if out.dtype != np.float64 or not out.flags.aligned:
         raise ValueError(f"out: got dtype {out.dtype}, allowed: float64, native and aligned")
     if not out.flags.writeable:
