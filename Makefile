@@ -105,7 +105,7 @@ chart: build $(VENV)/.requirements-studies
 limits: build
 	@$(study).limits --directory docs/measured --text docs/measured/limits.md
 
-reproduce: build
+reproduce: build $(VENV)/.requirements-studies
 	@$(study).reproduction -o docs/measured/paper --text docs/measured/paper.md
 	@$(study).distance -o docs/measured/distance.png --text docs/measured/distance.md
 

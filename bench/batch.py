@@ -1,7 +1,5 @@
 """Many recordings: two workers beside two processes of plain decoding, cost of a task, memory, model of the whole.
 
-    python bench/batch.py [--recordings N] [--long N] [--check]
-
 A scheduler and two workers, each a process of its own, measure gains of recordings of 1 s, 480 rows by 320 columns,
 H.264, and of long ones of 100 s, which are cut. Recordings are links to a few files, which are in the page cache: what
 is measured is processors, not disks. --check: exit code 1 where an aim is missed.
@@ -23,11 +21,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from figures import Figure, missed, print_table
 from processors import TWO_CORES, arithmetic_on_two, gain_by_second
 
 from ocisac_fast.batch import Task, cluster, measure_recordings
 from ocisac_fast.batch.campaign import MAX_FRAMES, group_size
-from ocisac_fast.cli.gain import frame_gains
+from ocisac_fast.cli.gain import frame_gains, tone_options
 from ocisac_fast.files import open_recording
 from ocisac_fast.files.videos import decoder_threads
 
@@ -199,7 +198,7 @@ def overhead(folder: Path) -> dict[str, float]:
     import psutil
 
     arguments, picture = TASK.arguments()
-    options = {"method": arguments["method"], "background": 0.0, "threads": 1}
+    options = tone_options(picture, **arguments)
     paths = sorted(str(path) for path in (folder / "tiny").iterdir())
     clock, processor = [], []
     with processes(1) as (client, watched):
@@ -228,13 +227,11 @@ def whole_run(folder: Path, long: int) -> dict[str, Any]:
         seconds, progress = measured(client, folder / "all", folder / "results")
         growth = memory.growth()
         used = np.array([spent([each]) for each in every]) - before
-        size = sum(path.stat().st_size for path in (folder / "all").iterdir())
     return {
         "seconds": seconds,
         "recordings": progress.recordings,
         "frames": progress.frames,
         "tasks": task_count(progress.recordings, 2) + long * (LONG_SECONDS * RATE // MAX_FRAMES),
-        "bytes": size,
         "scheduler_cpu": used[0],
         "worker_cpu": float(used[1:3].sum()),
         "client_cpu": used[3],
@@ -299,19 +296,17 @@ def main() -> int:
         **model(run, scheduler, 2),
     }
     found = {"gains": gains, "costs": costs, "times": times, "scheduler": scheduler, "run": run, "model": predicted}
-    growth, cost = max(run["growth"]), costs["processor"]
     quiet = f"{gains['rounds_with_two_cores']} of {gains['rounds']} rounds with two cores"
-    aims = {
-        f"gain by the second over that of decoding: {gains['ratio']:.3f}, aim {GAIN_AIM} ({quiet})": gains["ratio"]
-        >= GAIN_AIM,
-        f"overhead of a recording: {1e3 * cost:.2f} ms, aim {1e3 * OVERHEAD_AIM:.0f}": cost <= OVERHEAD_AIM,
-        f"growth of memory in the second half: {100 * growth:.1f} %, aim {100 * GROWTH_AIM:.0f}": growth <= GROWTH_AIM,
-    }
+    name = f"gain by the second over that of decoding ({quiet})"
+    figures = [
+        Figure(name, gains["ratio"], limit=GAIN_AIM, at_most=False),
+        Figure("overhead of a recording", 1e3 * costs["processor"], "ms", 1e3 * OVERHEAD_AIM),
+        Figure("growth of memory in the second half", 100 * max(run["growth"]), "%", 100 * GROWTH_AIM),
+    ]
     for part, values in found.items():
         print(part, {key: np.round(value, 5).tolist() for key, value in values.items()})
-    for text, is_met in aims.items():
-        print("reached" if is_met else "missed ", text)
-    return int(options.check and not all(aims.values()))
+    print_table(figures)
+    return int(options.check and missed(figures))
 
 
 if __name__ == "__main__":

@@ -3,14 +3,10 @@
 
 A draw is a lamp that repeats a packet, filmed in FRAMES frames by `simulate_frames`: mains hum and a PWM lamp, texture,
 tilt, a round spot, rise and fall, jitter of the frames' starts, clock error, noise, an exposure of 0.5 to 6 chips that
-is told, told wrong, or not told. Every chip has its log-likelihood ratio L and with it the error rate
-1 / (1 + exp(|L|)); by decades of it, the share of wrong chips is compared with the mean rate told. Chips are numbered
-by the frame's own clock; a frame may be a chip early or late as a whole, the choice that the phase leaves.
-
-Half of the draws are others (`device_draws.py`): two or three at once of what cameras and cheap senders do.
-
-usage: bench/calibration.py [--draws all|light|devices] [--chips N] [--first SEED] [--processes N] [--picture FILE]
-    [--text FILE] [--check payloads|rates]
+is told, told wrong, or not told; every second one has two or three at once of what cameras and cheap senders do. Every
+chip has its log-likelihood ratio L and with it the error rate 1 / (1 + exp(|L|)); by decades of it, the share of wrong
+chips is compared with the mean rate told. Chips are numbered by the frame's own clock; a frame may be a chip early or
+late as a whole, the choice that the phase leaves.
 
 --check: exit status 1 for a wrong payload; with rates, also for a decade whose share is not within a factor of two of
 the rate told.
@@ -29,16 +25,15 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from device_draws import DeviceDraw
+from draws import ROW_TIME, ROWS, Draw
 
-from ocisac_fast import Camera, Chips, SquareWave, Tone, transmit
+from ocisac_fast import transmit
 from ocisac_fast.packets import PacketFormat
 from ocisac_fast.plots import BLACK, BLUE, picture
 from ocisac_fast.receiver.stream import ReceivedFrame, Receiver
-from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
 from studies.reporting import fill_markers, markdown
 
-FRAMES, ROWS, COLUMNS, ROW_TIME, FRAME_TIME = 20, 1080, 64, 22.2e-6, 1 / 30
+FRAMES = 20
 PAYLOAD = np.random.default_rng(77).bytes(100)
 DECADES = 8  # of the rate told, from 1 down; all below is the last
 FACTOR = 2.0
@@ -46,99 +41,19 @@ _AT_ONCE = 4  # draws
 MIN_WRONG = 10  # wrong chips in a decade, seen or told: fewer prove nothing
 
 
-@dataclasses.dataclass(frozen=True)
-class Draw:
-    """What goes wrong in one recording; units as in `simulate_frames`."""
-
-    chip_rate: float  # Hz, true
-    exposure: float  # s, true
-    told_exposure: float | None  # s
-    swing: float
-    noise: float
-    rise: float  # chips
-    fall: float
-    hum: float  # peak to peak over the swing
-    mains: float  # Hz
-    pwm: float  # height of a second lamp over the swing
-    pwm_frequency: float  # Hz
-    texture: float
-    lamp_width: float
-    tilt: float  # rad
-    spot: float  # standard deviation along the rows; infinite: a bar
-    jitter: float
-    start: float
-    seed: int
-
-    @staticmethod
-    def of(seed: int) -> Draw:
-        """The draw of a seed; each impairment is absent in some."""
-        random = np.random.default_rng([seed, 5])
-
-        def sometimes(share: float, low: float, high: float) -> float:
-            value = random.uniform(low, high)
-            return float(value) if random.uniform() < share else 0.0
-
-        chip_rate = 8e3 * (1 + random.uniform(-1e-4, 1e-4))
-        exposure = float(np.exp(random.uniform(np.log(0.5), np.log(6.0)))) / 8e3
-        error = (1.0, 1.0, 1 + random.uniform(-0.1, 0.1), None)[random.integers(4)]
-        return Draw(
-            chip_rate=float(chip_rate),
-            exposure=exposure,
-            told_exposure=None if error is None else exposure * float(error),
-            swing=float(random.uniform(50, 110)),
-            noise=float(random.uniform(1, 4)),
-            rise=sometimes(0.6, 0.05, 0.8),
-            fall=sometimes(0.6, 0.05, 0.8),
-            hum=sometimes(0.5, 0.05, 0.6),
-            mains=float(random.choice([50.0, 60.0])),
-            pwm=sometimes(0.2, 0.05, 0.3),
-            pwm_frequency=float(random.uniform(800, 3000)),
-            texture=sometimes(0.5, 0.02, 0.2),
-            lamp_width=float(random.uniform(16, 60)),
-            tilt=math.radians(sometimes(0.4, -6, 6)),
-            spot=sometimes(0.3, 180, 400) or math.inf,
-            jitter=sometimes(0.5, 2e-6, 50e-6),
-            start=float(random.uniform(0, 5)),
-            seed=seed,
-        )
-
-    def frames(self, chips: npt.NDArray[Any]) -> Iterator[npt.NDArray[Any]]:
-        """The recording of a lamp that repeats these chips."""
-        along = (np.arange(ROWS)[:, None] - (ROWS - 1) / 2) / self.spot
-        hum = Tone(2 * self.mains, amplitude=self.hum, phase=self.start)
-        return simulate_frames(
-            Chips(chips, self.chip_rate, repeat=True, rise=self.rise, fall=self.fall),
-            Camera(ROW_TIME, self.exposure, frame_time=FRAME_TIME),
-            *(ROWS, COLUMNS, FRAMES),
-            start=self.start,
-            swing=self.swing,
-            dark_level=25.0,
-            noise=self.noise,
-            lamp=lamp_bar(ROWS, COLUMNS, self.lamp_width, tilt=self.tilt) * np.exp(-(along**2) / 2),
-            ambient=hum + SquareWave(self.pwm_frequency, amplitude=self.pwm),
-            reflectance=texture(ROWS, COLUMNS, self.texture, seed=self.seed),
-            jitter=self.jitter,
-            seed=self.seed,
-        )
-
-
 @dataclasses.dataclass
 class Counts:
     """Chips, wrong chips and wrong chips expected by decades of the rate told; the first decade is 1 to 0.1."""
 
-    chips: npt.NDArray[np.int64]
-    wrong: npt.NDArray[np.int64]
-    expected: npt.NDArray[np.float64]
+    chips: npt.NDArray[np.int64] = dataclasses.field(default_factory=lambda: np.zeros(DECADES, np.int64))
+    wrong: npt.NDArray[np.int64] = dataclasses.field(default_factory=lambda: np.zeros(DECADES, np.int64))
+    expected: npt.NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros(DECADES))
     frames: int = 0
     read: int = 0  # frames with chips
     payloads: int = 0  # draws with a payload
     draws: int = 0
     wrong_payloads: int = 0
     silent: int = 0  # frames with over 5 % wrong chips and a rate told below 1 %
-
-    @staticmethod
-    def none() -> Counts:
-        return Counts(np.zeros(DECADES, np.int64), np.zeros(DECADES, np.int64), np.zeros(DECADES))
 
     def add(self, other: Counts) -> None:
         for item in dataclasses.fields(self):
@@ -176,19 +91,8 @@ def compared(result: ReceivedFrame, begin: float, sent: npt.NDArray[Any], invert
     return Frame(result, told, min(shifted, key=np.count_nonzero))
 
 
-def receive(draw: Draw) -> Iterator[Frame]:
-    """Receive a draw frame by frame."""
-    sent = transmit(PAYLOAD, format=PacketFormat(block_bytes=8))
-    camera = Camera(ROW_TIME, draw.told_exposure, frame_time=FRAME_TIME)
-    receiver = Receiver(camera, chip_rate=8e3, format=sent.format)
-    for number, pixels in enumerate(draw.frames(sent.chips)):
-        result = receiver.push(pixels)
-        begin = draw.start + number * FRAME_TIME + result.phase * ROW_TIME - result.exposure / 2
-        yield compared(result, begin * draw.chip_rate, sent.chips)
-
-
-def receive_devices(draw: DeviceDraw, undo: Callable[..., npt.NDArray[np.uint8]] | None = None) -> Iterator[Frame]:
-    """The same of another kind of draw; what is read inverted is right.
+def receive(draw: Draw, undo: Callable[..., npt.NDArray[np.uint8]] | None = None) -> Iterator[Frame]:
+    """Receive a draw frame by frame; what is read inverted of an inverted light is right.
 
     ``undo`` is given the draw, the frame, the one before, and the frame before its local tone mapping.
     """
@@ -199,16 +103,16 @@ def receive_devices(draw: DeviceDraw, undo: Callable[..., npt.NDArray[np.uint8]]
     for start, (pixels, source) in zip(draw.starts(FRAMES), draw.frames(packet.chips, FRAMES), strict=True):
         result = receiver.push(undo(draw, pixels, pixels if before is None else before, source) if undo else pixels)
         before = pixels
-        row = np.interp(result.phase, np.arange(ROWS), read)
+        row = np.interp(result.phase, np.arange(ROWS), read) + min(result.phase, 0.0)
         begin = start + row * ROW_TIME - result.exposure / 2
         yield compared(result, begin * draw.chip_rate, sent, draw.level("inverted") > 0)
 
 
-def counted(draw: Draw | DeviceDraw) -> Counts:
+def counted(draw: Draw) -> Counts:
     """Count the chips of one draw."""
-    counts = Counts.none()
+    counts = Counts()
     payloads = []
-    for frame in receive(draw) if isinstance(draw, Draw) else receive_devices(draw):
+    for frame in receive(draw):
         counts.frames += 1
         if frame.result.payload is not None:
             payloads.append(frame.result.payload.data)
@@ -225,16 +129,15 @@ def counted(draw: Draw | DeviceDraw) -> Counts:
     return counts
 
 
-def draw_of(seed: int, kinds: str) -> Draw | DeviceDraw:
+def draw_of(seed: int, kinds: str) -> Draw:
     """The draw of a seed, of one kind or of both in turns."""
-    if kinds == "all":
-        return Draw.of(seed) if seed % 2 == 0 else DeviceDraw.of(seed)
-    return Draw.of(seed) if kinds == "light" else DeviceDraw.of(seed)
+    is_of_light = seed % 2 == 0 if kinds == "all" else kinds == "light"
+    return Draw.of(seed) if is_of_light else Draw.of_devices(seed)
 
 
 def measure(chips: int, first: int, processes: int, kinds: str = "all") -> Counts:
     """Draws from a seed on, until at least so many chips are read, a few at once."""
-    total, seeds = Counts.none(), itertools.count(first)
+    total, seeds = Counts(), itertools.count(first)
     with multiprocessing.get_context("spawn").Pool(processes or None) as pool:
         while total.chips.sum() < chips:
             for counts in pool.imap(counted, [draw_of(seed, kinds) for seed in itertools.islice(seeds, _AT_ONCE)]):

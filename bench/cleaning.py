@@ -1,31 +1,16 @@
 #!/usr/bin/env python3
-"""Accuracy of the removal of bands: simulated scenes with a known clean picture, and recordings.
+"""Accuracy of the removal of bands: simulated scenes and videos with a known clean picture, photographs, recordings.
 
-Scenes of 360 x 480 bytes (clouds, boxes, lines of text; a lamp that is uniform, a spot, or on a part) under tones of 8
-to 60 rows per cycle and random chips of 6.2 rows; noise 1.5. PSNR over pixels with at least a tenth of the mean light,
-compared with division by the row mean over its smoothed trend (the best of eight lengths) and by the true light and
-share (oracle).
-
-For recordings, in linear light and over unmarked pixels: depth of the fitted row light in the columns, before
-over after (dB), and the depth that texture gives for an absent light; the largest change of a fully lit row; and the
-energy of texture, after over before. For remove_bands, and for vertical blurs, which must fail. For a picture under
-mains light whose truth is known: PSNR after one gain for each colour.
-
---video: 1920 x 1080 frames of scenes over which the camera turns, cleaned one after the other (VideoCleaner): PSNR,
-that of every third frame cleaned alone, the stored one and that after FFmpeg's deflicker filter (one gain a frame), and
-processor time of the first frame and of those after it.
-
---slow FOLDER: photographs under mains light of one to three and a half cycles a picture, sRGB, upright and on their
-side: how many are cleaned, PSNR (peak 255, one gain a colour) stored, cleaned, and with the best gain of each row and
-colour (oracle), and how many of them became worse; the same photographs without bands.
-
-usage: bench/cleaning.py [--recordings FOLDER] [--slow FOLDER] [--video] [--picture FILE] [--quick] [--each]
-       [--seeds N ...]
+docs/explanation/cleaning.md says what each option measures. Scenes of 360 x 480 bytes under tones of 8 to 60 rows per
+cycle and random chips of 6.2 rows, noise 1.5; PSNR over pixels with at least a tenth of the mean light, compared with
+division by the row mean over its smoothed trend (the best of eight lengths) and by the true light and share (oracle).
+--slow: peak 255, one gain a colour; oracle: the best gain of each row and colour.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import pathlib
 import time
@@ -34,9 +19,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from grounds import add_boxes, add_text, clouds
 
 from ocisac_fast import Camera, Chips, Tone, integrate_exposure, remove_bands
+from ocisac_fast.camera.linear_light import linear_light, stored_values
 from ocisac_fast.cleaning import Mark, VideoCleaner
+from ocisac_fast.files import read_frames, write_frames
 
 ROWS, COLUMNS = 360, 480
 CAMERA = Camera(1e-5, exposure=1e-5)
@@ -54,30 +42,15 @@ def lights() -> dict[str, np.ndarray]:
     return {name: light / light.mean() for name, light in rows.items()}
 
 
-def clouds(rows: int, columns: int, random: np.random.Generator) -> np.ndarray:
-    """Smooth texture of all sizes, standard deviation 1."""
-    fy, fx = np.meshgrid(np.fft.fftfreq(rows), np.fft.rfftfreq(columns), indexing="ij")
-    size = 1.0 / np.maximum(np.hypot(fx, fy), 1.0 / columns) ** 1.3
-    field = np.fft.irfft2(size * np.exp(2j * np.pi * random.random(size.shape)), (rows, columns))
-    return np.asarray(field / field.std())
-
-
 def albedo(kind: str, random: np.random.Generator) -> np.ndarray:
     """Reflectance of the scene."""
     if kind == "clouds":
         return np.clip(0.45 * np.exp(0.35 * clouds(ROWS, COLUMNS, random)), 0.03, 1.0)
     picture = np.full((ROWS, COLUMNS), 0.8 if kind == "text" else 0.4)
     if kind == "boxes":
-        for _ in range(60):
-            top, left = random.integers(0, ROWS - 20), random.integers(0, COLUMNS - 20)
-            height, width = random.integers(8, 120, 2)
-            picture[top : top + height, left : left + width] = random.uniform(0.06, 0.95)
+        add_boxes(picture, random, (8, 120), (0.06, 0.95))
     else:
-        for top in range(20, ROWS - 40, 30):
-            for left in range(20, COLUMNS - 40, 12):
-                stroke = random.integers(0, 4)
-                picture[top : top + 16, left + 2 * stroke : left + 2 * stroke + 3] = 0.12
-                picture[top + 4 * stroke : top + 4 * stroke + 3, left : left + 9] = 0.12
+        add_text(picture, random, 30, 0.12)
     return picture
 
 
@@ -269,9 +242,6 @@ def change_of_rows(picture: np.ndarray, before: np.ndarray, kept: np.ndarray, ro
 
 def recording(path: pathlib.Path) -> list[dict[str, Any]]:
     """Effect of remove_bands and of vertical blurs of 9, 31 and 101 rows on the colour with the strongest light."""
-    from ocisac_fast.camera.linear_light import linear_light
-    from ocisac_fast.files import read_frames
-
     stored = read_frames(path).frames
     done = remove_bands(stored, SRGB)
     colour = int(np.argmax(done.share[0].mean(axis=(0, 1)) * stored[0].mean(axis=(0, 1))))
@@ -309,8 +279,6 @@ def mains(folder: pathlib.Path) -> dict[str, float]:
     """PSNR to the truth, peak 255, of a picture under mains light, stored and cleaned; and with the best gain for each
     row and colour, which knows the truth.
     """
-    from ocisac_fast.files import read_frames
-
     stored = read_frames(folder / "mains_flicker.png").frames[0]
     truth = read_frames(folder / "mains_flicker_truth.png").frames[0]
     cleaned = remove_bands(stored[None], SRGB).frames[0]
@@ -324,9 +292,6 @@ MAX_SIDE = 640  # pixels of a photograph, reduced
 
 def photographs(folder: pathlib.Path) -> Iterator[npt.NDArray[np.float64]]:
     """Linear light of each photograph (rows, columns, colours), and on its side."""
-    from ocisac_fast.camera.linear_light import linear_light
-    from ocisac_fast.files import read_frames
-
     for path in sorted(folder.iterdir()):
         light = linear_light(read_frames(path).frames[0], SRGB)
         every = -(-max(light.shape) // MAX_SIDE)
@@ -338,8 +303,6 @@ def photographs(folder: pathlib.Path) -> Iterator[npt.NDArray[np.float64]]:
 
 def under_mains(light: np.ndarray, cycles: float, depth: float, phase: float) -> tuple[np.ndarray, np.ndarray]:
     """Stored bytes of a photograph under mains light, and those under a steady one."""
-    from ocisac_fast.camera.linear_light import stored_values
-
     angle = 2 * np.pi * cycles * (np.arange(len(light)) + 0.5) / len(light) + phase
     waves = 1 + depth * np.cos(angle) + 0.2 * depth * np.cos(2 * angle)
     dimmed = light / (1 + 1.2 * depth)
@@ -384,10 +347,6 @@ def rounded(values: dict[str, float]) -> dict[str, float]:
     return {key: round(value, 2) for key, value in values.items()}
 
 
-def behind_the_oracle(scenes: list[dict[str, float]]) -> dict[str, float]:
-    return means([{key: one["oracle"] - one[key] for key in ("given", "found")} for one in scenes])
-
-
 def draw(path: str) -> None:
     """Draw scenes side by side: stored, by row means, remove_bands, clean."""
     rows = []
@@ -401,8 +360,6 @@ def draw(path: str) -> None:
         plain = max(by_row_means(stored), key=lambda picture: psnr(picture, clean, kept))
         found = remove_bands(stored, CAMERA, light=lights()[name], level="mean").frames
         rows.append(np.concatenate([stored, plain, found, clean], axis=1))
-    from ocisac_fast.files import write_frames
-
     write_frames(path, np.clip(1.6 * np.concatenate(rows), 0, 255).astype(np.uint8)[None])
 
 
@@ -430,31 +387,22 @@ def main() -> None:
             for values in slow_bands(options.slow, seed):
                 print(json.dumps({key: round(value, 2) for key, value in values.items()}), flush=True)
         return
-    report: dict[str, Any] = {"scenes": {}, "behind": {}, "recordings": {}}
     for name, light in lights().items():
-        grounds = GROUNDS[1:2] if options.quick else GROUNDS
-        each = {
-            f"{ground}, {kind}": [measured_scene(light, ground, kind, seed) for seed in options.seeds]
-            for ground in grounds
-            for kind in LAMPS
-        }
-        report["scenes"][name] = rounded(means([scene for seeds in each.values() for scene in seeds]))
-        if options.each:
-            report["behind"][name] = {title: rounded(behind_the_oracle(seeds)) for title, seeds in each.items()}
-    for name in RECORDINGS if options.recordings else ():
-        report["recordings"][name] = recording(options.recordings / name)
+        scenes = []
+        for ground, kind in itertools.product(GROUNDS[1:2] if options.quick else GROUNDS, LAMPS):
+            scenes += [measured_scene(light, ground, kind, seed) for seed in options.seeds]
+            if options.each:
+                own = scenes[-len(options.seeds) :]
+                behind = means([{key: one["oracle"] - one[key] for key in ("given", "found")} for one in own])
+                print(f"{name}, {ground}, {kind}: dB behind the oracle", rounded(behind))
+        print(name, rounded(means(scenes)))
     if options.recordings:
-        report["recordings"]["mains_flicker.png"] = [rounded(mains(options.recordings))]
+        for name in RECORDINGS:
+            for values in recording(options.recordings / name):
+                print(name, values)
+        print("mains_flicker.png", rounded(mains(options.recordings)))
     if options.picture:
         draw(options.picture)
-    for name, values in report["scenes"].items():
-        print(name, values)
-    for name, scenes in report["behind"].items():
-        for title, values in scenes.items():
-            print(f"{name}, {title}: dB behind the oracle", values)
-    for name, found in report["recordings"].items():
-        for values in found:
-            print(name, values)
 
 
 if __name__ == "__main__":

@@ -1,21 +1,15 @@
 #!/usr/bin/env python3
 """Random scenes under zero to two lamps, as films of a few frames, cleaned as `ocisac clean` does: it must never harm.
 
-Bands of 20 to 2,000 rows a cycle, 480p to 4K, still, panned or shaken, noise of 1.5 DN of 255, a lamp that lights all
-alike or some parts more; sRGB, a third of the films HLG; half of them coded: H.264 or HEVC of 8 or 10 bits, limited
-range, crf 18 to 28. For each scene, over its frames: the least and the median gain of PSNR to the scene
-without bands (peak 255, one gain for all colours), that of the least frame of the file, coded again at crf 10, how far
-it is behind that of the true light divided out, the largest growth of the cast (DN), of the share of burnt pixels (254
-or more) and of the amplitude of the row means of ln(picture/truth) along the lights' waves; and which limit is broken.
+`film` and `measured` draw them. For each scene, over its frames: the least and the median gain
+of PSNR to the scene without bands (peak 255, one gain for all colours), that of the least frame of the file, coded
+again at crf 10, how far it is behind that of the true light divided out, the largest growth of the cast (DN), of the
+share of burnt pixels (254 or more) and of the amplitude of the row means of ln(picture/truth) along the lights' waves;
+and which limit is broken. --markdown: no scenes are made; a table of those whose lines are in a file.
 
 A scene whose bands are longer than the frame cannot be told apart where an oracle makes one of the first three frames
 worse: these are all that is known when they leave. The oracle knows the lights' frequencies and shares, what moves in
-the scene and how large its shades of each size are, and fits the lights' waves to the means of rows. Such scenes are
-counted, and have a row of their own in the table.
-
---markdown: no scenes are made; a table of those whose lines are in a file, a row for each kind.
-
-usage: bench/cleaning_scenes.py [--first SEED] [--count N] [--largest ROWS] [--plain] [--markdown FILE]
+the scene and how large its shades of each size are, and fits the lights' waves to the means of rows.
 """
 
 from __future__ import annotations
@@ -32,9 +26,9 @@ from fractions import Fraction
 from typing import Any
 
 import av
-import cleaning as bands
 import numpy as np
 import numpy.typing as npt
+from grounds import clouds
 
 from ocisac_fast import Camera
 from ocisac_fast.camera.linear_light import linear_light, stored_values
@@ -79,7 +73,7 @@ def reflectance(rows: int, columns: int, random: np.random.Generator) -> Array:
     """(rows, columns, 3) of a room: clouds, shades, a vignette, a table's edge, boxes, lines of text."""
     picture = np.broadcast_to(random.uniform(0.25, 0.7, 3), (rows, columns, 3)).copy()
     if random.random() < 0.5:
-        picture *= np.exp(random.uniform(0.1, 0.35) * bands.clouds(rows, columns, random))[..., None]
+        picture *= np.exp(random.uniform(0.1, 0.35) * clouds(rows, columns, random))[..., None]
     y, x = np.linspace(-1, 1, rows)[:, None], np.linspace(-1, 1, columns)
     shade, slope = random.uniform(0, 0.4), random.normal(0, 0.3, 2)
     picture *= np.exp(slope[0] * y + slope[1] * x - shade * (x**2 + y**2))[..., None]

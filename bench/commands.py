@@ -5,8 +5,6 @@ Videos, H.264 as cameras write it: a lamp of 500 px with a tone, or with packets
 a tone in a picture that moves by 4 px a frame. Start-up, in which lights are found and lamps learned, cancels: each
 command reads a short and a long cut of a video, and the difference of the least times of several rounds counts.
 Decoding is PyAV alone, which makes no array, with as many threads as the commands use: those take processor time too.
-
-usage: bench/commands.py [--commands NAME...] [--rounds N] [--frames N] [--check]
 """
 
 from __future__ import annotations

@@ -2,8 +2,6 @@
 """Bounds of reception: films of what cameras do, as they are and with it undone by its true parameters.
 
 The same receiver reads both; what it reads of the second kind bounds what a model of the effect could gain.
-
-usage: bench/device_bounds.py [--draws N] [--text FILE]
 """
 
 from __future__ import annotations
@@ -15,16 +13,16 @@ import calibration
 import cv2
 import numpy as np
 import numpy.typing as npt
-from device_draws import ROWS, DeviceDraw
+from draws import ROWS, Draw
 
 from ocisac_fast.scene.effects import STILL, TONE_ROWS
 from studies.reporting import fill_markers, markdown
 
 Bytes = npt.NDArray[np.uint8]
-Undo = Callable[[DeviceDraw, Bytes, Bytes, Bytes], Bytes]  # draw, stored frame, frame before, frame before processing
+Undo = Callable[[Draw, Bytes, Bytes, Bytes], Bytes]  # draw, stored frame, frame before, frame before processing
 
 
-def unmixed(draw: DeviceDraw, seen: Bytes, before: Bytes, _source: Bytes) -> Bytes:
+def unmixed(draw: Draw, seen: Bytes, before: Bytes, _source: Bytes) -> Bytes:
     """Without the frame before, of which pixels that differ by less from it hold a share.
 
     Differences of D or more remain, smaller ones shrink to 1 - share of them: none lies between.
@@ -39,7 +37,7 @@ def stored(values: npt.NDArray[np.float64]) -> Bytes:
     return np.asarray(np.clip(np.rint(values), 0, 255), np.uint8)
 
 
-def untoned(draw: DeviceDraw, seen: Bytes, _before: Bytes, source: Bytes) -> Bytes:
+def untoned(draw: Draw, seen: Bytes, _before: Bytes, source: Bytes) -> Bytes:
     """Through the inverse of each row's table, which every value of the frame before processing has shown."""
     tones = cv2.createCLAHE(draw.level("local-tone"), (1, ROWS // TONE_ROWS))
     plain, toned = source.astype(int), np.asarray(tones.apply(source), int)
@@ -57,10 +55,10 @@ BOUNDS: dict[str, tuple[float, Undo]] = {
 }
 
 
-def read(draw: DeviceDraw, undo: Undo | None) -> tuple[int, int, int | None]:
+def read(draw: Draw, undo: Undo | None) -> tuple[int, int, int | None]:
     """Wrong chips, chips, and the frames until the payload (none in FRAMES: None)."""
     wrong = chips = 0
-    for number, frame in enumerate(calibration.receive_devices(draw, undo), 1):
+    for number, frame in enumerate(calibration.receive(draw, undo), 1):
         wrong, chips = wrong + int(frame.wrong.sum()), chips + frame.wrong.size
         if frame.result.payload is not None:
             return wrong, chips, number
@@ -74,7 +72,7 @@ def table(draws: int) -> str:
         for name, way in (("as filmed", None), ("undone", undo)):
             plain = {"chip_rate": 8e3, "told_chip_rate": 8e3, "exposure": 622e-6, "swing": 120.0, "noise": 2.0}
             read_ = [
-                read(DeviceDraw(**plain, lamp_width=26.0, start=1.7 * seed, effects={effect: level}, seed=seed), way)
+                read(Draw(**plain, lamp_width=26.0, start=1.7 * seed, effects={effect: level}, seed=seed), way)
                 for seed in range(draws)
             ]
             wrong, chips = (sum(each[k] for each in read_) for k in (0, 1))

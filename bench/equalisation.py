@@ -1,7 +1,5 @@
 """Errors of the equaliser over kinds of light, exposures and noise, beside an oracle that knows the light's covariance.
 
-python bench/equalisation.py [--columns N] [--rows N]
-
 The oracle is the dense linear estimate of least mean square error: covariances of light and rows over the ensemble that
 the columns are drawn from, from as many draws as it takes, the noise known. It would know the frequency of a tone:
 there the bound is that of Cramér and Rao for light whose mean, slope, amplitude, phase and frequency are unknown.

@@ -1,8 +1,5 @@
 #!/usr/bin/env python3
-"""The sheets of docs/measured/field.md: what goes wrong outside a laboratory, one at a time, and what is read of it.
-
-usage: bench/field_pictures.py [--picture FILE] [--device-picture FILE] [--text FILE]
-"""
+"""The sheets of docs/measured/field.md: what goes wrong outside a laboratory, one at a time, and what is read of it."""
 
 from __future__ import annotations
 
@@ -16,8 +13,7 @@ from typing import Any
 import calibration
 import numpy as np
 import numpy.typing as npt
-from calibration import Draw
-from device_draws import WRONG_ROW_TIME, DeviceDraw
+from draws import ROWS, WRONG_ROW_TIME, Draw
 
 from ocisac_fast import transmit
 from ocisac_fast.packets import PacketFormat
@@ -26,10 +22,8 @@ from studies.reporting import fill_markers, markdown
 
 EXPOSURE = 5 / 8e3  # s, five chips
 CLEAN = dataclasses.replace(
-    Draw.of(0),
-    **{"chip_rate": 8e3, "exposure": EXPOSURE, "told_exposure": EXPOSURE, "swing": 100.0, "noise": 2.0},
-    **{"rise": 0.0, "fall": 0.0, "hum": 0.0, "pwm": 0.0, "pwm_frequency": 1000.0, "texture": 0.0},
-    **{"lamp_width": 16.0, "tilt": 0.0, "spot": math.inf, "jitter": 0.0},
+    Draw(8e3, 8e3, EXPOSURE, swing=100.0, noise=2.0, lamp_width=16.0, start=Draw.of(0).start, effects={}, seed=0),
+    mains=Draw.of(0).mains,
 )
 CASES: tuple[tuple[str, dict[str, Any]], ...] = (  # changes of CLEAN
     ("in the laboratory", {}),
@@ -40,7 +34,7 @@ CASES: tuple[tuple[str, dict[str, Any]], ...] = (  # changes of CLEAN
     ("round spot, σ 270 rows", {"spot": 270.0}),
     ("rise and fall of 0.5 chip", {"rise": 0.5, "fall": 0.5}),
     ("frames start ± 50 µs", {"jitter": 50e-6}),
-    ("exposure given 10 % too long", {"told_exposure": 1.1 * EXPOSURE}),
+    ("exposure given 10 % too long", {"told_exposure": 1.1}),
     (
         "all at once",
         {"hum": 0.25, "texture": 0.03, "tilt": math.radians(3), "rise": 0.3, "fall": 0.3, "jitter": 50e-6},
@@ -48,7 +42,7 @@ CASES: tuple[tuple[str, dict[str, Any]], ...] = (  # changes of CLEAN
 )
 
 SHOWN = 3  # frame of the sheets, of which the ones before may be a part
-DEVICE = DeviceDraw(8e3, 8e3, EXPOSURE, swing=100.0, noise=2.0, lamp_width=26.0, start=1.3, effects={}, seed=0)
+DEVICE = dataclasses.replace(CLEAN, lamp_width=26.0, start=1.3)
 LEVELS = {  # of effects of devices
     "edge-jitter": 0.1,
     "long-runs": 0.3,
@@ -73,7 +67,7 @@ LEVELS = {  # of effects of devices
     "rain": 30.0,
     WRONG_ROW_TIME: 0.02,
 }
-SHEETS: dict[str, tuple[tuple[str, Draw | DeviceDraw], ...]] = {
+SHEETS: dict[str, tuple[tuple[str, Draw], ...]] = {
     "table": tuple((title, dataclasses.replace(CLEAN, **changes)) for title, changes in CASES),
     "devices": (
         ("a plain camera", DEVICE),
@@ -84,33 +78,21 @@ SHEETS: dict[str, tuple[tuple[str, Draw | DeviceDraw], ...]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Read:
-    """What was read of a case.
-
-    Attributes:
-        title: its name.
-        pixels: its frame SHOWN.
-        payload: frames until the payload; None: not in `calibration.FRAMES`.
-        chips, wrong: of all frames.
-        told: mean error rate told.
-        flags: of at least half of the frames.
-    """
+    """What was read of a case."""
 
     title: str
-    pixels: npt.NDArray[np.uint8]
-    payload: int | None
+    pixels: npt.NDArray[np.uint8]  # its frame SHOWN
+    payload: int | None  # frames until it came; None: not in calibration.FRAMES
     chips: int
     wrong: int
-    told: float
-    flags: tuple[str, ...]
+    told: float  # mean error rate
+    flags: tuple[str, ...]  # of at least half of the frames
 
 
-def read(title: str, draw: Draw | DeviceDraw) -> Read:
+def read(title: str, draw: Draw) -> Read:
     """Receive a case."""
     chips = transmit(calibration.PAYLOAD, format=PacketFormat(block_bytes=8)).chips
-    if isinstance(draw, Draw):
-        frames, film = list(calibration.receive(draw)), draw.frames(chips)
-    else:
-        frames, film = list(calibration.receive_devices(draw)), (seen for seen, _ in draw.frames(chips, SHOWN))
+    frames, film = list(calibration.receive(draw)), (seen for seen, _ in draw.frames(chips, SHOWN))
     payloads = [number for number, frame in enumerate(frames, 1) if frame.result.payload is not None]
     names = [name for frame in frames for name in frame.result.flags.names()]
     told = np.concatenate([frame.told for frame in frames])
@@ -136,8 +118,8 @@ def draw_sheet(path: str, results: list[Read]) -> None:
         for k, result in enumerate(results):
             shown, signal = grid[k // across, 2 * (k % across)], grid[k // across, 2 * (k % across) + 1]
             shown.imshow(result.pixels, cmap="gray", vmin=0, vmax=170, aspect="auto", interpolation="nearest")
-            signal.plot(result.pixels.mean(axis=1), np.arange(calibration.ROWS), color=BLUE, lw=0.5)
-            signal.set(ylim=(calibration.ROWS, 0), xlim=(0, 140))
+            signal.plot(result.pixels.mean(axis=1), np.arange(ROWS), color=BLUE, lw=0.5)
+            signal.set(ylim=(ROWS, 0), xlim=(0, 140))
             for axes in (shown, signal):
                 axes.set_xticks([])
                 axes.set_yticks([])

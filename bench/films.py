@@ -5,8 +5,6 @@ A folder holds films, or folders of numbered pictures. With --bursts each pictur
 burst: the camera pans and zooms, with noise. Counted are frames with a light above 0.5, answers of `receive` with bits
 and without a flag but SATURATED, and frames that `remove_bands` changes. Sources and licences of the films that were
 measured: docs/explanation/lights.md.
-
-usage: bench/films.py FOLDER [--bursts] [--frames N] [--every N] [--no-clean]
 """
 
 from __future__ import annotations

@@ -5,9 +5,7 @@ Pictures: grounds of light_scenes.py and crops of photographs in both directions
 and more put onto them; one in eleven is a scene of light_scenes.py; and whole photographs, each without lamps and with
 some. Photographs that photographs.KEPT_OUT names are left out. --write writes the coefficients to
 cpp/src/lights/light_model.hpp; the odds required of a light follow from its false ones in photographs without lamps,
-by fits to the other folds, which have other photographs. Calibration is printed of these fits and of the code.
-
-usage: bench/light_probability.py [--photographs FOLDER] [--scenes N] [--first SEED] [--write]
+by fits to the other folds, which have other photographs. Calibration is printed of these fits.
 """
 
 from __future__ import annotations
@@ -16,7 +14,6 @@ import argparse
 import pathlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import light_scenes
 import numpy as np
@@ -46,7 +43,6 @@ class Candidates:
     fold: np.ndarray
     plain: np.ndarray  # True in a whole photograph without lamps
     odds: np.ndarray  # by which those of the model are multiplied
-    probability: np.ndarray  # by the code
 
 
 def wave_of(random: np.random.Generator, frequency: float, data: bool) -> Waveform:
@@ -182,10 +178,8 @@ def with_lamps(look: np.ndarray, seed: int, data: bool = False) -> tuple[np.ndar
 def candidates(all_pictures: Iterator[Picture], data: bool) -> Candidates:
     rows = []
     for frame, truth, fold, plain in all_pictures:
-        for box, frequency, probability, odds, terms in _core.light_candidates(
-            frame[None], light_scenes.CAMERA._handle, data
-        ):
-            rows.append((terms, is_light(box, frequency, truth, data), fold, plain, odds, probability))
+        for box, frequency, _, odds, terms in _core.light_candidates(frame[None], light_scenes.CAMERA._handle, data):
+            rows.append((terms, is_light(box, frequency, truth, data), fold, plain, odds))
     return Candidates(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -244,17 +238,6 @@ def between(told: np.ndarray, light: np.ndarray) -> dict[str, float]:
     return {"count": count, **dict(zip(("told", "lights"), means, strict=True)), "standard_error": error}
 
 
-def report_of(found: Candidates, probability: np.ndarray) -> dict[str, Any]:
-    return {
-        "candidates": len(found.light),
-        "lights": int(found.light.sum()),
-        "calibration": calibration(probability, found.light),
-        "calibration_of_the_code": calibration(found.probability, found.light),
-        "between_0.1_and_0.9": between(probability, found.light),
-        "between_0.1_and_0.9_of_the_code": between(found.probability, found.light),
-    }
-
-
 def write(tone: np.ndarray, data: np.ndarray, odds: float) -> None:
     def constant(name: str, values: np.ndarray) -> str:
         numbers = ", ".join(f"{value:.4g}" for value in values[1:])
@@ -280,7 +263,7 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="write the fit to cpp/src/lights/light_model.hpp")
     options = parser.parse_args()
     photos = photographs.read(options.photographs, to_fit=True)
-    report: dict[str, Any] = {"photographs": len(photos)}
+    print("photographs", len(photos))
     models, odds = {}, {}
     for kind in ("tones", "data"):
         data = kind == "data"
@@ -288,17 +271,14 @@ def main() -> None:
         probability = of_other_folds(found)
         models[kind] = fitted(found.terms, found.light)
         odds[kind] = required_odds(found, probability, 2 * len(photos))
-        report[kind] = report_of(found, probability) | {"required_odds": odds[kind]}
+        numbers = {"candidates": len(found.light), "lights": int(found.light.sum()), "required_odds": odds[kind]}
+        print(kind, numbers, "between 0.1 and 0.9", between(probability, found.light))
+        for row in calibration(probability, found.light):
+            print("   ", {name: round(value, 3) for name, value in row.items()})
     if options.write:
         # Data are rarer than tones: a prior by which both need the same odds.
         models["data"][0] -= np.log(odds["data"] / odds["tones"])
         write(models["tones"], models["data"], odds["tones"])
-    print("photographs", report["photographs"])
-    for kind in models:
-        for name, value in report[kind].items():
-            print(kind, name, value if not isinstance(value, list) else "")
-            for row in value if isinstance(value, list) else ():
-                print("   ", {k: round(v, 3) for k, v in row.items()})
 
 
 if __name__ == "__main__":

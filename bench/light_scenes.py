@@ -11,10 +11,12 @@ import itertools
 from typing import Any
 
 import numpy as np
+from grounds import add_boxes, add_text, clouds
 
 from ocisac_fast import Camera, Chips, SquareWave, Tone, Waveform, detect_sources, integrate_exposure
 from ocisac_fast.lights import LightSource
 from ocisac_fast.packets import encode_line_code
+from ocisac_fast.plots import BLUE, ORANGE, SKY, picture
 
 ROWS, COLUMNS, ROW_TIME = 720, 960, 1e-5
 CAMERA = Camera(ROW_TIME, exposure=2e-5)
@@ -24,22 +26,12 @@ GROUNDS = ("even", "clouds", "boxes", "text")
 def ground(kind: str, random: np.random.Generator) -> np.ndarray:
     """A static picture, (rows, columns), stored values."""
     if kind == "clouds":
-        fy, fx = np.meshgrid(np.fft.fftfreq(ROWS), np.fft.rfftfreq(COLUMNS), indexing="ij")
-        size = 1.0 / np.maximum(np.hypot(fx, fy), 1.0 / COLUMNS)
-        field = np.fft.irfft2(size * np.exp(2j * np.pi * random.random(size.shape)), (ROWS, COLUMNS))
-        return 60.0 + 15.0 * field / field.std()
+        return 60.0 + 15.0 * clouds(ROWS, COLUMNS, random, 1.0)
     picture = np.full((ROWS, COLUMNS), 50.0)
     if kind == "boxes":
-        for _ in range(60):
-            top, left = random.integers(0, ROWS - 20), random.integers(0, COLUMNS - 20)
-            height, width = random.integers(10, 150, 2)
-            picture[top : top + height, left : left + width] = random.uniform(10, 110)
+        add_boxes(picture, random, (10, 150), (10, 110))
     if kind == "text":
-        for top in range(20, ROWS - 40, int(random.integers(26, 40))):
-            for left in range(20, COLUMNS - 40, 12):
-                stroke = random.integers(0, 4)
-                picture[top : top + 16, left + 2 * stroke : left + 2 * stroke + 3] = 10.0
-                picture[top + 4 * stroke : top + 4 * stroke + 3, left : left + 9] = 10.0
+        add_text(picture, random, int(random.integers(26, 40)), 10.0)
     return picture
 
 
@@ -109,21 +101,20 @@ def _is_light(source: LightSource, light: dict[str, float], height: float, width
     return _is_within(source, light, height, width) and abs(source.frequency / light["frequency"] - 1) < 0.03
 
 
-def data_lights(count: int) -> dict[str, dict[str, float]]:
-    """By code: shares of the lights that are detected (a box at their middle, at least half as high), and that are
-    detected as data lights; number of other boxes per picture."""
+def data_lights(count: int) -> dict[str, tuple[float, float]]:
+    """By code: share of the lights that are detected (a box at their middle, at least half as high), and other boxes
+    a picture."""
     result = {}
     for code in ("tone", *CODES):
-        found = told = others = 0
+        found = others = 0
         for seed in range(count):
             random = np.random.default_rng(40_000 + seed)
             frame, light = data_scene(random, code, GROUNDS[seed % len(GROUNDS)])
             boxes = [s for s in detect_sources(frame, CAMERA) if s.reflection_of is None]
-            own = [s for s in boxes if _is_within(s, light, light["size"] / 2) and s.height >= light["size"] / 2]
-            found += bool(own)
-            told += bool(own) and own[0].carries_data
-            others += len(boxes) - bool(own)
-        result[code] = {"found": found / count, "data": told / count, "others": others / count}
+            own = any(_is_within(s, light, light["size"] / 2) and s.height >= light["size"] / 2 for s in boxes)
+            found += own
+            others += len(boxes) - own
+        result[code] = found / count, others / count
     return result
 
 
@@ -156,34 +147,16 @@ def neighbours_scene(random: np.random.Generator) -> tuple[np.ndarray, list[dict
     return stored, truth
 
 
-def neighbours(count: int) -> dict[str, float]:
-    """Shares of scenes with two lamps on the same rows in which both are found, and of lamps found; other boxes and
-    the overlap of a found lamp's box with the lamp (shared pixels over those of both), a picture and a lamp."""
-    both, boxes, overlaps = 0, 0, []
+def neighbours(count: int) -> tuple[float, float]:
+    """Share of scenes with two lamps on the same rows in which both are found; other boxes a picture."""
+    both = others = 0
     for seed in range(count):
         frame, truth = neighbours_scene(np.random.default_rng(50_000 + seed))
         found = [s for s in detect_sources(frame, CAMERA) if s.reflection_of is None]
-        boxes += len(found)
-        hits = 0
-        for light in truth:
-            top, left = light["row"] - light["height"] / 2, light["column"] - light["width"] / 2
-            own = [s for s in found if _is_light(s, light, light["height"], light["width"])]
-            if not own:
-                continue
-            hits += 1
-            s = own[0]
-            down = min(s.y + s.height, top + light["height"]) - max(s.y, top)
-            across = min(s.x + s.width, left + light["width"]) - max(s.x, left)
-            shared = max(down, 0.0) * max(across, 0.0)
-            overlaps.append(shared / (s.width * s.height + light["width"] * light["height"] - shared))
-            boxes -= 1
+        hits = sum(any(_is_light(s, light, light["height"], light["width"]) for s in found) for light in truth)
+        others += len(found) - hits
         both += hits == 2
-    return {
-        "both": both / count,
-        "found": len(overlaps) / (2 * count),
-        "others": boxes / count,
-        "overlap": float(np.mean(overlaps)),
-    }
+    return both / count, others / count
 
 
 def judge(found: list[LightSource], truth: list[dict[str, float]]) -> tuple[list[bool], list[bool]]:
@@ -198,27 +171,20 @@ def judge(found: list[LightSource], truth: list[dict[str, float]]) -> tuple[list
     return hits, true
 
 
-Findings = tuple[list[dict[str, Any]], list[dict[str, Any]], dict[str, list[int]]]
-
-
-def findings(count: int) -> Findings:
+def findings(count: int) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Every light of all scenes, with detected or not; every detection, with true or not, size, cycles and ratio as
-    measured; numbers of lights, detected and false by ground."""
+    measured."""
     lights, boxes = [], []
-    by_ground: dict[str, list[int]] = {kind: [0, 0, 0] for kind in GROUNDS}
     for seed in range(count):
         random = np.random.default_rng(seed)
-        kind = GROUNDS[seed % len(GROUNDS)]
-        frame, truth, noise = scene(random, int(random.integers(0, 21)), kind)
+        frame, truth, noise = scene(random, int(random.integers(0, 21)), GROUNDS[seed % len(GROUNDS)])
         found = [s for s in detect_sources(frame, CAMERA) if s.reflection_of is None]
         hits, true = judge(found, truth)
         lights += [{**light, "found": hit} for light, hit in zip(truth, hits, strict=True)]
         for s, one in zip(found, true, strict=True):
             cycles = s.height * s.frequency * ROW_TIME
             boxes.append({"size": s.height, "cycles": cycles, "ratio": s.amplitude / noise, "true": one})
-        for k, value in enumerate((len(truth), sum(hits), len(true) - sum(true))):
-            by_ground[kind][k] += value
-    return lights, boxes, by_ground
+    return lights, boxes
 
 
 def false_lights(frames: int, rates: tuple[float, ...] = (1.0, 0.1, 0.02, 0.01)) -> dict[float, dict[str, float]]:
@@ -264,34 +230,29 @@ def shares(entries: list[dict[str, Any]], what: str, least: dict[str, float] | N
 
 def draw(path: str, recall: Bins, precision: Bins) -> None:
     """Draw a scene with its boxes, and recall and precision over the three measures."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
     from matplotlib.patches import Rectangle
 
-    figure, axes = plt.subplots(1, 4, figsize=(15, 4), width_ratios=(1.7, 1, 1, 1), layout="constrained")
-    frame, truth, _ = scene(np.random.default_rng(8), 12, "boxes")
-    found = detect_sources(frame, CAMERA)
-    axes[0].imshow(frame, cmap="gray")
-    for source in found:
-        colour = "#E69F00" if source.reflection_of is None else "#56B4E9"
-        axes[0].add_patch(Rectangle((source.x, source.y), source.width, source.height, fill=False, ec=colour))
-    axes[0].set_title(f"{len(truth)} lights among boxes, {len(found)} found", loc="left")
-    axes[0].set_axis_off()
     labels = {"size": "height, rows", "cycles": "cycles in it", "ratio": "amplitude / noise of a pixel"}
-    for panel, name in zip(axes[1:], BINS, strict=True):
-        for bins, label, marker, colour in (
-            (precision[name], "precision", "s--", "#E69F00"),
-            (recall[name], "recall", "o-", "#0072B2"),
-        ):
-            middle = [np.sqrt(low * high) for low, high, _, _ in bins]
-            panel.plot(middle, [share for _, _, share, _ in bins], marker, color=colour, label=label)
-        for x, (_, _, share, number) in zip(middle, recall[name], strict=True):
-            panel.annotate(f"{number}", (x, share), (0, -14), textcoords="offset points", ha="center", fontsize=7)
-        panel.set(xscale="log", xlabel=labels[name], ylim=(-0.05, 1.05))
-        panel.grid(alpha=0.3)
-        panel.xaxis.set_major_formatter("{x:g}")
-        panel.xaxis.set_minor_formatter("")
-    axes[1].legend(loc="lower right")
-    figure.savefig(path, dpi=90)
+    with picture(path, 15, 4) as figure:
+        shown, *panels = figure.subplots(1, 4, width_ratios=(1.7, 1, 1, 1))
+        frame, truth, _ = scene(np.random.default_rng(8), 12, "boxes")
+        found = detect_sources(frame, CAMERA)
+        shown.imshow(frame, cmap="gray")
+        for source in found:
+            colour = ORANGE if source.reflection_of is None else SKY
+            shown.add_patch(Rectangle((source.x, source.y), source.width, source.height, fill=False, ec=colour))
+        shown.set_title(f"{len(truth)} lights among boxes, {len(found)} found")
+        shown.set_axis_off()
+        for panel, name in zip(panels, BINS, strict=True):
+            middle = [np.sqrt(low * high) for low, high, _, _ in recall[name]]
+            for bins, label, marker, colour in (
+                (precision, "precision", "s--", ORANGE),
+                (recall, "recall", "o-", BLUE),
+            ):
+                panel.plot(middle, [share for _, _, share, _ in bins[name]], marker, color=colour, label=label)
+            for x, (_, _, share, number) in zip(middle, recall[name], strict=True):
+                panel.annotate(f"{number}", (x, share), (0, -14), textcoords="offset points", ha="center", fontsize=7)
+            panel.set(xscale="log", xlabel=labels[name], ylim=(-0.05, 1.05))
+            panel.xaxis.set_major_formatter("{x:g}")
+            panel.xaxis.set_minor_formatter("")
+        panels[0].legend(loc="lower right")

@@ -1,7 +1,5 @@
 """How often ``ocisac gain`` notices other light, and how well it knows it: one line a kind of draw.
 
-    python bench/other_light.py [--draws N] [--seed S]
-
 Bytes of a square wave whose lamp fades out over 160 columns. Width, brightness, frequency, exposure, noise are random.
 """
 

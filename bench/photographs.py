@@ -1,18 +1,14 @@
 #!/usr/bin/env python3
 """Lights found in photographs without modulated light, where every one is false, and lamps put into them.
 
-Every photograph of a folder, or every sample picture of scikit-image where it is installed, is searched with its rows
-read out down and across. False lights are counted for several `false_alarms`; then each picture gets lamps
-(light_probability.with_lamps), and of all lights reported at 0.9 and more the share of lamps is counted. Sources and
-licences of the pictures that were measured: docs/explanation/lights.md.
-
-usage: bench/photographs.py [--photographs FOLDER] [--every N] [--lamps]
+Every photograph of a folder is searched with its rows read out down and across. False lights are counted for several
+`false_alarms`; then each picture gets lamps (light_probability.with_lamps), and of all lights reported at 0.9 and more
+the share of lamps is counted. Sources and licences of the pictures that were measured: docs/explanation/lights.md.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
 import pathlib
 from collections.abc import Iterator
@@ -24,12 +20,6 @@ from ocisac_fast import Camera, detect_sources
 from ocisac_fast.cli.pictures import grey_of
 from ocisac_fast.files import FileError, read_frames
 
-# Sample pictures that are photographs or pages, without drawings and without chessboards, which are gratings.
-SAMPLES = (
-    "astronaut.png", "brick.png", "camera.png", "cell.png", "chelsea.png", "coffee.png", "coins.png", "color.png",
-    "grass.png", "gravel.png", "hubble_deep_field.jpg", "ihc.png", "microaneurysms.png", "moon.png",
-    "motorcycle_left.png", "motorcycle_right.png", "page.png", "retina.jpg", "rocket.jpg", "text.png",
-)  # fmt: skip
 # Sources of photographs by which a fit is judged, and which no fit may see: names of their files begin so. Decided on
 # before the fit of the model in cpp/src/lights/light_model.hpp; its photographs are those of GCompris and scikit-image.
 KEPT_OUT = ("opencv", "lomiri16", "lomiri20", "mate", "plasma", "ukui")
@@ -40,23 +30,15 @@ SURE = 0.9
 
 
 def add_option(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--photographs", type=pathlib.Path, help="folder; default: the samples of scikit-image")
+    parser.add_argument("--photographs", type=pathlib.Path, required=True, help="their folder")
 
 
-def read(folder: pathlib.Path | None, to_fit: bool = False) -> list[np.ndarray]:
-    """Grey photographs of 8 bits, in the order of their names; none without a folder and scikit-image.
-
-    ``to_fit``: without those that are kept out.
-    """
-    if folder is None:
-        package = importlib.util.find_spec("skimage")
-        if package is None or package.origin is None:
-            return []
-        paths = [pathlib.Path(package.origin).parent / "data" / name for name in SAMPLES]
-    else:
-        paths = [path for path in sorted(folder.iterdir()) if not (to_fit and path.name.startswith(KEPT_OUT))]
+def read(folder: pathlib.Path, to_fit: bool = False) -> list[np.ndarray]:
+    """Grey photographs of 8 bits, in the order of their names; ``to_fit``: without those that are kept out."""
     pictures = []
-    for path in paths:
+    for path in sorted(folder.iterdir()):
+        if to_fit and path.name.startswith(KEPT_OUT):
+            continue
         try:
             picture = grey_of(read_frames(path).frames[0])
         except (FileError, OSError):

@@ -1,8 +1,5 @@
 #!/usr/bin/env python3
-"""Draws the pictures of docs/explanation/receiver.md: eye diagrams, and the trellis of an exposure of two chips.
-
-usage: bench/receiver_pictures.py [--directory DIRECTORY]
-"""
+"""Draws the pictures of docs/explanation/receiver.md: eye diagrams, and the trellis of an exposure of two chips."""
 
 from __future__ import annotations
 
@@ -56,7 +53,7 @@ def draw_trellis(path: Path) -> None:
                     above.plot([chip, chip + 1], [state, to], color="#cccccc", lw=1, zorder=1)
         for sequence, colour, style, label in ((OTHER, RED, "--", "10 for 01"), (CHIPS, BLUE, "-", "sent")):
             _draw_way(above, sequence, colour, style, label)
-            _draw_rows(below, sequence, colour, style)
+            below.plot(*_rows_of(sequence), style, color=colour, lw=1.2)
         above.set_yticks(range(4), ["00", "01", "10", "11"])
         above.set(title="Exposure of two chips: a state is the last two chips", ylabel="state", ylim=(3.4, -1.0))
         above.grid(False)
@@ -91,10 +88,6 @@ def _rows_of(chips: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     clock = ChipClock(rows_per_chip=ROWS_PER_CHIP, phase=exposure / 2, exposure_rows=exposure)
     light = expose_chips(np.concatenate([[0, 0], chips]), rows, clock, first=-2)
     return np.arange(rows) / ROWS_PER_CHIP, light
-
-
-def _draw_rows(axes: Axes, chips: np.ndarray, colour: str, style: str) -> None:
-    axes.plot(*_rows_of(chips), style, color=colour, lw=1.2)
 
 
 def main() -> None:

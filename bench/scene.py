@@ -1,7 +1,5 @@
 """Cost of a scene: time of a plan's frames compared with brute force and with writing memory; error over tolerance.
 
-    python bench/scene.py [--tolerances]
-
 Times are the minimum of several; brute force (every pixel's voxel at 64 sub-exposures, in NumPy) runs once.
 """
 

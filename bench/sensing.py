@@ -3,8 +3,6 @@
 
 find: recall, precision and false lights on the scenes of light_scenes.py; time of a 33-megapixel picture. track:
 lights that move and cross in a 1080p video. locate: the camera's position.
-
-usage: bench/sensing.py [--json] [--chart FILE] [--check] [--quick] [--only PART]
 """
 
 from __future__ import annotations
@@ -13,74 +11,40 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Iterator
 
 import light_scenes
 import numpy as np
+from figures import Figure, print_table
 
 from ocisac_fast import SourceTracker, SquareWave, detect_sources, integrate_exposure, locate_camera
 
 CAMERA = light_scenes.CAMERA
 
 
-@dataclass(frozen=True)
-class Measure:
-    """A figure and its aim: a lower bound (``least``) or an upper bound."""
-
-    part: str
-    name: str
-    value: float
-    aim: float | None = None
-    least: bool = False
-
-    @property
-    def reached(self) -> bool | None:
-        if self.aim is None:
-            return None
-        return bool(self.value >= self.aim if self.least else self.value <= self.aim)
-
-
-def find(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
-    lights, boxes, by_ground = light_scenes.findings(40 if options.quick else 200)
+def find(quick: bool, chart: str | None) -> Iterator[Figure]:
+    lights, boxes = light_scenes.findings(40 if quick else 200)
     asked = [li for li in lights if li["size"] >= 40 and li["cycles"] >= 5 and li["ratio"] >= 2.5]
-    rates = light_scenes.false_lights(20 if options.quick else 200)
-    recall = light_scenes.shares(lights, "found", light_scenes.LEAST)
-    precision = light_scenes.shares(boxes, "true")
-    if options.chart:
-        light_scenes.draw(options.chart, recall, precision)
-    frames = 20 if options.quick else 200
-    measures = [
-        Measure(
-            "find",
-            "recall: 40 rows, 5 cycles, 2.5 times the noise",
-            float(np.mean([li["found"] for li in asked])),
-            0.9,
-            True,
-        ),
-        Measure("find", "precision", float(np.mean([box["true"] for box in boxes])), 0.98, True),
-    ]
-    for rate, row in rates.items():
+    if chart:
+        recall = light_scenes.shares(lights, "found", light_scenes.LEAST)
+        light_scenes.draw(chart, recall, light_scenes.shares(boxes, "true"))
+    name = f"recall: 40 rows, 5 cycles, 2.5 times the noise ({len(asked)} of {len(lights)} lights)"
+    yield Figure(name, float(np.mean([li["found"] for li in asked])), limit=0.9, at_most=False)
+    name = f"precision ({len(boxes)} boxes)"
+    yield Figure(name, float(np.mean([box["true"] for box in boxes])), limit=0.98, at_most=False)
+    frames = 20 if quick else 200
+    for rate, row in light_scenes.false_lights(frames).items():
         # statistical bound: the given rate plus two standard errors of its count
         most = rate + 2 * float(np.sqrt(rate / frames))
-        measures.append(Measure("find", f"false lights a picture, {rate} set, worst ground", max(row.values()), most))
-    by_code = light_scenes.data_lights(20 if options.quick else 100)
-    for code, row in by_code.items():
-        measures.append(Measure("find", f"recall: {code}, 16 chips and more, any ground", row["found"]))
-    pairs = light_scenes.neighbours(30 if options.quick else 300)
-    measures.append(Measure("find", "both of two lamps side by side", pairs["both"], 0.95, True))
-    measures.append(Measure("find", "other boxes a pair of lamps", pairs["others"], 0.05))
-    measures += [Measure("find", f"ms, 33 megapixels, {name}", value, 60.0) for name, value in speed().items()]
-    details = {
-        "lights": len(lights),
-        "asked": len(asked),
-        "by_ground": by_ground,
-        "false_lights": rates,
-        "by_code": by_code,
-        "neighbours": pairs,
-    }
-    return measures, {**details, "recall_over": recall, "precision_over": precision}
+        yield Figure(f"false lights a picture, {rate} set, worst ground", max(row.values()), limit=most)
+    for code, (found, others) in light_scenes.data_lights(20 if quick else 100).items():
+        yield Figure(f"recall: {code}, 16 chips and more, any ground", found)
+        yield Figure(f"  other boxes a scene: {code}", others)
+    both, others = light_scenes.neighbours(30 if quick else 300)
+    yield Figure("both of two lamps side by side", both, limit=0.95, at_most=False)
+    yield Figure("other boxes a pair of lamps", others, limit=0.05)
+    for name, value in speed().items():
+        yield Figure(f"33 megapixels, {name}", value, "ms", 60.0)
 
 
 def speed() -> dict[str, float]:
@@ -108,8 +72,8 @@ def speed() -> dict[str, float]:
 LAMPS = ((3000.0, 300, 300, 3, 8, 60), (4500.0, 420, 900, 0, -8, 50), (6100.0, 800, 900, -2, 4, 40))
 
 
-def video(frames: int) -> tuple[list[np.ndarray], int]:
-    """1080p, three moving lights of 80 to 120 rows, two of which cross; and the number of lights."""
+def video(frames: int) -> list[np.ndarray]:
+    """1080p, three moving lights of 80 to 120 rows, two of which cross."""
     random = np.random.default_rng(0)
     still = np.clip(np.rint(25 + 2 * random.standard_normal((1080, 1920))), 0, 255).astype(np.uint8)
     pictures = []
@@ -124,12 +88,12 @@ def video(frames: int) -> tuple[list[np.ndarray], int]:
             part = picture[top : top + 2 * radius, left : left + 2 * radius]
             part[:] = np.where(x**2 + y**2 < radius**2, np.rint(20 + 150 * light).astype(np.uint8), part)
         pictures.append(picture)
-    return pictures, len(LAMPS)
+    return pictures
 
 
-def track(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
+def track(quick: bool) -> Iterator[Figure]:
     """Detection with gains in a tracker; full search every 30 frames. Minimum of three runs for each frame."""
-    pictures, lights = video(30 if options.quick else 60)
+    pictures = video(30 if quick else 60)
     times = np.full((3, len(pictures)), np.inf)
     for run in range(3):
         tracker = SourceTracker(CAMERA, full_every=30)
@@ -137,13 +101,12 @@ def track(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
             start = time.perf_counter()
             tracks = tracker.update(picture)
             times[run, k] = time.perf_counter() - start
+    lights = len(LAMPS)
     kept = sum(one.identity < lights and one.visible for one in tracks)
-    fastest = 1e3 * times.min(axis=0)
-    return [
-        Measure("track", f"of {lights} lights that keep their identity while two cross", kept, lights, True),
-        Measure("track", f"frame/s, 1080p, {lights} lights with their gains", 1e3 / float(fastest.mean()), 240.0, True),
-        Measure("track", "pixels, a box's edge from the lamp's, beyond a full look's", edges_apart(pictures), 0.5),
-    ], {"milliseconds": {"full_look": fastest[0], "median": np.median(fastest), "slowest": fastest[1:].max()}}
+    rate = 1 / float(times.min(axis=0).mean())
+    yield Figure(f"of {lights} lights that keep their identity while two cross", kept, limit=lights, at_most=False)
+    yield Figure(f"frame/s, 1080p, {lights} lights with their gains", rate, limit=240.0, at_most=False)
+    yield Figure("pixels, a box's edge from the lamp's, beyond a full look's", edges_apart(pictures), limit=0.5)
 
 
 def edges_apart(pictures: list[np.ndarray]) -> float:
@@ -178,22 +141,14 @@ def locating(cases: int) -> float:
     return worst
 
 
-def locate(options: argparse.Namespace) -> tuple[list[Measure], dict[str, Any]]:
-    return [Measure("locate", "largest error at 3 m, m", locating(30 if options.quick else 300), 0.05)], {}
-
-
-PARTS: dict[str, Callable[[argparse.Namespace], tuple[list[Measure], dict[str, Any]]]] = {
-    "find": find,
-    "track": track,
-    "locate": locate,
-}
-
-
-def show(measures: list[Measure]) -> None:
-    for one in measures:
-        told = {True: "reached", False: "NOT REACHED", None: ""}[one.reached]
-        aim = "" if one.aim is None else f"{'at least' if one.least else 'at most'} {one.aim:.4g}"
-        print(f"{one.part:8} {one.name:58} {one.value:10.4g}   {aim:18} {told}", flush=True)
+def parts(options: argparse.Namespace) -> Iterator[tuple[str, list[Figure]]]:
+    """The parts asked for."""
+    if options.only in (None, "find"):
+        yield "find", list(find(options.quick, options.chart))
+    if options.only in (None, "track"):
+        yield "track", list(track(options.quick))
+    if options.only in (None, "locate"):
+        yield "locate", [Figure("largest error at 3 m, m", locating(30 if options.quick else 300), limit=0.05)]
 
 
 def main() -> None:
@@ -202,20 +157,18 @@ def main() -> None:
     parser.add_argument("--chart", help="picture of recall and precision")
     parser.add_argument("--check", action="store_true", help="fail if an aim is not reached")
     parser.add_argument("--quick", action="store_true", help="fewer scenes")
-    parser.add_argument("--only", choices=list(PARTS))
+    parser.add_argument("--only", choices=("find", "track", "locate"))
     options = parser.parse_args()
-    measures: list[Measure] = []
-    details: dict[str, Any] = {}
-    for name in [options.only] if options.only else PARTS:
-        found, details[name] = PARTS[name](options)
-        measures += found
+    measures = []
+    for part, figures in parts(options):
+        measures += [{"part": part, **one.record()} for one in figures]
         if not options.json:
-            show(found)
+            print_table(figures)
     if options.json:
-        print(json.dumps({"measures": [{**asdict(one), "reached": one.reached} for one in measures], **details}))
-    missed = [f"{one.part}: {one.name}" for one in measures if one.reached is False]
-    if options.check and missed:
-        sys.exit(f"sensing.py: not reached: {'; '.join(missed)}")
+        print(json.dumps({"measures": measures}))
+    lacking = [f"{one['part']}: {one['name']}" for one in measures if one["reached"] is False]
+    if options.check and lacking:
+        sys.exit(f"sensing.py: not reached: {'; '.join(lacking)}")
 
 
 if __name__ == "__main__":

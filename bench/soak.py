@@ -1,7 +1,5 @@
 """Long runs on dirty streams: frames dropped, doubled, torn, resized, of noise, dark, of another light.
 
-    python bench/soak.py [--frames N] [--part FRAMES] [--minutes M] [--state FILE] [--program OCISAC_RX]
-
 Each part is a stream of its own size, read by ocisac-rx and by Receiver. Both must give no wrong payload, keep their
 memory over the second half of a part (64 kB and 1 MiB), and receive within three frames after dirt. Parts are appended
 to the state file, from which a later run goes on; a run ends after N frames in all or after M minutes of its own.

@@ -6,8 +6,6 @@ Every figure is the median of ratios of two alternating calls, each time on othe
 caches, so that drift of the machine cancels and frames come from memory. Peers alternate in blocks, so that write-backs
 of one are not charged to the other. Results are checked on the same frames before timing. Limits are the project's aims
 for one thread, 1080x1920 bytes, one tone, all columns.
-
-usage: bench/speed.py [--json] [--check] [--quick]      peers: pip install -r bench/studies/requirements.txt
 """
 
 from __future__ import annotations
@@ -31,8 +29,10 @@ from typing import Any
 import numpy as np
 import stored
 from chip_frames import make_frame
-from cleaning import clouds, deflickered, fitted_psnr
+from cleaning import deflickered, fitted_psnr
 from closed_forms import CHIP_LEVELS, ClosedForms
+from figures import Figure, missed, print_table
+from grounds import clouds
 from peers import PEERS
 from processors import FEWEST_ROUNDS, RoundsOnTwo, arithmetic_on_two, at_mean_rate, two_processors
 
@@ -42,7 +42,6 @@ from ocisac_fast import (
     SquareWave,
     Tone,
     _core,
-    best_exposure,
     equalize,
     find_frequency,
     integrate_exposure,
@@ -62,29 +61,6 @@ OVER_BOUND = 1.1  # limit of a row whose bound lies above its aim, over that bou
 TURN = 0.06  # seconds of a row of two threads, then the next one's
 GAIN_TOLERANCE = 1e-3  # one standard error; cheaper plans weight the noise differently
 SLOW_FRAMES = 2  # frames of a film under slow bands that are left until a third one shows them
-
-
-@dataclasses.dataclass(frozen=True)
-class Figure:
-    """One measured ratio, with its limit if it has one.
-
-    undisturbed: the same from the fastest tenth of both calls; the difference shows the effect of other load.
-    """
-
-    name: str
-    value: float
-    unit: str
-    limit: float | None = None
-    at_most: bool = True
-    milliseconds: float | None = None
-    undisturbed: float | None = None
-
-    @property
-    def reached(self) -> bool | None:
-        """True if the limit is reached; None without a limit."""
-        if self.limit is None:
-            return None
-        return self.value <= self.limit if self.at_most else self.value >= self.limit
 
 
 def figure_of(name: str, timing: Timing, limit: float | None = None, at_most: bool = True) -> Figure:
@@ -364,8 +340,8 @@ def equalisation(seconds: float, missing: list[str]) -> Iterator[Figure]:
         out = np.empty((ROWS, COLUMNS), dtype)
         hand = by_hand(peer.rfft, peer.irfft, gain.astype(np.result_type(dtype, np.complex64)))
 
-        def own(columns: np.ndarray, out: Any = out, threads: int = 1) -> np.ndarray:
-            return np.asarray(equalize(columns, camera, out=out, threads=threads))
+        def own(columns: np.ndarray, out: Any = out) -> np.ndarray:
+            return np.asarray(equalize(columns, camera, out=out))
 
         name = f"equalize {np.dtype(dtype).name}"
         worst = float(np.max(np.abs(own(frames[0])[:, :8] - precise))) / float(np.max(np.abs(precise)))
@@ -373,8 +349,6 @@ def equalisation(seconds: float, missing: list[str]) -> Iterator[Figure]:
             raise SystemExit(f"speed.py: {name}: off by {worst:.2g}, allowed: {tolerance:g}; not timed")
         timing = in_turn(own, hand, frames, seconds, (9, 200))
         yield figure_of(f"{name} / {peer.__name__}: rfft, product, irfft", timing, limit)
-        two = functools.partial(own, threads=2)
-        yield figure_of(f"  {name}, one thread / two", in_turn(own, two, frames, seconds, (9, 200)))
 
 
 def frequency_search(seconds: float) -> Iterator[Figure]:
@@ -415,20 +389,6 @@ def sequences(seconds: float) -> Iterator[Figure]:
         yield Figure(
             name, 1e-9 * steps / timing.seconds, "G/s", limit, at_most=False, milliseconds=1e3 * timing.seconds
         )
-
-
-def exposure_choice(seconds: float) -> Iterator[Figure]:
-    """Problems per second from Python arrays."""
-    random = np.random.default_rng(3)
-    f_comm, f_sense = random.uniform(100.0, 1000.0, (2, 100_000))
-    found = best_exposure(f_comm, f_sense)
-    few = slice(0, 50)
-    searched = best_exposure(f_comm[few], f_sense[few], method="search", points=100_001)
-    objective, grid = np.asarray(found.objective)[few], np.asarray(searched.objective)
-    if not (np.all(objective >= grid - 1e-18) and np.all(objective <= grid * (1 + 1e-6))):
-        raise SystemExit("speed.py: best_exposure: not the maximum that a search finds; not timed")
-    timing = in_turn(lambda _: best_exposure(f_comm, f_sense), lambda _: None, [None], seconds, (5, 50))
-    yield Figure("best_exposure exact from arrays", 1e-6 * f_comm.size / timing.seconds, "M/s", 1.0, at_most=False)
 
 
 def films(missing: list[str]) -> Iterator[Figure]:
@@ -488,24 +448,9 @@ def measure(seconds: float, missing: list[str]) -> Iterator[Figure]:
         varying_tone(seconds),
         integration(seconds),
         sequences(seconds),
-        exposure_choice(seconds),
         films(missing),
     ]
     yield from beside_two_threads(groups, seconds)
-
-
-def print_table(figures: list[Figure], missing: list[str]) -> None:
-    """Print a table."""
-    width = max(len(figure.name) for figure in figures)
-    for f in figures:
-        limit = "" if f.limit is None else f"{'at most' if f.at_most else 'at least'} {f.limit:g}"
-        verdict = {None: "", True: "reached", False: "NOT REACHED"}[f.reached]
-        took = "" if f.milliseconds is None else f"{f.milliseconds:8.3f} ms"
-        best = "" if f.undisturbed is None else f"({f.undisturbed:.2f})"
-        print(f"{f.name:{width}}  {f.value:7.2f} {best:>8} {f.unit:3}  {took:11}  {limit:13}  {verdict}")
-    print("in brackets: from the fastest tenth of both calls")
-    for name in dict.fromkeys(missing):
-        print(f"{name}: not installed, left out")
 
 
 def main() -> int:
@@ -520,12 +465,14 @@ def main() -> int:
     figures = list(measure(0.02 if arguments.quick else 0.6, missing))
     facts = {"simd_target": _core.simd_target(), "load_before": before, "load_after": os.getloadavg()[0]}
     if arguments.json:
-        records = [{**dataclasses.asdict(figure), "reached": figure.reached} for figure in figures]
-        print(json.dumps({**facts, "missing": missing, "figures": records}, ensure_ascii=False))
+        print(json.dumps({**facts, "missing": missing, "figures": [f.record() for f in figures]}, ensure_ascii=False))
     else:
-        print_table(figures, missing)
+        print_table(figures)
+        print("in brackets: from the fastest tenth of both calls")
+        for name in dict.fromkeys(missing):
+            print(f"{name}: not installed, left out")
         print(", ".join(f"{name} {value}" for name, value in facts.items()))
-    return 1 if arguments.check and any(figure.reached is False for figure in figures) else 0
+    return int(arguments.check and missed(figures))
 
 
 if __name__ == "__main__":

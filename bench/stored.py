@@ -53,47 +53,38 @@ def _twelve_bits(frame: Array) -> Array:
     return frame.astype(np.uint16) * 16 + 5
 
 
-def _colours(frame: Array) -> Array:
-    return np.ascontiguousarray(np.stack([frame // 2, frame, 255 - frame], axis=-1))
-
-
-def _yuyv(frame: Array) -> Array:
-    return np.ascontiguousarray(np.stack([frame, np.full_like(frame, 128)], axis=-1))
-
-
-def _nv12(frame: Array) -> Array:
-    return np.ascontiguousarray(np.concatenate([frame, np.full_like(frame[::2], 128)]))
-
-
-def _turned(frame: Array) -> Array:
-    return np.ascontiguousarray(frame.T)
-
-
 def _floats(frame: Array) -> Array:
     return (frame / 255).astype(np.float32)
 
 
-def _same(frame: Array) -> Array:
-    return frame
+def _dense(*parts: Array) -> Array:
+    """Samples of a pixel side by side."""
+    return np.ascontiguousarray(np.stack(parts, axis=-1))
 
 
 LINEAR, SRGB = Camera(ROW_TIME), Camera(ROW_TIME, tone_curve="srgb")
 RAW, RAW_SRGB = (Camera(ROW_TIME, white_level=4095, tone_curve=curve) for curve in ("linear", "srgb"))
 WIDE = _core.simd_target().startswith("AVX3")
 CASES = [
-    Stored("sRGB bytes, tone", _same, SRGB, 6.0 if WIDE else 8.0, bounded=True),
-    Stored("sRGB bytes, square wave", _same, SRGB, 40.0, {"waveform": "square"}, bounded=True),
+    Stored("sRGB bytes, tone", np.asarray, SRGB, 6.0 if WIDE else 8.0, bounded=True),
+    Stored("sRGB bytes, square wave", np.asarray, SRGB, 40.0, {"waveform": "square"}, bounded=True),
     Stored("uint16, tone, efficiency 1", _twelve_bits, RAW, 3.0, bounded=True),
     Stored("uint16, tone, efficiency 0.99", _twelve_bits, RAW, 2.5, {"efficiency": 0.99}, bounded=True),
     Stored("uint16, square wave", _twelve_bits, RAW, 20.0, {"waveform": "square"}, bounded=True),
     Stored("uint16 with a tone curve, tone", _twelve_bits, RAW_SRGB, 10.0),
     Stored("float32, tone, efficiency 1", _floats, LINEAR, 2.5),
     Stored("float32, tone, efficiency 0.99", _floats, LINEAR, 2.5, {"efficiency": 0.99}),
-    Stored("bytes, rows across", _turned, Camera(ROW_TIME, scan_axis="x"), 4.0),
-    Stored("one colour of RGB bytes", _colours, LINEAR, 2.5, columns=lambda frame: frame[..., 1]),
-    Stored("luma of YUYV bytes", _yuyv, LINEAR, 3.0, columns=lambda frame: frame[..., 0]),
-    Stored("luma of NV12 bytes", _nv12, LINEAR, 3.0, columns=lambda frame: frame[: 2 * len(frame) // 3]),
-    Stored("bytes, columns pooled", _same, LINEAR, 4.0, {"pooled": True}),
+    Stored("bytes, rows across", lambda f: np.ascontiguousarray(f.T), Camera(ROW_TIME, scan_axis="x"), 4.0),
+    Stored("one colour of RGB bytes", lambda f: _dense(f // 2, f, 255 - f), LINEAR, 2.5, columns=lambda f: f[..., 1]),
+    Stored("luma of YUYV bytes", lambda f: _dense(f, 0 * f + 128), LINEAR, 3.0, columns=lambda f: f[..., 0]),
+    Stored(
+        "luma of NV12 bytes",
+        lambda f: np.concatenate([f, 0 * f[::2] + 128]),
+        LINEAR,
+        3.0,
+        columns=lambda f: f[: 2 * len(f) // 3],
+    ),
+    Stored("bytes, columns pooled", np.asarray, LINEAR, 4.0, {"pooled": True}),
 ]
 
 

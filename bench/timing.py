@@ -5,13 +5,10 @@ Random chips with the lengthened preamble at a random place, unknown phase, expo
 1 %. The preamble is detected, the channel estimated, chips detected and the channel refined over the frame. Printed for
 every setting: chip errors for a known and for an estimated channel (the same detector; edge chips excluded); no if the
 latter are more than twice the former (beyond chance); frames lost; frames with a clock error above 0.1 %; the
-Cramer-Rao bound of the exposure, its rms error over that bound, the share of frames with an exposure within 1 %, and
-the same of ten frames pooled.
+Cramer-Rao bound of the exposure and its rms error over that bound.
 
 --anywhere measures one frame each of random decodable settings within the grid and pools them. --check: exit code 1 if
 a setting is not good (`is_good`).
-
-usage: bench/timing.py [--frames N] [--exposures CHIPS...] [--anywhere SETTINGS] [--json] [--check]
 """
 
 from __future__ import annotations
@@ -35,7 +32,6 @@ from ocisac_fast.chips import (
     detector_error_rates,
     expose_chips,
     find_preamble,
-    pool_estimates,
     refine_channel,
 )
 
@@ -44,7 +40,6 @@ ROWS_PER_CHIP = (2.0, 4.0, 7.0)
 NOISES = (0.01, 0.02, 0.04)  # of the swing
 STANDARD = np.array([0] + [1] * 6 + [0] * 6 + [1], float)
 LENGTHENED = np.concatenate([STANDARD, 1 - STANDARD, STANDARD])
-POOLED = 10
 DECODABLE = 1e-2  # error rate for a known channel above which the channel limits detection
 LONGEST_TRELLIS = 10.5  # chips; above, the reduced search replaces maximum likelihood (tests compare them)
 
@@ -98,16 +93,10 @@ def estimate(frame: Frame, rows_per_chip: float) -> tuple[ChannelEstimate, int, 
     return found.channel, frame.wrong(found.chips, found.first, frame.preamble_chip), seconds
 
 
-def pooled_off(relative: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Relative errors of the exposures (chips) of ten frames pooled."""
-    batches = range(0, len(relative) - POOLED + 1, POOLED)
-    return np.array([pool_estimates(relative[k : k + POOLED], errors[k : k + POOLED]).value for k in batches])
-
-
 def measure(rows_per_chip: float, exposure: float, noise: float, frames: int) -> dict[str, Any]:
     random = np.random.default_rng([int(100 * rows_per_chip), int(100 * exposure), int(1000 * noise)])
     chips = wrong = wrong_genie = lost = clock_off = 0
-    seconds, relative, bounds, own = 0.0, [], [], []
+    seconds, relative, bounds = 0.0, [], []
     for _ in range(frames):
         frame = make_frame(random, rows_per_chip, exposure, noise)
         chips += len(frame.inner)
@@ -125,9 +114,7 @@ def measure(rows_per_chip: float, exposure: float, noise: float, frames: int) ->
         if bound is not None and np.isfinite([bound.exposure_rows_std, channel.errors.exposure_rows_std]).all():
             relative.append(channel.exposure_rows / frame.clock.exposure_rows - 1)
             bounds.append(bound.exposure_rows_std / frame.clock.exposure_rows)
-            own.append(channel.errors.exposure_rows_std / channel.exposure_rows)
     off, limit = np.array(relative), np.array(bounds)
-    pooled = pooled_off(off, np.array(own))
     foretold = detector_error_rates(rows_per_chip, exposure * rows_per_chip, noise).mlse
     return {
         "exposure_chips": exposure,
@@ -142,8 +129,6 @@ def measure(rows_per_chip: float, exposure: float, noise: float, frames: int) ->
         "frames_clock_off": int(clock_off),
         "exposure_bound": float(np.sqrt(np.mean(limit**2))) if len(off) else None,
         "exposure_rms_over_bound": float(np.sqrt(np.mean((off / limit) ** 2))) if len(off) else None,
-        "exposure_within_1_percent": float(np.mean(np.abs(off) < 0.01)) if len(off) else None,
-        "pooled_within_1_percent": float(np.mean(np.abs(pooled) < 0.01)) if len(pooled) else None,
         "seconds_per_frame": seconds / frames,
     }
 
@@ -161,22 +146,14 @@ def is_good(got: dict[str, Any]) -> bool:
 
 def line(got: dict[str, Any]) -> str:
     """A row of the table; `no` if :func:`is_good` is False."""
-    good = is_good(got)
-    numbers = [got[name] for name in ("exposure_bound", "exposure_rms_over_bound", "exposure_within_1_percent")]
+    numbers = [got[name] for name in ("exposure_bound", "exposure_rms_over_bound")]
     texts = ["   -  " if number is None else f"{number:6.3f}" for number in numbers]
-    pooled = got["pooled_within_1_percent"]
     return (
         f"{got['exposure_chips']:5.1f} {got['rows_per_chip']:5.1f} {got['noise']:6.2f}  "
-        f"{got['chip_error_rate_genie']:8.1e} {got['chip_error_rate']:8.1e}  {'ok' if good else 'no'}  "
-        f"{got['frames_lost']:4d} {got['frames_clock_off']:5d}  {' '.join(texts)} "
-        f"{'   -  ' if pooled is None else f'{pooled:6.3f}'}  {1e3 * got['seconds_per_frame']:7.1f}"
+        f"{got['chip_error_rate_genie']:8.1e} {got['chip_error_rate']:8.1e}  {'ok' if is_good(got) else 'no'}  "
+        f"{got['frames_lost']:4d} {got['frames_clock_off']:5d}  {' '.join(texts)}  "
+        f"{1e3 * got['seconds_per_frame']:7.1f}"
     )
-
-
-def print_heading() -> None:
-    """Print the heading of the table whose rows are `line`."""
-    print("exposure rows noise     genie estimated      lost clock   bound  rms/b within pooled  ms a frame")
-    print("  chips /chip /swing  errors    errors        frames  off  of the exposure    1 %    1 %")
 
 
 def measure_anywhere(settings: int) -> dict[str, Any]:
@@ -208,7 +185,8 @@ def main() -> int:
         print(json.dumps(got))
         return int(options.check and not is_good(got))
     if not options.json:
-        print_heading()
+        print("exposure rows noise     genie estimated      lost clock   bound  rms/b  ms a frame")
+        print("  chips /chip /swing  errors    errors        frames  off  of exposure")
     good = True
     for exposure, rows_per_chip, noise in itertools.product(options.exposures, ROWS_PER_CHIP, NOISES):
         got = measure(rows_per_chip, exposure, noise, options.frames)

@@ -73,8 +73,8 @@ def test_detection_reports_every_figure_with_its_limit_reached(tmp_path):
     assert picture.stat().st_size > 10_000
 
 
-def test_link_reports_frames_goodput_and_speed():
-    links = json.loads(printed("link.py", "--starts", "1", "--no-speed", "--json", "--check"))["links"]
+def test_link_reports_frames_and_goodput():
+    links = json.loads(printed("link.py", "--starts", "1", "--json", "--check"))["links"]
     assert [link["exposure_given"] for link in links] == [True, True, True, False]
     assert all(84 <= link["frames"] <= 130 and 1800 < link["goodput"] < 2420 for link in links)
 

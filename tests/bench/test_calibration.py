@@ -11,7 +11,7 @@ import field_pictures
 import numpy as np
 import pytest
 from calibration import DECADES, Counts
-from device_draws import EFFECTS, DeviceDraw
+from draws import EFFECTS, Draw
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "measured" / "field.md"
 
@@ -28,8 +28,8 @@ def test_a_clean_lamp_has_no_wrong_chip_and_is_sure(monkeypatch):
 def test_chips_of_another_light_are_counted_as_wrong(monkeypatch):
     """The truth is what is sent, not what is read: frames of a lamp that sends something else are half wrong."""
     monkeypatch.setattr(calibration, "FRAMES", 3)
-    frames = calibration.Draw.frames
-    monkeypatch.setattr(calibration.Draw, "frames", lambda draw, chips: frames(draw, np.roll(chips, 1501)))
+    frames = Draw.frames
+    monkeypatch.setattr(Draw, "frames", lambda draw, chips, count: frames(draw, np.roll(chips, 1501), count))
     counts = calibration.counted(field_pictures.CLEAN)
     assert 0.3 < counts.wrong.sum() / counts.chips.sum() < 0.7
     assert counts.silent == 3
@@ -39,24 +39,25 @@ def test_chips_of_another_light_are_counted_as_wrong(monkeypatch):
 def test_a_pause_of_the_read_out_is_no_silent_frame_where_edges_may_lie_off_the_clock(monkeypatch, seed, frames):
     """Jitter of the sender, two exposures, hot rows beside it: edges off the clock take up the pause."""
     monkeypatch.setattr(calibration, "FRAMES", frames)
-    assert calibration.counted(DeviceDraw.of(seed)).silent == 0
+    assert calibration.counted(Draw.of_devices(seed)).silent == 0
 
 
 @pytest.mark.parametrize(
     ("wrong", "expected", "good"), [(30, 20.0, True), (50, 20.0, False), (11, 23.0, False), (3, 4.0, None)]
 )
 def test_a_decade_is_calibrated_within_a_factor_of_two(wrong, expected, good):
-    counts = Counts.none()
+    counts = Counts()
     counts.chips[1], counts.wrong[1], counts.expected[1] = 1000, wrong, expected
     assert counts.calibrated(1) is good
     assert counts.calibrated(2) is None
 
 
 def test_draws_are_repeatable_and_have_all_impairments():
-    draws = [calibration.Draw.of(seed) for seed in range(60)]
-    assert draws == [calibration.Draw.of(seed) for seed in range(60)]
-    for item in dataclasses.fields(calibration.Draw):
-        assert len({getattr(draw, item.name) for draw in draws}) > (1 if item.name == "mains" else 10), item.name
+    draws = [Draw.of(seed) for seed in range(60)]
+    assert draws == [Draw.of(seed) for seed in range(60)]
+    for name in {item.name for item in dataclasses.fields(Draw)} - {"told_chip_rate", "told_exposure", "effects"}:
+        assert len({getattr(draw, name) for draw in draws}) > (1 if name == "mains" else 10), name
+    assert {draw.told_exposure for draw in draws} > {None, 1.0}
 
 
 def test_the_document_has_both_tables():
@@ -74,8 +75,8 @@ def test_the_document_has_both_tables():
 
 
 def test_draws_of_devices_are_repeatable_and_have_all_effects():
-    draws = [DeviceDraw.of(seed) for seed in range(80)]
-    assert draws == [DeviceDraw.of(seed) for seed in range(80)]
+    draws = [Draw.of_devices(seed) for seed in range(80)]
+    assert draws == [Draw.of_devices(seed) for seed in range(80)]
     assert {effect for draw in draws for effect in draw.effects} == set(EFFECTS)
 
 
@@ -83,7 +84,7 @@ def test_draws_of_devices_are_repeatable_and_have_all_effects():
 def test_a_clean_device_has_no_wrong_chip(monkeypatch, effects):
     """The truth follows the rows' times, the frames' starts and the lamp's polarity."""
     monkeypatch.setattr(calibration, "FRAMES", 3)
-    draw = DeviceDraw(8e3, 8e3, 622e-6, 120.0, 1.0, 26.0, 1.3, effects, 0)
+    draw = Draw(8e3, 8e3, 622e-6, 120.0, 1.0, 26.0, 1.3, effects, 0)
     counts = calibration.counted(draw)
     assert counts.chips.sum() > 3 * 180
     assert counts.wrong.sum() == 0

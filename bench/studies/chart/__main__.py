@@ -1,7 +1,4 @@
-"""Time of every gain method relative to reading the frame, and its error relative to the Cramér-Rao bound.
-
-usage: PYTHONPATH=bench python -m studies.chart [--directory FOLDER] [--text FILE] [--quick]
-"""
+"""Time of every gain method relative to reading the frame, and its error relative to the Cramér-Rao bound."""
 
 from __future__ import annotations
 

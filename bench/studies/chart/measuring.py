@@ -21,19 +21,12 @@ POOL_BYTES = 96 << 20  # larger than caches, so that every frame comes from memo
 
 @dataclass(frozen=True)
 class Timing:
-    """Medians over pairs of alternating calls, so that drift of the machine cancels.
+    """Medians over pairs of alternating calls, so that drift of the machine cancels."""
 
-    Attributes:
-        seconds: per call.
-        ratio: to the reference call.
-        pairs: number of pairs (of calls, or of blocks of calls).
-        undisturbed: ratio of the tenth percentiles of both, since other load only increases times.
-    """
-
-    seconds: float
-    ratio: float
-    pairs: int
-    undisturbed: float
+    seconds: float  # per call
+    ratio: float  # to the reference call
+    pairs: int  # of calls, or of blocks of calls
+    undisturbed: float  # ratio of the tenth percentiles of both, since other load only increases times
 
     @classmethod
     def of(cls, mine: Sequence[float], others: Sequence[float]) -> Timing:

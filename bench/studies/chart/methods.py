@@ -28,29 +28,17 @@ Estimator = Callable[[Bytes], Any]  # (columns,) gains
 
 @dataclass(frozen=True)
 class GainMethod:
-    """One method from a frame to gains.
+    """One method from a frame to gains."""
 
-    Attributes:
-        name: unique.
-        family: methods of one family share a marker in the chart.
-        precision: ``"float32"``, ``"float64"`` or ``"integer"``.
-        prepare: makes the estimator for a scene.
-        series: methods of one series are joined by a line, in the order of ``row_group``; empty for none.
-        row_group: D, rows added before the multiplication.
-        timed_per_scene: False if the time is independent of the frequency.
-        needs: library that must be installed, or empty.
-        label: text at the point in the chart, or empty.
-    """
-
-    name: str
-    family: str
+    name: str  # unique
+    family: str  # its methods share a marker in the chart
     precision: Literal["float32", "float64", "integer"]
-    prepare: Callable[[Scene], Estimator]
-    series: str = ""
-    row_group: int = 1
-    timed_per_scene: bool = False
-    needs: str = ""
-    label: str = ""
+    prepare: Callable[[Scene], Estimator]  # makes the estimator for a scene
+    series: str = ""  # methods of one series are joined by a line, in the order of row_group; empty: none
+    row_group: int = 1  # D, rows added before the multiplication
+    timed_per_scene: bool = False  # False if the time is independent of the frequency
+    needs: str = ""  # library that must be installed
+    label: str = ""  # text at the point in the chart
 
     @property
     def installed(self) -> bool:

@@ -20,34 +20,20 @@ _PHASES = 16  # light phases over which the bound is averaged
 
 @dataclass(frozen=True)
 class Scene:
-    """Columns of one light with random phases, as bytes.
+    """Columns of one light with random phases, as bytes."""
 
-    Attributes:
-        name: key in tables.
-        title: of the panel.
-        cycles: cycles of the light in the frame.
-        exposure_cycles: f T_e; the true gain is |sinc(f T_e)| times ``depth``.
-        depth: modulation depth, amplitude of the fundamental over that of a fully modulated light.
-        mean: of the light, DN.
-        noise: RMS noise of a row, independent of the light, DN.
-        shot: variance of a row per DN of light, DN (0: no shot noise).
-        waveform: ``"tone"`` or ``"square"`` (duty 1/2).
-        rows, columns: of a frame.
-        row_time: s.
-    """
-
-    name: str
-    title: str
-    cycles: float
-    exposure_cycles: float = 0.6
-    depth: float = 1.0
-    mean: float = 100.0
-    noise: float = 2.0
-    shot: float = 0.0
-    waveform: Literal["tone", "square"] = "tone"
+    name: str  # key in tables
+    title: str  # of the panel
+    cycles: float  # of the light in the frame
+    exposure_cycles: float = 0.6  # f T_e; the true gain is |sinc(f T_e)| times the depth
+    depth: float = 1.0  # amplitude of the fundamental over that of a fully modulated light
+    mean: float = 100.0  # of the light, DN
+    noise: float = 2.0  # RMS of a row, independent of the light, DN
+    shot: float = 0.0  # variance of a row per DN of light, DN
+    waveform: Literal["tone", "square"] = "tone"  # square: duty 1/2
     rows: int = 1080
     columns: int = 1920
-    row_time: float = 22.2e-6
+    row_time: float = 22.2e-6  # s
 
     @property
     def cycles_per_row(self) -> float:

@@ -1,7 +1,4 @@
-"""Film light bars on vehicles, read their packets, and compare with a detector that knows all but the chips.
-
-usage: PYTHONPATH=bench python -m studies.distance [--sweep NAME...] [--recordings N] [-o FILE] [--text FILE]
-"""
+"""Film light bars on vehicles, read their packets, and compare with a detector that knows all but the chips."""
 
 from __future__ import annotations
 

@@ -33,21 +33,13 @@ _METHOD = "mlse"
 
 @dataclass(frozen=True)
 class Link:
-    """The parameters of a link.
+    """The parameters of a link."""
 
-    Attributes:
-        distance: of the lamps in the middle of the recording, m.
-        ambient: share of the lamps' mean light that is not modulated, 0 to below 1. The sensor's gain keeps the peak.
-        closing: relative speed along the camera's axis, m/s.
-        passing: relative speed along the rows, m/s.
-        lamps: number of vehicles, side by side.
-    """
-
-    distance: float = 10.0
-    ambient: float = 0.0
-    closing: float = 0.0
-    passing: float = 0.0
-    lamps: int = 1
+    distance: float = 10.0  # of the lamps in the middle of the recording, m
+    ambient: float = 0.0  # share of the lamps' mean light that is not modulated, below 1; the peak is kept
+    closing: float = 0.0  # relative speed along the camera's axis, m/s
+    passing: float = 0.0  # relative speed along the rows, m/s
+    lamps: int = 1  # vehicles side by side
 
     @property
     def rows(self) -> float:
@@ -57,25 +49,16 @@ class Link:
 
 @dataclass
 class LinkResult:
-    """Counts over recordings of a link, of the receiver and of the known-everything detector.
+    """Counts over recordings of a link, of the receiver and of the known-everything detector (bound)."""
 
-    Attributes:
-        packets: payloads that should have arrived: one for each lamp and recording.
-        received, bound: payloads that arrived within ``FRAMES`` frames.
-        wrong_payloads: payloads that no lamp sent.
-        chips: chips whose light falls wholly into the lamp's rows.
-        read: those that the receiver returned.
-        read_errors, bound_errors: wrong ones of ``read``, of ``chips``.
-    """
-
-    packets: int = 0
-    received: int = 0
+    packets: int = 0  # payloads that should have arrived: one for each lamp and recording
+    received: int = 0  # payloads that arrived within FRAMES frames
     bound: int = 0
-    wrong_payloads: int = 0
-    chips: int = 0
-    read: int = 0
+    wrong_payloads: int = 0  # that no lamp sent
+    chips: int = 0  # whose light falls wholly into the lamp's rows
+    read: int = 0  # those that the receiver returned
     read_errors: int = 0
-    bound_errors: int = 0
+    bound_errors: int = 0  # of all chips
 
     def add(self, other: LinkResult) -> None:
         """Add the counts of another recording."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.chips import ChipClock, chip_llr, closest_pair_distance, expose_chips
@@ -53,12 +54,7 @@ class ErrorCount:
     @property
     def bound(self) -> float:
         """Upper end of the error rate at 95 %: that of the mean of a Poisson count."""
-        low, high = 0.0, 10.0 + 3.0 * self.wrong
-        for _ in range(60):
-            mean = 0.5 * (low + high)
-            least = sum(math.exp(k * math.log(mean) - mean - math.lgamma(k + 1)) for k in range(self.wrong + 1))
-            low, high = (mean, high) if least > 0.05 else (low, mean)
-        return high / self.chips
+        return float(chi2.ppf(0.95, 2 * self.wrong + 2)) / 2 / self.chips
 
 
 def long_exposure_errors(

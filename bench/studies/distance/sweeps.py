@@ -13,19 +13,12 @@ from studies.drawing import panels
 
 @dataclass(frozen=True)
 class Sweep:
-    """Links that differ in one value.
+    """Links that differ in one value."""
 
-    Attributes:
-        name: key in tables.
-        label: of the axis.
-        values: along the axis.
-        links: one for each value.
-    """
-
-    name: str
-    label: str
-    values: tuple[float, ...]
-    links: tuple[Link, ...]
+    name: str  # key in tables
+    label: str  # of the axis
+    values: tuple[float, ...]  # along the axis
+    links: tuple[Link, ...]  # one for each value
 
 
 _DISTANCES = (5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0, 22.5, 25.0, 30.0, 40.0)

@@ -1,7 +1,4 @@
-"""Drive past a modulated traffic light with the exposure controller in the loop; a line for each policy.
-
-usage: PYTHONPATH=bench python -m studies.drive [--plot FILE] [--seconds S] [--no-noise] [--hysteresis H] [--seed S]
-"""
+"""Drive past a modulated traffic light with the exposure controller in the loop; a line for each policy."""
 
 from __future__ import annotations
 

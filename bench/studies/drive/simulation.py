@@ -41,28 +41,16 @@ _UNSEEN = Flag.NO_TONE | Flag.NO_LIGHT | Flag.WEAK | Flag.NO_SIGNAL
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """Record of a drive, one entry per frame; policies in the order of ``POLICIES``.
+    """Record of a drive, one entry per frame; policies in the order of ``POLICIES``."""
 
-    Attributes:
-        time: s.
-        sense_frequency: f_x v, Hz.
-        seen: (2, frames) f_c and f_x v as measured, Hz; NaN if not detected.
-        exposure: (policies, frames) for the next frame, s.
-        gains: (policies, 2, frames) |sinc(f T)| of light and texture in the next frame.
-        known: (policies, frames) objective by the measurements at the time of the choice, over the largest
-            allowed one.
-        true: (policies, frames) the same by the frequencies of the frame in which the exposure was used.
-        saturated: share of its pixels.
-    """
-
-    time: Float64s
-    sense_frequency: Float64s
-    seen: Float64s
-    exposure: Float64s
-    gains: Float64s
-    known: Float64s
-    true: Float64s
-    saturated: Float64s
+    time: Float64s  # s
+    sense_frequency: Float64s  # f_x v, Hz
+    seen: Float64s  # (2, frames) f_c and f_x v as measured, Hz; NaN if not detected
+    exposure: Float64s  # (policies, frames) for the next frame, s
+    gains: Float64s  # (policies, 2, frames) |sinc(f T)| of light and texture in the next frame
+    known: Float64s  # (policies, frames) objective by the measurements at the choice, over the largest allowed one
+    true: Float64s  # the same by the frequencies of the frame in which the exposure was used
+    saturated: Float64s  # share of its pixels
 
 
 def drive_past_light(

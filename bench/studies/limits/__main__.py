@@ -1,7 +1,4 @@
-"""Measure a plain method and the library at every known limit: errors of both, and the library's flags.
-
-usage: PYTHONPATH=bench python -m studies.limits [--directory FOLDER] [--text FILE]
-"""
+"""Measure a plain method and the library at every known limit: errors of both, and the library's flags."""
 
 from __future__ import annotations
 

@@ -24,23 +24,14 @@ Measuring = Callable[[], "Iterator[Point]"]
 
 @dataclass(frozen=True)
 class Point:
-    """One value of a sweep.
+    """One value of a sweep; errors are RMS over the columns."""
 
-    Attributes:
-        x: the swept quantity.
-        plain: error of the plain method, RMS over the columns; inf or NaN without a result.
-        library: error of the library; NaN if it gives no estimate.
-        stated: standard error that the library reports, RMS over the columns; 0: as good as rounding, NaN: none.
-        flags: those of at least half of the columns.
-        lost: the report says that it is not restored: the light's frequency (equaliser), or the picture (remarks).
-    """
-
-    x: float
-    plain: float
-    library: float
-    stated: float
-    flags: Flag = Flag(0)  # noqa: RUF009, a constant
-    lost: bool = False
+    x: float  # the swept quantity
+    plain: float  # error of the plain method; inf or NaN without a result
+    library: float  # error of the library; NaN if it gives no estimate
+    stated: float  # standard error that the library reports; 0: as good as rounding, NaN: none
+    flags: Flag = Flag(0)  # noqa: RUF009, a constant; those of at least half of the columns
+    lost: bool = False  # reported as not restored: the light's frequency (equaliser), or the picture (remarks)
 
     def answered(self, limit: Limit) -> str:
         """``"good"``, ``"honest"`` (within twice the reported standard error), ``"flagged"`` or ``"silent"``."""
@@ -53,31 +44,18 @@ class Point:
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit of a plain method, and the library's behaviour there.
+    """A limit of a plain method, and the library's behaviour there."""
 
-    Attributes:
-        name: key.
-        title: over the panel.
-        sweep: the swept quantity, with its unit.
-        error: the error, with its unit.
-        spot: x at which figures are quoted.
-        fails_by: min. error of the plain method at ``spot``.
-        good: max. error of a good result.
-        flags: those that indicate the limit.
-        silent: x at which the library is neither good nor honest nor flagged; docs/measured/limits.md explains it.
-        measure: the points of the sweep, in order.
-    """
-
-    name: str
-    title: str
-    sweep: str
-    error: str
-    spot: float
-    fails_by: float
-    good: float
-    measure: Callable[[], list[Point]]
-    flags: Flag = Flag(0)  # noqa: RUF009, a constant
-    silent: tuple[float, ...] = ()
+    name: str  # key
+    title: str  # over the panel
+    sweep: str  # the swept quantity, with its unit
+    error: str  # with its unit
+    spot: float  # x at which figures are quoted
+    fails_by: float  # min. error of the plain method at the spot
+    good: float  # max. error of a good result
+    measure: Callable[[], list[Point]]  # the points of the sweep, in order
+    flags: Flag = Flag(0)  # noqa: RUF009, a constant; those that indicate the limit
+    silent: tuple[float, ...] = ()  # x without a good, honest or flagged answer; docs/measured/limits.md explains it
 
     def point_at_spot(self, points: Iterable[Point]) -> Point:
         """The point whose figures are quoted."""

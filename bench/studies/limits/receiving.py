@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from calibration import PAYLOAD, receive_devices
-from device_draws import COLUMNS, FRAME_TIME, ROWS, DeviceDraw
+from calibration import PAYLOAD, receive
+from draws import COLUMNS, FRAME_TIME, ROWS, Draw
 
 from ocisac_fast import transmit
 from ocisac_fast.chips import ChipClock, chip_llr
@@ -19,7 +19,7 @@ from studies.limits.catalogue import Point, limit, shared_flags
 _RATE, _FRAMES = 8e3, 6  # chip/s
 
 
-def _plain_errors(draw: DeviceDraw) -> list[float]:
+def _plain_errors(draw: Draw) -> list[float]:
     """Share of wrong chips of each frame by a detector that knows all but the effect, and believes what is stated."""
     chips = transmit(PAYLOAD, format=PacketFormat(block_bytes=8)).chips
     sent = draw.sent(chips)
@@ -45,8 +45,8 @@ def _plain_errors(draw: DeviceDraw) -> list[float]:
 
 def _read(effect: str, level: float) -> Point:
     """Shares of wrong chips under an effect of this level, and the error rate that the library reports."""
-    draw = DeviceDraw(_RATE, _RATE, 2.5 / _RATE, 90.0, 1.5, 40.0, 1.234567, {effect: level}, 5)
-    frames = list(itertools.islice(receive_devices(draw), _FRAMES))
+    draw = Draw(_RATE, _RATE, 2.5 / _RATE, 90.0, 1.5, 40.0, 1.234567, {effect: level}, 5)
+    frames = list(itertools.islice(receive(draw), _FRAMES))
     told, wrong = (np.concatenate([getattr(frame, name) for frame in frames]) for name in ("told", "wrong"))
     flags = shared_flags(np.array([frame.result.flags for frame in frames], np.uint32))
     return Point(level, float(np.mean(_plain_errors(draw))), float(wrong.mean()), float(told.mean()), flags)

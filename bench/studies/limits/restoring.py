@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from grounds import add_boxes
 
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cleaning import remove_bands
@@ -67,10 +68,7 @@ def _long_exposure() -> Iterator[Point]:
 def _picture_with_a_horizon(random: np.random.Generator, rows: int = 360, columns: int = 96) -> Float64s:
     """Boxes of other brightness, DN; the lower two thirds are darker."""
     picture = np.full((rows, columns), 60.0)
-    for _ in range(40):
-        top, left = random.integers(0, rows - 10), random.integers(0, columns - 10)
-        height, width = random.integers(8, 90, 2)
-        picture[top : top + height, left : left + width] = random.uniform(36.0, 120.0)
+    add_boxes(picture, random, (8, 90), (36.0, 120.0), count=40, margin=10)
     picture[rows // 3 :] *= 0.7
     return picture
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any
+from types import SimpleNamespace
 
 import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast.camera.camera import Camera
-from ocisac_fast.core.arrays import Float64s
 from ocisac_fast.core.flags import Flag
 from ocisac_fast.tones.frequency import find_frequency
 from ocisac_fast.tones.gain import tone_gain
@@ -138,7 +137,7 @@ def _two_sources() -> Iterator[Point]:
     for bins in (0.03, 0.1, 0.3, 0.5, 1.0, 2.3, 5.4):
         scene, other, frame = _two(bins)
         both = tone_gain(frame, Camera(scene.row_time), [scene.frequency, other.frequency])
-        first: Any = _OneOf(both.gain[0], both.gain_std[0], both.flags[0])
+        first = SimpleNamespace(gain=both.gain[0], gain_std=both.gain_std[0], flags=both.flags[0])
         yield compared(bins, 0.5 * scene.gain, fitted_gain(scene, frame), first)
 
 
@@ -198,10 +197,3 @@ def _drift() -> Iterator[Point]:
     scene = dataclasses.replace(_BASE, cycles=12.3)
     for drift in (0.0, 0.3, 0.6, 1.0, 2.0, 4.0):
         yield _varying_point(drift, scene, 0.0, drift)
-
-
-@dataclasses.dataclass(frozen=True)
-class _OneOf:
-    gain: Float64s
-    gain_std: Float64s
-    flags: npt.NDArray[np.uint32]

@@ -1,13 +1,12 @@
-"""Simulate the paper's testbed, measure it by the paper's method and by the fit, and draw the figures.
-
-usage: PYTHONPATH=bench python -m studies.reproduction [-o FOLDER] [--figure NAME...] [--frames N] [--text FILE]
-"""
+"""Simulate the paper's testbed, measure it by the paper's method and by the fit, and draw the figures."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+
+from scipy.stats import chi2
 
 from studies.reporting import fill_markers, markdown
 from studies.reproduction import choices, gains, testbed
@@ -17,7 +16,7 @@ from studies.reproduction.gains import GainResult
 
 def blocks(results: Sequence[GainResult]) -> dict[str, str]:
     """Figures of a text between '<!-- reproduce: NAME -->' and '<!-- reproduce: end -->'."""
-    chi, limit = gains.chi_squared(results), gains.chi_squared_limit(len(results))
+    chi, limit = gains.chi_squared(results), float(chi2.ppf(0.99, len(results)))
     loss = choices.deviations().loss
     mean = ("mean deviation of the closed form", choices.PRINTED_MEAN, loss.mean())
     largest = ("largest", choices.PRINTED_LARGEST, loss.max())

@@ -22,15 +22,10 @@ def signed_objective(exposure: npt.ArrayLike, *frequencies: float) -> Float64s:
 
 @dataclass(frozen=True)
 class Deviations:
-    """Relative loss of the closed form against the exact optimum, over 100 ratios of frequencies.
+    """Relative loss of the closed form against the exact optimum, over 100 ratios of frequencies."""
 
-    Attributes:
-        inverse_ratio: (100,) 1/epsilon = f_min/f_max, 0.01 ... 1.
-        exact, closed_form: (100,) objective, s.
-    """
-
-    inverse_ratio: Float64s
-    exact: Float64s
+    inverse_ratio: Float64s  # 1/epsilon = f_min/f_max, 0.01 ... 1
+    exact: Float64s  # objective, s
     closed_form: Float64s
 
     @property

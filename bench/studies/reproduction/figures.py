@@ -28,17 +28,11 @@ _EXPOSURE_COLOURS = dict(zip(demo.EXPOSURES, (GREEN, ORANGE, BLUE, PURPLE), stri
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure of the paper.
+    """One figure of the paper."""
 
-    Attributes:
-        size: inches.
-        draw: draws it on a canvas, from the results of all 24 settings.
-        needs_gains: True if it needs them.
-    """
-
-    size: tuple[float, float]
-    draw: Callable[[Canvas, Sequence[GainResult]], None]
-    needs_gains: bool = False
+    size: tuple[float, float]  # inches
+    draw: Callable[[Canvas, Sequence[GainResult]], None]  # on a canvas, from the results of all 24 settings
+    needs_gains: bool = False  # True if it needs them
 
 
 def _response_and_lines(canvas: Canvas, results: Sequence[GainResult]) -> None:

@@ -15,24 +15,14 @@ from studies.reproduction.testbed import FRAMES, Setting, record
 
 @dataclass(frozen=True)
 class GainResult:
-    """Mean gain of a setting over its frames, by both methods.
-
-    Attributes:
-        setting: the recorded setting.
-        frames: number of frames.
-        paper, paper_std: eqs. 24 and 25: one column, the DFT's bin nearest to the tone; standard error of the mean,
-            from the scatter.
-        fit, fit_std: least squares with all harmonics at the exact frequency; reported standard error.
-        fit_scatter: standard error of the mean from the scatter of the frames.
-    """
+    """Mean gain of a setting over its frames, by both methods, with standard errors of the mean."""
 
     setting: Setting
-    frames: int
-    paper: float
-    paper_std: float
-    fit: float
-    fit_std: float
-    fit_scatter: float
+    paper: float  # eqs. 24 and 25: one column, the DFT's bin nearest to the tone
+    paper_std: float  # from the scatter
+    fit: float  # least squares with all harmonics at the exact frequency
+    fit_std: float  # as reported
+    fit_scatter: float  # from the scatter of the frames
 
     @property
     def bin(self) -> float:
@@ -58,7 +48,6 @@ def measure(setting: Setting, frames: int = FRAMES, seed: int = 0) -> GainResult
     root = math.sqrt(frames)
     return GainResult(
         setting,
-        frames,
         float(np.mean(paper)),
         float(np.std(paper, ddof=1)) / root,
         float(np.mean(fit.gain)),
@@ -70,12 +59,6 @@ def measure(setting: Setting, frames: int = FRAMES, seed: int = 0) -> GainResult
 def chi_squared(results: Iterable[GainResult]) -> float:
     """Sum of squared deviations of the fit from theory; expected to be about the number of settings."""
     return sum(result.deviation**2 for result in results)
-
-
-def chi_squared_limit(degrees: int) -> float:
-    """The 1 % point of the distribution by Wilson and Hilferty's cube (accurate to 0.3 % from 10 degrees on)."""
-    spread = 2.0 / (9.0 * degrees)
-    return degrees * (1.0 - spread + 2.3263 * math.sqrt(spread)) ** 3
 
 
 def worst_deviation(results: Sequence[GainResult]) -> float:

@@ -51,17 +51,11 @@ def true_grating(grating: float) -> float:
 
 @dataclass(frozen=True)
 class Setting:
-    """One light or grating at one exposure.
+    """One light or grating at one exposure."""
 
-    Attributes:
-        kind: ``"communication"`` (flickering LED, static grating) or ``"sensing"`` (steady LED, rotating grating).
-        nominal: as printed in the paper: Hz, or periods per metre.
-        exposure: s.
-    """
-
-    kind: Kind
-    nominal: float
-    exposure: float
+    kind: Kind  # communication: flickering LED, static grating; sensing: steady LED, rotating grating
+    nominal: float  # as printed in the paper: Hz, or periods per metre
+    exposure: float  # s
 
     @property
     def frequency(self) -> float:

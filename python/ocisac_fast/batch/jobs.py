@@ -36,19 +36,14 @@ class VersionError(RuntimeError):
 
 @dataclass(frozen=True)
 class Job:
-    """A recording, or with ``part`` a stretch of it.
-
-    Attributes:
-        is_cut: False: the recording is measured as a whole, however long it is.
-        state: of the recording as its first job began, as one file is described: a listing may do so in other words.
-    """
+    """A recording, or with ``part`` a stretch of it."""
 
     entry: Entry
-    is_cut: bool = True
+    is_cut: bool = True  # False: the recording is measured as a whole, however long it is
     part: Part | None = None
     frame_count: int | None = None
     start: Start | None = None
-    state: str | None = None
+    state: str | None = None  # of the recording as its first job began; a listing may describe it in other words
 
     @property
     def name(self) -> str:
@@ -61,42 +56,26 @@ Jobs = tuple[Job, ...]
 
 @dataclass(frozen=True)
 class Report:
-    """What came of a job.
-
-    Attributes:
-        frames: measured.
-        failure: why the recording could not be read.
-        stretches: jobs in place of this one, whose recording is long.
-        table: rows, where there is no results folder.
-        written: lengths of files, by name below the results folder.
-    """
+    """What came of a job."""
 
     job: Job
-    frames: int = 0
-    failure: str | None = None
-    stretches: Jobs = ()
-    table: Any = None
-    written: Mapping[str, int] = field(default_factory=dict)
+    frames: int = 0  # measured
+    failure: str | None = None  # why the recording could not be read
+    stretches: Jobs = ()  # jobs in place of this one, whose recording is long
+    table: Any = None  # rows, where there is no results folder
+    written: Mapping[str, int] = field(default_factory=dict)  # lengths of files, by name below the results folder
 
 
 @dataclass(frozen=True)
 class Work:
-    """What is the same for all jobs.
-
-    Attributes:
-        folder: of the results; None: tables are in the reports.
-        max_frames: longer recordings are cut into stretches of about this length.
-        client_build: version and commit that workers must have.
-        is_one_of_several: False: the process has the machine for itself.
-        locks: descriptors of the folder, locked, which processes of this machine hold too, to their end.
-    """
+    """What is the same for all jobs."""
 
     task: Task
-    folder: str | None
-    max_frames: int
-    client_build: dict[str, str]
-    is_one_of_several: bool
-    locks: tuple[int, ...] = ()
+    folder: str | None  # of the results; None: tables are in the reports
+    max_frames: int  # longer recordings are cut into stretches of about this length
+    client_build: dict[str, str]  # version and commit that workers must have
+    is_one_of_several: bool  # False: the process has the machine for itself
+    locks: tuple[int, ...] = ()  # of the folder: descriptors that processes of this machine hold too, to their end
 
     def __call__(self, jobs: Jobs) -> list[Report]:
         """Do the jobs one after the other.

@@ -41,29 +41,19 @@ def measure_recording(path: str, task: Task, *, cleaned: str | None = None) -> A
 
 @dataclass(frozen=True)
 class Start:
-    """What all stretches of a recording share: estimates from its first frames, its hash.
+    """What all stretches of a recording share: estimates from its first frames, its hash."""
 
-    Attributes:
-        light: of ``gain``; None for other commands.
-        scan_axis: read-out axis.
-    """
-
-    light: Any
+    light: Any  # of gain; None for other commands
     scan_axis: str
     digest: str
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """Rows of a recording or a stretch.
+    """Rows of a recording or a stretch."""
 
-    Attributes:
-        table: ``pyarrow.Table``.
-        facts: the recording and how it was measured, as JSON.
-    """
-
-    table: Any
-    facts: dict[str, Any]
+    table: Any  # pyarrow.Table
+    facts: dict[str, Any]  # the recording and how it was measured, as JSON
 
     @classmethod
     def of(

@@ -63,20 +63,14 @@ class ResultsError(ValueError):
 
 
 class Results:
-    """The results folder of a task, of any file system of fsspec.
-
-    Attributes:
-        folder: as given.
-        is_local: True if it is a folder of this machine.
-        locks: descriptor of the folder, while a run writes here.
-    """
+    """The results folder of a task, of any file system of fsspec."""
 
     def __init__(self, folder: str | os.PathLike[str], locks: tuple[int, ...] = ()) -> None:
-        self.folder = os.fspath(folder)
+        self.folder = os.fspath(folder)  # as given
         self._system, self._root = file_system(self.folder)
-        self.locks = locks
+        self.locks = locks  # descriptor of the folder, while a run writes here
         protocol = self._system.protocol  # one name, or several
-        self.is_local = "file" in ((protocol,) if isinstance(protocol, str) else protocol)
+        self.is_local = "file" in ((protocol,) if isinstance(protocol, str) else protocol)  # of this machine
         self._facts: dict[str, Any] = {}  # of the task, and lengths of files, both of the manifest
         self._lengths: dict[str, int] = {}
         self._next_save = 0.0

@@ -530,9 +530,6 @@ def pool_estimates(values: npt.ArrayLike, errors: npt.ArrayLike) -> Pooled:
 
     Returns:
         Value, standard error (at least the one from the scatter) and number of values used; NaN if there are none.
-
-    Raises:
-        ValueError: the arguments are not two vectors of equal length.
     """
     value, std, count = _core.pool_estimates(_vector(values, "values"), _vector(errors, "errors"))
     return Pooled(value, std, count)

@@ -241,9 +241,6 @@ def subtract_still(
 
     Returns:
         float64 array of the shape of ``frames``.
-
-    Raises:
-        ValueError: a single frame without ``still``, or an argument of the wrong shape or type.
     """
     stack = stacked(frames, "frames", camera.scan_axis)
     light = linear_light(stack, camera)

@@ -102,24 +102,15 @@ def gain(
 
 @dataclasses.dataclass(frozen=True)
 class Light:
-    """Properties of the light from the first frames: frequency and columns.
+    """Properties of the light from the first frames: frequency and columns."""
 
-    Attributes:
-        scan_axis: of the camera that the first frames were read with.
-        frequency: in the units of the camera; NaN: none was found.
-        flags: names of the flags of all frames.
-        colour: index of the colour; None: there is only one.
-        used: (columns,) the columns that show the light.
-        misfit: MODEL_MISFIT if the first frame's mean column varies, against the assumption of ``tone_gain``; else 0.
-    """
-
-    scan_axis: str
-    frequency: float
+    scan_axis: str  # of the camera that the first frames were read with
+    frequency: float  # in the units of the camera; NaN: none was found
     frequency_std: float | None
-    flags: list[str]
-    colour: int | None
-    used: npt.NDArray[np.bool_]
-    misfit: int
+    flags: list[str]  # names of the flags of all frames
+    colour: int | None  # its index; None: there is only one
+    used: npt.NDArray[np.bool_]  # (columns,) the columns that show the light
+    misfit: int  # MODEL_MISFIT if the first frame's mean column varies, against the assumption of tone_gain; else 0
 
     def columns(self, frames: Frame) -> Frame:
         """The selected columns of the selected colour; a view if they are neighbours."""
@@ -140,23 +131,15 @@ class Light:
 
 @dataclasses.dataclass(frozen=True)
 class FrameGains:
-    """Gains of single frames.
-
-    Attributes:
-        values: arrays (frames,) of gain, gain_std, phase, mean, snr and flags; empty where no tone was found.
-        columns: (rows, columns) of the first frame, those used.
-        frame_count: number of frames read.
-        shared: of the mean of all frames, whose errors they share: arguments of ``_shared_std``; none of one frame.
-        column_values: the same arrays (frames, columns) for all columns, where requested.
-    """
+    """Gains of single frames."""
 
     camera: Camera
     light: Light
-    values: dict[str, npt.NDArray[Any]]
-    columns: Frame
+    values: dict[str, npt.NDArray[Any]]  # (frames,) gain, gain_std, phase, mean, snr, flags; empty: no tone was found
+    columns: Frame  # (rows, columns) of the first frame, those used
     frame_count: int
-    shared: tuple[float, float, float] | None = None
-    column_values: dict[str, npt.NDArray[Any]] = dataclasses.field(default_factory=dict)
+    shared: tuple[float, float, float] | None = None  # of the mean of all frames: arguments of _shared_std
+    column_values: dict[str, npt.NDArray[Any]] = dataclasses.field(default_factory=dict)  # (frames, columns)
 
     def facts(self, frame: dict[str, Any], background_given: bool) -> dict[str, Any]:
         """The JSON object of a frame, or of a mean of frames, with these values."""

@@ -208,17 +208,11 @@ class PictureOptions:
 
 @dataclasses.dataclass(frozen=True)
 class OpenPictures:
-    """A recording opened with the options.
-
-    Attributes:
-        camera: timing and response.
-        frames: iterator of (height, width) or (height, width, colours) as stored, views where possible.
-        frame_count: announced number of frames.
-    """
+    """A recording opened with the options."""
 
     camera: Camera
-    frames: Iterator[Frame]
-    frame_count: int | None
+    frames: Iterator[Frame]  # (height, width) or (height, width, colours) as stored, views where possible
+    frame_count: int | None  # as announced
 
     def batches(self, later_bytes: int = _BATCH_BYTES) -> Iterator[Frame]:
         """The frames in arrays (frames, height, width, colours) of a bounded size, after the first of another.

@@ -118,18 +118,12 @@ def _read_unlit(file: str, picture: PictureOptions, max_frames: int) -> Frame:
 
 @dataclasses.dataclass(frozen=True)
 class _Found:
-    """Regions along an axis, and how they are measured in more frames.
-
-    Attributes:
-        regions: of the first frames.
-        part: of the picture as stored, which ``measure`` needs of all frames.
-        measure: a function from (frames, height, width) of that part to regions.
-    """
+    """Regions along an axis, and how they are measured in more frames."""
 
     camera: Camera
-    regions: list[SensedRegion]
-    part: Region
-    measure: Callable[[Frame], list[SensedRegion]]
+    regions: list[SensedRegion]  # of the first frames
+    part: Region  # of the picture as stored, which measure needs of all frames
+    measure: Callable[[Frame], list[SensedRegion]]  # of (frames, height, width) of that part
 
 
 def _along_best_axis(

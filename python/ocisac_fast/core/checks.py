@@ -62,16 +62,11 @@ def broadcast(names: str, *arrays: npt.ArrayLike) -> tuple[npt.NDArray[np.float6
 
 @dataclass(frozen=True)
 class Within:
-    """The range of a number, for annotations that :func:`checked` reads; an infinite end is not within it.
+    """The range of a number, for annotations that :func:`checked` reads; an infinite end is not within it."""
 
-    Attributes:
-        low, high: ends of the range.
-        above, below: the lower and the upper end are not within it.
-    """
-
-    low: float = -math.inf
+    low: float = -math.inf  # ends of the range
     high: float = math.inf
-    above: bool = False
+    above: bool = False  # the lower end is not within it, with below the upper one
     below: bool = False
 
     def __contains__(self, value: float) -> bool:

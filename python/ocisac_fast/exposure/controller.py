@@ -227,11 +227,7 @@ class ExposureController:
 
     @checked
     def update(self, measurement: ExposureMeasurement) -> ExposureSuggestion:
-        """Suggest the next exposure after a frame.
-
-        Raises:
-            ValueError: a measurement that is negative or infinite, or more than 32 tones.
-        """
+        """Suggest the next exposure after a frame."""
         measured = [("light", _tone(tone)) for tone in measurement.lights]
         measured += [("motion", _tone(tone)) for tone in measurement.motions]
         table = np.array(

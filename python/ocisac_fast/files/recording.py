@@ -148,51 +148,31 @@ class KeyFrames:
 
 @dataclass(slots=True)
 class VideoFormat:
-    """Properties of a video that a processed copy keeps; numbers are those of ITU-T H.273.
+    """Properties of a video that a processed copy keeps; numbers are those of ITU-T H.273."""
 
-    Attributes:
-        path: place of the file, from which its sound is read; None: a pipe.
-        status: of the file that was opened there; None: a remote one.
-        has_sound: the file has sound.
-        codec, pixel_format: names in FFmpeg.
-        limited: luma has black at 16 (of 8 bits).
-        primaries, transfer, matrix: of the colours.
-        time_base: unit of the time stamps, s.
-        pixel_aspect: width of a pixel over its height; None: not stated.
-        display_matrix: turn and reflection for display, 9 numbers, once a frame was read; None: not stated.
-        decoded: the frames read last, and their decoded pictures.
-    """
-
-    path: Any
-    status: os.stat_result | None
+    path: Any  # place of the file, from which its sound is read; None: a pipe
+    status: os.stat_result | None  # of the file that was opened there; None: a remote one
     has_sound: bool
-    codec: str
+    codec: str  # as FFmpeg names it, and the pixel format
     pixel_format: str
-    limited: bool
-    primaries: int
+    limited: bool  # luma has black at 16 (of 8 bits)
+    primaries: int  # of the colours, as transfer and matrix
     transfer: int
     matrix: int
-    time_base: Fraction
-    pixel_aspect: Fraction | None
-    display_matrix: tuple[int, ...] | None = None
-    decoded: deque[tuple[Frame, Any]] = field(default_factory=lambda: deque(maxlen=KEPT_FRAMES))
+    time_base: Fraction  # unit of the time stamps, s
+    pixel_aspect: Fraction | None  # width of a pixel over its height; None: not stated
+    display_matrix: tuple[int, ...] | None = None  # turn for display, 9 numbers, once a frame was read
+    decoded: deque[tuple[Frame, Any]] = field(default_factory=lambda: deque(maxlen=KEPT_FRAMES))  # those read last
 
 
 @dataclass(frozen=True, slots=True)
 class PictureFormat:
-    """Properties of a picture that a processed copy keeps.
+    """Properties of a picture that a processed copy keeps."""
 
-    Attributes:
-        orientation: EXIF's, 1 to 8; None: not stated.
-        options: EXIF data and ICC profile, as Pillow's ``save`` takes them.
-        chunks: of a PNG file: colours, resolution, EXIF data.
-        alphas: opacity of the pages read so far, (rows, columns); None for a page without.
-    """
-
-    orientation: int | None
-    options: dict[str, bytes]
-    chunks: bytes
-    alphas: list[Frame | None]
+    orientation: int | None  # EXIF's, 1 to 8; None: not stated
+    options: dict[str, bytes]  # EXIF data and ICC profile, as Pillow's save takes them
+    chunks: bytes  # of a PNG file: colours, resolution, EXIF data
+    alphas: list[Frame | None]  # opacity of the pages read so far, (rows, columns); None for a page without
 
 
 class RecordingStream(_Recorded):

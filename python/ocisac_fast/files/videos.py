@@ -130,15 +130,10 @@ def _seekable_where_needed(file: BinaryIO) -> BinaryIO:
 
 
 class Prefixed:
-    """A stream whose first bytes have been read already.
-
-    Attributes:
-        count: number of bytes read.
-        first: the first of them.
-    """
+    """A stream whose first bytes have been read already."""
 
     def __init__(self, head: bytes, rest: BinaryIO) -> None:
-        self.count, self.first = 0, b""
+        self.count, self.first = 0, b""  # bytes read, and the first of them
         self._head = io.BytesIO(head)
         self._rest = rest
 

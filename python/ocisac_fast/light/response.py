@@ -21,9 +21,6 @@ def exposure_response(frequency: npt.ArrayLike, exposure: npt.ArrayLike) -> npt.
 
     Returns:
         complex128 array of the broadcast shape.
-
-    Raises:
-        ValueError: a value that is not finite, or a negative exposure.
     """
     both = broadcast("frequency, exposure", frequency, exposure)
     return np.asarray(_core.exposure_response(*both), dtype=np.complex128)

@@ -88,9 +88,6 @@ class Constant(Waveform):
 
     Args:
         level: finite, within 1e100 of 0.
-
-    Raises:
-        ValueError: a level outside its range.
     """
 
     level: float
@@ -177,9 +174,6 @@ class Chips(Waveform):
         amplitude: finite, within 1e100 of 0.
         rise, fall: time constants of an LED that approaches a brighter or a darker level exponentially, in chips, 0
             (instantly) to 1000. Such chips may be multiplied by steady light only.
-
-    Raises:
-        ValueError: a value that is not finite or outside its range, no levels, or a wrong shape; the message names it.
     """
 
     levels: npt.NDArray[np.float64]
@@ -222,9 +216,6 @@ class Samples(Waveform):
         start: time of the first sample, s, finite.
         repeat: the samples repeat with the period len(values)/sample_rate, linear from the last to the first;
             otherwise the first and the last value hold before and after.
-
-    Raises:
-        ValueError: a value that is not finite or outside its range, no values, or a wrong shape; the message names it.
     """
 
     values: npt.NDArray[np.float64]
@@ -310,12 +301,11 @@ def _as_numbers(numbers: int | npt.ArrayLike, name: str) -> npt.NDArray[np.int64
     return np.ascontiguousarray(array, dtype=np.int64)
 
 
-def _as_out(out: Any, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
+def _as_out(out: npt.NDArray[Any] | None, shape: tuple[int, ...]) -> npt.NDArray[np.float64]:
     if out is None:
         return np.empty(shape)
-    if not isinstance(out, np.ndarray) or out.shape != shape:
-        got = f"shape {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
-        raise ValueError(f"out: got {got}, allowed: an array of shape {shape}")
+    if out.shape != shape:
+        raise ValueError(f"out: got shape {out.shape}, allowed: an array of shape {shape}")
     if out.dtype != np.float64 or not out.flags.aligned:
         raise ValueError(f"out: got dtype {out.dtype}, allowed: float64, native and aligned")
     if not out.flags.writeable:

@@ -68,9 +68,6 @@ def calibrate(
 
     Returns:
         The row time with its standard error; flags mark unreliable results.
-
-    Raises:
-        ValueError: a frequency that is not finite and above 0, or as for :func:`find_frequency`.
     """
     array = as_columns(columns, scan_axis=scan_axis)
     frequency = float(frequency)
@@ -100,9 +97,6 @@ def pick_colour(
     Returns:
         The index of the colour whose tone has the largest signal-to-noise ratio, searched as in :func:`calibrate`;
         colours flagged ``FEW_CYCLES``, ``AT_BOUND`` or ``MODEL_MISFIT`` come last; 0 if none shows a tone.
-
-    Raises:
-        ValueError: no colours, or as for :func:`find_frequency`.
     """
     arrays = [as_columns(colour, name="colours", scan_axis=camera.scan_axis) for colour in colours]
     return _core.pick_colour(arrays, camera._handle, bounds, waveform)

@@ -57,9 +57,6 @@ def find_scan_axis(frame: npt.ArrayLike, camera: Camera) -> ScanAxis:
 
     Returns:
         :class:`ScanAxis`.
-
-    Raises:
-        ValueError: a frame of the wrong shape or type.
     """
     picture = as_grey_frames(frame, "frame", "y", single=True)[0]
     along = {

@@ -105,9 +105,6 @@ def detect_sources(
         The lights of all frames; within a frame the most probable first. Of two frames or more, the phase of a light
         moves with the clock, that of a texture stays: what stands still is no light, unless frequency times
         ``camera.frame_time`` is whole within its error.
-
-    Raises:
-        ValueError: wrong shape or type, samples that are not finite, or an option out of range.
     """
     pictures = as_grey_frames(frames, "frames", camera.scan_axis)
     found = _core.detect_sources(pictures, camera._handle, false_alarms, min_cycles, max_sources, frame)

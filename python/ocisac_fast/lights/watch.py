@@ -23,21 +23,13 @@ _FOREVER = 1 << 62  # frames
 
 @dataclass(frozen=True, slots=True)
 class SeenLights:
-    """The lights of a frame.
+    """The lights of a frame."""
 
-    Attributes:
-        frame: index from 0.
-        pixels: the frame.
-        searched: True if all of it was searched, False if lights were followed only.
-        sources: the most probable first.
-        numbers: of the lights, the same in all frames.
-    """
-
-    frame: int
+    frame: int  # index from 0
     pixels: Frame
-    searched: bool
-    sources: list[LightSource]
-    numbers: list[int]
+    searched: bool  # True if all of it was searched, False if lights were followed only
+    sources: list[LightSource]  # the most probable first
+    numbers: list[int]  # of the lights, the same in all frames
 
 
 def watch_lights(

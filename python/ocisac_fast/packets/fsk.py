@@ -130,9 +130,6 @@ def fsk_demodulate(
         camera: row time; exposure where known.
         tones: Hz, as in :func:`fsk_transmit`, below half the row rate, at least one cycle in the column.
         amplitude: of the light's tone before the exposure, in the unit of the rows; None: estimated.
-
-    Raises:
-        ValueError: a wrong shape, values that are not finite, tones out of range.
     """
     rows = np.asarray(column)
     if rows.ndim != 1 or rows.dtype.kind not in "buif":

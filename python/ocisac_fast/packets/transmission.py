@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
-from ocisac_fast.core.checks import checked, checked_class, count, shown
+from ocisac_fast.core.checks import checked, checked_class, count
 from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Chips
 
@@ -35,13 +35,13 @@ class PacketFormat:
     preamble: str = "standard"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "line_code", as_line_code(self.line_code)[0])
+        if not isinstance(self.line_code, str):
+            object.__setattr__(self, "line_code", tuple(self.line_code))
         count("block_bytes", self.block_bytes, 1)
         _core.longest_payload(**self._for_core())  # raises ValueError outside of their range
 
     def _for_core(self) -> dict[str, Any]:
-        code = as_line_code(self.line_code)[1]
-        return {"line_code": code, "block_bytes": self.block_bytes, "preamble": self.preamble}
+        return {"line_code": self.line_code, "block_bytes": self.block_bytes, "preamble": self.preamble}
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -170,7 +170,7 @@ def encode_line_code(bits: npt.ArrayLike, line_code: str | Sequence[str]) -> Byt
         raise ValueError(f"bits: got shape {values.shape} of {values.dtype}, allowed: one dimension of 0 and 1")
     if not np.isin(values, (0, 1)).all():
         raise ValueError(f"bits: got {values[~np.isin(values, (0, 1))][0]}, allowed: 0 and 1")
-    return _core.encode_line_code(values.astype(np.uint8), as_line_code(line_code)[1])
+    return _core.encode_line_code(values.astype(np.uint8), line_code)
 
 
 @checked
@@ -190,7 +190,7 @@ def decode_line_code(
     Raises:
         ValueError: a wrong shape, NaN, a length that is no whole number of words, an unknown code.
     """
-    bits, violations = _core.decode_line_code(_as_ratios(llr), as_line_code(line_code)[1])
+    bits, violations = _core.decode_line_code(_as_ratios(llr), line_code)
     return bits, violations.astype(bool)
 
 
@@ -220,25 +220,12 @@ class PacketAssembler:
             llr: (chips,) ln P(bright)/P(dark), nats; 0: unknown.
             scatter: standard error of ``first``, chips, of this stretch alone: frames whose starts jitter. Its place is
                 then the most likely one by the expected preamble, header and line code; in doubt it waits.
-
-        Raises:
-            ValueError: a wrong shape, or NaN; a negative scatter.
         """
         return Stretch._of(self._handle.push(first, _as_ratios(llr), scatter))
 
     def lose_clock(self) -> None:
         """Reset the position after a jump of the clock: received bytes are kept, the next header gives the position."""
         self._handle.lose_clock()
-
-
-def as_line_code(line_code: str | Sequence[str]) -> tuple[str | tuple[str, ...], str | list[str]]:
-    """The line code as an attribute and in the form that the core reads."""
-    if isinstance(line_code, str):
-        return line_code, line_code
-    words = tuple(line_code)
-    if not all(isinstance(word, str) for word in words):
-        raise ValueError(f"line_code: got {shown(line_code)}, allowed: a name or words of 0 and 1")
-    return words, list(words)
 
 
 def _as_bytes(payload: bytes | npt.ArrayLike) -> ByteArray:

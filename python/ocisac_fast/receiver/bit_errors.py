@@ -69,9 +69,6 @@ def compare_bits(
             largest of those with bits.
         sent: ``"0"`` and ``"1"``, or an array of 0 and 1 such as ``transmit(payload).chips``; at least one.
         repeat: the sent bits are sent over and over.
-
-    Raises:
-        ValueError: something else than 0 and 1, or nothing was sent.
     """
     parts = [received] if isinstance(received, (str, Received)) else list(received)
     reference = _bits("sent", sent)

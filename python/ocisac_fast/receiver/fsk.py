@@ -14,7 +14,7 @@ from ocisac_fast.core.flags import Flag
 from ocisac_fast.core.results import Result
 from ocisac_fast.packets.fsk import FskSymbol, fsk_tones
 from ocisac_fast.packets.transmission import Payload, Stretch
-from ocisac_fast.receiver.stream import frame_colours, frame_number, frame_values
+from ocisac_fast.receiver.stream import frame_colours, frame_values
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -78,6 +78,6 @@ class FskReceiver:
     @checked
     def push(self, frame: npt.ArrayLike, *, number: int | None = None) -> FskFrame:
         """Process the next frame; arguments and errors as in :meth:`ocisac_fast.Receiver.push`."""
-        values = self._handle.push(frame_colours(frame, self._camera, self._colour), frame_number(number))
+        values = self._handle.push(frame_colours(frame, self._camera, self._colour), number)
         symbol = None if values["symbol"] is None else FskSymbol(*values["symbol"])
         return FskFrame(**frame_values(values, self._colour) | {"symbol": symbol})

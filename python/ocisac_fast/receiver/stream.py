@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
-import numpy as np
 import numpy.typing as npt
 
 from ocisac_fast import _core
@@ -139,12 +138,9 @@ class Receiver:
                 frames instead of their numbers and needs no frame time of the camera.
             exposure: s, of this frame, where it is another than the camera's; it is checked by the rows.
             gain: factor of the pixel values, above 0, where automatic gain changes it from frame to frame.
-
-        Raises:
-            ValueError: a wrong shape or type; a number that is not whole; a value outside its range.
         """
         colours = frame_colours(frame, self._camera, self._colour)
-        lights = self._handle.push(colours, frame_number(number), time, exposure, gain)
+        lights = self._handle.push(colours, number, time, exposure, gain)
         lights.sort(key=lambda light: light["source"])
         first, *others = (_received_frame(light["received"], self._camera, self._colour) for light in lights)
         return replace(first, streams=tuple(others)) if others else first
@@ -288,7 +284,7 @@ class MultiReceiver:
         if self._regions and axis != "y":
             self._handle = self._make(regions=[_turned(region, shape, axis) for region in self._regions])
             self._regions = []
-        lights = self._handle.push(colours, frame_number(number), time, exposure, gain)
+        lights = self._handle.push(colours, number, time, exposure, gain)
         return [self._source_frame(**light | {"region": stored_box(light["region"], shape, axis)}) for light in lights]
 
     def _source_frame(self, received: Any, gain: Any, suggestion: Any, **values: Any) -> SourceFrame:
@@ -323,16 +319,9 @@ def _turned(region: Region, shape: tuple[int, ...], scan_axis: str) -> Region:
 
 
 def _region(region: tuple[Any, ...]) -> Region:
-    box = tuple(region)
-    if len(box) != 4 or not all(isinstance(value, (int, np.integer)) and value >= 0 for value in box):
+    if min(region) < 0:
         raise ValueError(f"regions: got {shown(region)}, allowed: (x, y, width, height), whole numbers from 0")
-    return Region(*(int(value) for value in box))
-
-
-def frame_number(number: int | None) -> int | None:
-    if number is not None and (isinstance(number, bool) or not isinstance(number, (int, np.integer))):
-        raise ValueError(f"number: got {shown(number)}, allowed: a whole number, or None")
-    return None if number is None else int(number)
+    return Region(*map(int, region))
 
 
 def frame_colours(frame: npt.ArrayLike, camera: Camera, colour: int | None) -> list[npt.NDArray[Any]]:

@@ -28,24 +28,15 @@ Lines = list[tuple[float, complex]]  # waveform = sum of Re(a * exp(2j pi f t))
 
 @dataclass(frozen=True)
 class Course:
-    """Bounds of a waveform.
+    """Bounds of a waveform."""
 
-    Attributes:
-        low, high: limits.
-        mean: over all time; the middle of the limits if there is none.
-        stray: bound on |mean over an exposure - mean|.
-        swing: bound on the range of the antiderivative of waveform - mean, divided by the exposure; infinite: unknown.
-        slope: largest, 1/s; infinite: edges, or unknown.
-        lines: the waveform as a sum of cosines; None if it is not one.
-    """
-
-    low: float
+    low: float  # limits, with high
     high: float
-    mean: float
-    stray: float
-    swing: float
-    slope: float
-    lines: Lines | None
+    mean: float  # over all time; the middle of the limits if there is none
+    stray: float  # bound on |mean over an exposure - mean|
+    swing: float  # bound on the range of the antiderivative of waveform - mean, over the exposure; infinite: unknown
+    slope: float  # largest, 1/s; infinite: edges, or unknown
+    lines: Lines | None  # the waveform as a sum of cosines; None if it is not one
 
     @property
     def steady(self) -> bool:

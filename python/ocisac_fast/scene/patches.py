@@ -18,28 +18,17 @@ _MAX_MASKS = 31
 
 @dataclass(frozen=True)
 class Patch:
-    """Pixels that see the same object through the same masks.
+    """Pixels that see the same object through the same masks."""
 
-    Attributes:
-        name: of the object.
-        item: the object.
-        masks: indices of the masks in front of it.
-        top, left: of its rectangle.
-        inside: (height, width) True for the pixels of the rectangle that belong to it.
-        distance: (height, width) from the camera, m.
-        rays: (height, width, 3) unit vectors.
-        origin: position of the camera.
-    """
-
-    name: str
+    name: str  # of the object
     item: Source | Surface
-    masks: tuple[int, ...]
-    top: int
+    masks: tuple[int, ...]  # indices of the masks in front of it
+    top: int  # of its rectangle, as left
     left: int
-    inside: npt.NDArray[np.bool_]
-    distance: Array
-    rays: Array
-    origin: Array
+    inside: npt.NDArray[np.bool_]  # (height, width) True for the pixels of the rectangle that belong to it
+    distance: Array  # (height, width) from the camera, m
+    rays: Array  # (height, width, 3) unit vectors
+    origin: Array  # position of the camera
 
     def places(self, item: Source | Surface | Mask) -> tuple[Array, Array]:
         """(x, y) of the pixels' rays in an object's plane."""

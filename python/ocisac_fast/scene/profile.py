@@ -18,17 +18,11 @@ _FEW_CELLS = 8.0
 
 @dataclass(frozen=True)
 class Profile:
-    """One period of a pattern in cells of constant level.
+    """One period of a pattern in cells of constant level."""
 
-    Attributes:
-        edges: (cells + 1,) from 0 to 1.
-        levels: (lines, cells).
-        offset: phase of the pattern at edge 0 is -offset.
-    """
-
-    edges: Array
-    levels: Array
-    offset: float
+    edges: Array  # (cells + 1,) from 0 to 1
+    levels: Array  # (lines, cells)
+    offset: float  # phase of the pattern at edge 0 is -offset
 
     @classmethod
     def of(cls, pattern: Grating | Picture) -> Profile:

@@ -75,20 +75,15 @@ class ProfileTable:
 
 @dataclass(frozen=True)
 class PixelProfile:
-    """A moving pattern with edges, pixel by pixel.
-
-    Attributes:
-        rows, columns: (pixels,) coordinates.
-        gains, phase, line: (pixels,) values.
-    """
+    """A moving pattern with edges, pixel by pixel."""
 
     waveform: Waveform
     profile: Profile
     rate: float
     steps: int
-    rows: npt.NDArray[np.int64]
+    rows: npt.NDArray[np.int64]  # (pixels,) coordinates
     columns: npt.NDArray[np.int64]
-    gains: Array
+    gains: Array  # (pixels,) values
     phase: Array
     line: npt.NDArray[np.int64]
 

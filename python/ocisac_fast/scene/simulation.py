@@ -62,9 +62,6 @@ def simulate_frames(
 
     Yields:
         (rows, columns) arrays of ``dtype``; one frame at a time is in memory.
-
-    Raises:
-        ValueError: a value outside its range, at the call.
     """
     if rows * columns > MAX_PIXELS:
         raise ValueError(f"rows x columns: got {rows} x {columns}, allowed: up to {MAX_PIXELS} pixels")

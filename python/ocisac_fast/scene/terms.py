@@ -18,35 +18,21 @@ from ocisac_fast.scene.patches import Patch
 
 @dataclass(frozen=True)
 class Moving:
-    """A pattern that moves in front of the pixels of a patch: its phase at time t is ``periods - rate * t``.
-
-    Attributes:
-        pattern: the pattern.
-        rate: Hz, signed, not 0.
-        periods: (height, width) phase at time 0.
-        line: (height, width) rows of a picture; 0 for other patterns.
-    """
+    """A pattern that moves in front of the pixels of a patch: its phase at time t is ``periods - rate * t``."""
 
     pattern: Cosine | Grating | Picture
-    rate: float
-    periods: Array
-    line: npt.NDArray[np.int64]
+    rate: float  # Hz, signed, not 0
+    periods: Array  # (height, width) phase at time 0
+    line: npt.NDArray[np.int64]  # (height, width) rows of a picture; 0 for other patterns
 
 
 @dataclass(frozen=True)
 class Term:
-    """Light (DN above dark) ``gains`` * waveform(t) * moving pattern(t), before integration over the exposure.
+    """Light (DN above dark) ``gains`` * waveform(t) * moving pattern(t), before integration over the exposure."""
 
-    Attributes:
-        name: its name in the plan.
-        gains: (height, width), 0 outside the patch.
-        waveform: of the light.
-        moving: the moving pattern, or None.
-    """
-
-    name: str
-    gains: Array
-    waveform: Waveform
+    name: str  # its name in the plan
+    gains: Array  # (height, width), 0 outside the patch
+    waveform: Waveform  # of the light
     moving: Moving | None
 
 

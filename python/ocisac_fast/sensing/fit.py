@@ -28,32 +28,18 @@ _FEW = 4  # rows for each wave of a basis that is worth its while
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """Slow light and, modulating it, a tone with harmonics and other tones, over the rows of a column.
+    """Slow light and, modulating it, a tone with harmonics and others, over the rows of a column, from its middle."""
 
-    Attributes:
-        cycles: of the tone per row.
-        tones: cycles per row of its harmonics and of the other tones.
-        harmonics: of the tone, 1 first.
-        shape: (rows,) envelope of the tones, mean 1.
-        design: (rows, parameters): Legendre polynomials, then ``shape`` times cosine and sine of each harmonic, then of
-            each other tone, phases from the middle row.
-        weights: its pseudo-inverse.
-        covariance: of the parameters, for noise of variance 1.
-        steering: harmonics that estimate the frequency; those below the noise would add spurious information.
-        slope: derivative of ``design`` by ``cycles`` for these harmonics.
-        first: index of the fundamental's cosine.
-    """
-
-    cycles: float
-    tones: tuple[float, ...]
-    harmonics: tuple[int, ...]
-    shape: Float64s
-    design: Float64s
-    weights: Float64s
-    covariance: Float64s
-    steering: tuple[int, ...]
-    slope: Float64s
-    first: int
+    cycles: float  # of the tone per row
+    tones: tuple[float, ...]  # cycles per row of its harmonics and of the other tones
+    harmonics: tuple[int, ...]  # of the tone, 1 first
+    shape: Float64s  # (rows,) envelope of the tones, mean 1
+    design: Float64s  # (rows, parameters): Legendre polynomials; shape times cosine and sine of harmonics, other tones
+    weights: Float64s  # its pseudo-inverse
+    covariance: Float64s  # of the parameters, for noise of variance 1
+    steering: tuple[int, ...]  # harmonics that estimate the frequency: those below the noise would disturb it
+    slope: Float64s  # derivative of design by cycles for these harmonics
+    first: int  # index of the fundamental's cosine
 
     @property
     def stiffening(self) -> Float64s:
@@ -63,18 +49,12 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """Fit of the columns of a region.
-
-    Attributes:
-        parameters: (frames, parameters, columns).
-        noise: (frames, columns), variance of a row.
-        cycles_std: standard error of ``model.cycles``; 0 for a given frequency.
-    """
+    """Fit of the columns of a region."""
 
     model: Model
-    parameters: Float64s
-    noise: Float64s
-    cycles_std: float
+    parameters: Float64s  # (frames, parameters, columns)
+    noise: Float64s  # (frames, columns), variance of a row
+    cycles_std: float  # standard error of model.cycles; 0 for a given frequency
 
     @property
     def mean(self) -> Float64s:
@@ -347,15 +327,10 @@ def search_columns(frames: npt.NDArray[Any], camera: Camera, others: Sequence[fl
 
 @dataclass(frozen=True, slots=True)
 class PhaseAdvance:
-    """Advance of the tone's phase from one series to the next (columns or frames).
+    """Advance of the tone's phase from one series to the next (columns or frames)."""
 
-    Attributes:
-        cycles: per step, in (-1/2, 1/2]; NaN for a single series.
-        std: its standard error.
-    """
-
-    cycles: float
-    std: float
+    cycles: float  # per step, in (-1/2, 1/2]; NaN for a single series
+    std: float  # its standard error
 
 
 def phase_advance(tones: Complexes, component_variance: float) -> PhaseAdvance:

@@ -16,19 +16,13 @@ _MAX_TURNS = 2000  # between two frames
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Phases of a texture: 2 pi (per_row n + per_frame j), and the camera's times.
+    """Phases of a texture: 2 pi (per_row n + per_frame j), and the camera's times."""
 
-    Attributes:
-        per_row, per_row_std: cycles, above 0.
-        per_frame, per_frame_std: cycles, in (-1/2, 1/2]; NaN for a single frame.
-        row_time, frame_time: s; NaN if the frame time is unknown.
-    """
-
-    per_row: float
+    per_row: float  # cycles, above 0
     per_row_std: float
-    per_frame: float
+    per_frame: float  # cycles, in (-1/2, 1/2]; NaN for a single frame
     per_frame_std: float
-    row_time: float
+    row_time: float  # s; NaN if the frame time is unknown
     frame_time: float
 
     @property
@@ -80,22 +74,14 @@ class KnownMotion:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """A solution, signed: phases 2 pi (still n + frequency t), t = n T_r + j T_f.
+    """A solution, signed: phases 2 pi (still n + frequency t), t = n T_r + j T_f."""
 
-    Attributes:
-        frequency, std: Hz; NaN if not determined.
-        still: cycles per row of the texture at rest, signed.
-        candidates: all frequencies (magnitudes, Hz, ascending) that fit, at most 16.
-        flags: AMBIGUOUS_MOTION, MODEL_MISFIT.
-        spread: RMS distance of all frequencies that fit from the one given, Hz.
-    """
-
-    frequency: float
+    frequency: float  # Hz; NaN if not determined
     std: float
-    still: float
-    candidates: tuple[float, ...]
-    flags: Flag
-    spread: float = 0.0
+    still: float  # cycles per row of the texture at rest, signed
+    candidates: tuple[float, ...]  # all frequencies (magnitudes, Hz, ascending) that fit, at most 16
+    flags: Flag  # AMBIGUOUS_MOTION, MODEL_MISFIT
+    spread: float = 0.0  # RMS distance of all frequencies that fit from the one given, Hz
 
     @property
     def total_std(self) -> float:

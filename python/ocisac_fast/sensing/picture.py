@@ -58,9 +58,6 @@ def sense(
 
     Returns:
         Regions in descending order of ``snr``.
-
-    Raises:
-        ValueError: frames or ``unlit`` of wrong shape or type, or as for ``sense_region``.
     """
     found = find_periodic(frames, camera)
     return found.measure(frames, Request(waveform, duty, depth, motion), unlit, beside=beside)
@@ -68,17 +65,11 @@ def sense(
 
 @dataclass(frozen=True, slots=True)
 class FoundPeriodic:
-    """Lights and textures found in the first frames of a recording, to be measured in all of them.
+    """Lights and textures found in the first frames of a recording, to be measured in all of them."""
 
-    Attributes:
-        camera: as given.
-        part: of the picture as stored, in which they are.
-        boxes: in this part, rows in time order.
-    """
-
-    camera: Camera
-    part: Region
-    boxes: list[PeriodicRegion]
+    camera: Camera  # as given
+    part: Region  # of the picture as stored, in which they are
+    boxes: list[PeriodicRegion]  # in this part, rows in time order
 
     @property
     def shape(self) -> tuple[int, int]:

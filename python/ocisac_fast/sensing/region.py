@@ -294,9 +294,6 @@ def background_light(
             cycles do not bias the mean.
         pooled: one value for all columns, for light beside the source; its standard error is from the scatter of the
             columns.
-
-    Raises:
-        ValueError: wrong shapes or types, or frequencies that are not finite and above 0.
     """
     region = as_grey_frames(frames, "frames", camera.scan_axis)
     check_size(region, camera)

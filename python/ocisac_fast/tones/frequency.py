@@ -148,9 +148,6 @@ def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None
         columns: as for :func:`find_frequency`.
         camera: row time, tone curve and levels.
         frequency: of the light in Hz, above 0; None: estimated first.
-
-    Raises:
-        ValueError: as for :func:`find_frequency`, or a frequency that is not finite and above 0.
     """
     if frequency is None:
         return find_frequency(columns, camera).columns

@@ -1,15 +1,16 @@
-"""Random draws of what phones, dash cameras, webcams and cheap senders do to a lamp's light, two or three at once."""
+"""Random draws of what goes wrong outside a laboratory: to a lamp and its light, and in cameras and cheap senders."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ocisac_fast import Camera, Chips
+from ocisac_fast import Camera, Chips, SquareWave, Tone
 from ocisac_fast.scene.effects import Effects
 from ocisac_fast.scene.simulation import lamp_bar, simulate_frames, texture
 
@@ -47,8 +48,8 @@ EFFECTS = {
 
 
 @dataclasses.dataclass(frozen=True)
-class DeviceDraw:
-    """A lamp, a camera and what they do; SI units, DN, and those of EFFECTS."""
+class Draw:
+    """A lamp, a camera and what they do; SI units, DN, and those of EFFECTS; the rest as in `simulate_frames`."""
 
     chip_rate: float
     told_chip_rate: float
@@ -59,14 +60,60 @@ class DeviceDraw:
     start: float
     effects: dict[str, float]
     seed: int
+    told_exposure: float | None = 1.0  # over the exposure; None: not told
+    rise: float = 0.0  # chips
+    fall: float = 0.0
+    hum: float = 0.0  # peak to peak over the swing
+    mains: float = 50.0
+    pwm: float = 0.0  # height of a second lamp over the swing
+    pwm_frequency: float = 1000.0
+    texture: float = 0.0
+    tilt: float = 0.0
+    spot: float = math.inf  # standard deviation along the rows; infinite: a bar
+    jitter: float = 0.0
 
     @staticmethod
-    def of(seed: int) -> DeviceDraw:
-        """The draw of a seed."""
+    def of(seed: int) -> Draw:
+        """The draw of a seed, of light; each impairment is absent in some."""
+        random = np.random.default_rng([seed, 5])
+
+        def sometimes(share: float, low: float, high: float) -> float:
+            value = random.uniform(low, high)
+            return float(value) if random.uniform() < share else 0.0
+
+        chip_rate = 8e3 * (1 + random.uniform(-1e-4, 1e-4))
+        exposure = float(np.exp(random.uniform(np.log(0.5), np.log(6.0)))) / 8e3
+        error = (1.0, 1.0, 1 + random.uniform(-0.1, 0.1), None)[random.integers(4)]
+        return Draw(
+            chip_rate=float(chip_rate),
+            told_chip_rate=8e3,
+            exposure=exposure,
+            told_exposure=None if error is None else float(error),
+            swing=float(random.uniform(50, 110)),
+            noise=float(random.uniform(1, 4)),
+            rise=sometimes(0.6, 0.05, 0.8),
+            fall=sometimes(0.6, 0.05, 0.8),
+            hum=sometimes(0.5, 0.05, 0.6),
+            mains=float(random.choice([50.0, 60.0])),
+            pwm=sometimes(0.2, 0.05, 0.3),
+            pwm_frequency=float(random.uniform(800, 3000)),
+            texture=sometimes(0.5, 0.02, 0.2),
+            lamp_width=float(random.uniform(16, 60)),
+            tilt=math.radians(sometimes(0.4, -6, 6)),
+            spot=sometimes(0.3, 180, 400) or math.inf,
+            jitter=sometimes(0.5, 2e-6, 50e-6),
+            start=float(random.uniform(0, 5)),
+            effects={},
+            seed=seed,
+        )
+
+    @staticmethod
+    def of_devices(seed: int) -> Draw:
+        """The draw of a seed, of two or three of EFFECTS."""
         random = np.random.default_rng([seed, 6])
         names = random.choice(list(EFFECTS), random.integers(2, 4), replace=False)
         told = float(random.uniform(6e3, 10e3))
-        return DeviceDraw(
+        return Draw(
             chip_rate=told * (1 + float(random.uniform(-1e-4, 1e-4))),
             told_chip_rate=told,
             exposure=float(random.uniform(2.0, 7.0)) / told,
@@ -90,7 +137,8 @@ class DeviceDraw:
     @property
     def told(self) -> Camera:
         """As it is stated to the receiver."""
-        return dataclasses.replace(self.camera, row_time=ROW_TIME * (1 + self.level(WRONG_ROW_TIME)))
+        exposure = None if self.told_exposure is None else self.exposure * self.told_exposure
+        return Camera(ROW_TIME * (1 + self.level(WRONG_ROW_TIME)), exposure, frame_time=FRAME_TIME)
 
     def sent(self, chips: npt.NDArray[Any]) -> Bytes:
         """One cycle of the lamp's brightness, 0 or 1."""
@@ -121,16 +169,21 @@ class DeviceDraw:
         return zip(seen, self._simulated(chips, count, untoned), strict=True)
 
     def _simulated(self, chips: npt.NDArray[Any], count: int, effects: dict[str, float]) -> Iterator[Bytes]:
+        along = (np.arange(ROWS)[:, None] - (ROWS - 1) / 2) / self.spot
+        hum = Tone(2 * self.mains, amplitude=self.hum, phase=self.start)
+        contrast = 0.1 if self.level("daylight") else self.texture
         return simulate_frames(
-            Chips(self.sent(chips), self.chip_rate, repeat=True),
+            Chips(self.sent(chips), self.chip_rate, repeat=True, rise=self.rise, fall=self.fall),
             self.camera,
             *(ROWS, COLUMNS, count),
             start=self.start,
             swing=self.swing,
             dark_level=DARK,
             noise=self.noise,
-            lamp=lamp_bar(ROWS, COLUMNS, self.lamp_width),
-            reflectance=texture(ROWS, COLUMNS, 0.1, seed=self.seed) if self.level("daylight") else 1.0,
+            lamp=lamp_bar(ROWS, COLUMNS, self.lamp_width, tilt=self.tilt) * np.exp(-(along**2) / 2),
+            ambient=hum + SquareWave(self.pwm_frequency, amplitude=self.pwm),
+            reflectance=texture(ROWS, COLUMNS, contrast, seed=self.seed) if contrast else 1.0,
+            jitter=self.jitter,
             effects=effects,
             seed=self.seed,
         )
