@@ -24,6 +24,7 @@ constexpr std::size_t kBlurredRows = 2;  // at a lamp's end, by a lens that blur
 constexpr double kBrightLight = 10;      // power of the columns' common light over its noise
 constexpr double kUnknownJump = 2;       // chips; standard error of the count where the clock jumped
 constexpr double kAnyJump = 1e6;         // the same where frames may be missing
+constexpr double kAlikeChips = 16;       // of two frames in the same rows
 constexpr int kAlternating = 2;          // frames in a row
 constexpr double kSureCount = 8;         // nats, of a chip after a pause
 constexpr std::size_t kForgotten = 60;   // consecutive frames without chips, after which another light may appear
@@ -35,6 +36,28 @@ RowRange sharp_rows(const CombinedColumn& column, const RowRange& region, const 
   if (rows.begin != region.begin) rows.begin += kBlurredRows;
   if (rows.end != region.end) rows.end -= kBlurredRows;
   return rows;
+}
+
+// The longest part of the rows that does not repeat the frame before from row to row within the noise, over more chips
+// than two frames have alike by chance: decoders fill slices that were lost with it. All rows, where all repeat it.
+RowRange fresh_rows(const CombinedColumn& column, std::span<const double> before, std::optional<double> chip,
+                    const RowRange& rows) {
+  if (before.empty() || !chip) return rows;
+  const auto most = static_cast<std::size_t>(kAlikeChips * *chip);
+  const double noise = std::isfinite(column.noise) ? column.noise : 0.0;  // one column, which has no weights
+  RowRange fresh{rows.begin, rows.begin};
+  for (std::size_t begin = rows.begin, n = rows.begin, alike = 0; n <= rows.end; ++n) {
+    if (n < rows.end && std::abs(column.signal[n] - before[n]) <= noise) {
+      ++alike;
+      continue;
+    }
+    const bool repeats = alike > most;
+    const std::size_t end = repeats ? n - alike : n;
+    if (end - std::min(end, begin) > fresh.size()) fresh = {begin, end};
+    if (repeats) begin = n;
+    alike = 0;
+  }
+  return fresh.size() > 0 ? fresh : rows;
 }
 
 // A frame as if the picture had these rows alone.
@@ -209,8 +232,9 @@ ChipFrame ChipReceiver::explain(CombinedColumn column, std::int64_t frame, std::
   now.may_be_mean = means_ && frame - last_idle_ == idle_gap_;
   rows.time = history_.frames.back().time = time_of(frame, stamp);
   const auto& learned = history_.profile;
-  const RowRange lit =
-      learned ? learned->rows : sharp_rows(column, region, {.before = dark_before_, .after = dark_after_});
+  const RowRange lit = learned ? learned->rows
+                               : fresh_rows(column, history_.frames.back().before, state_.rows_per_chip,
+                                            sharp_rows(column, region, {.before = dark_before_, .after = dark_after_}));
   rows.first_row = first_row + lit.begin;
   const auto lit_signal = std::span(column.signal).subspan(lit.begin, lit.size());
   rows.signal = learned ? without_profile(column.signal, learned->profile, lit)
