@@ -24,7 +24,6 @@ constexpr std::size_t kBlurredRows = 2;  // at a lamp's end, by a lens that blur
 constexpr double kBrightLight = 10;      // power of the columns' common light over its noise
 constexpr double kUnknownJump = 2;       // chips; standard error of the count where the clock jumped
 constexpr double kAnyJump = 1e6;         // the same where frames may be missing
-constexpr double kAlikeChips = 16;       // of two frames in the same rows
 constexpr int kAlternating = 2;          // frames in a row
 constexpr double kSureCount = 8;         // nats, of a chip after a pause
 constexpr std::size_t kForgotten = 60;   // consecutive frames without chips, after which another light may appear
@@ -43,7 +42,7 @@ RowRange sharp_rows(const CombinedColumn& column, const RowRange& region, const 
 RowRange fresh_rows(const CombinedColumn& column, std::span<const double> before, std::optional<double> chip,
                     const RowRange& rows) {
   if (before.empty() || !chip) return rows;
-  const auto most = static_cast<std::size_t>(kAlikeChips * *chip);
+  const auto most = static_cast<std::size_t>(kDarkChips * *chip);
   const double noise = std::isfinite(column.noise) ? column.noise : 0.0;  // one column, which has no weights
   RowRange fresh{rows.begin, rows.begin};
   for (std::size_t begin = rows.begin, n = rows.begin, alike = 0; n <= rows.end; ++n) {
