@@ -151,8 +151,10 @@ void register_cleaning(py::module_& module) {
   module.def("find_scene_light", &run_find_scene_light, arg("colours"), arg("camera"), arg("model"), arg("noise"),
              arg("toe"), arg("given"), arg("full"));
   module.def(
-      "objection_to_chips", [](const std::vector<std::vector<double>>& frames) { return objection_to_chips(frames); },
-      arg("frames"));
+      "objection_to_lines",
+      [](const std::vector<std::vector<double>>& frames, const std::string& model, double frequency,
+         const Camera& camera) { return objection_to_lines(frames, row_model(model), frequency, camera); },
+      arg("frames"), arg("model"), arg("frequency"), arg("camera"));
   py::class_<Shared<StreamCleaner>>(module, "StreamCleaner")
       .def(py::init([](const Camera& camera, const std::string& model, std::optional<double> noise,
                        std::optional<double> toe) {

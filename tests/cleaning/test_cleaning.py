@@ -48,14 +48,14 @@ def scene(light: Array, seed: int = 0, noise: float = 1.5) -> tuple[Array, Array
     return read + noise * np.random.default_rng(seed).standard_normal(read.shape), clean, share
 
 
-def row_light(kind: str) -> Array:
+def row_light(kind: str, start: float = 0.0) -> Array:
     bits = np.random.default_rng(3).integers(0, 2, 64)
     waves = {
         "tone": Tone(5e3),
         "square": SquareWave(7e3),
         "chips": Chips(np.stack([bits, 1 - bits], axis=1).ravel().tolist(), 17e3, repeat=True),
     }
-    light = integrate_exposure(waves[kind], CAMERA, ROWS)
+    light = integrate_exposure(waves[kind], CAMERA, ROWS, start=start)
     return np.asarray(light / light.mean())
 
 
@@ -342,9 +342,9 @@ def test_a_picture_that_cleaning_would_make_worse_stays(seed: int, keep: Literal
 
 @pytest.mark.parametrize("name", ["picture.png", "video.mkv"])
 def test_command(tmp_path: Path, name: str, run: Any) -> None:
-    read, _, _ = scene(row_light("tone"))
-    grey = np.clip(np.rint(read), 0, 255).astype(np.uint8)[::-1].T  # rows go left
-    frames = np.stack([np.stack([grey, grey // 2, grey // 3], axis=2)] * (1 if name == "picture.png" else 2))
+    lights = [row_light("tone", start) for start in (0.0, 70e-6)][: 1 if name == "picture.png" else 2]
+    greys = [np.clip(np.rint(scene(light)[0]), 0, 255).astype(np.uint8)[::-1].T for light in lights]  # rows go left
+    frames = np.stack([np.stack([grey, grey // 2, grey // 3], axis=2) for grey in greys])
     source, target, marks = tmp_path / name, tmp_path / f"clean_{name}", tmp_path / "marks.npy"
     write_frames(source, frames)
     camera = ("--scan-axis", "-x", "--row-time", "10us", "--tone-curve", "linear")

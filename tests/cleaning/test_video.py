@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +13,7 @@ from box_pictures import Array, boxes, psnr
 
 from ocisac_fast import Camera, remove_bands
 from ocisac_fast.cleaning import VideoCleaner
+from ocisac_fast.files import write_frames
 
 ROWS, COLUMNS, FRAMES = 320, 400, 10
 CAMERA = Camera(1e-5)
@@ -222,3 +225,56 @@ def test_a_slow_lamp_beside_a_fast_one_is_removed_too(seed: int) -> None:
     assert min(gains) > -0.1
     assert np.median(gains) > 8  # 4 to 6 where the fast one alone is removed
     assert done.slow_bands == (0,)
+
+
+SHAPES = {
+    "sine": np.sin,
+    "triangle": lambda turns: 2 / np.pi * np.arcsin(np.sin(turns)),
+    "slats": lambda turns: np.clip(1.6 * np.sin(turns), -1, 1),
+    "lines": lambda turns: 2 * np.exp(-(((turns / (2 * np.pi) % 1 - 0.5) / 0.12) ** 2)) - 1,
+}
+
+
+def ribs(shape: str, seed: int, share: float) -> npt.NDArray[np.uint8]:
+    """Ten frames of even ribs in a share of the columns, in steady light."""
+    random = np.random.default_rng(seed)
+    turns = 2 * np.pi * np.arange(240)[:, None] / random.uniform(8, 50) + random.uniform(0, 6)
+    picture = np.full((240, 320), 110.0)
+    picture[:, : int(320 * share)] += 40 * SHAPES[shape](turns)
+    picture[:, int(320 * share) :] += random.normal(0, 3, 320 - int(320 * share))
+    return np.clip(np.rint(picture + random.normal(0, 1, (10, 240, 320))), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.33])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_ribs_that_stand_still_are_the_pictures(shape: str, share: float) -> None:
+    """Slats and ruled lines, whose waveform is that of a tone: only the first frame that shows one cannot tell."""
+    for seed in (1, 2, 3):
+        frames, camera = ribs(shape, seed, share), Camera(2e-5, frame_time=1 / 59.94)
+        assert all(remove_bands(frames[:4], camera, still=True).unchanged)
+        assert all(remove_bands(frames[:4], camera).unchanged)
+        cleaner = VideoCleaner(camera)
+        assert sum(not cleaner.push(frame).unchanged[0] for frame in frames) <= 1
+
+
+@pytest.mark.parametrize(("frame_time", "is_light"), [(1 / 50, True), (1 / 51.5, False), (None, False)])
+def test_a_tone_at_the_same_rows_is_a_light_if_a_frame_takes_whole_cycles(
+    frame_time: float | None, is_light: bool
+) -> None:
+    """Of 250 Hz, as of a display; without a frame time nobody knows."""
+    camera, light = Camera(1e-4, frame_time=frame_time), 1 + 0.6 * np.cos(2 * np.pi * 250 * 1e-4 * np.arange(ROWS))
+    picture = albedo(3, ROWS, COLUMNS)
+    cleaner = VideoCleaner(camera)
+    for k in range(4):
+        stored, clean = shown(light, picture, np.full(picture.shape, 70.0), k)
+        done = cleaner.push(stored)
+        assert k == 0 or bool(done.unchanged[0]) != is_light
+        assert not is_light or psnr(done.frames, clean) > psnr(stored, clean) + 6
+
+
+def test_a_film_of_ribs_is_not_written_again(tmp_path: Path, run: Any) -> None:
+    """Its first frame waits for the second, which shows that the ribs stand still."""
+    write_frames(tmp_path / "ribs.mkv", ribs("slats", 1, 1.0)[:5])
+    times = "--row-time", "20us", "--frame-rate", "59.94"
+    code, _, err = run("clean", tmp_path / "ribs.mkv", tmp_path / "clean.mkv", *times)
+    assert (code, (tmp_path / "clean.mkv").exists()) == (0, False), err

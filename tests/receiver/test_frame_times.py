@@ -82,6 +82,28 @@ def test_frames_given_twice_and_left_out_are_no_loss_without_numbers():
     assert [result.stretch.outcome == "repeated" for result in results[1:]] == repeated
 
 
+@pytest.mark.parametrize("lost", [200, 300, 400])
+def test_rows_of_the_frame_before_in_place_of_a_lost_slice_are_not_read(lost):
+    """A decoder puts them there: chips of another time. Half of the frames; all bits fit without them."""
+    for seed in range(3):
+        film, shown = Film(seed), None
+        receiver = film.receiver()
+
+        def push(frame, film=film, receiver=receiver):
+            nonlocal shown
+            rows = film.frame(frame * FRAME_TIME)
+            if shown is not None and film.random.random() < 0.5:
+                first = film.random.integers(0, 1080 - lost)
+                rows[first : first + lost] = shown[first : first + lost]
+            shown = rows
+            result = receiver.push(rows)
+            assert result.flags == 0
+            assert result.error_rate < 1e-6
+            return result
+
+        assert frames_until_payload(push(frame) for frame in range(24)) <= 24
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_frames_given_twice_are_found_when_they_are_read_again(seed):
     """A round spot is learned after some frames, of which two were given twice: later frames have their times."""

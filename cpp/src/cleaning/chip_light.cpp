@@ -21,9 +21,7 @@ constexpr double kMinTop = 0.3;                           // of the largest row 
 constexpr double kKnotRows = 0.8;    // max. spacing of the knots of the response; at most a quarter of a chip
 constexpr double kOwnSwing = 0.015;  // deviation of a row from the chips' model: sharpening follows no response
 constexpr Eigen::Index kRowsPerTerm = 4;
-constexpr std::size_t kMostMoved = 32;  // part of the rows that a picture moves by in a frame
-constexpr double kStill = 0.6;          // correlation of the lights of two frames
-constexpr double kResponseChips = 3;    // from one before a chip's ramp begins
+constexpr double kResponseChips = 3;  // from one before a chip's ramp begins
 
 // The largest of the values within `reach` of each.
 Values largest_around(const Values& values, std::size_t reach) {
@@ -204,16 +202,6 @@ std::optional<ChipFit> fitted_chips(const Values& rows, const Values& weight, Fl
   return fit;
 }
 
-bool stand_still(const Values& before, const Values& now) {
-  const std::size_t rows = now.size(), most = rows / kMostMoved;
-  const auto likeness = [&](std::size_t first, std::size_t second) {
-    return correlation(std::span(before).subspan(first, rows - most), std::span(now).subspan(second, rows - most));
-  };
-  for (std::size_t move = 0; move <= most; ++move)
-    if (std::max(likeness(move, 0), likeness(0, move)) > kStill) return true;
-  return false;
-}
-
 }  // namespace
 
 std::optional<ModelledLight> find_chip_light(const ColumnBundles& picture, const RowLight& rows, bool always) {
@@ -236,12 +224,6 @@ std::optional<ModelledLight> find_chip_light(const ColumnBundles& picture, const
 double unexplained_by_chips(const RowLight& rows) {
   const std::optional<ChipFit> fit = fitted_chips(levelled(rows.light), rows.information, flag::no_signal);
   return fit ? 1 - fit->explained : 1;
-}
-
-std::string objection_to_chips(std::span<const Values> frames) {
-  for (std::size_t k = 1; k < frames.size(); ++k)
-    if (!stand_still(frames[k - 1], frames[k])) return {};
-  return frames.size() < 2 ? "" : "chips that stand still: lines of the picture";
 }
 
 }  // namespace ocisac

@@ -7,6 +7,7 @@
 #include "cleaning/quantile.hpp"
 #include "core/levels.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
@@ -15,7 +16,9 @@ namespace {
 
 using Values = std::vector<double>;
 
-constexpr double kAgreement = 0.995;  // of a colour's tone with that of its group: 6 degrees of phase
+constexpr double kAgreement = 0.995;    // of a colour's tone with that of its group: 6 degrees of phase
+constexpr double kStill = 0.8;          // correlation of the lights of two frames
+constexpr std::size_t kMostMoved = 32;  // part of the rows that a picture moves by in a frame
 
 // Gives the colours tones of their own where they differ from those of their groups.
 void fit_tones(std::span<const BandedPicture> colours, ColourLights& found) {
@@ -28,7 +31,35 @@ void fit_tones(std::span<const BandedPicture> colours, ColourLights& found) {
   }
 }
 
+// Chips that move with the picture do so, too; a tone would at any phase.
+bool stand_still(const Values& before, const Values& now, RowModel model) {
+  if (model == RowModel::tone) return correlation(before, now) > kStill;
+  const std::size_t rows = now.size(), most = rows / kMostMoved;
+  const auto likeness = [&](std::size_t first, std::size_t second) {
+    return correlation(std::span(before).subspan(first, rows - most), std::span(now).subspan(second, rows - most));
+  };
+  for (std::size_t move = 0; move <= most; ++move)
+    if (std::max(likeness(move, 0), likeness(0, move)) > kStill) return true;
+  return false;
+}
+
+// False where row time or frame time is not known.
+bool takes_whole_cycles(double frequency, const Camera& camera) {
+  const double cycles = frequency / camera.row_time * camera.frame_time.value_or(kNaN);
+  return std::abs(std::remainder(cycles, 1.0)) < kNextToNone;
+}
+
 }  // namespace
+
+std::string objection_to_lines(std::span<const Values> frames, RowModel model, double frequency, const Camera& camera) {
+  if (model != RowModel::tone && model != RowModel::chips) return {};
+  if (model == RowModel::tone && takes_whole_cycles(frequency, camera)) return {};
+  for (std::size_t k = 1; k < frames.size(); ++k)  // a slow advance of a tone adds up
+    if (!stand_still(frames[model == RowModel::tone ? 0 : k - 1], frames[k], model)) return {};
+  return frames.size() < 2 ? ""
+                           : std::string(model == RowModel::tone ? "a tone that stands" : "chips that stand") +
+                                 " still: lines of the picture";
+}
 
 std::string_view name_of(RowModel model) {
   switch (model) {

@@ -116,12 +116,17 @@ SceneLight with_shares(const StoredScene& scene, std::vector<ColourLights> light
   return result;
 }
 
-// The light of each frame's rows, of the first colour, where all are chips; else none.
-std::vector<Values> chips_of(std::span<const ColourLights> lights) {
+// Why the lights of the frames' first colour are lines of the picture; empty where some have none. Tones may be taken
+// for chips.
+std::string objection_to_lines_of(std::span<const ColourLights> lights, const Camera& camera) {
+  ModelledLight first = lights.front().of(0);
   std::vector<Values> frames;
-  for (const ColourLights& frame : lights)
-    if (frame.of(0).model == RowModel::chips) frames.push_back(frame.of(0).light);
-  return frames.size() == lights.size() ? frames : std::vector<Values>();
+  for (const ColourLights& frame : lights) {
+    if (frame.of(0).model == RowModel::rows) return {};
+    if (frame.of(0).model == RowModel::tone) first.model = RowModel::tone, first.frequency = frame.of(0).frequency;
+    frames.push_back(frame.of(0).light);
+  }
+  return objection_to_lines(frames, first.model, first.frequency, camera);
 }
 
 // The shares of the colours are alike but for a factor.
@@ -288,7 +293,7 @@ SceneLight find_scene_light(StoredScene& scene, const Camera& camera, RowModel m
   if (found.unchanged.empty() && model == RowModel::automatic && main == RowModel::chips && are_lines)
     found.unchanged = "chips that explain the rows in part";
   if (found.unchanged.empty() && model == RowModel::automatic && given.empty())
-    found.unchanged = objection_to_chips(chips_of(found.lights));
+    found.unchanged = objection_to_lines_of(found.lights, camera);
   if (slow_found) {
     const bool is_even = main == RowModel::tone && std::ranges::all_of(found.shares, &BlockShares::is_one);
     const bool explains_more = mean_verdict(slow_found->verdicts).gain >= mean.gain;

@@ -140,7 +140,7 @@ StreamCleaner::Frame StreamCleaner::push(std::vector<AnyFramesView> colours, std
 StreamCleaner::Frame StreamCleaner::again(const std::vector<AnyFramesView>& colours, std::size_t ago) const {
   require(ago > 0, "ago", ago, "1 or more");
   StoredScene stored(colours, camera_.tone_curve, options_.noise, options_.toe.value_or(0));
-  if (!slow_ && !chips_.empty() && before_) {
+  if (!slow_ && !lines_.empty() && before_) {
     SceneLight light = find_scene_light(stored, camera_, options_.model, options_.toe.has_value());
     return {std::move(stored), std::move(light)};
   }
@@ -156,7 +156,8 @@ StreamCleaner::Frame StreamCleaner::again(const std::vector<AnyFramesView>& colo
 void StreamCleaner::forget() {
   before_.reset();
   forget_slow();
-  chips_.clear();
+  lines_.clear();
+  moving_ = 0;
   unlit_ = 0;
   was_lit_ = false;
   time_.reset();
@@ -198,7 +199,10 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
   SceneLight light =
       find_scene_light(stored, camera_, options_.model, options_.toe.has_value(), {}, earlier_, no_other);
   noise_ = stored.noise();
-  keep_chips(light, stored);
+  if (light.slow.empty()) {
+    std::string lines = objection_to_lines(light.lights.front().lights.front());
+    if (light.unchanged.empty() && !lines.empty()) light = left_alone(stored, std::move(lines));
+  }
   before_.reset();
   if (!light.slow.empty()) {
     keep_slow(light);
@@ -219,15 +223,19 @@ StreamCleaner::Frame StreamCleaner::alone(const std::vector<AnyFramesView>& colo
   return {std::move(stored), std::move(light)};
 }
 
-void StreamCleaner::keep_chips(SceneLight& light, const StoredScene& stored) {
-  const ModelledLight& main = light.lights.front().lights.front();
-  if (main.model != RowModel::chips || options_.model != RowModel::automatic) return;
-  const Values last = std::exchange(chips_, main.light);
-  if (!light.unchanged.empty()) return;
-  if (last.size() != chips_.size())
-    light = left_alone(stored, "chips that may be lines of the picture: a second frame shows");
-  else if (std::string lines = objection_to_chips(std::array{last, chips_}); !lines.empty())
-    light = left_alone(stored, std::move(lines));
+std::string StreamCleaner::objection_to_lines(const ModelledLight& light) {
+  if (light.model == RowModel::rows || options_.model != RowModel::automatic) return {};
+  const bool is_tone = light.model == RowModel::tone;
+  if (is_tone && std::abs(light.frequency - moving_) < kNextToNone * moving_) return {};
+  const std::array frames{std::exchange(lines_, light.light), light.light};
+  if (frames[0].size() != lines_.size())
+    return is_tone ? "" : "chips that may be lines of the picture: a second frame shows";
+  Camera timed = camera_;
+  timed.frame_time = frame_time_;
+  std::string lines = ocisac::objection_to_lines(frames, light.model, light.frequency, timed);
+  if (is_tone && lines.empty()) moving_ = light.frequency;
+  if (is_tone && !lines.empty()) lines_ = frames[0];  // a slow advance adds up
+  return lines;
 }
 
 // One frame shows two slow tones, or shades and a tone, as one tone; the frames after the first ones tell them apart.
@@ -273,10 +281,6 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   ++now.frames;
   now.lights = followed_lights(stored);
   const ModelledLight& main = now.lights.lights.front();
-  if (main.model == RowModel::chips && options_.model == RowModel::automatic) {
-    if (!objection_to_chips(std::array{chips_, main.light}).empty()) return {};
-    chips_ = main.light;
-  }
   const std::vector<Blocks> blocks = in_blocks(stored, now.shares.front());
   now.guide = guide_of(blocks, now.lights, now.shares);
   const PictureChange change = picture_change(before_->guide, now.guide);
@@ -289,7 +293,7 @@ std::optional<StreamCleaner::Frame> StreamCleaner::followed(const std::vector<An
   }
   CleaningVerdict verdict = verdict_on(stored, 0, now.lights, now.shares);
   verdict.slow_bands = now.slow_bands;
-  if (!objection_to(verdict).empty()) return {};
+  if (!objection_to(verdict).empty() || !objection_to_lines(main).empty()) return {};
   Frame frame{std::move(stored), {{now.lights}, now.shares, {verdict}, {}, {}}};
   before_ = std::move(now);
   return frame;

@@ -37,6 +37,28 @@ RowRange sharp_rows(const CombinedColumn& column, const RowRange& region, const 
   return rows;
 }
 
+// The longest part of the rows that does not repeat the frame before from row to row within the noise, over more chips
+// than two frames have alike by chance: decoders fill slices that were lost with it. All rows, where all repeat it.
+RowRange fresh_rows(const CombinedColumn& column, std::span<const double> before, std::optional<double> chip,
+                    const RowRange& rows) {
+  if (before.empty() || !chip) return rows;
+  const auto most = static_cast<std::size_t>(kDarkChips * *chip);
+  const double noise = std::isfinite(column.noise) ? column.noise : 0.0;  // one column, which has no weights
+  RowRange fresh{rows.begin, rows.begin};
+  for (std::size_t begin = rows.begin, n = rows.begin, alike = 0; n <= rows.end; ++n) {
+    if (n < rows.end && std::abs(column.signal[n] - before[n]) <= noise) {
+      ++alike;
+      continue;
+    }
+    const bool repeats = alike > most;
+    const std::size_t end = repeats ? n - alike : n;
+    if (end - std::min(end, begin) > fresh.size()) fresh = {begin, end};
+    if (repeats) begin = n;
+    alike = 0;
+  }
+  return fresh.size() > 0 ? fresh : rows;
+}
+
 // A frame as if the picture had these rows alone.
 FrameRows part_of(FrameRows rows, const RowRange& part) {
   const auto cut = [&](const std::vector<double>& values) {
@@ -209,8 +231,9 @@ ChipFrame ChipReceiver::explain(CombinedColumn column, std::int64_t frame, std::
   now.may_be_mean = means_ && frame - last_idle_ == idle_gap_;
   rows.time = history_.frames.back().time = time_of(frame, stamp);
   const auto& learned = history_.profile;
-  const RowRange lit =
-      learned ? learned->rows : sharp_rows(column, region, {.before = dark_before_, .after = dark_after_});
+  const RowRange lit = learned ? learned->rows
+                               : fresh_rows(column, history_.frames.back().before, state_.rows_per_chip,
+                                            sharp_rows(column, region, {.before = dark_before_, .after = dark_after_}));
   rows.first_row = first_row + lit.begin;
   const auto lit_signal = std::span(column.signal).subspan(lit.begin, lit.size());
   rows.signal = learned ? without_profile(column.signal, learned->profile, lit)

@@ -179,18 +179,21 @@ def remove_bands(
 
 
 def _without_lines(done: list[Done], stack: npt.NDArray[Any], camera: Camera, task: Task) -> list[Done]:
-    """The frames, each of its own; those taken for chips as they are if these stand still in all frames, in the rows of
-    such as show none."""
+    """The frames, each of its own; those taken for chips or a tone as they are if these stand still in all frames, in
+    the rows of such as show none."""
     lights = [one.light.lights[0][0] for one in done]
-    chips = [own.model == "chips" for own in lights]
+    of_model = {own.model: own for own in lights}
+    first = of_model.get("tone", of_model.get("chips"))  # tones may be taken for chips
+    if first is None:
+        return done
     means = stack.reshape(*stack.shape[:2], -1).mean(axis=2)
-    rows = [own.light if of_chips else mean for own, of_chips, mean in zip(lights, chips, means, strict=True)]
-    lines = any(chips) and _core.objection_to_chips([of_frame.tolist() for of_frame in rows])
+    rows = [(mean if own.model == "rows" else own.light).tolist() for own, mean in zip(lights, means, strict=True)]
+    lines = _core.objection_to_lines(rows, first.model, first.frequency, camera._handle)
     if not lines:
         return done
     return [
-        _left_alone(stack[k : k + 1], one.light, one.toe, lines, camera, task) if chips[k] else one
-        for k, one in enumerate(done)
+        one if own.model == "rows" else _left_alone(stack[k : k + 1], one.light, one.toe, lines, camera, task)
+        for k, (one, own) in enumerate(zip(done, lights, strict=True))
     ]
 
 

@@ -175,6 +175,8 @@ class _Cleaner:
     _video: VideoCleaner | None = None
     _read: int = 0
     _unsure: list[tuple[int, Frame, CleanedFrames]] = dataclasses.field(default_factory=list)
+    _is_lit: bool = False  # a frame was cleaned
+    _first: tuple[Frame, CleanedFrames] | None = None  # that one, which waits for the next
 
     def frames(self, stored: Iterable[Frame]) -> Iterator[Frame]:
         camera: Camera | None = None
@@ -194,6 +196,8 @@ class _Cleaner:
         if self._stop and not self.facts:
             raise _Unchanged
         if camera is not None:
+            if self._first is not None:
+                yield from self._results([self._first[0]], self._first[1], camera)
             yield from self._decided(camera)
         if waiting and camera is not None:
             yield from self._together(waiting, camera)
@@ -222,6 +226,11 @@ class _Cleaner:
         place = self._read if time is None or not rate else round(time * Fraction(rate))
         self._read += 1
         done = video.push(stack([view]), time=None if time is None else float(time))
+        if self._first is not None:  # one picture does not show that its bands are lines
+            (first, alone), self._first = self._first, None
+            yield from self._results(
+                [first], done if done.unchanged[0].endswith("lines of the picture") else alone, camera
+            )
         if done.unchanged[0]:
             if len(self._unsure) == _WAITING:
                 _, first, rejected = self._unsure.pop(0)
@@ -229,7 +238,10 @@ class _Cleaner:
             self._unsure.append((place, view, done))
             return
         yield from self._decided(camera, lambda then, before: video.again(stack([before]), place - then))
-        yield from self._results([view], done, camera)
+        if self._is_lit:
+            yield from self._results([view], done, camera)
+        else:
+            self._is_lit, self._first = True, (view, done)
 
     def _decided(self, camera: Camera, again: Callable[[int, Frame], CleanedFrames] | None = None) -> Iterator[Frame]:
         """The frames that wait; ``again`` cleans them, by their places, under what a later one has shown."""

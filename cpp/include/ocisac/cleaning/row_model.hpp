@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "ocisac/camera/camera.hpp"
 #include "ocisac/cleaning/column_bundles.hpp"
 #include "ocisac/cleaning/tone_light.hpp"
 
@@ -32,9 +33,11 @@ struct ModelledLight {
 
 ModelledLight find_row_light(const ColumnBundles& picture, RowModel model);
 
-// Why chips are not a light's: those of a light differ from frame to frame by more than a picture moves, and these
-// stand still. Empty else. `frames`: the light of each frame's rows.
-std::string objection_to_chips(std::span<const std::vector<double>> frames);
+// Why the light of the rows of successive frames is none: chips of a light differ from frame to frame by more than a
+// picture moves, and the phase of a tone advances, unless a frame takes a whole number of its cycles. Empty else.
+// `frequency`: of the tone, cycles per row.
+std::string objection_to_lines(std::span<const std::vector<double>> frames, RowModel model, double frequency,
+                               const Camera& camera);
 
 // The light of the rows under a tone.
 ModelledLight light_of(ToneLight tone);

@@ -59,7 +59,9 @@ class StreamCleaner {
 
   std::optional<double> frames_since_last(std::optional<double> time);
   void leave_room(double missing);
-  void keep_chips(SceneLight& light, const StoredScene& stored);
+  // Why the light of a frame's rows is the picture's, or may be; empty: it is none. The next frame's is compared with
+  // it.
+  [[nodiscard]] std::string objection_to_lines(const ModelledLight& light);
   void forget_slow();
   [[nodiscard]] bool compares_with(std::size_t rows) const;
   std::optional<Frame> followed(const std::vector<AnyFramesView>& colours);
@@ -73,7 +75,8 @@ class StreamCleaner {
   StreamOptions options_;
   std::optional<Before> before_;
   EarlierFrames earlier_;                    // while no other light is found
-  std::vector<double> chips_;                // light of the rows of the last frame that seemed to be of chips
+  std::vector<double> lines_;                // light of the rows of the last frame that may be lines of the picture
+  double moving_ = 0;                        // cycles per row of a tone whose phase advanced; 0: none
   std::optional<SlowLight> slow_;            // of the frame before, where it is removed
   std::size_t unlit_ = 0;                    // frames without a light since the last one with it
   bool was_lit_ = false;                     // some frame had a light
