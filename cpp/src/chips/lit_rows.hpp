@@ -15,8 +15,8 @@ struct LitRows {
 
 // Standard deviations that a turn of the light has at least: 300 rows of noise span 6.
 inline constexpr double kTurnErrors = 8;
-// Rows that are dark if as long: times the second longest run of the light; shortest runs, over which two frames are not
-// alike by chance either.
+// Rows that are dark if as long: times the second longest run of the light; shortest runs, over which two frames are
+// not alike by chance either.
 inline constexpr double kDarkRuns = 4, kDarkChips = 16;
 
 // What is known of rows that the lamp does not reach.
