@@ -51,12 +51,17 @@ def absolute(path: str) -> str:
 
     Raises:
         FileError: no name, which would be the working folder's.
+        OSError: what is before a ``..`` is no folder.
     """
     if not path:
         raise FileError("path: got no name, allowed: that of a file or a folder")
     parts = Path(os.path.join(os.getcwd(), path)).parts
     last = max((number for number, part in enumerate(parts, 1) if part == ".."), default=0)
-    return os.path.join(os.path.realpath(os.path.join(*parts[:last])), *parts[last:]) if last else os.path.abspath(path)
+    if not last:
+        return os.path.abspath(path)
+    above = os.path.join(*parts[:last])
+    os.stat(above)  # realpath() takes a missing folder's name away with its ".."
+    return os.path.join(os.path.realpath(above), *parts[last:])
 
 
 def file_system(path: str) -> tuple[Any, str]:
