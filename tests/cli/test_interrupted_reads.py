@@ -63,7 +63,7 @@ def test_a_signal_as_a_read_begins_ends_the_command(film, monkeypatch, tmp_path,
 
 @pytest.mark.parametrize("number", CODES)
 def test_a_signal_as_an_import_ends_ends_the_command(number, capsys, monkeypatch):
-    """In a function that each import calls then, Python ignores what is raised: 4 in 1000 signals during imports."""
+    """In a function that each import calls then, Python ignores what is raised: 5 of 1000 signals in a start-up."""
     monkeypatch.delitem(sys.modules, "colorsys", raising=False)
 
     def entered(frame, event, _):
