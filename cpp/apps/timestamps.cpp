@@ -35,8 +35,8 @@ std::optional<double> milliseconds(std::string_view text) {
 
 }  // namespace
 
-Timestamps::Timestamps(const std::string& path) : path_(path) {
-  if (std::filesystem::is_fifo(path)) open();  // its writer waits for a reader
+Timestamps::Timestamps(const std::string& path) : path_(path), has_writer_(!std::filesystem::is_fifo(path)) {
+  if (!has_writer_) open();  // its writer waits for a reader
 }
 
 Timestamps::~Timestamps() {
@@ -44,15 +44,16 @@ Timestamps::~Timestamps() {
 }
 
 void Timestamps::open() {
-  descriptor_ = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);  // a FIFO waits for its writer, or a signal
-  if (descriptor_ < 0 && !stop_requested()) throw std::system_error(errno, std::generic_category(), path_);
+  // Without waiting: the writer of a FIFO may first open that of the frames, which is opened after this one.
+  descriptor_ = ::open(path_.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  if (descriptor_ < 0) throw std::system_error(errno, std::generic_category(), path_);
   require_no_output("--timestamps", path_);
 }
 
 // A camera that still writes the file may be later with a line than with its frame, and write it in parts.
 bool Timestamps::read_line(std::string& line) {
   const auto first = bytes_.begin();
-  const auto until = std::chrono::steady_clock::now() + kLongestWait;
+  auto until = std::chrono::steady_clock::now() + kLongestWait;
   for (;;) {
     const auto last = first + static_cast<std::ptrdiff_t>(end_), newline = std::find(first, last, '\n');
     if (newline != last) {
@@ -61,14 +62,16 @@ bool Timestamps::read_line(std::string& line) {
       return true;
     }
     require(end_ < bytes_.size(), "--timestamps", path_, "a file with lines of fewer than 4096 characters");
-    if (!wait(until)) break;
     const auto got = ::read(descriptor_, bytes_.data() + end_, bytes_.size() - end_);
+    if (got < 0 && errno != EINTR && errno != EAGAIN) throw std::system_error(errno, std::generic_category(), path_);
+    has_writer_ = has_writer_ || got != 0;
+    if (!has_writer_) until = std::chrono::steady_clock::now() + kLongestWait;
     if (got > 0)
       end_ += static_cast<std::size_t>(got);
-    else if (got == 0)
+    else if (!wait(until) && (has_writer_ || stop_requested()))
+      break;
+    else if (got == 0 && has_writer_)
       std::this_thread::sleep_for(kPause);
-    else if (errno != EINTR && errno != EAGAIN)
-      throw std::system_error(errno, std::generic_category(), path_);
   }
   line.assign(first, first + static_cast<std::ptrdiff_t>(end_));
   end_ = 0;
@@ -76,11 +79,12 @@ bool Timestamps::read_line(std::string& line) {
 }
 
 // Waits for bytes or the end of what is written; false on a stop signal, and after the time.
-bool Timestamps::wait(std::chrono::steady_clock::time_point until) const {
+bool Timestamps::wait(std::chrono::steady_clock::time_point until) {
   const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - std::chrono::steady_clock::now());
   if (stop_requested() || left.count() <= 0) return false;
   std::array<pollfd, 2> waiting{{{descriptor_, POLLIN, 0}, {stop_descriptor(), POLLIN, 0}}};
   const int ready = ::poll(waiting.data(), waiting.size(), static_cast<int>(left.count()));
+  has_writer_ = has_writer_ || waiting[0].revents != 0;  // bytes, or it ended
   return !stop_requested() && ready != 0;
 }
 

@@ -12,13 +12,15 @@ namespace ocisac::apps {
 
 class Timestamps {
  public:
-  // A FIFO is opened at once, a file for the first frame, when a camera that was started at the same time has made it.
+  // A FIFO is opened at once without waiting, a file for the first frame, when a camera that was started at the same
+  // time has made it.
   explicit Timestamps(const std::string& path);
   ~Timestamps();
   Timestamps(const Timestamps&) = delete;
   Timestamps& operator=(const Timestamps&) = delete;
 
-  // Time of the next frame in s; absent if no further line comes within two seconds, or on a stop signal.
+  // Time of the next frame in s; absent if no further line comes within two seconds, which count from the first writer
+  // of a FIFO on, or on a stop signal.
   // `frame_time`: s, to count lost frames; absent: the shortest interval so far. Throws std::invalid_argument for other
   // text, and for times that do not ascend; std::system_error for a file that cannot be read.
   std::optional<double> next(std::optional<double> frame_time);
@@ -29,9 +31,10 @@ class Timestamps {
  private:
   void open();
   bool read_line(std::string& line);
-  bool wait(std::chrono::steady_clock::time_point until) const;
+  bool wait(std::chrono::steady_clock::time_point until);
 
   std::string path_;
+  bool has_writer_;  // false: a FIFO that no writer has opened, which is waited for
   int descriptor_ = -1;
   std::array<char, 4096> bytes_{};  // of the file, up to `end_` after the line that was read last; no line is longer
   std::size_t end_ = 0;

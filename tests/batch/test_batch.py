@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.dataset
 import pytest
 from lamp_recordings import EXPOSURE, LONG, MAX_FRAMES, ROW_TIME, SHORT, lamp
+from matplotlib.figure import Figure
 
 from ocisac_fast.batch import (
     ResultsError,
@@ -447,12 +448,18 @@ def test_the_summary_prints_and_draws(campaign, tmp_path, batch, facts):
     for shown in ("short-01.mkv", "38 with results, 1 failed", "empty file"):
         assert shown in " ".join(out)
     assert (results / "summary.png").stat().st_size > 5000
+    assert batch("--summary", results)[0] == 0
+    Figure().savefig(results / "summary.png")
+    before = (results / "summary.png").read_bytes()
+    assert (batch("--summary", results)[0], (results / "summary.png").read_bytes()) == (2, before)
+    assert batch("--summary", results, "--force")[0] == 0
+    assert (results / "summary.png").read_bytes() != before
     (results / "summary.png").unlink()
     (tmp_path / "mine.txt").write_text("mine")
     (results / "summary.png").symlink_to(tmp_path / "mine.txt")
     code, _, err = batch("--summary", results)
     assert (code, (tmp_path / "mine.txt").read_text()) == (2, "mine")
-    assert err[-1].endswith("which is no picture of it, allowed: --plot FILE")
+    assert err[-1].endswith("which is no picture of it, allowed: --plot FILE, or --force")
     objects = facts("batch", "--summary", results, "--plot", tmp_path / "other.svg")
     assert len(objects) == 39
     assert objects[-1] == {"path": str(tmp_path / "bad.mkv"), "failure": "empty file"}

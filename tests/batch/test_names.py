@@ -4,12 +4,14 @@ import contextlib
 import errno
 import functools
 import http.server
+import io
 import json
 import os
 import shutil
 import socket
 import subprocess
 import sys
+import tarfile
 import threading
 import time
 import zipfile
@@ -244,6 +246,28 @@ def test_a_name_in_an_archive_is_no_address(name, tmp_path, monkeypatch, batch):
     assert read_failures(tmp_path / "o").to_pylist() == [
         {"path": url.format(each), "message": message} for each in sorted(names)
     ]
+
+
+def test_a_name_in_an_archive_like_an_address_needs_no_library(tmp_path, run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "aiohttp", None)
+    remote._bounded.cache_clear()
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.writestr("http://h/a.npy", save(tmp_path / "a.npy").read_bytes())
+    assert run("gain", f"zip://http://h/a.npy::{tmp_path / 'a.zip'}", *WORDS[1:])[0] == 0
+
+
+def test_members_that_are_no_files_are_failures(tmp_path):
+    kinds = {"device": b"3", "pipe": b"6", "loop": b"2", "itself": b"1", "lost": b"2", "file": b"0"}
+    links = {"loop": "loop", "itself": "itself", "lost": "none"}
+    data = save(tmp_path / "a.npy").read_bytes()
+    with tarfile.open(tmp_path / "a.tar", "w") as archive:
+        for name, kind in kinds.items():
+            member = tarfile.TarInfo(name)
+            member.type, member.linkname, member.size = kind, links.get(name, ""), len(data) * (name == "file")
+            archive.addfile(member, io.BytesIO(data))
+    done = measure_recordings(f"tar://*::{tmp_path / 'a.tar'}", GAIN)
+    assert done.progress.finished == 1
+    assert done.failures["message"].to_pylist() == ["no file, nor a link to one"] * 5
 
 
 @pytest.mark.parametrize("kind", ["zip", "tar"])

@@ -529,6 +529,54 @@ def test_what_is_read_is_never_written(run, square, tmp_path, monkeypatch, words
     assert pathlib.Path("b.csv").read_text() == "mine"
 
 
+BY_MISSING_FOLDERS = {
+    "clean": ("clean", "s.png", "none/../s.png", *TESTBED),
+    "a link": ("clean", "s.png", "link.png", *TESTBED),
+    "marks": ("clean", "s.png", "o.png", "--marks", "none/../s.png", *TESTBED),
+    "plot": ("gain", "s.png", *TESTBED, "--frequency", "500", "--plot", "none/../s.png"),
+    "a table of columns": ("gain", "s.png", *TESTBED, "--frequency", "500", "--per-column", "none/../b.csv"),
+    "table": ("gain", "s.png", *TESTBED, "--frequency", "500", "--table", "none/../b.csv"),
+    "transmit": ("transmit", "b.csv", "-o", "none/../b.csv"),
+    "simulate": ("simulate", "--frequency", "500", *TESTBED, "-o", "none/../s.png"),
+    "a file as folder": ("transmit", "b.csv", "-o", "b.csv/../b.csv"),
+    "a new file as folder": ("transmit", "b.csv", "-o", "new.csv/"),
+    "results": ("batch", "s.png", "--workers", "0", "-o", "none/../r", "gain", "--frequency", "500", *TESTBED),
+    "recordings": ("batch", "none/../s.png", "--workers", "0", "-o", "r", "gain", "--frequency", "500", *TESTBED),
+    "a file with a slash": ("batch", "s.png/", "--workers", "0", "-o", "r", "gain", "--frequency", "500", *TESTBED),
+    "a summary": ("batch", "--summary", "none/../r"),
+}
+
+
+@pytest.mark.parametrize("words", BY_MISSING_FOLDERS.values(), ids=BY_MISSING_FOLDERS)
+def test_a_path_through_a_missing_folder_is_refused(run, square, tmp_path, monkeypatch, words):
+    """As by the system: without the text ``none/..`` it would be the name of a file that is read."""
+    square("s.png")
+    monkeypatch.chdir(tmp_path)
+    pathlib.Path("b.csv").write_text("mine")
+    os.symlink("none/../s.png", "link.png")
+    before = {name: pathlib.Path(name).read_bytes() for name in ("s.png", "b.csv")}
+    code, out, err = run(words[0], "--force", *words[1:])
+    assert (code, out, len(err)) == (2, [], 1)
+    assert re.search("[Nn]o such (file or )?directory|Not a directory", err[0])
+    assert before == {name: pathlib.Path(name).read_bytes() for name in before}
+    assert sorted(os.listdir()) == ["b.csv", "link.png", "s.png"]
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("transmit", "--text", "x", "-o", "o.txt"), ".: no such directory to write to"),
+        (("transmit", "{}/none", "-o", "{}/o.txt", "--table", "t.csv"), "working folder: No such file or directory"),
+        (("batch", "{}/s.png", "-o", "{}/r", "gain", "--frequency", "5"), "working folder: No such file or directory"),
+    ],
+)
+def test_a_working_folder_that_was_removed_is_named(run, tmp_path, monkeypatch, words, line):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert run(*(word.format(tmp_path) for word in words)) == (2, [], [f"ocisac: {line}"])
+
+
 TWO_OUTPUTS = {
     "marks": ("clean", "s.png", "m.png", "--marks", "m.png", *TESTBED),
     "a table": ("transmit", "--text", "hello", "-o", "t.csv", "--table", "t.csv"),

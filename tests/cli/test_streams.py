@@ -121,6 +121,25 @@ def test_a_configuration_in_the_working_folder_is_not_read(tmp_path):
     assert (tmp_path / "a.png").stat().st_size > 1000
 
 
+@pytest.mark.parametrize("kind", ["pipe", "device"])
+def test_a_list_of_fonts_without_an_end_is_refused(kind, tmp_path):
+    """That of matplotlib, in the folder of its settings: a pipe was waited for, a device filled memory."""
+    from matplotlib.font_manager import FontManager
+
+    fonts = tmp_path / f"fontlist-v{FontManager.__version__}.json"
+    os.mkfifo(fonts) if kind == "pipe" else fonts.symlink_to("/dev/zero")
+    words = ["lamp", "--exposures", "1/50s,1/100s", "--plot", str(tmp_path / "a.png")]
+    done = subprocess.run(
+        [*OCISAC, *words],
+        env={**os.environ, "MPLCONFIGDIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=30,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30)),
+    )
+    assert (done.returncode, done.stderr) == (2, f"ocisac: {fonts}: a pipe or device, allowed: a file, or none\n")
+
+
 @pytest.mark.parametrize("words", [["info"], ["gain", "b.png", *GAIN], ["clean", "b.png", "c.png"]])
 @pytest.mark.parametrize("form", [[], ["--json"]])
 def test_a_closed_pipe_has_its_exit_code_and_the_work_is_done(words, form, folder):

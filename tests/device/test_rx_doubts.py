@@ -6,6 +6,7 @@ import os
 import resource
 import signal
 import subprocess
+import threading
 import time
 
 import numpy as np
@@ -85,6 +86,28 @@ def test_times_are_waited_for_as_a_camera_writes_them(receiver, packets, tmp_pat
         *lines, last = map(json.loads, program.communicate(timeout=60)[0].splitlines())
     assert [line["time_s"] for line in lines] == [0.0005, 0.0105, 0.0205, 0.0305]
     assert (last["totals"]["frames"], last["totals"]["missing"], program.returncode) == (4, 0, 0)
+
+
+@pytest.mark.parametrize("order", [["frames", "times"], ["times", "frames"]])
+def test_pipes_of_frames_and_times_are_opened_in_any_order(receiver, packets, tmp_path, order):
+    """The writer opens one after the other, each when the receiver has: they waited for each other."""
+    for name in order:
+        os.mkfifo(tmp_path / name)
+    with start(receiver, "--timestamps", tmp_path / "times", tmp_path / "frames", preexec_fn=_heed) as program:
+        arguments = tmp_path, order, packets[: ROWS * COLUMNS]
+        threading.Thread(target=_write_pipes, args=arguments, daemon=True).start()
+        try:
+            out, err = program.communicate(timeout=20)
+        finally:
+            program.kill()
+    assert (json.loads(out.splitlines()[0])["time_s"], program.returncode, err) == (0.005, 0, b"")
+
+
+def _write_pipes(folder, order, frame):
+    with contextlib.ExitStack() as opened:
+        pipes = {name: opened.enter_context((folder / name).open("wb", buffering=0)) for name in order}
+        pipes["frames"].write(frame)
+        pipes["times"].write(b"5\n")
 
 
 @pytest.mark.parametrize(

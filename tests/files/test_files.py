@@ -631,6 +631,9 @@ def test_missing_files_and_directories_are_refused(tmp_path):
         read_frames(tmp_path / "missing.png")
     with pytest.raises(IsADirectoryError):
         read_frames(tmp_path)
+    write_frames(tmp_path / "a.npy", np.zeros((9, 9), np.uint8))
+    with pytest.raises(NotADirectoryError):
+        read_frames(f"{tmp_path / 'a.npy'}/")
 
 
 @pytest.mark.parametrize("suffix", [".mkv", ".mp4"])
@@ -794,10 +797,23 @@ def test_a_file_is_written_with_the_usual_permissions(tmp_path):
     assert (tmp_path / "a.txt").stat().st_mode & 0o777 == 0o640
 
 
-def test_a_link_into_a_missing_folder_names_that_folder(tmp_path):
-    (tmp_path / "link.png").symlink_to("elsewhere/p.png")
-    with pytest.raises(FileNotFoundError, match=r"no such directory to write to: '.*/elsewhere'"):
-        write_frames(tmp_path / "link.png", np.zeros((8, 8), np.uint8))
+@pytest.mark.parametrize(
+    ("target", "missing"),
+    [("none/new.png", "none"), ("none/../p.png", r"none/\.\."), ("p.png/../p.png", r"p\.png/\.\.")],
+)
+@pytest.mark.parametrize("by_link", [False, True])
+def test_a_path_through_a_missing_folder_names_that_folder(tmp_path, target, missing, by_link):
+    """Where the system finds no file, none is replaced; no frame is made."""
+    path = tmp_path / "link.png" if by_link else f"{tmp_path}/{target}"
+    write_frames(tmp_path / "p.png", np.zeros((8, 8), np.uint8))
+    if by_link:
+        path.symlink_to(target)
+    before, frames = (tmp_path / "p.png").read_bytes(), iter([np.ones((8, 8), np.uint8)])
+    error = NotADirectoryError if target.startswith("p.png/") else FileNotFoundError
+    with pytest.raises(error, match=rf"irectory.*: '.*/({missing}|link\.png|{target})'"):
+        write_frames(path, frames)
+    assert len(list(frames)) == 1
+    assert (tmp_path / "p.png").read_bytes() == before
 
 
 def test_what_a_link_points_to_is_written(tmp_path):

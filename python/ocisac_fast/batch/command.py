@@ -172,20 +172,25 @@ def _shown() -> Iterator[Any]:
 
 
 def _is_drawn(path: str) -> bool:
-    """True for a file that may be an earlier picture of a summary."""
+    """True for a picture that this package drew: an earlier one of a summary."""
+    from ocisac_fast.plots.picture import CREATOR
+
     if os.path.islink(path) or not os.path.isfile(path):
         return False
     with open(path, "rb") as file:
         begin = file.read(256)
-    return begin.startswith(b"\x89PNG") and b"Matplotlib" in begin
+    return begin.startswith(b"\x89PNG") and CREATOR.encode() in begin
 
 
 def _summarize(folder: str, plot: str | None, as_json: bool) -> None:
     found = summarize(folder)
     path = plot or (f"{folder.rstrip('/')}/{_SUMMARY}" if Results(folder).is_local else None)
     if path is not None:
-        if plot is None and os.path.lexists(path) and not _is_drawn(path):
-            raise click.UsageError(f"--summary: got {path}, which is no picture of it, allowed: --plot FILE")
+        force = plot is not None or click.get_current_context().params["force"]
+        if os.path.lexists(path) and not (force or _is_drawn(path)):
+            raise click.UsageError(
+                f"--summary: got {path}, which is no picture of it, allowed: --plot FILE, or --force"
+            )
         values, spreads = (np.array([getattr(one, name) for one in found.recordings]) for name in ("value", "spread"))
         draw(path, "plot_recordings", values, spreads, label=found.label, flags=found.flags)
     if as_json:

@@ -64,7 +64,9 @@ def _local(path: str) -> Iterator[Entry]:
     """Files of a path: one that exists is never a pattern, nor are the leading folders of a pattern that exist."""
     whole = absolute(path)
     found: Found = {whole: {}}
-    if os.path.isdir(whole):
+    if os.path.isfile(whole):
+        os.stat(path)  # refuses "file/"
+    elif os.path.isdir(whole):
         found = like(local_listing, whole, ALL_BELOW)
     elif is_pattern(path) and not os.path.lexists(whole):
         root = next(folder for folder in Path(whole).parents if os.path.isdir(folder))  # unlike is_dir(): no error

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import difflib
+import functools
 import importlib
 import os
 import signal
 import sys
+import time
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import click
@@ -40,6 +44,7 @@ _COMMANDS = {
 _ROOM_OF = {"batch": "ocisac_fast.batch.command"}
 
 
+_PAUSE = 0.01  # s
 _COMPLETION = "_OCISAC_COMPLETE"  # variable of click's scripts: bash_source, bash_complete, zsh_source, ...
 
 
@@ -96,7 +101,8 @@ def run(arguments: list[str], command: click.Command = ocisac) -> int:
     """Run a command; errors are one line on standard error. The exit code is that of ``ocisac_fast.cli.main``."""
     warnings.showwarning = _warn
     write_any_text()
-    before = {}
+    before, hook = {}, sys.unraisablehook
+    sys.unraisablehook = functools.partial(_interrupt_again, hook)
     with contextlib.suppress(ValueError):  # not the main thread: no signal handlers
         for number in (signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) == signal.SIG_DFL:  # not under nohup
@@ -104,6 +110,7 @@ def run(arguments: list[str], command: click.Command = ocisac) -> int:
     try:
         return _run(arguments, command)
     finally:
+        sys.unraisablehook = hook
         for number, handler in before.items():
             signal.signal(number, handler)
 
@@ -114,6 +121,21 @@ class _Terminated(KeyboardInterrupt):
 
 def _stop(number: int, _: Any) -> None:
     raise _Terminated(number)
+
+
+def _interrupt_again(usual: Callable[[Any], object], ignored: Any) -> None:
+    """Send a signal again whose exception Python ignores in the function that each import calls at its end."""
+    error = ignored.exc_value
+    if not (isinstance(error, KeyboardInterrupt) and "_get_module_lock" in getattr(ignored.object, "__qualname__", "")):
+        usual(ignored)
+        return
+    number = int(error.args[0]) if error.args else signal.SIGINT
+    _thread.start_new_thread(_send, (number,))  # after this function, in which it would be ignored too
+
+
+def _send(number: int) -> None:
+    time.sleep(_PAUSE)
+    os.kill(os.getpid(), number)
 
 
 def _run(arguments: list[str], command: click.Command) -> int:

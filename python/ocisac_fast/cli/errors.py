@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 
 import click
@@ -23,6 +24,7 @@ def error_text(error: Exception) -> str:
     if isinstance(error, click.ClickException):
         return error.format_message()
     if isinstance(error, OSError):
-        name = f"{error.filename}: " if error.filename is not None else ""
+        working = "working folder: " if error.errno == errno.ENOENT else ""  # of getcwd(), where it was removed
+        name = working if error.filename is None else f"{error.filename}: "
         return name + (error.strerror or str(error))
     return str(error).removesuffix(" or None")  # an option is left out

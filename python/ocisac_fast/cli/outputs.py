@@ -6,6 +6,7 @@ import contextlib
 import os
 import stat
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 import click
@@ -13,7 +14,7 @@ import click
 from ocisac_fast.files.extras import matplotlib
 from ocisac_fast.files.raw import read_whole, standard_input
 from ocisac_fast.files.reading import name_of
-from ocisac_fast.files.recording import naming
+from ocisac_fast.files.recording import FileError, naming
 from ocisac_fast.files.remote import local_part
 from ocisac_fast.files.writing import fixed_outputs
 
@@ -73,10 +74,17 @@ def draw(path: str | None, plot: str, *given: Any, **options: Any) -> None:
 
 
 def import_matplotlib() -> None:
-    """Import it without reading a matplotlibrc of the working folder, which may be a stranger's, or a pipe."""
+    """Import it without reading a matplotlibrc of the working folder, which may be a stranger's, or a pipe.
+
+    Raises:
+        FileError: its list of fonts is a pipe or a device, which would be read without an end.
+    """
     is_there = os.path.lexists("matplotlibrc")
     with contextlib.chdir(_HERE) if is_there else contextlib.nullcontext():
-        matplotlib()
+        cache = matplotlib().get_cachedir()
+    for fonts in Path(cache).glob("fontlist-*.json"):
+        if fonts.exists() and not (fonts.is_file() or fonts.is_dir()):
+            raise FileError(f"{fonts}: a pipe or device, allowed: a file, or none")
 
 
 @contextlib.contextmanager

@@ -112,7 +112,10 @@ def lossless_suffix(path: str | os.PathLike[str], *, raw: str | None = None) -> 
 
 
 def _place(path: str | os.PathLike[str]) -> Path | RemotePath:
-    return RemotePath(os.fspath(path)) if is_remote(os.fspath(path)) else Path(path)
+    if is_remote(os.fspath(path)):
+        return RemotePath(os.fspath(path))
+    os.stat(path)  # refuses "file/", whose slash Path leaves out
+    return Path(path)
 
 
 def _of_file(path: Path | RemotePath, name: str, colour: bool, part: Part | None) -> RecordingStream:

@@ -51,12 +51,17 @@ def absolute(path: str) -> str:
 
     Raises:
         FileError: no name, which would be the working folder's.
+        OSError: what is before a ``..`` is no folder.
     """
     if not path:
         raise FileError("path: got no name, allowed: that of a file or a folder")
     parts = Path(os.path.join(os.getcwd(), path)).parts
     last = max((number for number, part in enumerate(parts, 1) if part == ".."), default=0)
-    return os.path.join(os.path.realpath(os.path.join(*parts[:last])), *parts[last:]) if last else os.path.abspath(path)
+    if not last:
+        return os.path.abspath(path)
+    above = os.path.join(*parts[:last])
+    os.stat(above)  # realpath() takes a missing folder's name away with its ".."
+    return os.path.join(os.path.realpath(above), *parts[last:])
 
 
 def file_system(path: str) -> tuple[Any, str]:
@@ -67,7 +72,8 @@ def file_system(path: str) -> tuple[Any, str]:
     if place != path and os.path.exists(place) and not os.path.isfile(place):  # a device may have no end
         raise FileError(f"path: got {path}, allowed: an archive that is a file")
     with _one_line_errors(path):
-        options = {name: {"client_kwargs": _bounded()} for name in ("http", "https") if f"{name}://" in path}
+        chain = {part.partition("://")[0] for part in path.split("::")}  # a member's name may be like an address
+        options = {name: {"client_kwargs": _bounded()} for name in chain & {"http", "https"}}
         system, inner = fsspec().core.url_to_fs(path, **options)
         system.invalidate_cache()  # of listings: others change what is there
         return system, inner
@@ -110,7 +116,9 @@ def _one_line_errors(url: str) -> Iterator[None]:
     except OSError:
         raise
     except Exception as error:
-        raise OSError(errno.EIO, f"{type(error).__name__}: {error}", url) from error
+        is_no_file = url.startswith("tar:") and isinstance(error, (AttributeError, KeyError, RecursionError))
+        reason = "no file, nor a link to one" if is_no_file else f"{type(error).__name__}: {error}"
+        raise OSError(errno.EIO, reason, url) from error
 
 
 _MARKS = "etag lastmodified mtime modified modify modificationtime modifiedat updated crc sha blobid contentmd5 created"

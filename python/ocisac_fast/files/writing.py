@@ -39,7 +39,8 @@ _places: ContextVar[Mapping[str, _Place]] = ContextVar("places", default=types.M
 class _Place:
     """Where an output goes, fixed when this is made: its folder, whatever the name of that becomes, and its name there.
 
-    Links are followed. What is not a regular file, such as a FIFO or a device, is written to at the end.
+    Links are followed as the system does, by which a ``missing/..`` is no folder: the file that is written is the one
+    that checks of the path see. What is not a regular file, such as a FIFO or a device, is written to at the end.
 
     Raises:
         OSError: a folder, in none, or without write permission.
@@ -54,14 +55,15 @@ class _Place:
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), self.path)
         self.is_file = there is None or stat.S_ISREG(there.st_mode)
         self.is_new = is_new and self.is_file
-        self._folder, self._name = os.path.split(os.path.realpath(path))
-        if not self.is_file:
-            self._folder = tempfile.gettempdir()
+        target = self.path
+        while os.path.islink(target):
+            target = os.path.join(os.path.dirname(target), os.readlink(target))
+        self._folder, self._name = os.path.split(target)
         try:
+            self._folder = (self._folder or os.getcwd()) if self.is_file else tempfile.gettempdir()
             self._descriptor = os.open(self._folder, os.O_DIRECTORY | getattr(os, "O_PATH", os.O_RDONLY))
         except (FileNotFoundError, NotADirectoryError):
-            missing = self._folder if os.path.islink(path) else os.path.dirname(self.path)
-            raise FileNotFoundError(errno.ENOENT, "no such directory to write to", missing or ".") from None
+            raise FileNotFoundError(errno.ENOENT, "no such directory to write to", self._folder or ".") from None
 
     def close(self) -> None:
         os.close(self._descriptor)
