@@ -117,7 +117,7 @@ def error_by_black(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, amb
 def pull_of_black(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, off: Float64s) -> Float64s:
     """What noise that is cut off at black adds to the parameters; ``off``: light of each column without the source."""
     model, dark = fitted.model, camera.dark_level
-    if region.dtype.kind != "u" or camera.tone_curve != "linear":
+    if region.dtype.kind != "u" or camera.tone_curve != "linear" or region.min() > 0:
         return np.zeros_like(fitted.parameters)
     light = np.stack([product(model.design, one) for one in fitted.parameters])
     fine = np.square(np.diff(region.astype(np.float64), 2, axis=1)).mean(axis=1) / 6.0  # noise without what is slow

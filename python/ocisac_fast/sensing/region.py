@@ -319,7 +319,9 @@ def background_light(
     fitted = fit(Columns(region, camera), model)
     columns = fitted.mean.mean(axis=0)
     std = np.sqrt(fitted.noise.mean(axis=0) * model.covariance[0, 0] / len(region))
-    pull = pull_of_black(region, camera, fitted, np.zeros_like(fitted.noise))[:, 0].mean(axis=0)
+    few = slice(None, None, 1 + len(region) // _FEW)
+    some = Fitted(model, fitted.parameters[few], fitted.noise[few], 0.0)
+    pull = pull_of_black(region[few], camera, some, np.zeros_like(some.noise))[:, 0].mean(axis=0)
     # Of a square wave, since clipping of a tone is looked for where the tone shows.
     masks = tone_gain(region, camera, _ANY / camera.row_period, waveform="square").flags
     flags = _shared_flags(masks, Flag.SATURATED)
@@ -537,6 +539,7 @@ def _shared_flags(masks: npt.NDArray[np.uint32], which: Flag) -> Flag:
 
 
 _JUDGED = 64
+_FEW = 4  # frames that tell how much black cuts off
 _ANY = 0.3  # cycles per row of a wave of which all harmonics are above half the row rate
 _RESOLVED = 1e-12  # cycles per row
 _POOLED_FLAGS = Flag.WEAK | Flag.NO_LIGHT | Flag.NEAR_NULL | Flag.FEW_CYCLES | Flag.HARMONICS_DROPPED
