@@ -88,6 +88,35 @@ def test_payloads_come_through_noise_missing_repeated_and_dark_frames(count, noi
     assert receiver.push(rows[:-1]).outcome == "other_shape"
 
 
+def beside_other_light(other, depth, seed):
+    random, tones, camera = np.random.default_rng(seed), [1000.0, 1200.0, 1400.0, 1600.0], Camera(20e-6, 100e-6)
+    symbol = int(random.integers(4))
+    light = 1 + depth * np.cos(2 * np.pi * (tones[symbol] * camera.row_time * np.arange(700) + random.uniform()))
+    if other == "lamp":
+        wave = ocisac.SquareWave(random.uniform(250, 900), phase=random.uniform(0, 6))
+        light += 0.5 * ocisac.integrate_exposure(wave, camera, 700)
+    elif other == "texture":
+        light *= 1 + 0.3 * np.convolve(random.standard_normal(700), np.full(25, 0.2), "same")
+    column = 80 * light + 0.5 * random.standard_normal(700)
+    return symbol, FskReceiver(camera, tones).push(column[:, np.newaxis].astype(np.float32))
+
+
+@pytest.mark.parametrize("other", ["nothing", "lamp", "texture"])
+def test_errors_beside_other_light_are_predicted(other):
+    """A harmonic of a PWM lamp or a texture may look like another tone: the residual is no white noise."""
+    for depth in (0.5, 0.1, 0.03):
+        wrong, predicted, received = 0, 0.0, 0
+        for seed in range(60):
+            symbol, found = beside_other_light(other, depth, seed)
+            if found.symbol is None:
+                continue
+            is_wrong = found.symbol.symbol != symbol
+            assert not is_wrong or np.abs(found.symbol.llr).min() < 8
+            wrong, predicted, received = wrong + is_wrong, predicted + found.symbol.error_rate, received + 1
+        assert wrong <= predicted + 3 * math.sqrt(predicted)
+        assert received == 60 or (other != "nothing" and depth < 0.5)
+
+
 def test_another_packet_of_tones_follows_the_first():
     random, tones, got = np.random.default_rng(1), tones_of(4), []
     receiver = FskReceiver(Camera(ROW_TIME), tones)

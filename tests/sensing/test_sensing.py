@@ -391,6 +391,35 @@ def test_a_light_and_a_texture_on_the_same_pixels():
     assert np.abs(scores).max() < 4
 
 
+@pytest.mark.parametrize(
+    ("levels", "noise", "top", "clipped"),
+    [
+        ((20, 100), 3.0, 255, False),
+        ((0, 3), 3.0, 255, True),
+        ((252, 262), 3.0, 255, True),
+        ((4060, 4150), 30, 4095, True),
+    ],
+)
+def test_a_background_is_flagged_where_its_light_is_clipped(levels, noise, top, clipped):
+    """Where black cuts off noise, that is in the standard error too."""
+    flags, scores = [], []
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        level = random.uniform(*levels)
+        stored = np.rint(level + noise * random.standard_normal((400, 20))).clip(0, top)
+        unlit = stored.astype(np.uint8 if top == 255 else np.uint16)
+        pooled, single = (ocisac.background_light(unlit, camera(), pooled=pooled) for pooled in (True, False))
+        assert pooled.flags == single.flags
+        flags.append(bool(pooled.flags & Flag.SATURATED))
+        scores += [(pooled.mean - level) / pooled.std, *(single.mean - level) / single.std]
+    assert flags == [clipped] * 20
+    assert np.abs(scores).max() < 5 or levels[0] > 200
+    light = ocisac.sense_region(
+        lamp(1, 720, 20, 517.0), camera(), 517.0, background=BackgroundLight(0.0, 0.1, pooled.flags)
+    )
+    assert bool(light.flags & Flag.SATURATED) == clipped
+
+
 def test_background_beside_a_light():
     beside = ocisac.background_light(np.full((720, 12), 40.0) + np.arange(12), camera(), pooled=True)
     assert beside.mean == pytest.approx(45.5)

@@ -145,6 +145,32 @@ def test_a_wrong_frequency_is_flagged():
     np.testing.assert_allclose(found.gain, 0.5, atol=0.01)
 
 
+@pytest.mark.parametrize("noise", [0.5, 2.0])
+@pytest.mark.parametrize("about", [{"drift": 12.0}, {"drift": 24.0}, {"off": 1.5}, {"off": 2.5}, {"off": 5.5}])
+def test_a_tone_out_of_step_with_all_polynomials_is_flagged(about, noise):
+    """There this gain and that of tone_gain are wrong alike."""
+    off = about.get("off", 0.0)
+    for seed in range(10):
+        column = columns_of(720, 80 + 5.37 * seed, 16, drift=about.get("drift", 0.0), noise=noise, seed=seed)
+        found = ocisac.varying_tone_gain(column, Camera(1.0), (80 + 5.37 * seed + off) / 720)
+        wrong = np.abs(found.gain - 0.5) > 5 * found.gain_std
+        assert wrong.mean() > 0.5
+        assert (found.flags[wrong] & Flag.MODEL_MISFIT).mean() > 0.9
+
+
+def test_light_that_no_polynomial_fits_is_no_tone_out_of_step():
+    camera, flagged = Camera(1.0), []
+    along = np.linspace(-1, 1, 720)[:, None]
+    for seed in range(20):
+        lamp = np.exp(-(((along - np.random.default_rng(seed).uniform(-0.3, 0.3)) / 0.6) ** 2))
+        column = lamp * columns_of(720, 40.3 + seed, 16, noise=0.0, seed=seed)
+        column += np.random.default_rng(seed).standard_normal(column.shape)
+        found = ocisac.varying_tone_gain(column, camera, (40.3 + seed) / 720)
+        assert (np.abs(found.gain - 0.5) < 5 * found.gain_std).all()
+        flagged.append((found.flags & Flag.MODEL_MISFIT != 0).mean())
+    assert np.mean(flagged) < 0.01
+
+
 def test_what_cannot_be_told_is_nan_and_flagged():
     camera = Camera(1.0)
     few_rows = ocisac.varying_tone_gain(columns_of(9, 3.0, 3), camera, 1 / 3)

@@ -10,7 +10,10 @@
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/light/exposure_response.hpp"
+#include "ocisac/rows/tone_search.hpp"
 #include "rows/fit.hpp"
+#include "rows/verdict.hpp"
+#include "tones/tone_combination.hpp"
 
 namespace ocisac {
 
@@ -31,12 +34,35 @@ double log_bessel_i0(double x) {
   return std::log(sum) + (is_large ? x - 0.5 * std::log(kTwoPi * x) : 0.0);
 }
 
+// Mean, slope and a tone of these cycles per row, orthonormal.
+Eigen::MatrixXd basis_of(double cycles, std::size_t rows) {
+  return orthogonal_factors(tone_design(centred_rows(rows), std::array{cycles}, 1)).basis;
+}
+
+// Power by which other light would look like a tone of the set, in units of white noise in a row. Its spectrum is that
+// of the rows without the tone and falls as that of a square wave or a texture: from a third of the tone on, where the
+// odd harmonic before it lies, and as far below it as the nearest other tone.
+double power_of_other_light(std::span<const double> signal, double tone, std::span<const double> cycles) {
+  double apart = 0.5;
+  for (const double other : cycles)
+    if (other != tone) apart = std::min(apart, std::abs(other - tone));
+  const std::size_t rows = signal.size(), length = padded_length(rows);
+  const Eigen::MatrixXd rest = beside(basis_of(tone, rows), vector_of(signal));
+  const std::vector<double> power = periodogram(span_of(rest), rows, length);
+  const double least = chance_energy(2) / 2 * noise_floor(power), bins = static_cast<double>(length);
+  double most = 0;
+  for (std::size_t k = 0; k < power.size(); ++k)
+    if (const double at = static_cast<double>(k) / bins;
+        power[k] > least && at >= tone / 3 - 1 / static_cast<double>(rows) && at <= tone - apart)
+      most = std::max(most, power[k] * std::pow(at / tone, 2));
+  return most;
+}
+
 // (2·tones) × rows: each tone's cosine and sine, orthonormal to mean, slope and each other.
 std::vector<double> directions_of(const Camera& camera, std::span<const double> tones, std::size_t rows) {
   std::vector<double> weights;
   for (const double tone : tones) {
-    const Eigen::MatrixXd basis =
-        orthogonal_factors(tone_design(centred_rows(rows), std::array{tone * camera.row_time}, 1)).basis;
+    const Eigen::MatrixXd basis = basis_of(tone * camera.row_time, rows);
     weights.insert(weights.end(), basis.col(2).data(), basis.data() + basis.size());
   }
   return weights;
@@ -78,8 +104,10 @@ void check_tones(const Camera& camera, std::span<const double> tones) {
 
 FskDemodulator::FskDemodulator(const Camera& camera, std::span<const double> tones, std::size_t rows)
     : bits_(static_cast<std::size_t>(std::countr_zero(tones.size()))), weights_(weights_of(camera, tones, rows)) {
-  for (const double tone : tones)
+  for (const double tone : tones) {
+    cycles_.push_back(tone * camera.row_time);
     responses_.push_back(std::max(camera.exposure ? std::abs(sinc(tone * *camera.exposure)) : 1.0, kMinResponse));
+  }
 }
 
 FskSymbol FskDemodulator::demodulate(std::span<const double> signal, std::optional<double> amplitude) const {
@@ -97,10 +125,13 @@ FskSymbol FskDemodulator::demodulate(std::span<const double> signal, std::option
   const auto longest = static_cast<std::size_t>(std::ranges::max_element(lengths) - lengths.begin());
   const auto rows = static_cast<double>(signal.size());
   const double left = seen.squares[0] - lengths[longest] * lengths[longest];
-  const double variance = std::max(left / (rows - 4), 1e-24 * seen.squares[0] + 1e-300);
-  const auto energy = [&](std::size_t m) { return std::max(lengths[m] * lengths[m] / (2 * variance) - 1, 0.0); };
+  const double white = std::max(left / (rows - 4), 1e-24 * seen.squares[0] + 1e-300),
+               variance = std::max(white, power_of_other_light(signal, cycles_[longest], cycles_));
   const double scale = std::sqrt(rows / 2);
-  const double light = amplitude.value_or(std::sqrt(2 * variance * energy(longest)) / scale / responses_[longest]);
+  const auto amplitude_of = [&](std::size_t m) {
+    return std::sqrt(std::max(lengths[m] * lengths[m] - 2 * white, 0.0)) / scale;
+  };
+  const double light = amplitude.value_or(amplitude_of(longest) / responses_[longest]);
 
   FskSymbol result;
   for (std::size_t m = 0; m < tones; ++m) {
@@ -113,10 +144,10 @@ FskSymbol FskDemodulator::demodulate(std::span<const double> signal, std::option
   const double highest = *best;
   for (double& value : result.log_likelihoods) value -= highest;
   result.llr = soft_bits(result.log_likelihoods, bits_);
-  result.snr = energy(result.symbol);
+  result.snr = std::max(std::pow(lengths[result.symbol], 2) / (2 * variance) - 1, 0.0);
   result.error_rate = fsk_symbol_error_rate(tones, result.snr);
-  result.amplitude = std::sqrt(2 * variance * result.snr) / scale;
-  result.noise = std::sqrt(variance);
+  result.amplitude = amplitude_of(result.symbol);
+  result.noise = std::sqrt(white);
   return result;
 }
 

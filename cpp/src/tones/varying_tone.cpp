@@ -19,6 +19,7 @@
 #include "rows/fit.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
+#include "tones/tone_combination.hpp"
 
 namespace ocisac {
 
@@ -54,6 +55,7 @@ struct Plan {
   MatrixXd weights;     // (3·terms + 3 × rows)
   MatrixXd covariance;  // of the parameters, for noise of variance 1
   MatrixXd basis;       // (rows × parameters of the model), orthonormal
+  MatrixXd further;     // the fundamental times further polynomials, beside the basis: cosines, then sines, orthonormal
   // For passes over stored samples: the basis transposed, and what tone_gain's weights have beside it; parameters =
   // of_sums (3·terms + 3 × outputs)·sums.
   std::optional<RowWeights> sums;
@@ -89,6 +91,22 @@ void add_places(Plan& plan) {
     return plan.polynomials.cwiseProduct(plan.polynomials * block).rowwise().sum();
   };
   plan.of_cosine = covariance(1, 1), plan.of_both = covariance(1, 2), plan.of_sine = covariance(2, 2);
+}
+
+// Twice as many polynomials as places, or those by which rows and cycles tell the tone from slow light and from its
+// mirror image.
+void add_further(Plan& plan, double cycles_per_row) {
+  const Index rows = plan.basis.rows();
+  const double slowest = std::abs(std::remainder(cycles_per_row, 1.0)), apart = std::min(slowest, 0.5 - slowest),
+               terms = std::min(2.0 * kPlaces, 2 * apart * static_cast<double>(rows) - 1);
+  const Index more = static_cast<Index>(terms) - plan.terms;
+  if (more <= 0 || 2 * (plan.basis.cols() + 2 * more) > rows) return;
+  const MatrixXd waves = tone_design(centred_rows(static_cast<std::size_t>(rows)), {{cycles_per_row}}, 0,
+                                     static_cast<std::size_t>(terms) - 1);
+  MatrixXd added(rows, 2 * more);
+  added << waves.middleCols(1 + plan.terms, more), waves.rightCols(more);
+  const OrthogonalFactors factors = orthogonal_factors(beside(plan.basis, added));
+  plan.further = factors.basis * factors.triangle.diagonal().cwiseSign().asDiagonal();
 }
 
 void plan_sums(Plan& plan) {
@@ -146,6 +164,7 @@ Plan make_plan(std::size_t rows, double cycles_per_row, int degree, const ToneGa
   plan.weights << fit.weights.transpose(), steady.weights.transpose();
   plan.covariance = product(plan.weights, plan.weights.transpose());
   add_places(plan);
+  add_further(plan, cycles_per_row);
   plan_sums(plan);
   return plan;
 }
@@ -210,6 +229,22 @@ void judge(const Plan& plan, const Vector& parameters, double noise, double back
   result.gain_std[index] = gain_std;
   result.bias[index] = bias;
   result.bias_std[index] = bias_std;
+}
+
+// True if the model leaves more of a column's tone, a quarter of a cycle off its phase, than noise, and as much as
+// would raise the gain by more than its standard error and a tenth, which a picture's content may: it is out of step by
+// more than the terms follow. `squares`: all that is left; `unit`: amplitude of gain 1.
+bool is_out_of_step(const Plan& plan, std::span<const double> column, const Vector& parameters, double squares,
+                    double unit, double gain, double gain_std) {
+  const Index more = plan.further.cols() / 2;
+  if (more == 0) return false;
+  const Eigen::VectorXd sums = transposed_product(plan.further, vector_of(column));
+  const double cosine = parameters(plan.terms), sine = parameters(2 * plan.terms),
+               noise = (squares - sums.squaredNorm()) / (plan.freedom() - static_cast<double>(2 * more)),
+               across = (cosine * sums.tail(more) - sine * sums.head(more)).norm() / std::hypot(cosine, sine),
+               missing = std::sqrt(2 / static_cast<double>(column.size())) * across / unit;
+  return across * across > chance_energy(static_cast<std::size_t>(more)) * noise &&
+         std::hypot(gain, missing) > gain + std::max({gain_std, kSmallShare * gain, kEqual});
 }
 
 // Parameters (3·terms + 3 × columns) and squares of what is left of the columns.
@@ -281,14 +316,29 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
     const ToneCurve& curve = camera.tone_curve;
     if (curve.kind != ToneCurve::Kind::linear || !fit_stored(plan, frames, frame, first, curve.dark_level, fitted))
       fit_light(plan, frames, frame, first, curve, fitted);
+    const std::size_t start = frame * shape.columns + first;
     for (std::size_t i = 0; i < count; ++i) {
-      const std::size_t index = frame * shape.columns + first + i;
+      const std::size_t index = start + i;
       const double ambient = background.empty() ? 0 : background.size() == 1 ? background[0] : background[index];
       const double noise = fitted.squares[i] / plan.freedom();
       result.flags[index] = (steady.flags[index] & ~flag::weak) | plan.flags;
       judge(plan, fitted.parameters.col(static_cast<Index>(i)), noise, ambient, ratio, steady.gain[index],
             steady.gain_std[index], result, index);
     }
+    const auto flag_out_of_step = [&](std::size_t i) {
+      const bool is = is_out_of_step(
+          plan, column_signals(frames, frame, first + i, 1, curve), fitted.parameters.col(static_cast<Index>(i)),
+          fitted.squares[i], result.mean[start + i] * ratio, result.gain[start + i], result.gain_std[start + i]);
+      result.flags[start + i] |= flag_if(is, flag::model_misfit);
+      return is;
+    };
+    // The strongest tone tells whether the others are looked at.
+    const auto level = [&](std::size_t i) { return std::fmax(result.gain[start + i] * result.mean[start + i], 0); };
+    std::size_t strongest = 0;
+    for (std::size_t i = 1; i < count; ++i)
+      if (level(i) > level(strongest)) strongest = i;
+    if (flag_out_of_step(strongest))
+      for (std::size_t i = 0; i < count; ++i) flag_out_of_step(i);
   });
   return result;
 }

@@ -67,7 +67,8 @@ class Flag(Named):
     """``tone_gain``: harmonics of the strongest columns fit neither waveform nor exposure (a tone curve that was not
     stated, bloom), another tone is within a cycle per frame, light is below the dark level, or the gain is above that
     of any light: |sinc(f T_e)|, and without an exposure a fundamental of twice the mean. ``varying_tone_gain``: light
-    or tone vary along the column, and the gain of ``tone_gain`` is biased by more than its standard error.
+    or tone vary along the column, and the gain of ``tone_gain`` is biased by more than its standard error; or both
+    gains are, since the tone is far out of step with the stated frequency.
     ``Receiver``: what is left of the rows is no noise, or the chips violate the line code; the bits are less sure than
     they seem. ``receive``: rows are not read one after another at even times, or chips are missing; bits may be
     wrong."""

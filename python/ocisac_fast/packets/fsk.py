@@ -67,7 +67,7 @@ class FskSymbol(Result):
         symbol: index of the most likely tone.
         log_likelihoods: (tones,) ln p(rows | tone), maximum 0.
         llr: (bits,) ln P(1)/P(0) of the symbol's bits, nats, the most significant first.
-        snr: symbol energy over noise density, a plain ratio.
+        snr: symbol energy over the density of noise and of other light at the tone, a plain ratio.
         error_rate: theoretical symbol error rate at that ratio.
         amplitude: of the tone in the rows, in their unit.
         noise: standard deviation of a row.
@@ -124,6 +124,10 @@ def fsk_demodulate(
     With r_m the length of the projection on tone m and e_m the one expected,
     ln p(rows | m) = ln I0(e_m r_m / noise^2) - e_m^2 / (2 noise^2) + const,
     e_m = amplitude |sinc(f_m T_e)| sqrt(rows / 2).
+
+    noise^2 is the variance that the strongest tone leaves, or the power that a PWM lamp or a texture is expected to
+    have there, if that is more: what is left from a third of the tone's frequency on, falling with the frequency's
+    square.
 
     Args:
         column: (rows,) linear light.

@@ -170,7 +170,7 @@ def fsk_demodulate(
     """Index of the most likely tone and ln p(rows | tone), maximum 0.
 
     Mean, slope, cosine and sine are fitted for each tone; r² is the energy explained beyond mean and slope. The noise
-    is the residual of the strongest tone. I0 is computed from its integral.
+    is the residual of the strongest tone, without the search for other light. I0 is computed from its integral.
     """
     rows = np.asarray(column, dtype=float)
     count = len(rows)

@@ -274,6 +274,10 @@ def varying_tone_gain(
                 mask |= Flag.WEAK
             if abs(bias) > max(4 * bias_std, steady.gain_std[index], 1e-9):
                 mask |= Flag.MODEL_MISFIT
+            across, more, left = _out_of_step(y, design, cycles, found, terms)
+            missing = np.sqrt(2 * across / rows) / (mean * ratio)
+            if across > _chance_energy(more) * left and np.hypot(gain, missing) > gain + max(std, 0.1 * gain, 1e-9):
+                mask |= Flag.MODEL_MISFIT
             results[(slice(None), *index)] = gain, std, mean, bias, bias_std
         masks[index] = int(mask)
     return _result(results, masks)
@@ -301,6 +305,33 @@ def _design(rows: int, cycles: float, harmonics: Sequence[int], degree: int) -> 
         angle = _phase(h * cycles, u)[:, None]
         parts += [polynomials * np.cos(angle), polynomials * np.sin(angle)]
     return np.hstack(parts)
+
+
+def _out_of_step(y: Float64s, design: Float64s, cycles: float, found: Float64s, terms: int) -> tuple[float, int, float]:
+    """Energy of the fundamental times further polynomials that the design leaves, a quarter of a cycle off the
+    fundamental's phase; how many, 0 where they are not told apart; and the variance of a row that is left."""
+    rows, parameters = design.shape
+    apart = min(abs((cycles + 0.5) % 1.0 - 0.5), 0.5 - abs((cycles + 0.5) % 1.0 - 0.5))
+    every = int(min(16, 2 * apart * rows - 1))
+    more = every - terms
+    if more <= 0 or 2 * (parameters + 2 * more) > rows:
+        return 0.0, 1, 0.0
+    waves = _design(rows, cycles, [1], every - 1)[:, every:]
+    added = np.hstack([waves[:, terms:every], waves[:, every + terms :]])
+    basis = np.linalg.qr(design)[0]
+    rest = y - basis @ (basis.T @ y)
+    own, triangle = np.linalg.qr(added - basis @ (basis.T @ added))
+    sums = np.sign(np.diag(triangle)) * (own.T @ rest)
+    left = (rest @ rest - sums @ sums) / (rows - parameters - 2 * more)
+    cosine, sine = found[[terms, 2 * terms]]
+    across = (cosine * sums[more:] - sine * sums[:more]) / np.hypot(cosine, sine)
+    return float(across @ across), more, float(left)
+
+
+def _chance_energy(count: int) -> float:
+    """Energy of so many noise terms of variance 1 that chance exceeds once in a million (Wilson and Hilferty)."""
+    spread = 2 / (9 * count)
+    return float(count * (1 - spread + 4.8 * np.sqrt(spread)) ** 3)
 
 
 def _amplitude(found: Float64s, covariance: Float64s, terms: int) -> tuple[float, Float64s]:

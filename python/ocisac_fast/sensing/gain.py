@@ -102,23 +102,28 @@ def _ambient_variance(by_mean: Float64s, ambient: Ambient) -> float:
 
 def error_by_black(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, ambient: Ambient) -> float:
     """Error of the gain by noise that is cut off at black, from the light of some columns of some frames."""
-    if region.dtype.kind != "u" or camera.tone_curve != "linear":
-        return 0.0
-    model, dark = fitted.model, camera.dark_level
     frames, columns = (
         slice(None, None, 1 + size // most) for size, most in zip(fitted.noise.shape, _JUDGED, strict=True)
     )
-    parameters, noise = fitted.parameters[frames, :, columns], fitted.noise[frames, columns]
+    some = Fitted(fitted.model, fitted.parameters[frames, :, columns], fitted.noise[frames, columns], 0.0)
     off = np.broadcast_to(ambient.mean, fitted.noise.shape)[frames, columns]
-    light = np.stack([product(model.design, one) for one in parameters])
-    stored = region[frames, :, columns]
-    fine = np.square(np.diff(stored.astype(np.float64), 2, axis=1)).mean(axis=1) / 6.0  # noise without what is slow
-    deviation = np.sqrt(np.maximum(np.minimum(noise, fine) - 1.0 / 12.0, 1e-4))
-    lost = np.where(stored == 0, lost_at_black(light + dark, deviation[:, None], off[:, None] + dark), 0.0)
-    more = np.stack([product(model.weights, one) for one in lost])
+    true = dataclasses.replace(
+        some, parameters=some.parameters - pull_of_black(region[frames, :, columns], camera, some, off)
+    )
     steady = Ambient(off, np.zeros(()), shared=True)
-    gains = [pooled_gain(Fitted(model, one, noise, 0.0), steady).gain for one in (parameters, parameters - more)]
-    return abs(gains[1] - gains[0])
+    return abs(pooled_gain(true, steady).gain - pooled_gain(some, steady).gain)
+
+
+def pull_of_black(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, off: Float64s) -> Float64s:
+    """What noise that is cut off at black adds to the parameters; ``off``: light of each column without the source."""
+    model, dark = fitted.model, camera.dark_level
+    if region.dtype.kind != "u" or camera.tone_curve != "linear" or region.min() > 0:
+        return np.zeros_like(fitted.parameters)
+    light = np.stack([product(model.design, one) for one in fitted.parameters])
+    fine = np.square(np.diff(region.astype(np.float64), 2, axis=1)).mean(axis=1) / 6.0  # noise without what is slow
+    deviation = np.sqrt(np.maximum(np.minimum(fitted.noise, fine) - 1.0 / 12.0, 1e-4))
+    lost = np.where(region == 0, lost_at_black(light + dark, deviation[:, None], off[:, None] + dark), 0.0)
+    return np.stack([product(model.weights, one) for one in lost])
 
 
 def is_rounded(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, ambient: Ambient, gain: PooledGain) -> bool:

@@ -33,7 +33,15 @@ from ocisac_fast.sensing.fit import (
     with_harmonics_above_noise,
     with_tones_shaped_by_light,
 )
-from ocisac_fast.sensing.gain import Ambient, contrast_range, error_by_black, is_rounded, over_frames, pooled_gain
+from ocisac_fast.sensing.gain import (
+    Ambient,
+    contrast_range,
+    error_by_black,
+    is_rounded,
+    over_frames,
+    pooled_gain,
+    pull_of_black,
+)
 from ocisac_fast.sensing.kind import Kind, kind_of, motion_facts, seen_by
 from ocisac_fast.sensing.motion import KnownMotion
 from ocisac_fast.tones.frequency import find_frequency
@@ -50,11 +58,14 @@ class BackgroundLight(Result):
 
     Attributes:
         mean: DN above dark; one value, or (columns,).
-        std: its standard error, of the same shape.
+        std: its standard error, of the same shape; it includes the noise that black cuts off.
+        flags: SATURATED if light is clipped at black, at white or at another level in a tenth of the columns or more;
+            then the mean is wrong by what was cut off. :func:`sense_region` passes them on.
     """
 
     mean: Float64s
     std: Float64s
+    flags: Flag = Flag(0)  # noqa: RUF009, a constant
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
@@ -263,6 +274,8 @@ def measure(
     # The rows show the frequency of a light; that of a texture in a pixel is another one.
     timing = camera if kind == "light" else dataclasses.replace(camera, exposure=None)
     flags |= gains.pop("flags") | theory_flags | _column_flags(region, timing, fitted, tones, request)
+    if isinstance(background, BackgroundLight):
+        flags |= background.flags
     reading = max(region.shape[1] * camera.row_period, camera.exposure or 0.0)
     if len(region) > 1 and camera.frame_time is not None and camera.frame_time < reading:
         flags |= Flag.MODEL_MISFIT  # frames that are given twice, or a frame time that is wrong
@@ -303,14 +316,20 @@ def background_light(
     fitted = fit(Columns(region, camera), model)
     columns = fitted.mean.mean(axis=0)
     std = np.sqrt(fitted.noise.mean(axis=0) * model.covariance[0, 0] / len(region))
+    few = slice(None, None, 1 + len(region) // _FEW)
+    some = Fitted(model, fitted.parameters[few], fitted.noise[few], 0.0)
+    pull = pull_of_black(region[few], camera, some, np.zeros_like(some.noise))[:, 0].mean(axis=0)
+    # Of a square wave, since clipping of a tone is looked for where the tone shows.
+    masks = tone_gain(region, camera, _ANY / camera.row_period, waveform="square").flags
+    flags = _shared_flags(masks, Flag.SATURATED)
     if not pooled:
-        return BackgroundLight(columns, std)
+        return BackgroundLight(columns, np.hypot(std, pull), flags)
     spread = columns.std(ddof=1) / np.sqrt(columns.size) if columns.size > 1 else std[0]
     even = np.full((len(region), 1, columns.size), 1.0 / columns.size)
     rows = np.stack(list(Columns(region, camera).across(even)))  # whose noise the columns may share
     shared = fit(Columns(rows, Camera(1.0)), model).noise.mean() * model.covariance[0, 0] / len(region)
-    spread = max(spread, np.sqrt(shared))
-    return BackgroundLight(np.asarray(columns.mean()), np.asarray(spread))
+    spread = np.hypot(max(spread, np.sqrt(shared)), pull.mean())
+    return BackgroundLight(np.asarray(columns.mean()), np.asarray(spread), flags)
 
 
 def check_size(frames: npt.NDArray[Any], camera: Camera) -> None:
@@ -499,17 +518,25 @@ def _column_flags(
     masks = tone_gain(columns, timing, every, waveform=waveform, duty=request.duty).flags[0]
     if not tones:
         masks = masks | varying_tone_gain(columns, timing, frequency, waveform=waveform, duty=request.duty).flags
-    flags = Flag(0)
-    for bit in Flag:
-        share = np.count_nonzero(masks & bit) / masks.size
-        if bit not in _POOLED_FLAGS and share >= (0.1 if bit == Flag.SATURATED else 0.5):
-            flags |= bit
+    flags = _shared_flags(masks, ~_POOLED_FLAGS)
     pooled = tone_gain(region, timing, every, waveform=waveform, duty=request.duty, pooled=True).flags[0]
     if 2 * np.count_nonzero(pooled & Flag.QUANTISED) >= pooled.size:
         flags |= Flag.QUANTISED
     return flags
 
 
+def _shared_flags(masks: npt.NDArray[np.uint32], which: Flag) -> Flag:
+    """Those of some flags that half of the columns have; SATURATED a tenth."""
+    flags = Flag(0)
+    for bit in Flag:
+        share = np.count_nonzero(masks & bit & which) / masks.size
+        if share >= (0.1 if bit == Flag.SATURATED else 0.5):
+            flags |= bit
+    return flags
+
+
 _JUDGED = 64
+_FEW = 4  # frames that tell how much black cuts off
+_ANY = 0.3  # cycles per row of a wave of which all harmonics are above half the row rate
 _RESOLVED = 1e-12  # cycles per row
 _POOLED_FLAGS = Flag.WEAK | Flag.NO_LIGHT | Flag.NEAR_NULL | Flag.FEW_CYCLES | Flag.HARMONICS_DROPPED

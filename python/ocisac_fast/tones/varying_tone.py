@@ -28,7 +28,8 @@ class VaryingToneGain(Result):
         bias: gain of :func:`ocisac_fast.tone_gain` minus this one.
         bias_std: standard error of ``bias`` under the assumptions of ``tone_gain``.
         flags: uint32 masks of :class:`ocisac_fast.Flag`; MODEL_MISFIT if ``bias`` is above four ``bias_std`` and above
-            the standard error of ``tone_gain``.
+            the standard error of ``tone_gain``, or if the tone is out of step with the polynomials too, so that both
+            gains are wrong.
     """
 
     gain: Float64s

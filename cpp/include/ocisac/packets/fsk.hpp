@@ -18,7 +18,7 @@ struct FskSymbol {
   std::size_t symbol = 0;               // index of the most likely tone
   std::vector<double> log_likelihoods;  // (tones) ln p(rows | tone), maximum 0
   std::vector<double> llr;              // (bits) ln P(1)/P(0), nats, of the symbol's bits, the most significant first
-  double snr = 0;                       // symbol energy over noise density, E_s/N_0
+  double snr = 0;                       // symbol energy over density of noise and other light, E_s/N_0
   double error_rate = 0;                // of symbols: noncoherent orthogonal tones at that ratio
   double amplitude = 0;                 // of the tone in the rows, in their unit
   double noise = 0;                     // standard deviation of a row
@@ -31,6 +31,8 @@ void check_tones(const Camera& camera, std::span<const double> tones);
 // the rows' projection on tone m (cosine and sine, freed of mean and slope) and e_m the one expected,
 //
 //   ln p(rows | m) = ln I₀(e_m·r_m/σ²) − e_m²/(2σ²) + const,   e_m = amplitude·|sinc(f_m·T_e)|·√(rows/2)
+//
+// σ² is the variance of what the strongest tone leaves, or the power of other light there, if that is more.
 //
 // Tones are orthogonal where they lie apart by multiples of 1/(rows·row_time).
 class FskDemodulator {
@@ -45,6 +47,7 @@ class FskDemodulator {
 
  private:
   std::size_t bits_ = 0;
+  std::vector<double> cycles_;     // (tones) per row
   std::vector<double> responses_;  // (tones) |sinc(f·T_e)|, at least kMinResponse
   RowWeights weights_;             // (mean, slope, then two a tone): orthonormal
 };
