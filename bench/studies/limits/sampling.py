@@ -157,7 +157,7 @@ def _two(bins: float) -> tuple[Scene, Scene, npt.NDArray[np.uint8]]:
     fails_by=0.05,
     good=0.01,
     flags=Flag.MODEL_MISFIT,
-    silent=(0.03, 0.1, 2.3),
+    silent=(0.03, 0.1),
 )
 def _unknown_neighbour() -> Iterator[Point]:
     for bins in (0.03, 0.1, 0.3, 0.5, 0.7, 1.0, 1.5, 2.3, 3.5, 5.4):
