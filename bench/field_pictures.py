@@ -78,7 +78,7 @@ SHEETS: dict[str, tuple[tuple[str, Draw], ...]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Read:
-    """What was read of a case."""
+    """A case as it was read."""
 
     title: str
     pixels: npt.NDArray[np.uint8]  # its frame SHOWN

@@ -261,7 +261,7 @@ def test_ribs_that_stand_still_are_the_pictures(shape: str, share: float) -> Non
 def test_a_tone_at_the_same_rows_is_a_light_if_a_frame_takes_whole_cycles(
     frame_time: float | None, is_light: bool
 ) -> None:
-    """Of 250 Hz, as of a display; without a frame time nobody knows."""
+    """A display flickers at 250 Hz; the camera's frame time decides."""
     camera, light = Camera(1e-4, frame_time=frame_time), 1 + 0.6 * np.cos(2 * np.pi * 250 * 1e-4 * np.arange(ROWS))
     picture = albedo(3, ROWS, COLUMNS)
     cleaner = VideoCleaner(camera)

@@ -516,11 +516,17 @@ OUTPUT_OF_INPUT = {
 }
 
 
-@pytest.mark.parametrize("words", OUTPUT_OF_INPUT.values(), ids=OUTPUT_OF_INPUT)
-def test_what_is_read_is_never_written(run, square, tmp_path, monkeypatch, words):
+@pytest.fixture
+def own_files(square, tmp_path, monkeypatch):
+    """A picture s.png and a file b.csv in the working folder."""
     square("s.png")
     monkeypatch.chdir(tmp_path)
     pathlib.Path("b.csv").write_text("mine")
+
+
+@pytest.mark.usefixtures("own_files")
+@pytest.mark.parametrize("words", OUTPUT_OF_INPUT.values(), ids=OUTPUT_OF_INPUT)
+def test_what_is_read_is_never_written(run, words):
     os.symlink("b.csv", "link.csv")
     words = (*words[:1], "--force", *words[1:])
     code, _, err = run(*words)
@@ -547,12 +553,10 @@ BY_MISSING_FOLDERS = {
 }
 
 
+@pytest.mark.usefixtures("own_files")
 @pytest.mark.parametrize("words", BY_MISSING_FOLDERS.values(), ids=BY_MISSING_FOLDERS)
-def test_a_path_through_a_missing_folder_is_refused(run, square, tmp_path, monkeypatch, words):
+def test_a_path_through_a_missing_folder_is_refused(run, words):
     """As by the system: without the text ``none/..`` it would be the name of a file that is read."""
-    square("s.png")
-    monkeypatch.chdir(tmp_path)
-    pathlib.Path("b.csv").write_text("mine")
     os.symlink("none/../s.png", "link.png")
     before = {name: pathlib.Path(name).read_bytes() for name in ("s.png", "b.csv")}
     code, out, err = run(words[0], "--force", *words[1:])

@@ -119,14 +119,15 @@ SceneLight with_shares(const StoredScene& scene, std::vector<ColourLights> light
 // Why the lights of the frames' first colour are lines of the picture; empty where some have none. Tones may be taken
 // for chips.
 std::string objection_to_lines_of(std::span<const ColourLights> lights, const Camera& camera) {
-  ModelledLight first = lights.front().of(0);
+  const ModelledLight* main = &lights.front().of(0);
   std::vector<Values> frames;
   for (const ColourLights& frame : lights) {
-    if (frame.of(0).model == RowModel::rows) return {};
-    if (frame.of(0).model == RowModel::tone) first.model = RowModel::tone, first.frequency = frame.of(0).frequency;
-    frames.push_back(frame.of(0).light);
+    const ModelledLight& own = frame.of(0);
+    if (own.model == RowModel::rows) return {};
+    if (own.model == RowModel::tone) main = &own;
+    frames.push_back(own.light);
   }
-  return objection_to_lines(frames, first.model, first.frequency, camera);
+  return objection_to_lines(frames, main->model, main->frequency, camera);
 }
 
 // The shares of the colours are alike but for a factor.

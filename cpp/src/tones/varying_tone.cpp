@@ -325,20 +325,18 @@ VaryingToneGain varying_tone_gain(const AnyFramesView& frames, const Camera& cam
       judge(plan, fitted.parameters.col(static_cast<Index>(i)), noise, ambient, ratio, steady.gain[index],
             steady.gain_std[index], result, index);
     }
-    const auto flag_out_of_step = [&](std::size_t i) {
-      const bool is = is_out_of_step(
-          plan, column_signals(frames, frame, first + i, 1, curve), fitted.parameters.col(static_cast<Index>(i)),
-          fitted.squares[i], result.mean[start + i] * ratio, result.gain[start + i], result.gain_std[start + i]);
-      result.flags[start + i] |= flag_if(is, flag::model_misfit);
-      return is;
+    const auto is_misfit = [&](std::size_t i) {
+      return is_out_of_step(plan, column_signals(frames, frame, first + i, 1, curve),
+                            fitted.parameters.col(static_cast<Index>(i)), fitted.squares[i],
+                            result.mean[start + i] * ratio, result.gain[start + i], result.gain_std[start + i]);
     };
     // The strongest tone tells whether the others are looked at.
     const auto level = [&](std::size_t i) { return std::fmax(result.gain[start + i] * result.mean[start + i], 0); };
     std::size_t strongest = 0;
     for (std::size_t i = 1; i < count; ++i)
       if (level(i) > level(strongest)) strongest = i;
-    if (flag_out_of_step(strongest))
-      for (std::size_t i = 0; i < count; ++i) flag_out_of_step(i);
+    if (is_misfit(strongest))
+      for (std::size_t i = 0; i < count; ++i) result.flags[start + i] |= flag_if(is_misfit(i), flag::model_misfit);
   });
   return result;
 }

@@ -56,7 +56,7 @@ Jobs = tuple[Job, ...]
 
 @dataclass(frozen=True)
 class Report:
-    """What came of a job."""
+    """Result of a job."""
 
     job: Job
     frames: int = 0  # measured
@@ -68,7 +68,7 @@ class Report:
 
 @dataclass(frozen=True)
 class Work:
-    """What is the same for all jobs."""
+    """Settings that all jobs share."""
 
     task: Task
     folder: str | None  # of the results; None: tables are in the reports

@@ -41,7 +41,7 @@ def measure_recording(path: str, task: Task, *, cleaned: str | None = None) -> A
 
 @dataclass(frozen=True)
 class Start:
-    """What all stretches of a recording share: estimates from its first frames, its hash."""
+    """Estimates from a recording's first frames, and its hash, which all its stretches share."""
 
     light: Any  # of gain; None for other commands
     scan_axis: str

@@ -115,7 +115,7 @@ def error_by_black(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, amb
 
 
 def pull_of_black(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, off: Float64s) -> Float64s:
-    """What noise that is cut off at black adds to the parameters; ``off``: light of each column without the source."""
+    """Error of the parameters by noise that black cuts off; ``off``: light of each column without the source."""
     model, dark = fitted.model, camera.dark_level
     if region.dtype.kind != "u" or camera.tone_curve != "linear" or region.min() > 0:
         return np.zeros_like(fitted.parameters)

@@ -319,7 +319,7 @@ def background_light(
     few = slice(None, None, 1 + len(region) // _FEW)
     some = Fitted(model, fitted.parameters[few], fitted.noise[few], 0.0)
     pull = pull_of_black(region[few], camera, some, np.zeros_like(some.noise))[:, 0].mean(axis=0)
-    # Of a square wave, since clipping of a tone is looked for where the tone shows.
+    # A tone's clipping is sought only where the tone shows, a square wave's everywhere.
     masks = tone_gain(region, camera, _ANY / camera.row_period, waveform="square").flags
     flags = _shared_flags(masks, Flag.SATURATED)
     if not pooled:
