@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Predicted error rates against wrong chips, over random draws of all that goes wrong outside a laboratory at once.
 
-A draw is a lamp that repeats a packet, filmed in FRAMES frames by `simulate_frames`: mains hum and a PWM lamp, texture,
-tilt, a round spot, rise and fall, jitter of the frames' starts, clock error, noise, an exposure of 0.5 to 6 chips that
-is given, given wrong, or not given; every second one has two or three at once of what cameras and cheap senders do. Every
-chip has its log-likelihood ratio L and with it the error rate 1 / (1 + exp(|L|)); by decades of it, the share of wrong
-chips is compared with the mean predicted rate. Chips are numbered by the frame's own clock; a frame may be a chip early or
-late as a whole, the choice that the phase leaves.
+A draw is a lamp that repeats a packet, filmed in FRAMES frames by `simulate_frames`: mains hum and a PWM lamp,
+texture, tilt, a round spot, rise and fall, jitter of the frames' starts, clock error, noise, an exposure of 0.5 to 6
+chips that is given, given wrong, or not given; every second one has two or three at once of what cameras and cheap
+senders do. Every chip has its log-likelihood ratio L and with it the error rate 1 / (1 + exp(|L|)); by decades of it,
+the share of wrong chips is compared with the mean predicted rate. Chips are numbered by the frame's own clock; a
+frame may be a chip early or late as a whole, the choice that the phase leaves.
 
 --check: exit status 1 for a wrong payload; with rates, also for a decade whose share is not within a factor of two of
 the predicted rate.

@@ -1,4 +1,4 @@
-"""Told error rates: what bench/calibration.py counts."""
+"""Predicted error rates: what bench/calibration.py counts."""
 
 from __future__ import annotations
 
