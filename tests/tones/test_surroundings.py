@@ -97,6 +97,21 @@ def test_harmonics_that_are_not_those_of_the_square_wave_stated_are_flagged(duty
         assert not read(background=4 * np.linspace(0.6, 1, 32)).flags.any()
 
 
+@pytest.mark.parametrize("duty", [0.5, 0.3])
+def test_square_waves_of_other_phases_side_by_side_are_no_other_waveform(duty):
+    frequency, random = 700.0, np.random.default_rng(8)
+    camera = Camera(ROW_TIME, exposure=0.1 / frequency)
+    phases = random.uniform(0, 2 * np.pi, 40)
+    light = [integrate_exposure(SquareWave(frequency, duty=duty, phase=phase), camera, 720) for phase in phases]
+    pixels = stored(10 + 180 * np.transpose(light), random)
+    for options in ({}, {"method": "robust"}):
+        found = ocisac.tone_gain(pixels, camera, frequency, waveform="square", duty=duty, background=26, **options)
+        assert not found.flags.any()
+        assert np.all(abs(found.gain - np.sinc(0.1)) < 5 * found.gain_std)
+        wrong = ocisac.tone_gain(pixels, camera, frequency, waveform="square", duty=duty - 0.1, **options)
+        assert (wrong.flags & Flag.MODEL_MISFIT != 0).all()
+
+
 def test_what_is_no_tone_beside_the_light_changes_nothing():
     """A lamp in part of the rows, a gradient, a drifting lamp: their sidebands are not fitted, nothing is flagged."""
     row = np.linspace(-1, 1, ROWS)[:, None]

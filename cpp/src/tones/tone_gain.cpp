@@ -779,7 +779,8 @@ std::vector<FittedLight> lights_of(const Context& context) {
   return lights;
 }
 
-// Mean of up to 16 neighbouring columns about that with the strongest tone, without saturated ones; empty if all are.
+// Mean of up to 16 neighbouring columns of one phase about that with the strongest tone, without saturated ones; empty
+// if all are. Phases that differ leave the mean with harmonics that no column has.
 PooledColumn strongest_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
                                const ToneGainView& result) {
   const std::size_t columns = context.shape.columns, start = index_of(context, 0, frame);
@@ -794,9 +795,16 @@ PooledColumn strongest_columns(const AnyFramesView& frames, const Context& conte
       first = i;
     }
   if (first == columns) return {};
+  const auto phase_std = [&](std::size_t i) { return result.gain_std[i] / result.gain[i]; };
+  const std::size_t strongest = start + first;
+  const auto belongs = [&](std::size_t column) {
+    const std::size_t i = start + column;
+    return is_usable(column) && std::abs(std::remainder(result.phase[i] - result.phase[strongest], kTwoPi)) <
+                                    kSure * std::hypot(phase_std(i), phase_std(strongest));
+  };
   std::size_t end = first + 1;
-  while (end - first < kSome && (is_usable(end) || (first > 0 && is_usable(first - 1))))
-    if (is_usable(end))
+  while (end - first < kSome && (belongs(end) || (first > 0 && belongs(first - 1))))
+    if (belongs(end))
       ++end;
     else
       --first;
