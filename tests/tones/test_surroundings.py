@@ -112,6 +112,23 @@ def test_square_waves_of_other_phases_side_by_side_are_no_other_waveform(duty):
         assert (wrong.flags & Flag.MODEL_MISFIT != 0).all()
 
 
+@pytest.mark.parametrize("method", ["fit", "robust"])
+def test_columns_of_another_waveform_beside_right_ones_are_flagged(method):
+    """Merged exposures show what the long one clips in a column or two at their levels of the short one."""
+    frequency, wrong = 700.0, [40, 52]
+    camera = Camera(ROW_TIME, exposure=0.33 / frequency, dark_level=16)
+    for seed in range(10):
+        random = np.random.default_rng(seed)
+        light = integrate_exposure(SquareWave(frequency, phase=random.uniform(0, 2 * np.pi)), camera, 1080)[:, None]
+        level = 45 * light * np.linspace(1, 0.8, 64)
+        level[:, wrong] = np.where(light > 0.9, 20, 60 * light)
+        pixels = stored(level, random, noise=0.7)
+        found = ocisac.tone_gain(pixels, camera, frequency, waveform="square", method=method)
+        is_wrong = np.isin(np.arange(64), wrong)
+        assert (found.flags[is_wrong] & Flag.MODEL_MISFIT != 0).all()
+        assert not (found.flags[~is_wrong] & Flag.MODEL_MISFIT).any()
+
+
 def test_what_is_no_tone_beside_the_light_changes_nothing():
     """A lamp in part of the rows, a gradient, a drifting lamp: their sidebands are not fitted, nothing is flagged."""
     row = np.linspace(-1, 1, ROWS)[:, None]

@@ -779,6 +779,40 @@ std::vector<FittedLight> lights_of(const Context& context) {
   return lights;
 }
 
+// Columns `first` to `end`, of one weight.
+PooledColumn mean_column(const AnyFramesView& frames, const Context& context, std::size_t frame, std::size_t first,
+                         std::size_t end) {
+  const double share = 1 / static_cast<double>(end - first);
+  double background = 0;
+  for (std::size_t i = first; i < end; ++i) background += share * background_of(context, frame, i);
+  const auto part =
+      part_of(frame_of(frames, frame), {.x = first, .y = 0, .width = end - first, .height = context.shape.rows});
+  return {weighted_rows(part, 0, context.camera->tone_curve, std::vector<double>(end - first, share)), background};
+}
+
+// The usable column of a frame with the largest value_of(index), without `flags`; the number of columns if there is
+// none.
+template <typename ValueOf>
+std::size_t largest_column(const Context& context, std::size_t frame, const ToneGainView& result, Flags flags,
+                           ValueOf value_of) {
+  const std::size_t start = index_of(context, 0, frame);
+  double most = 0;
+  std::size_t largest = context.shape.columns;
+  for (std::size_t column = 0; column < context.shape.columns; ++column) {
+    if (result.flags[start + column] & flags) continue;
+    if (const double value = value_of(start + column); value > most) {
+      most = value;
+      largest = column;
+    }
+  }
+  return largest;
+}
+
+// Level of the tone, relative to others of one frame.
+auto level_of(const ToneGainView& result) {
+  return [&](std::size_t i) { return result.gain[i] * result.mean[i]; };
+}
+
 // Mean of up to 16 neighbouring columns of one phase about that with the strongest tone, without saturated ones; empty
 // if all are. Phases that differ leave the mean with harmonics that no column has.
 PooledColumn strongest_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
@@ -787,20 +821,15 @@ PooledColumn strongest_columns(const AnyFramesView& frames, const Context& conte
   const auto is_usable = [&](std::size_t column) {
     return column < columns && !(result.flags[start + column] & kUnusable);
   };
-  double most = -1;
-  std::size_t first = columns;
-  for (std::size_t i = 0; i < columns; ++i)
-    if (const double level = result.gain[start + i] * result.mean[start + i]; is_usable(i) && level > most) {
-      most = level;
-      first = i;
-    }
+  std::size_t first = largest_column(context, frame, result, kUnusable, level_of(result));
   if (first == columns) return {};
   const auto phase_std = [&](std::size_t i) { return result.gain_std[i] / result.gain[i]; };
   const std::size_t strongest = start + first;
   const auto belongs = [&](std::size_t column) {
     const std::size_t i = start + column;
-    return is_usable(column) && std::abs(std::remainder(result.phase[i] - result.phase[strongest], kTwoPi)) <
-                                    kSure * std::hypot(phase_std(i), phase_std(strongest));
+    return is_usable(column) &&
+           std::abs(std::remainder(result.phase[i] - result.phase[strongest], kTwoPi)) <
+               std::max(kNextToNone * kTwoPi, kSure * std::hypot(phase_std(i), phase_std(strongest)));
   };
   std::size_t end = first + 1;
   while (end - first < kSome && (belongs(end) || (first > 0 && belongs(first - 1))))
@@ -808,12 +837,7 @@ PooledColumn strongest_columns(const AnyFramesView& frames, const Context& conte
       ++end;
     else
       --first;
-  const double share = 1 / static_cast<double>(end - first);
-  double background = 0;
-  for (std::size_t i = first; i < end; ++i) background += share * background_of(context, frame, i);
-  const auto part =
-      part_of(frame_of(frames, frame), {.x = first, .y = 0, .width = end - first, .height = context.shape.rows});
-  return {weighted_rows(part, 0, context.camera->tone_curve, std::vector<double>(end - first, share)), background};
+  return mean_column(frames, context, frame, first, end);
 }
 
 // A column's fit of all oscillations, and what it leaves.
@@ -895,6 +919,22 @@ void flag_misfit(const Surroundings& around, std::size_t first, std::size_t coun
     if (all || biases(around.distortion, result, i)) result.flags[i] |= flag::model_misfit;
 }
 
+// Flags columns of another waveform beside right ones, those with the most noise first: what the model does not hold is
+// in their noise.
+void flag_noisy_columns(const AnyFramesView& frames, const Context& context, std::size_t frame,
+                        const ToneGainView& result) {
+  const std::size_t start = index_of(context, 0, frame), none = context.shape.columns;
+  const auto noise = [&](std::size_t i) { return noise_of(result, i); };
+  const std::size_t strongest = largest_column(context, frame, result, kUnusable, level_of(result));
+  while (true) {
+    const std::size_t noisiest = largest_column(context, frame, result, kUnusable | flag::model_misfit, noise);
+    if (noisiest == none || noise(start + noisiest) < (1 + kSmallShare) * noise(start + strongest)) return;
+    const auto fit = ColumnFit::of(context, mean_column(frames, context, frame, noisiest, noisiest + 1).signal);
+    if (!fit || !biases(distortion_of(*fit, context), result, start + noisiest)) return;
+    result.flags[start + noisiest] |= flag::model_misfit;
+  }
+}
+
 void check_frame(const AnyFramesView& frames, const Context& context, std::size_t frame, const ToneGainView& result) {
   const auto around = surroundings_of(context, strongest_columns(frames, context, frame, result));
   if (!around.tones.empty()) {
@@ -904,6 +944,7 @@ void check_frame(const AnyFramesView& frames, const Context& context, std::size_
   }
   for (std::size_t tone = 0; tone < context.tones.size(); ++tone)
     flag_misfit(around, index_of(context, tone, frame), context.shape.columns, result);
+  flag_noisy_columns(frames, context, frame, result);
 }
 
 // Flags columns whose gain another waveform biases: the fit has room for harmonics that are not there.
@@ -913,6 +954,7 @@ void check_waveform(const AnyFramesView& frames, const Context& context, std::si
   Surroundings around;
   if (column) around.distortion = distortion_of(*column, context);
   flag_misfit(around, index_of(context, 0, frame), context.shape.columns, result);
+  flag_noisy_columns(frames, context, frame, result);
 }
 
 // Corrects value `i` of the result, in which the fit shows a square wave with its tied harmonics; false where these
