@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 
 namespace ocisac {
@@ -39,6 +40,23 @@ std::optional<std::span<const std::uint8_t>> chip_period(std::span<const std::ui
     if (rises_in(bits.first(period)) < 2 && std::ranges::equal(bits.subspan(period), bits.first(bits.size() - period)))
       return bits.first(period);
   return std::nullopt;
+}
+
+bool are_periodic(std::span<const std::uint8_t> bits) {
+  if (chip_period(bits)) return true;
+  double places = 0, changes = 0;
+  const auto first = static_cast<std::size_t>(std::ranges::find(bits, 1) - bits.begin());
+  for (std::size_t k = 0; k < bits.size(); ++k) {
+    if (k % 2 != first % 2) {
+      if (bits[k]) return false;
+      continue;
+    }
+    places += 1;
+    changes += k >= 2 && bits[k] != bits[k - 2];
+  }
+  const auto log_factorial = [](double n) { return std::lgamma(n + 1) / std::numbers::ln2; };
+  const double ways = log_factorial(places - 1) - log_factorial(changes) - log_factorial(places - 1 - changes);
+  return places - ways - std::log2(places) >= kSurelyPeriodic;
 }
 
 std::optional<ChannelEstimate> with_shortest_exposure(ChannelEstimate channel, std::span<const std::uint8_t> bits) {

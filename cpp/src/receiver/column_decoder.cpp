@@ -257,7 +257,7 @@ void fill(Received& received, Decoded decoded, std::optional<double> exposure_ro
   received.detection = std::move(decoded.detection);
   rate_chips(received);
   if (decoded.uneven) received.flags |= flag::model_misfit;
-  if (chip_period(received.detection.bits)) received.flags |= flag::periodic;
+  if (are_periodic(received.detection.bits)) received.flags |= flag::periodic;
   if (exposure_rows && *exposure_rows > kLongestSliced * received.rows_per_chip) received.flags |= flag::long_exposure;
 }
 

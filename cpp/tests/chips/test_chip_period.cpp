@@ -56,6 +56,24 @@ TEST_CASE("dark chips beyond a lamp that fades do not hide its period") {
   CHECK(period_of(bits) == 3);
 }
 
+TEST_CASE("a lamp that comes and goes along the rows is periodic, pulses with data are not") {
+  auto bits = repeated({0, 1}, 74);
+  for (std::size_t k = 41; k < 51; ++k) bits[k] = 0;
+  for (std::size_t k = 0; k < 11; ++k) bits[k] = bits[73 - k] = 0;
+  CHECK(period_of(bits) == 0);
+  CHECK(ocisac::are_periodic(bits));
+  bits[20] = 1;
+  CHECK(!ocisac::are_periodic(bits));
+  std::mt19937 random(4);
+  int pulses = 0;
+  for (int draw = 0; draw < 1000; ++draw) {
+    Bits data(2 * (8 + random() % 40));
+    for (std::size_t k = 0; k < data.size(); k += 2) data[k] = random() & 1U;
+    pulses += ocisac::are_periodic(data);
+  }
+  CHECK(pulses < 20);
+}
+
 TEST_CASE("random bits have no period") {
   std::mt19937 random(3);
   std::bernoulli_distribution even;
