@@ -44,7 +44,7 @@ std::optional<std::span<const std::uint8_t>> chip_period(std::span<const std::ui
 
 bool are_periodic(std::span<const std::uint8_t> bits) {
   if (chip_period(bits)) return true;
-  double places = 0, changes = 0;
+  double places = 0, changes = 0, run = 0, longest = 0;
   const auto first = static_cast<std::size_t>(std::ranges::find(bits, 1) - bits.begin());
   for (std::size_t k = 0; k < bits.size(); ++k) {
     if (k % 2 != first % 2) {
@@ -53,10 +53,12 @@ bool are_periodic(std::span<const std::uint8_t> bits) {
     }
     places += 1;
     changes += k >= 2 && bits[k] != bits[k - 2];
+    run = bits[k] ? run + 1 : 0;
+    longest = std::max(longest, run);
   }
   const auto log_factorial = [](double n) { return std::lgamma(n + 1) / std::numbers::ln2; };
   const double ways = log_factorial(places - 1) - log_factorial(changes) - log_factorial(places - 1 - changes);
-  return places - ways - std::log2(places) >= kSurelyPeriodic;
+  return longest >= kSurelyPeriodic && places - ways - std::log2(places) >= kSurelyPeriodic;
 }
 
 std::optional<ChannelEstimate> with_shortest_exposure(ChannelEstimate channel, std::span<const std::uint8_t> bits) {

@@ -17,8 +17,8 @@ namespace ocisac {
 std::optional<std::span<const std::uint8_t>> chip_period(std::span<const std::uint8_t> bits);
 
 // True for bits with a period, also where a lamp comes and goes along the rows: bright chips are every second one, in
-// stretches. Of n such places, c changes from a dark place to a bright one or back have a probability of
-// n·C(n − 1, c)/2^n at most in pulses with data, which may be 1/64 at most.
+// stretches, of six or more once. Of n such places, c changes from a dark place to a bright one or back have a
+// probability of n·C(n − 1, c)/2^n at most in pulses with data, which may be 1/64 at most.
 bool are_periodic(std::span<const std::uint8_t> bits);
 
 // Channel of the shortest exposure that shows chips of the given bits in the same rows. With s_E the mean of chips of

@@ -64,6 +64,9 @@ TEST_CASE("a lamp that comes and goes along the rows is periodic, pulses with da
   CHECK(ocisac::are_periodic(bits));
   bits[20] = 1;
   CHECK(!ocisac::are_periodic(bits));
+  Bits few(110);
+  few[20] = few[22] = few[60] = few[80] = 1;
+  CHECK(!ocisac::are_periodic(few));
   std::mt19937 random(4);
   int pulses = 0;
   for (int draw = 0; draw < 1000; ++draw) {
