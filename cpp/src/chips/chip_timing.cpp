@@ -188,13 +188,6 @@ double description_length(const ChipLattice& lattice, std::span<const double> di
          - 0.3 * edges * std::log(chip);  // prefers the slower lattice
 }
 
-// Code length of chips of a whole number of rows, less likely the better they are known: such are the camera's groups
-// of rows, the blocks of a codec and rounded edges.
-double length_of_whole_rows(const ChipLattice& lattice) {
-  const double chip = lattice.clock.rows_per_chip, off = std::abs(chip - std::nearbyint(chip));
-  return -std::log(std::clamp(2 * std::max(off, lattice.rows_per_chip_std), 0.0, 1.0));
-}
-
 // Alternates rounding of edges to chips and fitting.
 std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
   std::vector<double> chips(edges.rows.size()), distance(chips.size());
@@ -222,7 +215,7 @@ std::optional<ChipTiming> settle(const Edges& edges, ChipLattice lattice) {
   return ChipTiming{centred(lattice),
                     residual,
                     0,
-                    description_length(lattice, distance, used, runs, collisions) + length_of_whole_rows(lattice),
+                    description_length(lattice, distance, used, runs, collisions),
                     std::numeric_limits<double>::infinity(),
                     {}};
 }
