@@ -304,6 +304,34 @@ def test_a_lamp_behind_rain_is_received():
     until_payload(Receiver(light.camera, chip_rate=CHIP_RATE), map(frame, range(16)), bytes(range(60)))
 
 
+@pytest.mark.parametrize(("line_code", "longest"), [("manchester", 2), ("4b6b", 4), ("8b10b", 5)])
+@pytest.mark.parametrize(("top", "bottom"), [(0, 432), (24, 456), (48, 480)])
+def test_dark_rows_that_end_a_lamp_are_no_chips(line_code, longest, top, bottom):
+    """They are fewer than a run of chips that stand still, and more than the line code has."""
+    packets = PacketFormat(line_code=line_code)
+    read = 0
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        rate = 1 / (random.uniform(4, 7) * 22.2e-6)
+        camera = Camera(22.2e-6, 0.5 / rate, 1 / 30)
+        sent = transmit(random.bytes(12), format=packets).chips
+        light = integrate_exposure(Chips(sent, rate, repeat=True), camera, 480, frames=6)
+        light[:, :top] = light[:, bottom:] = 0
+        noise = random.normal(0, 2, (6, 480, 40))
+        receiver = Receiver(camera, chip_rate=rate, format=packets)
+        for pixels in np.clip(np.rint(10 + 100 * light[:, :, None] + noise), 0, 255).astype(np.uint8):
+            found = receiver.push(pixels)
+            if not found.bits or found.flags:
+                continue
+            read += 1
+            chips, errors = "".join(map(str, sent)) * 3, []
+            for begin in range(len(sent)):
+                window = chips[begin : begin + len(found.bits)]
+                errors.append(sum(a != b for a, b in zip(found.bits, window, strict=True)))
+            assert min(errors) <= longest * ((top > 0) + (bottom < 480))
+    assert read > 24
+
+
 @pytest.mark.parametrize(("share", "veil"), [(0.3, 0.06), (0.4, 0.12), (0.3, 0.0)])
 def test_a_lamp_in_a_veil_of_its_light_is_read_in_its_own_rows(share, veil):
     """Beside another lamp, 36 rows above, where there is no veil."""

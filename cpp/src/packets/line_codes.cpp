@@ -114,6 +114,24 @@ LineCode LineCode::of_table(std::span<const std::string> words) {
   return {static_cast<std::size_t>(std::countr_zero(count)), words[0].size(), table, table};
 }
 
+std::size_t LineCode::longest_run() const {
+  std::size_t inside = 0;
+  std::array<std::size_t, 2> first{}, last{};  // of dark chips, of bright ones
+  for (const auto* words : {&at_minus_, &at_plus_})
+    for (const std::uint32_t word : *words) {
+      const auto is_bright = [&](std::size_t chip) { return word >> (chips_per_word_ - 1 - chip) & 1U; };
+      for (std::size_t begin = 0, end = 0; begin < chips_per_word_; begin = end) {
+        while (end < chips_per_word_ && is_bright(end) == is_bright(begin)) ++end;
+        const std::size_t run = end - begin;
+        if (run == chips_per_word_) return std::numeric_limits<std::size_t>::max();
+        inside = std::max(inside, run);
+        if (begin == 0) first[is_bright(0)] = std::max(first[is_bright(0)], run);
+        if (end == chips_per_word_) last[is_bright(begin)] = std::max(last[is_bright(begin)], run);
+      }
+    }
+  return std::max({inside, first[0] + last[0], first[1] + last[1]});
+}
+
 std::vector<std::uint8_t> LineCode::encode(std::span<const std::uint8_t> bits) const {
   require(bits.size() % bits_per_word_ == 0, "bits", std::to_string(bits.size()) + " bits",
           "whole words of " + std::to_string(bits_per_word_) + " bits");

@@ -108,6 +108,22 @@ bool is_mostly_right(const FrameReading& reading) {
          expected_errors(reliable_llr(reading)) < kNextToNone * chips;
 }
 
+// Without dark chips at either end of the rows that are more than the line code has in a row: the lamp does not reach
+// there, its sender pauses, or a preamble is cut.
+void drop_dark_ends(FrameReading& reading, std::size_t rows, std::size_t longest) {
+  const std::vector<std::uint8_t> bits = whole_bits(reading, rows);
+  const auto before = static_cast<std::size_t>(std::ranges::find(bits, 1) - bits.begin()),
+             after = static_cast<std::size_t>(std::find(bits.rbegin(), bits.rend(), 1) - bits.rbegin());
+  if (before == bits.size()) return;
+  const std::ptrdiff_t first = whole_chips(reading, rows).first - reading.first;
+  const std::ptrdiff_t begin = before > longest ? first + static_cast<std::ptrdiff_t>(before) : 0,
+                       end = after > longest ? first + std::ssize(bits) - static_cast<std::ptrdiff_t>(after)
+                                             : std::ssize(reading.llr);
+  for (std::vector<double>* values : {&reading.llr, &reading.excess})
+    *values = std::vector<double>(values->begin() + begin, values->begin() + end);
+  reading.first += begin;
+}
+
 // A reading's chips that lie whole in the rows, and its channel.
 void describe(const FrameReading& reading, const FrameRows& rows, const RowReader& reader, ReceivedFrame& result) {
   const ChannelEstimate& channel = reading.channel;
@@ -429,6 +445,7 @@ void ChipReceiver::count_chips(ChipFrame& frame) {
 
 void ChipReceiver::place(ChipFrame& frame) {
   if (!frame.reading) return lose(frame);
+  drop_dark_ends(*frame.reading, frame.rows.signal.size(), reader_.options().format.line_code.longest_run());
   const FrameReading& reading = *frame.reading;
   describe(reading, frame.rows, reader_, frame.result);
   frame.repeats = repeats_last(frame.result);

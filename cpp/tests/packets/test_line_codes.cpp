@@ -1,8 +1,10 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <cstdlib>
+#include <limits>
 #include <map>
 #include <numbers>
 #include <set>
@@ -76,6 +78,16 @@ TEST_CASE("8b10b: runs of five chips at most, running disparity within one, word
     }
   }
   CHECK(first.size() == 256);
+}
+
+TEST_CASE("no more chips than the longest run are equal") {
+  CHECK(ocisac::LineCode::named("manchester").longest_run() == 2);
+  CHECK(ocisac::LineCode::named("4b6b").longest_run() == 4);
+  CHECK(ocisac::LineCode::named("8b10b").longest_run() >= 5);
+  CHECK(ocisac::LineCode::named("8b10b").longest_run() <= 6);
+  const std::array<std::string, 2> pulses = {"1000", "0010"};
+  CHECK(ocisac::LineCode::of_table(pulses).longest_run() == 5);
+  CHECK(ocisac::LineCode::named("none").longest_run() == std::numeric_limits<std::size_t>::max());
 }
 
 TEST_CASE("words that a code does not have are violations, however weak the light") {

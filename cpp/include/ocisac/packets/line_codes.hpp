@@ -31,6 +31,9 @@ class LineCode {
   [[nodiscard]] std::size_t chips_per_word() const { return chips_per_word_; }
   [[nodiscard]] std::size_t chips_per_byte() const { return 8 / bits_per_word_ * chips_per_word_; }
 
+  // No more equal chips than these follow each other; the largest number for a code that has words of equal chips.
+  [[nodiscard]] std::size_t longest_run() const;
+
   // `bits`: whole words of 0 and 1. Gives chips, 1 = bright.
   [[nodiscard]] std::vector<std::uint8_t> encode(std::span<const std::uint8_t> bits) const;
 
