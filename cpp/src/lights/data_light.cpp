@@ -209,14 +209,16 @@ std::optional<RefinedLight> find_data_light(const LitFrame& frame, const Suspect
   const Profile waveform = waveform_of(patch, length);
   const auto edges = edges_of(waveform.matched);
   if (edges.size() < kMinEdges || !(waveform.energy > 0)) return {};
-  const double lower = suspect.frequency * (1 - kFirstReach);
-  const double upper = std::min(suspect.frequency * (1 + kFirstReach), 0.499);
   const auto tone = only_tone(waveform.matched);
-  const double frequency = tone ? *tone : strongest_frequency(waveform.matched, lower, upper);
-  const bool at_bound = !tone && (frequency <= lower || frequency >= upper);
-  const double error = at_bound
-                           ? 0.5 * (upper - lower)
-                           : jackknife_std(waveform.matched, frequency, static_cast<double>(box.height) * frequency);
+  double frequency = tone.value_or(suspect.frequency), error = 0;
+  for (int round = 0; round < kMaxIterations && error == 0; ++round) {
+    const double lower = frequency * (1 - kFirstReach), upper = std::min(frequency * (1 + kFirstReach), 0.499);
+    if (!tone) frequency = strongest_frequency(waveform.matched, lower, upper);
+    if (lower < frequency && frequency < upper)
+      error = jackknife_std(waveform.matched, frequency, static_cast<double>(box.height) * frequency);
+    else if (round + 1 == kMaxIterations)
+      error = 0.5 * (upper - lower);
+  }
   RefinedLight light = light_of(waveform, patch, box, frequency, error, common_share(waveform));
   light.periodic = largest_periodic_share(waveform.matched, frequency);
   light.chance = chance_of(waveform.matched);

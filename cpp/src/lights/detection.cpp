@@ -34,8 +34,15 @@ double phase_spread(const RefinedLight& weak, const RefinedLight& strong) {
   return kTwoPi * std::abs(middle(weak) - middle(strong)) * strong.frequency_std + 0.3;
 }
 
+// A faint light in few rows may be a mixture of reflections: it has another frequency where its rows tell both apart.
+bool may_be_mixed(const RefinedLight& weak, const RefinedLight& strong) {
+  return flux(weak) < kNextToNone * flux(strong) &&
+         std::abs(weak.frequency - strong.frequency) * static_cast<double>(weak.box.height) < kMostly;
+}
+
 bool is_reflection(const RefinedLight& weak, const RefinedLight& strong) {
-  if (!same_frequency(weak, strong) || flux(weak) > kMostly * flux(strong)) return false;
+  if (!same_frequency(weak, strong) && !may_be_mixed(weak, strong)) return false;
+  if (flux(weak) > kMostly * flux(strong)) return false;
   const double spread = phase_spread(weak, strong);
   const double apart =
       std::remainder(weak.phase - strong.phase + kTwoPi * middle(weak) * (weak.frequency - strong.frequency), kTwoPi);
