@@ -82,12 +82,30 @@ class WordScores {
   std::vector<double> low_, high_;
 };
 
+std::size_t longest_run_of(const std::vector<std::uint32_t>& words, std::size_t chips) {
+  std::size_t inside = 0;
+  std::array<std::size_t, 2> first{}, last{};  // of dark chips, of bright ones
+  for (const std::uint32_t word : words) {
+    const auto is_bright = [&](std::size_t chip) { return word >> (chips - 1 - chip) & 1U; };
+    for (std::size_t begin = 0, end = 0; begin < chips; begin = end) {
+      while (end < chips && is_bright(end) == is_bright(begin)) ++end;
+      const std::size_t run = end - begin;
+      if (run == chips) return std::numeric_limits<std::size_t>::max();
+      inside = std::max(inside, run);
+      if (begin == 0) first[is_bright(0)] = std::max(first[is_bright(0)], run);
+      if (end == chips) last[is_bright(begin)] = std::max(last[is_bright(begin)], run);
+    }
+  }
+  return std::max({inside, first[0] + last[0], first[1] + last[1]});
+}
+
 }  // namespace
 
 LineCode::LineCode(std::size_t bits_per_word, std::size_t chips_per_word, std::vector<std::uint32_t> at_minus,
                    std::vector<std::uint32_t> at_plus)
     : bits_per_word_(bits_per_word),
       chips_per_word_(chips_per_word),
+      longest_run_(std::max(longest_run_of(at_minus, chips_per_word), longest_run_of(at_plus, chips_per_word))),
       at_minus_(std::move(at_minus)),
       at_plus_(std::move(at_plus)) {}
 
@@ -112,24 +130,6 @@ LineCode LineCode::of_table(std::span<const std::string> words) {
     require(std::ranges::count(table, table.back()) == 1, "line_code", '"' + word + "\" twice", "words that differ");
   }
   return {static_cast<std::size_t>(std::countr_zero(count)), words[0].size(), table, table};
-}
-
-std::size_t LineCode::longest_run() const {
-  std::size_t inside = 0;
-  std::array<std::size_t, 2> first{}, last{};  // of dark chips, of bright ones
-  for (const auto* words : {&at_minus_, &at_plus_})
-    for (const std::uint32_t word : *words) {
-      const auto is_bright = [&](std::size_t chip) { return word >> (chips_per_word_ - 1 - chip) & 1U; };
-      for (std::size_t begin = 0, end = 0; begin < chips_per_word_; begin = end) {
-        while (end < chips_per_word_ && is_bright(end) == is_bright(begin)) ++end;
-        const std::size_t run = end - begin;
-        if (run == chips_per_word_) return std::numeric_limits<std::size_t>::max();
-        inside = std::max(inside, run);
-        if (begin == 0) first[is_bright(0)] = std::max(first[is_bright(0)], run);
-        if (end == chips_per_word_) last[is_bright(begin)] = std::max(last[is_bright(begin)], run);
-      }
-    }
-  return std::max({inside, first[0] + last[0], first[1] + last[1]});
 }
 
 std::vector<std::uint8_t> LineCode::encode(std::span<const std::uint8_t> bits) const {

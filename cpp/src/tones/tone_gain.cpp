@@ -926,7 +926,7 @@ void flag_noisy_columns(const AnyFramesView& frames, const Context& context, std
   const std::size_t start = index_of(context, 0, frame), none = context.shape.columns;
   const auto noise = [&](std::size_t i) { return noise_of(result, i); };
   const std::size_t strongest = largest_column(context, frame, result, kUnusable, level_of(result));
-  while (true) {
+  while (strongest != none) {
     const std::size_t noisiest = largest_column(context, frame, result, kUnusable | flag::model_misfit, noise);
     if (noisiest == none || noise(start + noisiest) < (1 + kSmallShare) * noise(start + strongest)) return;
     const auto fit = ColumnFit::of(context, mean_column(frames, context, frame, noisiest, noisiest + 1).signal);

@@ -32,7 +32,7 @@ class LineCode {
   [[nodiscard]] std::size_t chips_per_byte() const { return 8 / bits_per_word_ * chips_per_word_; }
 
   // No more equal chips than these follow each other; the largest number for a code that has words of equal chips.
-  [[nodiscard]] std::size_t longest_run() const;
+  [[nodiscard]] std::size_t longest_run() const { return longest_run_; }
 
   // `bits`: whole words of 0 and 1. Gives chips, 1 = bright.
   [[nodiscard]] std::vector<std::uint8_t> encode(std::span<const std::uint8_t> bits) const;
@@ -52,7 +52,7 @@ class LineCode {
 
   [[nodiscard]] bool is_word(std::uint32_t chips) const;
 
-  std::size_t bits_per_word_, chips_per_word_;
+  std::size_t bits_per_word_, chips_per_word_, longest_run_;
   std::vector<std::uint32_t> at_minus_, at_plus_;  // (values) words at running disparity −1 and +1, first chip highest
 };
 
