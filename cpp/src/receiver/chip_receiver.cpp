@@ -25,6 +25,7 @@ constexpr double kBrightLight = 10;      // power of the columns' common light o
 constexpr double kUnknownJump = 2;       // chips; standard error of the count where the clock jumped
 constexpr double kAnyJump = 1e6;         // the same where frames may be missing
 constexpr int kAlternating = 2;          // frames in a row
+constexpr int kSureRuns = 13;            // of even numbers of chips: chance is 1e-4
 constexpr double kSureCount = 8;         // nats, of a chip after a pause
 constexpr std::size_t kForgotten = 60;   // consecutive frames without chips, after which another light may appear
 
@@ -89,18 +90,6 @@ double most_sure(std::span<const double> seen, const RowRange& run) {
   return other > 0 ? std::log((1 - other) / other) : std::numeric_limits<double>::infinity();
 }
 
-// All runs between edges are of a multiple of some number of chips, not by chance: the true chips are so many times as
-// long.
-bool are_repeated(std::span<const std::uint8_t> bits) {
-  std::size_t edges = 0, last = 0, common = 0;
-  for (std::size_t k = 1; k < bits.size(); ++k) {
-    if (bits[k] == bits[k - 1]) continue;
-    if (edges++ > 0) common = std::gcd(common, k - last);
-    last = k;
-  }
-  return common > 1 && std::pow(common, -static_cast<double>(edges)) < kNextToNone * kNextToNone;
-}
-
 // A misfit on one clock whose chips a profile can be learned from.
 bool is_mostly_right(const FrameReading& reading) {
   const auto chips = static_cast<double>(reading.llr.size());
@@ -153,15 +142,24 @@ void describe(const FrameReading& reading, const FrameRows& rows, const RowReade
   if (result.snr < kWeakSnr) result.flags |= flag::weak;
   if (reading.trust != Trust::fits || reading.clock_in_doubt || !agrees || sureness < kSureCount)
     result.flags |= flag::model_misfit;
-  const auto bits = whole_bits(reading, rows.signal.size());
-  if (chip_period(bits)) result.flags |= flag::periodic;
-  // A line code excludes it, but may have such words.
-  const LineCode& code = reader.options().format.line_code;
-  const bool may_be = !reader.options().chip_rate || code.chips_per_word() == code.bits_per_word();
-  if (may_be && are_repeated(bits)) result.flags |= flag::model_misfit;
+  if (chip_period(whole_bits(reading, rows.signal.size()))) result.flags |= flag::periodic;
 }
 
 }  // namespace
+
+void ChipRuns::add(std::span<const std::uint8_t> bits) {
+  std::size_t last = 0;
+  for (std::size_t k = 1; k < bits.size(); ++k) {
+    if (bits[k] == bits[k - 1]) continue;
+    if (last > 0) common_ = std::gcd(common_, k - last), ++runs_;
+    last = k;
+  }
+  if (common_ == 1) common_ = 0, runs_ = -kSureRuns;
+}
+
+bool ChipRuns::are_repeated() const {
+  return common_ > 1 && static_cast<double>(runs_) * std::log2(common_) >= kSureRuns;
+}
 
 ReceivedFrame nothing_received(std::int64_t frame) {
   ReceivedFrame result;
@@ -181,6 +179,7 @@ void ChipReceiver::forget() {
   state_ = reader_.first_state(state_.tracker);
   history_ = {};
   dark_before_ = dark_after_ = 0;
+  runs_ = {};
   lost_ = 0;
   search_.restart();
   assembler_.lose_clock();
@@ -284,6 +283,7 @@ double ChipReceiver::drop_given_again() {
 void ChipReceiver::read_again(ChipFrame& frame, const LearnedProfile& profile, LightState state) {
   std::swap(state_, state);
   last_bits_.clear();  // the frames are compared from the first one on
+  runs_ = {};
   double repeated = 0;
   for (KeptFrame& kept : history_.frames) {
     kept.time -= repeated;
@@ -449,7 +449,11 @@ void ChipReceiver::place(ChipFrame& frame) {
   const FrameReading& reading = *frame.reading;
   describe(reading, frame.rows, reader_, frame.result);
   frame.repeats = repeats_last(frame.result);
-  if (!frame.repeats) count_chips(frame);
+  if (!frame.repeats) {
+    count_chips(frame);
+    if (reading.trust >= Trust::sure) runs_.add(whole_bits(reading, frame.rows.signal.size()));
+  }
+  if (runs_.are_repeated()) frame.result.flags |= flag::model_misfit;
   state_.accept(reading, frame.rows.signal);
   state_.fits = reading.trust == Trust::fits;
   if (state_.model.pause) state_.model.pause = reading.pause;

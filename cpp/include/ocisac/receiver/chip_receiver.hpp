@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -49,6 +50,19 @@ struct ChipFrame {
   RowRange lamp{};                   // of the rows, of a lamp that dark rows may end
   bool may_be_mean = false;          // of its neighbours, as the film has them between its frames
   std::optional<Payload> earlier{};  // completed by earlier frames, which were read again
+};
+
+// Evidence that each chip of a stream is read several times: all runs between edges are a multiple of some number of
+// chips, by which the true ones are longer. A run is one with a probability of a half at most, of random chips and of a
+// line code: one in three, and in Manchester code half of those that follow a run of two.
+class ChipRuns {
+ public:
+  void add(std::span<const std::uint8_t> bits);
+  [[nodiscard]] bool are_repeated() const;
+
+ private:
+  std::size_t common_ = 0;   // chips
+  std::ptrdiff_t runs_ = 0;  // below 0 after others
 };
 
 // Receives the chips of one light from frames in time order; any may be missing. Memory is bounded. The steps of a
@@ -105,6 +119,7 @@ class ChipReceiver {
   int alternating_ = 0;                           // gaps of two in a row
   bool means_ = false;                            // it was the mean of its neighbours
   std::size_t dark_before_ = 0, dark_after_ = 0;  // rows of the signal that a lamp did not reach
+  ChipRuns runs_;
   std::string last_bits_;
   double last_phase_ = 0;
   std::ptrdiff_t count_base_ = 0;                // chips that the tracker counted before it restarted
