@@ -180,6 +180,19 @@ def test_a_given_rate_of_more_than_the_chips_gives_no_wrong_bits(share):
         assert got.flags or got.bits in "".join(map(str, chips))
 
 
+@pytest.mark.parametrize("words", [["10", "00"], ["01", "11"], ["1000", "0000"]])
+@pytest.mark.parametrize("share", [1, 1.5, 2.5])
+def test_pulses_whose_falls_lie_half_a_given_chip_off_their_rises_are_longer_chips(words, share):
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        pitch, chips = random.uniform(6, 10), "".join(random.choice(words, 120))
+        frame = photographed(20 + 150 * rows_of(chips, pitch, 0.3 * pitch) * np.ones(24), seed, noise=1.5)
+        for got in ocisac.receive(frame, Camera(1.0, 0.3 * pitch), chip_rate=share / pitch):
+            assert got.flags & ~(Flag.TOO_FEW_EDGES | (Flag.MODEL_MISFIT if share > 2 else 0)) == 0
+            assert got.rows_per_chip == pytest.approx(pitch, rel=0.01)
+            assert got.bits in chips
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_a_given_rate_of_twice_the_chips_is_halved_where_edges_are_few(seed):
     random = np.random.default_rng(seed)

@@ -38,6 +38,7 @@ constexpr double kMinHumCycles = 1, kMinToneCycles = 8;   // in the frame
 constexpr std::size_t kEnds = 8;                          // of the rows make an end
 constexpr double kMinShare = 0.3, kMaxShare = 1.5;        // of the light beside the lamp in its columns
 constexpr double kVaries = 2;                             // times the noise
+constexpr double kHalfAtLeast = 0.42;                     // chips: clipped light is late by less
 
 // A decoded signal: timing and decisions.
 struct Decoded {
@@ -48,6 +49,7 @@ struct Decoded {
       false;        // edges off the clock: rows that are not read at even times, missing chips, two lights, no chips
   double lead = 0;  // of its lattice, as of ChipTiming
   bool slowed = false;  // the rate is that of the edges, a part of the one that was asked for
+  double late = 0;      // falling edges on the lattice, chips
 };
 
 // 1 / variance of the relative levels about ±1 (the threshold is 0).
@@ -125,6 +127,7 @@ std::optional<Decoded> detect_and_refine(std::span<const double> signal, const C
   const ChipGrid refined = whole_chips(fit->lattice.clock, signal.size());
   detected = slice(signal, refined, exposure_rows, carried_over(decoded.detection.bits, decoded.grid, refined));
   if (detected) decoded = {refined, std::move(*detected), fit->lattice.rows_per_chip_std};
+  decoded.late = fit->lattice.duty_offset / fit->lattice.clock.rows_per_chip;
   decoded.uneven = wanders(edges, fit->of_all);
   return decoded;
 }
@@ -176,16 +179,21 @@ double excess_of(const std::vector<std::size_t>& sorted, std::size_t shared) {
 // on their lattice. Every second run of random chips and of a line code is odd at least. If nearly all pairs of runs
 // are, while bright and dark runs are not and differ among themselves, unlike pulses of one length, the light is
 // clipped: all bright runs are longer by a part of a chip, and dark ones shorter, or the other way round. Absent where
-// n is 1, or beyond `slowest` rows a chip if delayed, or there are too few edges.
-std::optional<Slower> slower_chips(const Decoded& decoded, double slowest) {
-  const auto edges = chips_of_edges(decoded);
+// n is 1, or beyond `slowest` rows a chip if delayed, or there are too few edges. `late`: of falling edges, half chips,
+// where n is 3/2, 5/2, …: pulses of whole chips, as of a return-to-zero code, end half a given chip off the lattice.
+std::optional<Slower> slower_chips(const Decoded& decoded, double slowest, int late = 0) {
+  if (const int halves = static_cast<int>(std::nearbyint(2 * decoded.late)); late == 0 && halves != 0)
+    if (auto slower = slower_chips(decoded, 0, halves)) return slower;
+  auto edges = chips_of_edges(decoded);
+  if (late != 0)
+    for (auto& edge : edges) edge = 2 * edge + static_cast<std::size_t>(decoded.detection.bits[edge] ? 0 : late);
   if (edges.size() < 2 * kSureWithRate) return std::nullopt;
   const auto is_shared = [&](std::size_t chips, std::size_t runs) {
     std::size_t multiples = 0;
     for (std::size_t k = 1 + runs; k + 1 < edges.size(); ++k) multiples += (edges[k] - edges[k - runs]) % chips == 0;
     return static_cast<double>(multiples) >= kNearlyAll * static_cast<double>(edges.size() - 2 - runs);
   };
-  const double chip = decoded.grid.clock.rows_per_chip;
+  const double chip = decoded.grid.clock.rows_per_chip / (late == 0 ? 1 : 2);
   const Runs runs = runs_between(edges);
   const bool may_delay = edges.size() >= 2 * kFew && vary(runs[0]) && vary(runs[1]);
   const auto is_delayed = [&](std::size_t chips) {
@@ -194,15 +202,15 @@ std::optional<Slower> slower_chips(const Decoded& decoded, double slowest) {
   auto shared = static_cast<std::size_t>(kLongestChip / chip);
   while (shared > 1 && !is_shared(shared, 1) && !is_delayed(shared)) --shared;
   if (shared < 2) return std::nullopt;
-  Slower slower{{}, !is_shared(shared, 1)};
+  Slower slower{{}, !is_shared(shared, 1) || (late != 0 && std::abs(decoded.late) < kHalfAtLeast)};
   std::vector<std::size_t> places(shared);
   for (std::size_t k = 0; k < edges.size(); k += slower.delayed ? 2 : 1) ++places[edges[k] % shared];
   const auto place = std::ranges::max_element(places) - places.begin();
   ChipClock& clock = slower.lattice.clock;
   clock.rows_per_chip = static_cast<double>(shared) * chip;
-  clock.phase = decoded.grid.start(static_cast<std::size_t>(place));
+  clock.phase = decoded.grid.start(0) + (static_cast<double>(place) - 0.5 * late) * chip;
   if (slower.delayed) clock.phase += 0.5 * excess_of(runs[1], shared) * chip;  // of the runs that begin there
-  slower.lattice.rows_per_chip_std = static_cast<double>(shared) * decoded.rows_per_chip_std;
+  slower.lattice.rows_per_chip_std = clock.rows_per_chip / decoded.grid.clock.rows_per_chip * decoded.rows_per_chip_std;
   return slower;
 }
 
