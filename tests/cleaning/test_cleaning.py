@@ -183,6 +183,22 @@ def test_what_stays_is_subtracted_as_the_reference_does() -> None:
     np.testing.assert_allclose(subtract_still(frames, CAMERA), reference.subtract_still(frames, CAMERA), atol=1e-9)
 
 
+def test_light_whose_sums_are_no_numbers_is_refused() -> None:
+    frames = np.full((3, 8, 8), 1.7e308)
+    with pytest.raises(ValueError, match="frames: got light from"):
+        subtract_still(frames, CAMERA)
+    with pytest.raises(ValueError, match="still: got light from"):
+        subtract_still(np.ones((3, 8, 8)), CAMERA, still=frames[0])
+
+
+@pytest.mark.parametrize("white", [None, 1e300])
+def test_levels_that_a_type_does_not_hold_are_not_reached(white: float | None) -> None:
+    frame = np.full((64, 8), 3e38, np.float32) * np.linspace(0.5, 1, 64, dtype=np.float32)[:, None]
+    cleaned = remove_bands(frame, Camera(1e-5, exposure=4e-5, white_level=white))
+    assert not (cleaned.marks & Mark.SATURATED).any()
+    np.testing.assert_array_equal(cleaned.frames, frame)
+
+
 def test_bands_and_picture_add_up() -> None:
     light = row_light("tone")
     read, _, _ = scene(light)

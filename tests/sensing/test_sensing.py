@@ -420,6 +420,11 @@ def test_a_background_is_flagged_where_its_light_is_clipped(levels, noise, top, 
     assert bool(light.flags & Flag.SATURATED) == clipped
 
 
+def test_a_background_of_two_rows_at_black_has_a_standard_error():
+    unlit = np.random.default_rng(0).integers(0, 3, (2, 40)).astype(np.uint8)
+    assert np.isfinite(ocisac.background_light(unlit, camera()).std).all()
+
+
 def test_background_beside_a_light():
     beside = ocisac.background_light(np.full((720, 12), 40.0) + np.arange(12), camera(), pooled=True)
     assert beside.mean == pytest.approx(45.5)

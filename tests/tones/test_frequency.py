@@ -463,6 +463,21 @@ def test_changes_from_frame_to_frame_tell_a_light_of_few_cycles_over_a_still_pic
     assert np.sqrt(np.mean(np.square(errors))) < 2
 
 
+@pytest.mark.parametrize("frame_time", [1 / 30, 1e-3, 1e-4])
+def test_noise_of_a_few_rows_in_a_few_frames_is_no_tone(frame_time):
+    """Cosine and sine may be alike in them, or any tone explains what they hold."""
+    found = 0
+    for seed in range(100):
+        random = np.random.default_rng(seed)
+        shape = (*random.integers((4, 1), (9, 5)), 8)
+        frames, camera = random.integers(0, 255, shape).astype(np.uint8), Camera(22.2e-6, frame_time=frame_time)
+        found += not oc.find_frequency(frames, camera).flags
+        if seed < 20:
+            assert oc.tone_columns(frames, camera).used.size == 8
+            assert oc.sense_region(frames, camera).flags
+    assert found <= 1
+
+
 @pytest.mark.parametrize(("rows", "columns"), [(8, 8), (8, 1), (5, 9)])
 def test_blocks_of_compression_are_no_tone(rows, columns):
     """Random blocks have noise that is strong at low frequencies in every part of the picture."""

@@ -55,7 +55,9 @@ def saturation_level(camera: Camera, dtype: npt.DTypeLike) -> float:
 
     Lossy files and sharpening scatter clipped pixels below white.
     """
-    return _core.saturation_level(camera._handle, type_maximum(dtype) if np.dtype(dtype).kind in "ui" else math.nan)
+    dtype = np.dtype(dtype)
+    level = _core.saturation_level(camera._handle, type_maximum(dtype) if dtype.kind in "ui" else math.nan)
+    return math.inf if dtype.kind == "f" and level > float(np.finfo(dtype).max) else level  # no pixel reaches it
 
 
 def type_maximum(dtype: npt.DTypeLike) -> float:

@@ -20,6 +20,7 @@ from ocisac_fast.core.results import Result
 from ocisac_fast.light.waveforms import Waveform, integrate_exposure
 
 _MUCH_LEFT, _MUCH_TEXTURE = 0.5, 1.0  # of the bands' swing; dB: a remark
+_MOST = 1e300  # light whose sums are numbers
 
 
 class Mark(IntEnum):
@@ -186,7 +187,7 @@ def _without_lines(done: list[Done], stack: npt.NDArray[Any], camera: Camera, ta
     first = of_model.get("tone", of_model.get("chips"))  # tones may be taken for chips
     if first is None:
         return done
-    means = stack.reshape(*stack.shape[:2], -1).mean(axis=2)
+    means = stack.reshape(*stack.shape[:2], -1).mean(axis=2, dtype=np.float64)
     rows = [(mean if own.model == "rows" else own.light).tolist() for own, mean in zip(lights, means, strict=True)]
     lines = _core.objection_to_lines(rows, first.model, first.frequency, camera._handle)
     if not lines:
@@ -246,17 +247,25 @@ def subtract_still(
         float64 array of the shape of ``frames``.
     """
     stack = stacked(frames, "frames", camera.scan_axis)
-    light = linear_light(stack, camera)
+    light = _summable("frames", stack, camera)
     if still is not None:
         picture = as_frames(still, "still", camera.scan_axis, single=True)
         if picture.shape[1:] != stack.shape[1:] or picture.dtype != stack.dtype:
             raise ValueError(f"still: got {picture.dtype} {np.shape(still)}, allowed: one frame of {stack.dtype}")
-        background = np.broadcast_to(linear_light(picture[0], camera), stack.shape)
+        background = np.broadcast_to(_summable("still", picture[0], camera), stack.shape)
     else:
         if len(stack) < 2:
             raise ValueError("frames: got 1 frame, allowed: at least 2, or still=")
         background = np.stack([_mean_of_others(light, k, neighbours) for k in range(len(light))])
     return _as_given(light - background + background.mean(), camera.scan_axis, np.ndim(frames))
+
+
+def _summable(name: str, stored: npt.NDArray[Any], camera: Camera) -> Float64s:
+    light = linear_light(stored, camera)
+    lowest, highest = float(light.min()), float(light.max())
+    if not -_MOST <= lowest <= highest <= _MOST:
+        raise ValueError(f"{name}: got light from {lowest:g} to {highest:g}, allowed: -{_MOST:g} to {_MOST:g}")
+    return light
 
 
 def _mean_of_others(light: Float64s, index: int, neighbours: int) -> Float64s:

@@ -120,8 +120,10 @@ def pull_of_black(region: npt.NDArray[Any], camera: Camera, fitted: Fitted, off:
     if region.dtype.kind != "u" or camera.tone_curve != "linear" or region.min() > 0:
         return np.zeros_like(fitted.parameters)
     light = np.stack([product(model.design, one) for one in fitted.parameters])
-    fine = np.square(np.diff(region.astype(np.float64), 2, axis=1)).mean(axis=1) / 6.0  # noise without what is slow
-    deviation = np.sqrt(np.maximum(np.minimum(fitted.noise, fine) - 1.0 / 12.0, 1e-4))
+    noise = fitted.noise
+    if region.shape[1] > 2:  # without what is slow
+        noise = np.minimum(noise, np.square(np.diff(region.astype(np.float64), 2, axis=1)).mean(axis=1) / 6.0)
+    deviation = np.sqrt(np.maximum(noise - 1.0 / 12.0, 1e-4))
     lost = np.where(region == 0, lost_at_black(light + dark, deviation[:, None], off[:, None] + dark), 0.0)
     return np.stack([product(model.weights, one) for one in lost])
 

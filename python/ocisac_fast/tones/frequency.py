@@ -157,6 +157,7 @@ def tone_columns(columns: npt.ArrayLike, camera: Camera, frequency: float | None
 _SEEN_FRAMES = 64  # together, at most
 _FEWEST_FRAMES = 4
 _EXPLAINED = 0.3  # share of what changes from frame to frame
+_CHANCE = 0.01
 _APART = 0.2  # of the largest: another frequency that explains more leaves doubt
 _MOST_TURNS = 1 << 24  # of all frequencies that are searched in all rows: frames further apart tell none
 
@@ -186,6 +187,9 @@ def _over_frames(frames: npt.NDArray[np.generic], camera: Camera, found: FoundFr
     seen = 1.0 - np.abs(turns.mean(axis=1)) ** 2  # of a tone's energy, beside the mean over the frames
     power = np.where(seen > 0.5, np.abs(lines) ** 2 / np.maximum(seen, 0.5), 0.0)
     best = int(power.argmax())
+    others = power[np.abs(grid - grid[best]) > 1.5 / lasts]
+    if others.max(initial=0.0) >= (1.0 - _APART) * power[best]:
+        return found
 
     def refined(kept: npt.NDArray[np.intp]) -> tuple[float, float]:
         """Frequency in some frames, and the share of their changes that it explains."""
@@ -198,7 +202,7 @@ def _over_frames(frames: npt.NDArray[np.generic], camera: Camera, found: FoundFr
             parts = np.stack([wave.real.ravel(), wave.imag.ravel()])
             products = (parts * own.ravel()).sum(axis=1)
             gram = np.array([[(one * other).sum() for other in parts] for one in parts])
-            shares[place] = products @ np.linalg.solve(gram, products) / (own**2).sum()
+            shares[place] = products @ np.linalg.lstsq(gram, products)[0] / (own**2).sum()  # sines may be all 0
         top = min(max(int(shares.argmax()), 1), places.size - 2)
         low, middle, high = shares[top - 1 : top + 2]
         bend = low - 2.0 * middle + high
@@ -207,8 +211,8 @@ def _over_frames(frames: npt.NDArray[np.generic], camera: Camera, found: FoundFr
 
     every = np.arange(count)
     frequency, share = refined(every)
-    others = power[np.abs(grid - grid[best]) > 1.5 / lasts]
-    if share < _EXPLAINED or others.max(initial=0.0) > (1.0 - _APART) * power[best]:
+    chance = grid.size * max(1.0 - share, 0.0) ** (0.5 * (changes.size - rows) - 1.0)  # of noise that few rows show
+    if share < _EXPLAINED or chance > _CHANCE:
         return found
     groups = min(count, 16)
     without = [refined(every[every * groups // count != group])[0] for group in range(groups)]
