@@ -84,8 +84,8 @@ class Receiver:
         camera: row time; exposure if known, else it is estimated; frame time, which joins frames: without it only
             frames that show a block's header are used.
         chip_rate: Hz, accurate to 2 %. None: estimated blind, which needs an exposure below a chip. Chips that all come
-            in pairs or more, as of a rate twice too high, are flagged (MODEL_MISFIT) from 13 pairs of changes on, of
-            one frame or several.
+            in pairs or more, as of a rate twice too high, are flagged (MODEL_MISFIT) from 13 runs of them on, in one
+            frame or several.
         format: of the sender's packets; None: the defaults of :class:`ocisac_fast.packets.PacketFormat`.
         colour: index of the colour to use. None: the one with the strongest light, and from the fourth frame on the sum
             of all that shows it best. Where the colours send different chips, each stream is received as a light of its
