@@ -50,10 +50,11 @@ void Timestamps::open() {
   require_no_output("--timestamps", path_);
 }
 
-// A camera that still writes the file may be later with a line than with its frame, and write it in parts.
-bool Timestamps::read_line(std::string& line) {
+// A camera that still writes the file may be later with a line than with its frame, and write it in parts. False on a
+// stop signal and after the time, also where there are further lines.
+bool Timestamps::read_line(std::string& line, std::chrono::steady_clock::time_point& until) {
+  if (stop_requested() || std::chrono::steady_clock::now() > until) return false;
   const auto first = bytes_.begin();
-  auto until = std::chrono::steady_clock::now() + kLongestWait;
   for (;;) {
     const auto last = first + static_cast<std::ptrdiff_t>(end_), newline = std::find(first, last, '\n');
     if (newline != last) {
@@ -91,8 +92,9 @@ bool Timestamps::wait(std::chrono::steady_clock::time_point until) {
 std::optional<double> Timestamps::next(std::optional<double> frame_time) {
   if (descriptor_ < 0) open();
   std::string line;
+  auto until = std::chrono::steady_clock::now() + kLongestWait;
   do {
-    if (!read_line(line)) return std::nullopt;
+    if (!read_line(line, until)) return std::nullopt;
   } while (line.empty() || line.front() == '#');  // "# timecode format v2"
   const auto read = milliseconds(line);
   require(read && (!last_ || *read > *last_ * 1e3), "--timestamps", path_ + ": " + line,

@@ -19,8 +19,8 @@ class Timestamps {
   Timestamps(const Timestamps&) = delete;
   Timestamps& operator=(const Timestamps&) = delete;
 
-  // Time of the next frame in s; absent if no further line comes within two seconds, which count from the first writer
-  // of a FIFO on, or on a stop signal.
+  // Time of the next frame in s; absent if no line with one comes within two seconds, which count from the first writer
+  // of a FIFO on, or on a stop signal, whatever else comes.
   // `frame_time`: s, to count lost frames; absent: the shortest interval so far. Throws std::invalid_argument for other
   // text, and for times that do not ascend; std::system_error for a file that cannot be read.
   std::optional<double> next(std::optional<double> frame_time);
@@ -30,7 +30,7 @@ class Timestamps {
 
  private:
   void open();
-  bool read_line(std::string& line);
+  bool read_line(std::string& line, std::chrono::steady_clock::time_point& until);
   bool wait(std::chrono::steady_clock::time_point until);
 
   std::string path_;

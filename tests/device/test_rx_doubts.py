@@ -1,6 +1,7 @@
 """ocisac-rx where a result is missing or the stream may not be what was stated: why, on standard error."""
 
 import contextlib
+import fcntl
 import json
 import os
 import resource
@@ -122,15 +123,40 @@ def test_times_without_meaning_are_refused(receiver, packets, tmp_path, times, m
     assert run(receiver, packets, *PACKETS, "--timestamps", str(tmp_path / "none")).returncode == 1
 
 
+@contextlib.contextmanager
+def _comments(path, text):
+    """A writer of times whose pipe is always full of lines without one, until its reader goes."""
+
+    def write():
+        with contextlib.suppress(BrokenPipeError), path.open("wb", buffering=0) as times:
+            fcntl.fcntl(times, fcntl.F_SETPIPE_SZ, 1 << 20)
+            while True:
+                times.write(text)
+
+    writer = threading.Thread(target=write, daemon=True)
+    writer.start()
+    yield
+    writer.join(timeout=10)
+
+
+_WRITERS = {
+    "none": lambda _: contextlib.nullcontext(),
+    "silent": lambda path: path.open("w"),
+    "comments": lambda path: _comments(path, b"#\n" * 500_000),
+    "empty": lambda path: _comments(path, b"\n" * 500_000),
+}
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("has_writer", [False, True])
-def test_a_signal_ends_the_wait_for_times(receiver, packets, tmp_path, has_writer, number):
+@pytest.mark.parametrize("writer", _WRITERS)
+def test_a_signal_ends_the_wait_for_times(receiver, packets, tmp_path, writer, number):
     path = tmp_path / "times"
     os.mkfifo(path)
-    with start(receiver, "--timestamps", path, preexec_fn=_heed) as program:
+    with start(receiver, "--timestamps", path, preexec_fn=_heed) as program, contextlib.ExitStack() as killed:
+        killed.callback(program.kill)
         program.stdin.write(packets[: ROWS * COLUMNS])
         program.stdin.flush()
-        with path.open("w") if has_writer else contextlib.nullcontext():
+        with _WRITERS[writer](path):
             time.sleep(0.5)
             program.send_signal(number)
             _, err = program.communicate(timeout=10)
@@ -141,11 +167,14 @@ def _heed():
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # a shell's background jobs ignore it
 
 
-def test_a_silent_writer_of_times_is_an_error_after_a_while(receiver, packets, tmp_path):
+@pytest.mark.parametrize("writer", ["silent", "comments"])
+def test_a_writer_without_times_is_an_error_after_a_while(receiver, packets, tmp_path, writer):
     os.mkfifo(tmp_path / "times")
     times = tmp_path / "times"
-    with start(receiver, "--timestamps", times, stdout=None) as program, times.open("w"):
-        _, err = program.communicate(packets[: ROWS * COLUMNS], timeout=10)
+    with start(receiver, "--timestamps", times, stdout=None) as program, contextlib.ExitStack() as killed:
+        killed.callback(program.kill)
+        with _WRITERS[writer](times):
+            _, err = program.communicate(packets[: ROWS * COLUMNS], timeout=10)
     assert program.returncode == 2
     assert b"fewer times than frames" in err
 
