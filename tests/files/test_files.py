@@ -233,6 +233,22 @@ def test_a_png_tells_its_tone_curve(tmp_path, chunk, curve, gamma, stated_by):
     assert gamma is None or recording.response.gamma == pytest.approx(gamma, rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("chunks", "tail"),
+    [([(b"gAMA", b"\0\1\x86\xa0")] * 100_000, b""), ([], b"P1 \n#" * 40_000)],
+    ids=["chunks", "tail"],
+)
+def test_a_picture_is_opened_in_time_proportional_to_its_size(tmp_path, chunks, tail):
+    """Each chunk was added to a copy of those before it, each byte of the tail read for each comment before it."""
+    pixels = random_frames((5, 7), np.uint8)
+    (tmp_path / "p.png").write_bytes(png(chunks, pixels) + tail)
+    began = time.process_time()
+    with open_recording(tmp_path / "p.png") as stream:
+        assert np.array_equal(next(iter(stream)), pixels)
+        assert len(stream.picture.chunks) == 16 * bool(chunks)
+    assert time.process_time() - began < 5
+
+
 @pytest.mark.parametrize(("dtype", "unit"), [(np.uint8, 1), (np.uint16, 256)])
 @pytest.mark.parametrize("is_full", [True, False])
 def test_a_png_tells_its_range(tmp_path, dtype, unit, is_full):

@@ -35,7 +35,7 @@ _OWN_PICTURES = re.compile(rb"MPF\0|ns\.google\.com/photos")  # previews, depths
 _BEGINNING = re.compile(
     rb"\xff\xd8\xff(?:[\xc0-\xdf\xfe]\0|[\xe0-\xef]..\w\w)|\x89PNG\r\n\x1a\n|RIFF....WEBP"
     rb"|(?<!Exif\0\0)(?<!Nikon\0....)(?:II[*+]\0|MM\0[*+])|BM....\0\0\0\0....[\x0c-\x7c]\0\0\0"
-    rb"|P[1-6]\s+(?:#[^\n]*\n\s*)*\d+\s+\d+\s",
+    rb"|P[1-6]\s+(?:#[^\n]{0,99}\n\s*){0,4}\d+\s+\d+\s",  # bounded: each "P1 #" may begin a comment up to the end
     re.DOTALL,
 )
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -131,14 +131,14 @@ def _format(image: Image, data: bytes) -> PictureFormat:
 
 
 def _kept_chunks(png: bytes) -> bytes:
-    """Chunks before the pixels that hold for other pixels as well."""
-    kept, at = b"", 8
-    while png[at + 4 : at + 8] not in (b"IDAT", b""):
+    """Chunks before the pixels that hold for other pixels as well: of each kind the last, which Pillow takes."""
+    kept, at = {}, 8
+    while (kind := png[at + 4 : at + 8]) not in (b"IDAT", b""):
         size = 12 + int.from_bytes(png[at : at + 4], "big")
-        if png[at + 4 : at + 8] in _KEPT_CHUNKS:
-            kept += png[at : at + size]
+        if kind in _KEPT_CHUNKS:
+            kept[kind] = png[at : at + size]
         at += size
-    return kept
+    return b"".join(kept.values())
 
 
 def _end(image: Image, data: bytes, pages: int) -> int:
