@@ -256,6 +256,21 @@ def test_a_name_in_an_archive_like_an_address_needs_no_library(tmp_path, run, mo
     assert run("gain", f"zip://http://h/a.npy::{tmp_path / 'a.zip'}", *WORDS[1:])[0] == 0
 
 
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+@pytest.mark.parametrize("kind", ["zip", "tar"])
+def test_members_of_one_name_are_a_failure(kind, tmp_path, run, batch):
+    """The last one was measured as if there were no other."""
+    url = f"{kind}://{{}}::{tmp_path / 'a'}"
+    with zipfile.ZipFile(tmp_path / "a", "w") if kind == "zip" else tarfile.open(tmp_path / "a", "w") as archive:
+        add = archive.write if kind == "zip" else archive.add
+        for name, seed in (("a.npy", 0), ("b.npy", 1), ("a.npy", 2)):
+            add(save(tmp_path / "one", seed), name)
+    code, out, err = batch(url.format("**"), "-o", tmp_path / "o", "--json", *WORDS)
+    message = "2 members of its archive have this name, allowed: one"
+    assert (code, json.loads(*out)["finished"], err) == (3, 1, [f"ocisac: failed: {url.format('a.npy')}: {message}"])
+    assert run("gain", url.format("a.npy"), *WORDS[1:]) == (2, [], [f"ocisac: {url.format('a.npy')}: {message}"])
+
+
 def test_members_that_are_no_files_are_failures(tmp_path):
     kinds = {"device": b"3", "pipe": b"6", "loop": b"2", "itself": b"1", "lost": b"2", "file": b"0"}
     links = {"loop": "loop", "itself": "itself", "lost": "none"}

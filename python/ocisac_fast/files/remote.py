@@ -139,6 +139,13 @@ def archive_state(path: str) -> str | None:
     return ""
 
 
+def _members(system: Any) -> list[str]:
+    """Names of an archive's members; of equal ones a listing has the last alone."""
+    if hasattr(system, "tar"):
+        return [re.sub("/+", "/", name) for name in system.tar.getnames()]
+    return system.zip.namelist() if hasattr(system, "zip") else []
+
+
 class RemotePath:
     """What the readers use of ``pathlib.Path``, for a file of any file system."""
 
@@ -149,6 +156,8 @@ class RemotePath:
             self._entry = self._system.info(self._path)
         if self._entry["type"] == "directory":
             raise IsADirectoryError(21, "Is a directory", url)
+        if (count := _members(self._system).count(self._entry["name"])) > 1:
+            raise FileError(f"{url}: {count} members of its archive have this name, allowed: one")
         self.state = state_of(self._entry, archive_state(url))
 
     def open(self, mode: str = "rb") -> BinaryIO:
