@@ -19,11 +19,12 @@ import zipfile
 import fsspec
 import numpy as np
 import pytest
+from fsspec.implementations.memory import MemoryFileSystem
 from lamp_recordings import ROW_TIME, SHORT, close_folder, lamp
 
 from ocisac_fast.batch import Task, measure_recordings, read_failures, read_results, summarize
 from ocisac_fast.batch.recordings import find_recordings
-from ocisac_fast.files import FileError, open_recording, read_frames, remote, write_frames
+from ocisac_fast.files import FileError, atomic_path, open_recording, read_frames, remote, write_frames
 from ocisac_fast.files.pictures import ORIENTATION
 from ocisac_fast.files.remote import state_of
 
@@ -66,6 +67,53 @@ def test_links_to_folders_are_not_followed_but_where_they_are_named(tmp_path):
         assert {one.path for one in find_recordings(tmp_path / "r" / pattern)} == {str(wanted)}
     for named in ("link", "link/*.npy", "l?nk/*.npy", "link/b.npy"):
         assert {one.path for one in find_recordings(tmp_path / "r" / named)} == {str(linked)}
+
+
+@pytest.mark.parametrize("protocol", ["", "memory://", "own://"])
+def test_what_this_program_writes_is_no_recording_but_where_it_is_named(protocol, tmp_path, monkeypatch):
+    """A film of a killed process, and cleaned recordings of another campaign, were measured as recordings."""
+    for name, empty in (("store", {}), ("pseudo_dirs", [""])):
+        monkeypatch.setattr(MemoryFileSystem, name, empty)
+    fsspec.register_implementation("own", _Found, clobber=True)
+    wanted, lamps = save(tmp_path / "r" / "a.npy"), lamp(SHORT, 0, (96, 8))
+    save(tmp_path / "r" / "project" / "cleaned" / "b.npy")
+    (tmp_path / "r" / "project" / "manifest.json").write_text('{"task": "of another program"}')
+    measure_recordings(wanted, Task("clean", {"row_time": ROW_TIME}), output=tmp_path / "r" / "night")
+    assert summarize(tmp_path / "r" / "night").recordings
+    (tmp_path / "r" / "night" / "summary.png").write_bytes(b"drawn")
+    (cleaned,) = (tmp_path / "r" / "night" / "cleaned").iterdir()
+    with atomic_path(tmp_path / "r" / "out.npy") as temporary, open(temporary, "wb") as file:
+        np.save(file, lamps)
+        file.flush()
+        root = str(tmp_path / "r")
+        if protocol:
+            root = f"{protocol}/r"
+            fsspec.filesystem(protocol[:-3]).put(str(tmp_path / "r"), "/r", recursive=True)
+        everything = {"a.npy", "project/cleaned/b.npy", "project/manifest.json"}
+        of_campaign = f"night/cleaned/{cleaned.name}"
+        for pattern, names in {
+            "": everything,
+            "/**": everything,
+            "/**/*.npy": {"a.npy", "project/cleaned/b.npy"},
+            "/*/cleaned/*.npy": {of_campaign, "project/cleaned/b.npy"},
+            "/night/cleaned": {of_campaign},
+            f"/{of_campaign}": {of_campaign},
+        }.items():
+            assert {one.path for one in find_recordings(root + pattern)} == {f"{root}/{name}" for name in names}
+        assert "night/task.json" in {one.path.removeprefix(f"{root}/") for one in find_recordings(root + "/night")}
+
+
+class _Found(MemoryFileSystem):
+    """A bucket: it finds files without listing folders."""
+
+    protocol = "own"
+
+    @classmethod
+    def _strip_protocol(cls, path):
+        return super()._strip_protocol(path.replace("own://", "memory://"))
+
+    def find(self, *arguments, **options):
+        return super().find(*arguments, **options)
 
 
 @pytest.mark.parametrize("pattern", ["", "*/*.npy", "**/*.npy", "c*/*.npy"])

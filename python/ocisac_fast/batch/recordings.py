@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import os
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ocisac_fast.batch.listing import ALL_BELOW, EndlessError, Found, is_pattern, like, local_listing, remote_like
+from ocisac_fast.files.extras import fsspec
 from ocisac_fast.files.remote import absolute, archive_state, file_system, is_remote, state_of
+from ocisac_fast.files.writing import TEMPORARY
 
+_OF_RESULTS = re.compile(r"(.*)/(?:(?:task|manifest)\.json|summary\.png|(?:rows|failures|cleaned)/.*)", re.DOTALL)
+_MANIFEST = re.compile(rb'\{\s*"task":\s*\{\s*"command":')
 _MOST_FOLDERS = 10_000  # of a web server, whose links may lead on without an end
 
 
@@ -43,7 +49,8 @@ def find_recordings(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[s
     Args:
         paths: files, folders (all files below) and patterns (``campaign/**/*.mkv``), also of fsspec's file systems.
             Below a folder, and by ``**``, links to folders are not followed. A folder that cannot be read is an entry,
-            which cannot be measured.
+            which cannot be measured. Temporary files of this package are left out, and results of other campaigns,
+            unless the pattern or the folder names their folder or ``cleaned``.
 
     Raises:
         ValueError: a pattern or a folder without a file; more than 10 000 folders below one of a web server.
@@ -67,12 +74,31 @@ def _local(path: str) -> Iterator[Entry]:
     if os.path.isfile(whole):
         os.stat(path)  # refuses "file/"
     elif os.path.isdir(whole):
-        found = like(local_listing, whole, ALL_BELOW)
+        found = _without_own(like(local_listing, whole, ALL_BELOW), whole)
     elif is_pattern(path) and not os.path.lexists(whole):
         root = next(folder for folder in Path(whole).parents if os.path.isdir(folder))  # unlike is_dir(): no error
-        found = like(local_listing, str(root), Path(whole).relative_to(root).parts)
+        parts = Path(whole).relative_to(root).parts
+        found = _without_own(like(local_listing, str(root), parts), str(root), parts)
     for name, entry in found.items():
         yield _entry(name, entry) if "failure" in entry else local_entry(name)
+
+
+def _without_own(found: Found, root: str, parts: Sequence[str] = (), system: Any = None) -> Found:
+    """A listing like ``parts`` below ``root`` without this package's temporary files and results of campaigns."""
+
+    @functools.cache
+    def has_results(folder: str) -> bool:
+        files, name = system or fsspec().filesystem("file"), f"{folder}/manifest.json"
+        with contextlib.suppress(Exception):  # whatever a server answers
+            return files.info(name)["type"] == "file" and bool(_MANIFEST.match(files.cat_file(name, 0, 64)))
+        return False
+
+    def is_own(name: str) -> bool:
+        result = None if "cleaned" in parts else _OF_RESULTS.fullmatch(name)
+        is_result = result is not None and len(result[1]) > len(root) and has_results(result[1])
+        return is_result or TEMPORARY.fullmatch(name) is not None
+
+    return {name: entry for name, entry in found.items() if not is_own(name)}
 
 
 def local_entry(name: str) -> Entry:
@@ -118,7 +144,8 @@ def _listed(system: Any, path: str) -> dict[str, Any]:
     if entry and entry["type"] != "directory" and not path.endswith("/"):  # each page of http is a file
         return {path: entry}
     most = _MOST_FOLDERS if "http" in system.protocol else None
-    found = remote_like(system, path, entry is not None, most)
+    root = path if entry else re.split(r"[^/]*[*?[]", path, maxsplit=1)[0]
+    found = _without_own(remote_like(system, path, entry is not None, most), root, path[len(root) :].split("/"), system)
     return {name: each for name, each in found.items() if "/?" not in name}  # links that sort
 
 

@@ -40,7 +40,7 @@ from ocisac_fast.core.checks import parsed_json
 from ocisac_fast.files import FileError, FileWarning, Part, atomic_path
 from ocisac_fast.files.extras import pyarrow
 from ocisac_fast.files.remote import file_system, is_remote, is_url
-from ocisac_fast.files.writing import fixed_outputs
+from ocisac_fast.files.writing import TEMPORARY, fixed_outputs
 
 _METADATA = b"ocisac"
 _TASK, _MANIFEST, _FOLDERS = "task.json", "manifest.json", ("rows", "failures", "cleaned")
@@ -209,7 +209,7 @@ class Results:
         """Lengths of all files but what killed runs left, which the next file of the same name removes."""
         self._system.invalidate_cache()
         every = [pair for folder in _FOLDERS for pair in self._found(folder).items()]
-        return {name: length for name, length in every if not re.search(r"/\.[0-9a-f]{16}\.\w+$", name)}
+        return {name: length for name, length in every if not TEMPORARY.fullmatch(name)}
 
     def _found(self, folder: str) -> dict[str, int | None]:
         """Lengths of what is below a folder of the results, by name below the results; None of what is no file."""

@@ -9,6 +9,7 @@ import hashlib
 import itertools
 import math
 import os
+import re
 import secrets
 import shutil
 import stat
@@ -33,6 +34,8 @@ _JPEG: dict[str, Any] = {"quality": 95, "subsampling": 0}
 _PNG_HEADER = 33  # bytes of the signature and of IHDR
 _MAX_SUFFIX = 16  # bytes; no supported kind of file has a longer one
 _USUAL_FOLDERS = 3  # of writers of one file at a time, which the next one removes if they were killed
+# Path of a file that is being written, here or in a folder of results, or of its folder.
+TEMPORARY = re.compile(r"(?:.*/)?\.[0-9a-f]{16}(?:/new)?(?:\.[^/]*)?", re.DOTALL)
 _places: ContextVar[Mapping[str, _Place]] = ContextVar("places", default=types.MappingProxyType({}))
 
 
