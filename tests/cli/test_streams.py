@@ -94,14 +94,15 @@ def test_a_closed_output_is_no_file_s_number(folder):
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("words", "label"),
     [
-        ["gain", "b.png", *GAIN, "--per-column", "/dev/stdout", "--force"],
-        ["receive", "out", "--raw", "6x20", "--row-time", "22.2us", "--json"],
-        ["receive", "-", "--raw", "6x20", "--row-time", "22.2us", "--json"],
+        (["gain", "b.png", *GAIN, "--per-column", "/dev/stdout", "--force"], "--per-column"),
+        (["gain", "out", *GAIN, "--raw", "6x20"], "FILE"),
+        (["receive", "out", "--raw", "6x20", "--row-time", "22.2us", "--json"], "FILE..."),
+        (["receive", "-", "--raw", "6x20", "--row-time", "22.2us", "--json"], "FILE..."),
     ],
 )
-def test_a_file_that_is_standard_output_is_neither_read_nor_replaced(words, folder):
+def test_a_file_that_is_standard_output_is_neither_read_nor_replaced(words, label, folder):
     """As input it grew without an end; as an output it was replaced, and what was printed lost."""
     (folder / "out").write_bytes(bytes(24000))
     with open(folder / "out", "ab") as out, open(folder / "out", "rb") as read:
@@ -109,6 +110,7 @@ def test_a_file_that_is_standard_output_is_neither_read_nor_replaced(words, fold
             [*OCISAC, *words], cwd=folder, stdin=read, stdout=out, stderr=subprocess.PIPE, text=True, timeout=30
         )
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert done.stderr.startswith(f"ocisac: {label}: got ")
     assert "which is standard output too, allowed: another file" in done.stderr
     assert (folder / "out").read_bytes() == bytes(24000)
 
@@ -122,22 +124,23 @@ def test_a_configuration_in_the_working_folder_is_not_read(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["pipe", "device"])
-def test_a_list_of_fonts_without_an_end_is_refused(kind, tmp_path):
-    """That of matplotlib, in the folder of its settings: a pipe was waited for, a device filled memory."""
+@pytest.mark.parametrize("name", ["fonts", "matplotlibrc", "mine"])
+def test_settings_and_a_list_of_fonts_without_an_end_are_refused(name, kind, tmp_path):
+    """Those of matplotlib: a pipe was waited for, a device filled memory."""
     from matplotlib.font_manager import FontManager
 
-    fonts = tmp_path / f"fontlist-v{FontManager.__version__}.json"
-    os.mkfifo(fonts) if kind == "pipe" else fonts.symlink_to("/dev/zero")
+    path = tmp_path / (f"fontlist-v{FontManager.__version__}.json" if name == "fonts" else name)
+    os.mkfifo(path) if kind == "pipe" else path.symlink_to("/dev/zero")
     words = ["lamp", "--exposures", "1/50s,1/100s", "--plot", str(tmp_path / "a.png")]
     done = subprocess.run(
         [*OCISAC, *words],
-        env={**os.environ, "MPLCONFIGDIR": str(tmp_path)},
+        env={**os.environ, "MPLCONFIGDIR": str(tmp_path), **({"MATPLOTLIBRC": str(path)} if name == "mine" else {})},
         capture_output=True,
         text=True,
         timeout=30,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30)),
     )
-    assert (done.returncode, done.stderr) == (2, f"ocisac: {fonts}: a pipe or device, allowed: a file, or none\n")
+    assert (done.returncode, done.stderr) == (2, f"ocisac: {path}: a pipe or device, allowed: a file, or none\n")
 
 
 @pytest.mark.parametrize("words", [["info"], ["gain", "b.png", *GAIN], ["clean", "b.png", "c.png"]])

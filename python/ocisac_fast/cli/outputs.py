@@ -20,6 +20,8 @@ from ocisac_fast.files.writing import fixed_outputs
 
 _STANDARD = "-"  # input or output
 _HERE = os.path.dirname(__file__)
+_SETTINGS: tuple[str, ...] = ("$MATPLOTLIBRC", "$MATPLOTLIBRC/matplotlibrc", "$MPLCONFIGDIR/matplotlibrc")
+_SETTINGS += ("$XDG_CONFIG_HOME/matplotlib/matplotlibrc", "~/.config/matplotlib/matplotlibrc")  # of matplotlib
 
 
 class InputFile(click.Path):
@@ -77,14 +79,19 @@ def import_matplotlib() -> None:
     """Import it without reading a matplotlibrc of the working folder, which may be a stranger's, or a pipe.
 
     Raises:
-        FileError: its list of fonts is a pipe or a device, which would be read without an end.
+        FileError: its settings or its list of fonts are a pipe or a device, which would be read without an end.
     """
+    _require_end(os.path.expanduser(os.path.expandvars(path)) for path in _SETTINGS)
     is_there = os.path.lexists("matplotlibrc")
     with contextlib.chdir(_HERE) if is_there else contextlib.nullcontext():
         cache = matplotlib().get_cachedir()
-    for fonts in Path(cache).glob("fontlist-*.json"):
-        if fonts.exists() and not (fonts.is_file() or fonts.is_dir()):
-            raise FileError(f"{fonts}: a pipe or device, allowed: a file, or none")
+    _require_end(Path(cache).glob("fontlist-*.json"))
+
+
+def _require_end(paths: Iterable[str | Path]) -> None:
+    for path in paths:
+        if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
+            raise FileError(f"{path}: a pipe or device, allowed: a file, or none")
 
 
 @contextlib.contextmanager
@@ -155,4 +162,4 @@ def _is_standard_output(path: str) -> bool:
 
 def _label(param: click.Parameter) -> str:
     """The parameter as it is written: ``--plot``, or ``OUT``."""
-    return str(param.metavar) if isinstance(param, click.Argument) else param.opts[-1]
+    return param.human_readable_name if isinstance(param, click.Argument) else param.opts[-1]
