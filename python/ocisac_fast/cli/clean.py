@@ -71,6 +71,7 @@ def clean(
     options: dict[str, Any] = {"keep": keep, "model": model, "level": level, "still": still}
     options["options"] = CleaningOptions(max_gain=max_gain, fill=fill, toe=toe)
     with (
+        frames_of(source),
         open_recording(source, colour=picture.channel != "y", raw=picture.raw) as stream,
         _stopping(keep_partial) as stop,
     ):
@@ -83,7 +84,7 @@ def clean(
         frames = cleaner.frames(_at_most(most, progress(stream, "cleaning", stream.frame_count)))
         if crf is None and picture.channel == "auto" and stream.video is not None and stream.video.codec in _LOSSY:
             crf = USUAL_CRF
-        with contextlib.suppress(_Unchanged), frames_of(source):
+        with contextlib.suppress(_Unchanged):
             write_frames(target, frames, frame_rate=stream.frame_rate or 30.0, like=stream, crf=crf)
     if not cleaner.facts and stop:
         signal.raise_signal(stop[0])

@@ -16,6 +16,7 @@ import click
 import numpy as np
 
 from ocisac_fast.camera.camera import Camera
+from ocisac_fast.cli.errors import error_text
 from ocisac_fast.cli.output import emit_note, is_collected
 from ocisac_fast.cli.units import RATE, ROW_TIME, TIME, Parsed, Quantity
 from ocisac_fast.core.arrays import as_frames
@@ -267,9 +268,11 @@ def _silent_libraries() -> Iterator[None]:
 
 @contextlib.contextmanager
 def frames_of(path: str) -> Iterator[None]:
-    """Within this, errors of frames name their file, as those of files do."""
+    """Within this, errors of frames name their file, as those of files do, and a lack of memory for them."""
     try:
         yield
+    except MemoryError as error:
+        raise FileError(f"{path}: {error_text(error)}") from error
     except ValueError as error:
         if not str(error).startswith(_OF_FRAMES):
             raise
@@ -284,9 +287,10 @@ def open_pictures(
 
     ``axis_of_light``: the first frame's lights tell the read-out axis, or confirm a stated one.
     """
-    with _silent_libraries():
-        stream = open_recording(path, colour=options.channel in _RED_GREEN_BLUE, raw=options.raw, part=part)
-    with stream, frames_of(path):
+    with frames_of(path), contextlib.ExitStack() as opened:
+        with _silent_libraries():
+            colour = options.channel in _RED_GREEN_BLUE
+            stream = opened.enter_context(open_recording(path, colour=colour, raw=options.raw, part=part))
         frames = iter(stream)
         with _silent_libraries():
             first = next(frames)
