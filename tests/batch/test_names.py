@@ -57,6 +57,14 @@ def test_a_path_that_exists_is_no_pattern(tmp_path):
     assert measured(wild) == {str(wild)}
 
 
+def test_absolute_paths_need_no_working_folder(tmp_path, monkeypatch, batch):
+    path, gone = save(tmp_path / "r" / "a.npy"), tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert batch(path, tmp_path / "r" / "**", "-o", tmp_path / "o", *WORDS)[0] == 0
+
+
 def test_links_to_folders_are_not_followed_but_where_they_are_named(tmp_path):
     wanted, other = save(tmp_path / "r" / "a.npy"), save(tmp_path / "elsewhere" / "b.npy")
     os.symlink(tmp_path / "elsewhere", tmp_path / "r" / "link")

@@ -571,7 +571,7 @@ def test_a_path_through_a_missing_folder_is_refused(run, words):
     [
         (("transmit", "--text", "x", "-o", "o.txt"), ".: no such directory to write to"),
         (("transmit", "{}/none", "-o", "{}/o.txt", "--table", "t.csv"), "working folder: No such file or directory"),
-        (("batch", "{}/s.png", "-o", "{}/r", "gain", "--frequency", "5"), "working folder: No such file or directory"),
+        (("batch", "s.png", "-o", "{}/r", "gain", "--frequency", "5"), "working folder: No such file or directory"),
     ],
 )
 def test_a_working_folder_that_was_removed_is_named(run, tmp_path, monkeypatch, words, line):

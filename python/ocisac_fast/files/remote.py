@@ -55,7 +55,7 @@ def absolute(path: str) -> str:
     """
     if not path:
         raise FileError("path: got no name, allowed: that of a file or a folder")
-    parts = Path(os.path.join(os.getcwd(), path)).parts
+    parts = Path(path if os.path.isabs(path) else os.path.join(os.getcwd(), path)).parts
     last = max((number for number, part in enumerate(parts, 1) if part == ".."), default=0)
     if not last:
         return os.path.abspath(path)
