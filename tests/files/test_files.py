@@ -29,7 +29,7 @@ from ocisac_fast.files import FileError, FileWarning, atomic_path, open_recordin
 from ocisac_fast.files.films import FirstFilm
 from ocisac_fast.files.parts import Ending
 from ocisac_fast.files.reading import cut_recording
-from ocisac_fast.files.videos import Prefixed
+from ocisac_fast.files.videos import Prefixed, open_video
 
 
 def random_frames(shape, dtype, seed=0):
@@ -1029,6 +1029,9 @@ def test_many_boxes_of_an_mp4_are_read_together():
     assert not FirstFilm(file).is_followed
     assert file.tell() == 0
     assert len(reads) < 8 * boxes / 4000
+    with pytest.raises(FileError, match="not a picture, a video"):
+        open_video(Prefixed(b"", file), "of a pipe")
+    assert len(reads) < boxes  # few are looked at
 
 
 def overwritten(path):

@@ -47,6 +47,7 @@ _INTERLACED = (
 _UNKNOWN = "not a picture, a video or a .npy array, or damaged beyond reading"
 _MAX_PIXELS = 1 << 28
 _PIECE, _MOST_SPOOLED = 1 << 20, 4 << 30  # bytes of a pipe, which may have no end
+_MOST_BOXES = 10_000  # of an MP4 by a pipe before its index, each of which may be empty
 _decoder_threads: ContextVar[int] = ContextVar("decoder_threads", default=0)  # 0: one for each processor
 
 
@@ -105,14 +106,14 @@ def open_video(
 def _seekable_where_needed(file: BinaryIO) -> BinaryIO:
     """Spool MP4 whose index is behind its frames to a seekable file; all else is read as a stream, maybe a live one."""
     head = read_bytes(file, 12)
-    at, kind = 0, bytes(head[4:8])
+    at, kind, boxes = 0, bytes(head[4:8]), 0
     while kind not in (b"moov", b"mdat") and head[4:8] == b"ftyp":  # boxes of ISO 14496-12: size, kind, content
         size = int.from_bytes(head[at : at + 4], "big")
         at += size
         require_at_most(MOST_BYTES, at)
         head += read_bytes(file, at + 8 - len(head))
-        kind = bytes(head[at + 4 : at + 8])
-        if size < 8 or len(kind) < 4:
+        kind, boxes = bytes(head[at + 4 : at + 8]), boxes + 1
+        if size < 8 or len(kind) < 4 or boxes > _MOST_BOXES:
             raise FileError(_UNKNOWN)
     stream = Prefixed(bytes(head), file)
     if kind != b"mdat":
