@@ -232,7 +232,9 @@ void ocisac_cleaned_init(ocisac_cleaned* cleaned);
 /* Stores a new receiver in *receiver, NULL on failure. */
 int ocisac_create(const ocisac_options* options, ocisac_receiver** receiver);
 
-/* Processes a frame; the pixels may be freed afterwards. All frames have one size and format. */
+/* Processes a frame; the pixels may be freed afterwards. All frames have one size and format. A number not above that
+ * of the last frame is no error: the frame counts as repeated, and its result states nothing of the light. From the
+ * eighth such frame in a row whose numbers ascend, the count has begun again, and all before it is forgotten. */
 int ocisac_push(ocisac_receiver* receiver, const ocisac_frame* frame);
 
 /* The same with a stamp: its time joins frames instead of their numbers, exposure and gain begin the estimates. */

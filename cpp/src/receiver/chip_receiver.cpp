@@ -193,14 +193,15 @@ double ChipReceiver::time_of(std::int64_t frame, const FrameStamp& stamp) {
     assembler_.lose_clock();
   }
   last_stamp_ = stamp.time;
-  return stamp.time ? *stamp.time / reader_.camera().frame_time.value_or(1.0) : static_cast<double>(frame - repeats_);
+  if (stamp.time) return *stamp.time / reader_.camera().frame_time.value_or(1.0);
+  return static_cast<double>(frame) - static_cast<double>(repeats_);
 }
 
 // A frame shows nothing new and took no time, where it is not counted. Where each second one does, the film is of half
 // its rate, if the clock does not say that it is not.
 void ChipReceiver::pass_idle(std::int64_t frame, bool is_mean) {
   means_ = is_mean;
-  const std::int64_t gap = frame - std::exchange(last_idle_, frame);
+  const std::int64_t gap = frames_between(std::exchange(last_idle_, frame), frame);
   alternating_ = gap == 2 ? alternating_ + 1 : 0;
   idle_gap_ = gap;
   if (counted_) return;
@@ -243,7 +244,7 @@ ChipFrame ChipReceiver::explain(CombinedColumn column, std::int64_t frame, std::
                 first_row);
   counted_ = stamp.time || stamp.number;
   if (const auto mean = history_.drop_mean()) pass_idle(*mean, true);
-  now.may_be_mean = means_ && frame - last_idle_ == idle_gap_;
+  now.may_be_mean = means_ && frames_between(last_idle_, frame) == idle_gap_;
   rows.time = history_.frames.back().time = time_of(frame, stamp);
   const auto& learned = history_.profile;
   const RowRange lit = learned ? learned->rows

@@ -36,7 +36,7 @@ FrameOrder::Admission FrameOrder::admit(std::int64_t frame, const std::array<std
     if (others_count_ < kBelieved && !admitted.restarts) return {FrameOutcome::other_shape};
     admitted.restarts = true;
   }
-  if (last_ && !admitted.restarts) admitted.missing = frame - *last_ - 1;
+  if (last_ && !admitted.restarts) admitted.missing = frames_between(*last_, frame) - 1;
   last_ = seen_ = frame;
   lengths_ = lengths;
   behind_.reset();

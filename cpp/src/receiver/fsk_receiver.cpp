@@ -31,7 +31,7 @@ FskReceiver::FskReceiver(const Camera& camera, std::vector<double> tones, std::s
 // Adds the bits at their place; frames in a short gap give erased bits.
 void FskReceiver::take(FskFrame& result) {
   const auto bits = static_cast<std::int64_t>(demodulator_->bits());
-  const std::int64_t unseen = last_ ? result.frame - *last_ - 1 : 0;
+  const std::int64_t unseen = last_ ? frames_between(*last_, result.frame) - 1 : 0;
   const std::int64_t bridged = unseen <= kBridged ? unseen : 0;
   std::vector<double> llr(static_cast<std::size_t>(bridged * bits), 0.0);
   llr.insert(llr.end(), result.symbol->llr.begin(), result.symbol->llr.end());

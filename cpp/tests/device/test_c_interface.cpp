@@ -82,6 +82,31 @@ TEST_CASE("C: frames in, results out") {
   CHECK(std::string(ocisac_version()) == ocisac::version());
 }
 
+TEST_CASE("C: frames whose numbers do not ascend are repeated, until eight in a row begin another count") {
+  constexpr auto kLeast = std::numeric_limits<std::int64_t>::min(), kMost = std::numeric_limits<std::int64_t>::max();
+  ocisac_options options = packet_options();
+  options.want_data = 1;
+  ocisac_receiver* receiver = nullptr;
+  REQUIRE(ocisac_create(&options, &receiver) == OCISAC_OK);
+  const auto pixels = picture<std::uint16_t>();
+  const auto is_received = [&](std::int64_t number) {
+    const ocisac_frame frame{pixels.data(), OCISAC_GRAY16, kColumns, kRows, 2 * std::ptrdiff_t{kColumns}, number};
+    REQUIRE(ocisac_push(receiver, &frame) == OCISAC_OK);
+    auto result = fresh(ocisac_result_init);
+    REQUIRE(ocisac_poll(receiver, &result) == OCISAC_OK);
+    CHECK(result.frame == number);
+    return !std::isnan(result.gain);
+  };
+  CHECK(is_received(kLeast));
+  CHECK(is_received(5));
+  for (const std::int64_t number : {std::int64_t{5}, std::int64_t{4}, std::int64_t{-1}, kLeast})
+    CHECK_FALSE(is_received(number));
+  CHECK(is_received(kMost));
+  CHECK_FALSE(is_received(kMost));
+  for (std::int64_t number = -10; number < 0; ++number) CHECK(is_received(number) == (number >= -3));
+  ocisac_destroy(receiver);
+}
+
 TEST_CASE("C: bits and the payload of a packet") {
   constexpr double kChip = 5, kFrameRows = 500;  // rows
   const std::vector<std::uint8_t> payload{1, 2, 3, 255};

@@ -38,6 +38,12 @@ struct FrameStamp {
 // Throws std::invalid_argument.
 void check(const FrameStamp& stamp);
 
+// Frames from one number to a later one, at most the largest number that there is: a camera may state any.
+inline std::int64_t frames_between(std::int64_t first, std::int64_t last) {
+  constexpr auto kMost = std::numeric_limits<std::int64_t>::max();
+  return first < 0 && last > kMost + first ? kMost : last - first;
+}
+
 // Admits the frames that follow the last one and have its shape. A deviation counts as a fault until kBelieved frames
 // in a row agree on it: a restarted count, or another picture size.
 class FrameOrder {
