@@ -89,12 +89,11 @@ def _local_entry(name: str, is_dir: Callable[[], bool]) -> dict[str, Any]:
     return {"name": name, "type": "directory" if is_folder else "file", "islink": is_folder and os.path.islink(name)}
 
 
-def remote_like(system: Any, path: str, is_folder: bool = True, most: int | None = None) -> Found:
-    """Files below a folder of fsspec, or like a pattern, as ``like`` gives them."""
+def remote_like(system: Any, root: str, pattern: str = "", most: int | None = None) -> Found:
+    """Files below a folder of fsspec, or what continues it like a pattern, as ``like`` gives them."""
     kind = type(system)
     if not {kind.find.__module__, getattr(kind, "_find", kind.find).__module__} <= {"fsspec.spec", "fsspec.asyn"}:
         # One with its own, as buckets have; the usual one recurses and leaves out folders.
-        return dict(system.find(path, detail=True) if is_folder else system.glob(path, detail=True))
-    root = path if is_folder else re.split(r"[^/]*[*?[]", path, maxsplit=1)[0]
-    parts = ALL_BELOW if is_folder else path[len(root) :].split("/")
+        return dict(system.glob(root + pattern, detail=True) if pattern else system.find(root, detail=True))
+    parts = pattern.split("/") if pattern else ALL_BELOW
     return like(lambda place, _: system.ls(place, detail=True), root, parts, most)

@@ -145,7 +145,8 @@ def _listed(system: Any, path: str) -> dict[str, Any]:
         return {path: entry}
     most = _MOST_FOLDERS if "http" in system.protocol else None
     root = path if entry else re.split(r"[^/]*[*?[]", path, maxsplit=1)[0]
-    found = _without_own(remote_like(system, path, entry is not None, most), root, path[len(root) :].split("/"), system)
+    found = remote_like(system, root, pattern := path[len(root) :], most)
+    found = _without_own(found, root, pattern.split("/"), system)
     return {name: each for name, each in found.items() if "/?" not in name}  # links that sort
 
 
