@@ -8,6 +8,7 @@ import functools
 import io
 import os
 import re
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -139,11 +140,12 @@ def archive_state(path: str) -> str | None:
     return ""
 
 
-def _members(system: Any) -> list[str]:
-    """Names of an archive's members; of equal ones a listing has the last alone."""
+@functools.lru_cache(maxsize=1)
+def _members(system: Any) -> Counter[str]:
+    """How often an archive's members have each name; of equal ones a listing has the last alone."""
     if hasattr(system, "tar"):
-        return [re.sub("/+", "/", name) for name in system.tar.getnames()]
-    return system.zip.namelist() if hasattr(system, "zip") else []
+        return Counter(re.sub("/+", "/", name) for name in system.tar.getnames())
+    return Counter(system.zip.namelist() if hasattr(system, "zip") else ())
 
 
 class RemotePath:
@@ -156,7 +158,7 @@ class RemotePath:
             self._entry = self._system.info(self._path)
         if self._entry["type"] == "directory":
             raise IsADirectoryError(21, "Is a directory", url)
-        if (count := _members(self._system).count(self._entry["name"])) > 1:
+        if (count := _members(self._system)[self._entry["name"]]) > 1:
             raise FileError(f"{url}: {count} members of its archive have this name, allowed: one")
         self.state = state_of(self._entry, archive_state(url))
 
