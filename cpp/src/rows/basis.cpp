@@ -1,7 +1,10 @@
 #include "ocisac/rows/basis.hpp"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 
 #include "core/legendre.hpp"
 #include "core/levels.hpp"
@@ -12,7 +15,21 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kTurns = 64;  // of a phasor, rounded by 10⁻¹⁶ each
+constexpr std::size_t kTurns = 64;
+
+// cos and sin of 0 … 63 turns, as products of two fewer ones.
+struct Turns {
+  std::array<double, kTurns> cosine{1}, sine{};
+
+  explicit Turns(const Phasor& one) {
+    cosine[1] = one.cosine, sine[1] = one.sine;
+    for (std::size_t k = 2; k < kTurns; ++k) {
+      const std::size_t a = k / 2, b = k - a;
+      cosine[k] = cosine[a] * cosine[b] - sine[a] * sine[b];
+      sine[k] = sine[a] * cosine[b] + cosine[a] * sine[b];
+    }
+  }
+};
 
 std::span<double> appended(std::vector<double>& basis, std::size_t values) {
   basis.resize(basis.size() + values);
@@ -113,14 +130,23 @@ Phasor phasor(double cycles, double time) {
 
 void fill_wave(std::span<const double> times, double cycles, std::span<double> cosine, std::span<double> sine) {
   const double step = times.size() > 1 ? times[1] - times[0] : 0;
-  const Phasor turn = phasor(cycles, step);
-  Phasor at{};
-  for (std::size_t n = 0; n < times.size(); ++n) {
-    at = n % kTurns == 0 || times[n] - times[n - 1] != step
-             ? phasor(cycles, times[n])
-             : Phasor{at.cosine * turn.cosine - at.sine * turn.sine, at.sine * turn.cosine + at.cosine * turn.sine};
-    cosine[n] = at.cosine;
-    sine[n] = at.sine;
+  const Turns turns(phasor(cycles, step));
+  for (std::size_t begin = 0; begin < times.size(); begin += kTurns) {
+    const std::size_t end = std::min(begin + kTurns, times.size());
+    std::uint64_t uneven = 0;  // bits in which steps differ: compilers make vectors of that
+    for (std::size_t n = begin + 1; n < end; ++n)
+      uneven |= std::bit_cast<std::uint64_t>(times[n] - times[n - 1]) ^ std::bit_cast<std::uint64_t>(step);
+    const Phasor first = phasor(cycles, times[begin]);
+    for (std::size_t n = begin; n < end; ++n) {
+      const double c = turns.cosine[n - begin], s = turns.sine[n - begin];
+      cosine[n] = first.cosine * c - first.sine * s;
+      sine[n] = first.sine * c + first.cosine * s;
+    }
+    for (std::size_t n = begin; uneven != 0 && n < end; ++n) {
+      const Phasor at = phasor(cycles, times[n]);
+      cosine[n] = at.cosine;
+      sine[n] = at.sine;
+    }
   }
 }
 
