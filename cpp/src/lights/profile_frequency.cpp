@@ -46,7 +46,8 @@ double bend_of(std::span<const double> rows, double frequency, double margin) {
   const double middle = 0.5 * (static_cast<double>(own.size()) - 1);
   const Complex level = 2 / static_cast<double>(own.size()) *
                         product(component_at(own, frequency), std::conj(turned(frequency * middle)));
-  return bend_of_frequency(residual_of(own, own.size(), model, frequency), frequency, level);
+  const PeriodicSignals signals({own.begin(), own.end()}, own.size());
+  return bend_of_frequency(residual_of(signals, fit_periodic(signals, model, frequency, false)), frequency, level);
 }
 
 }  // namespace

@@ -38,6 +38,7 @@ using Eigen::MatrixXd;
 
 constexpr std::size_t kFewestRows = 8;
 constexpr std::size_t kMaxHarmonics = 31;
+constexpr int kSteps = 2;  // from a quarter of a bin to a thousandth
 
 // Signals scaled to unit energy, so that bright overlays do not dominate; constant ones are left out.
 PeriodicSignals unit_signals(const PeriodicSignals& signals) {
@@ -147,7 +148,6 @@ bool may_win(const PeriodicFit& tone, double reach, double best, std::size_t row
 // sub-multiple of the true frequency has almost no fundamental and is rejected.
 Candidate judged(const PeriodicSignals& signals, double frequency, const FrequencySearch& range, double best) {
   const std::size_t rows = signals.rows();
-  constexpr int kSteps = 2;       // from a quarter of a bin to a thousandth
   constexpr double kReach = 0.5;  // cycles in the frame, of two steps
   PeriodicFit tone =
       fit_periodic(signals, periodic_model(frequency, rows, 1), std::clamp(frequency, range.lower, range.upper));
@@ -212,7 +212,7 @@ struct BesideTexture {
 BesideTexture beside_texture(const PeriodicSignals& signals, double frequency, std::size_t harmonics) {
   const std::size_t rows = signals.rows();
   PeriodicFit fit = fit_periodic(signals, periodic_model(frequency, rows, harmonics), frequency, false);
-  const Texture texture = texture_about(frequency, residual_of(signals.samples(), rows, fit.model, frequency), rows);
+  const Texture texture = texture_about(frequency, residual_of(signals, fit), rows);
   return {std::move(fit), texture};
 }
 
@@ -287,9 +287,9 @@ bool may_be_folded(const PeriodicFit& fit, std::size_t rows) {
 }
 
 PeriodicFit refined(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
-                    const FrequencySearch& range) {
+                    const FrequencySearch& range, int max_steps = 30) {
   const double start = std::clamp(frequency, range.lower, range.upper);
-  return refine_periodic(signals, fit_periodic(signals, model, start), range.lower, range.upper);
+  return refine_periodic(signals, fit_periodic(signals, model, start), range.lower, range.upper, max_steps);
 }
 
 // The fundamental and the significant harmonics.
@@ -303,20 +303,17 @@ PeriodicModel pruned(const PeriodicFit& fit, const PeriodicSignals& signals) {
 
 // Adds harmonics step by step: each step refines the frequency enough for the next, whose minimum is narrower.
 PeriodicFit final_fit(const PeriodicSignals& signals, double frequency, const FrequencySearch& range) {
-  PeriodicFit final = refined(signals, periodic_model(frequency, signals.rows(), 1), frequency, range);
-  if (range.harmonics == Harmonics::fundamental) return final;
-  for (std::size_t count = 3; count <= kMaxHarmonics; count = 2 * count + 1) {
+  PeriodicFit final = refined(signals, periodic_model(frequency, signals.rows(), 1), frequency, range, kSteps);
+  for (std::size_t count = 3; range.harmonics != Harmonics::fundamental && count <= kMaxHarmonics;
+       count = 2 * count + 1) {
     const std::size_t before = final.model.harmonics.back();
     const auto model = periodic_model(final.frequency, signals.rows(), count);
     if (model.harmonics.size() == final.model.harmonics.size()) break;
-    final = refined(signals, model, final.frequency, range);
+    final = refined(signals, model, final.frequency, range, kSteps);
     if (range.harmonics == Harmonics::automatic && pruned(final, signals).harmonics.back() <= before) break;
   }
-  if (range.harmonics == Harmonics::automatic) {
-    const PeriodicModel model = pruned(final, signals);
-    if (model.harmonics.size() < final.model.harmonics.size()) final = refined(signals, model, final.frequency, range);
-  }
-  return final;
+  return refined(signals, range.harmonics == Harmonics::automatic ? pruned(final, signals) : final.model,
+                 final.frequency, range);
 }
 
 // Signals of the selected blocks, combined by their amplitudes.
@@ -328,12 +325,13 @@ CombinedTone combined_signals(const ColumnBlocks& blocks, const std::vector<std:
     if (used[static_cast<std::size_t>(signal) % blocks.blocks]) chosen.push_back(signal);
   const Eigen::Map<const MatrixXd> signals(blocks.signals.data(), static_cast<Index>(blocks.rows), count);
   const MatrixXd samples = signals(Eigen::all, chosen),
-                 amplitudes = Eigen::Map<const MatrixXd>(all.amplitudes.data(), count, 2)(chosen, Eigen::all);
+                 coefficients = Eigen::Map<const MatrixXd>(all.coefficients.data(), count,
+                                                           std::ssize(all.coefficients) / count)(chosen, Eigen::all);
   PeriodicFit of_used;
   of_used.model = all.model;
   for (const Index signal : chosen)
     of_used.residual_energy.push_back(all.residual_energy[static_cast<std::size_t>(signal)]);
-  of_used.amplitudes.assign(amplitudes.data(), amplitudes.data() + amplitudes.size());
+  of_used.coefficients = values_of(coefficients);
   return combine_by_tone({samples.data(), static_cast<std::size_t>(samples.size())}, blocks.rows,
                          chosen.size() / blocks.frames, of_used);
 }
@@ -375,8 +373,9 @@ double noise_about(const PeriodicSignals& signals, double frequency, const std::
   // Harmonics that leak into the bins.
   const double reach = 1 + 1.5 * (bins.back() - frequency) / frequency;
   const auto removed = static_cast<std::size_t>(std::clamp(reach, 1.0, static_cast<double>(kMaxHarmonics)));
+  const PeriodicSignals shown(std::move(some), signals.rows());
   const std::vector<double> residual =
-      residual_of(some, signals.rows(), periodic_model(frequency, signals.rows(), removed), frequency);
+      residual_of(shown, fit_periodic(shown, periodic_model(frequency, signals.rows(), removed), frequency, false));
   const auto height = static_cast<Eigen::Index>(signals.rows());
   const RowSampling sampling = centred_rows(signals.rows());
   append_tones(waves, sampling, bins);
@@ -451,7 +450,7 @@ double largest_of(const std::vector<double>& residual, std::size_t rows, const P
   const std::size_t count = residual.size() / rows;
   double largest = 0, strongest = 0;
   for (std::size_t s = 0; s < count; ++s) {
-    const std::complex<double> level{final.amplitudes[s], -final.amplitudes[count + s]};
+    const std::complex<double> level{final.amplitudes()[s], -final.amplitudes()[count + s]};
     strongest = std::max(strongest, std::abs(level));
     largest = std::max(largest, std::abs(level) * measure({&residual[s * rows], rows}, final.frequency, level));
   }
@@ -506,7 +505,7 @@ StoredTone strongest_column(const AnyFramesView& frames, const ColumnBlocks& blo
   double largest = 0;
   std::size_t strongest = 0;
   for (std::size_t s = 0; s < count; ++s) {
-    const double amplitude = std::hypot(all.amplitudes[s], all.amplitudes[count + s]);
+    const double amplitude = std::hypot(all.amplitudes()[s], all.amplitudes()[count + s]);
     if (amplitude <= largest) continue;
     largest = amplitude;
     strongest = s % blocks.blocks;
@@ -537,7 +536,8 @@ std::size_t rows_until_repeated(double frequency, std::size_t rows) {
 // leaves nothing in the residual.
 double rounding_of_frequency(const StoredTone& tone, const PeriodicFit& final) {
   const std::size_t rows = tone.samples.size();
-  const std::vector<double> left = residual_of(tone.samples, rows, final.model, final.frequency);
+  const PeriodicSignals stored(tone.samples, rows);
+  const std::vector<double> left = residual_of(stored, fit_periodic(stored, final.model, final.frequency, false));
   const double steps = tone.amplitude / tone.step, square = tone.step * tone.step,
                noise = std::inner_product(left.begin(), left.end(), left.begin(), 0.0) /
                        (square * static_cast<double>(rows)),
@@ -579,9 +579,8 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const double coarse = fundamental_of(signals, sighted, range);
   if (std::abs(coarse - sighted) * rows > 1) signals = combined(coarse);
   const PeriodicFit final = final_fit(signals, coarse, range);
-  std::vector<double> residual;
-  const double own_std = frequency_std(signals.samples(), signals.rows(), signals.count() / blocks.frames, final.model,
-                                       final.frequency, &residual);
+  const std::vector<double> residual = residual_of(signals, final);
+  const double own_std = frequency_std(signals, signals.count() / blocks.frames, final, residual);
   ToneColumns columns = spread_over_columns(blocks, used, all);
   Flags flags = flags_of(final.frequency * rows, own_std * rows, columns.saturated);
   if (final.frequency <= range.lower || final.frequency >= range.upper) flags |= flag::at_bound;

@@ -12,7 +12,6 @@
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 #include "rows/fit.hpp"
-#include "tones/harmonic_kernels.hpp"
 #include "tones/row_moments.hpp"
 #include "tones/texture.hpp"
 
@@ -25,13 +24,18 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Signals = Eigen::Map<const MatrixXd>;  // (rows × signals)
 
-constexpr std::size_t kStrip = kernels::kBlockAlignment;  // signals
-constexpr std::size_t kManySignals = 6;  // products for one signal in each lane; for fewer, for one harmonic in each
+constexpr std::size_t kManySignals = 6;  // of which one is in each lane of a strip
 constexpr std::size_t kMaxTrend = 2;     // degree
 
 Signals as_matrix(std::span<const double> signals, std::size_t rows) {
   require(rows > 0 && signals.size() % rows == 0, "rows", rows, "a divisor of the number of samples");
   return {signals.data(), static_cast<Index>(rows), static_cast<Index>(signals.size() / rows)};
+}
+
+// (signals × parameters)
+Eigen::Map<const MatrixXd> coefficients_of(const PeriodicFit& fit) {
+  const std::size_t count = fit.residual_energy.size();
+  return {fit.coefficients.data(), static_cast<Index>(count), static_cast<Index>(fit.coefficients.size() / count)};
 }
 
 Index trend_columns(const PeriodicModel& model) { return static_cast<Index>(model.trend_degree) + 1; }
@@ -71,12 +75,17 @@ double inner_product(const Function& a, const Function& b, const RowMoments& mom
   return sum;
 }
 
-// The functions of one parity about the middle row, by their places among all: the model's, then the slopes. Those of
-// the other parity are orthogonal to them.
+// The functions of one parity about the middle row, to which those of the other are orthogonal, by their places among
+// all: the model's, then the slopes; and their normal equations.
 struct Parity {
   std::vector<Function> functions, slopes;
   std::vector<Index> at, slopes_at;
-  Index trend = 0;  // functions of the trend, the first ones
+  Index trend = 0;            // functions of the trend, the first ones
+  MatrixXd triangle{};        // R of the model's functions
+  MatrixXd coordinates{};     // of the signals in the basis
+  MatrixXd with_slopes{};     // inner products of the functions with the slopes
+  MatrixXd slopes_gram{};     // inner products of the slopes
+  MatrixXd slopes_signals{};  // inner products of the slopes and the signals
 };
 
 using Parities = std::array<Parity, 2>;  // even, odd
@@ -107,10 +116,6 @@ Parities parities_of(const PeriodicModel& model, std::size_t rows) {
   return both;
 }
 
-RowMoments moments_of(const PeriodicModel& model, std::size_t rows, double frequency) {
-  return {rows, frequency, 2 * model.harmonics.back(), std::max<std::size_t>(2 * model.trend_degree, 2)};
-}
-
 MatrixXd inner_products(const std::vector<Function>& some, const std::vector<Function>& others,
                         const RowMoments& moments) {
   const bool same = &some == &others;
@@ -131,19 +136,6 @@ MatrixXd triangle_of(MatrixXd gram) {
   if (auto triangle = cholesky_factor(gram, kMinPivot)) return std::move(*triangle);
   gram.diagonal().array() += kMinPivot * kMinPivot * gram.diagonal().maxCoeff();
   return cholesky_factor(gram, 0).value();
-}
-
-// Distance of the first row of the second half from the middle.
-double first_distance(std::size_t rows) { return rows % 2 == 0 ? 0.5 : 0.0; }
-
-// Cosines and sines of the harmonics at the rows from the middle on, (harmonics × half), into the first rows.
-void fill_harmonics(const PeriodicModel& model, std::size_t rows, double frequency, RowMajor& even, RowMajor& odd) {
-  const auto half = static_cast<std::size_t>(even.cols());
-  std::vector<double> times(half);
-  std::iota(times.begin(), times.end(), first_distance(rows));
-  for (std::size_t h = 0; h < model.harmonics.size(); ++h)
-    fill_wave(times, static_cast<double>(model.harmonics[h]) * frequency,
-              {even.row(static_cast<Index>(h)).data(), half}, {odd.row(static_cast<Index>(h)).data(), half});
 }
 
 // Coefficients of the slopes: b for a cosine, −a for a sine.
@@ -196,6 +188,11 @@ PeriodicModel periodic_model(double frequency, std::size_t rows, std::size_t max
   return model;
 }
 
+std::span<const double> PeriodicFit::amplitudes() const {
+  const std::size_t count = residual_energy.size();
+  return std::span(coefficients).subspan((model.trend_degree + 1) * count, 2 * count);
+}
+
 double PeriodicFit::total_residual() const {
   return std::accumulate(residual_energy.begin(), residual_energy.end(), 0.0);
 }
@@ -208,150 +205,82 @@ PeriodicSignals::PeriodicSignals(std::vector<double> samples, std::size_t rows)
     : samples_(std::move(samples)), rows_(rows) {
   const Signals all = as_matrix(samples_, rows);
   energies_ = as_vector(all.colwise().squaredNorm());
-  even_.assign(half() * width(), 0.0);
-  odd_.assign(half() * width(), 0.0);
+  for (auto& part : parts_) part.assign(half() * width(), 0.0);
   for (std::size_t s = 0; s < count(); ++s) {
     const auto signal = this->signal(s);
-    std::size_t at = place(s);
-    for (std::size_t after = rows / 2, before = (rows - 1) / 2; after < rows; ++after, --before, at += kStrip) {
-      even_[at] = after == before ? signal[after] : signal[after] + signal[before];
-      odd_[at] = signal[after] - signal[before];
+    std::size_t at = s / strip() * half() * strip() + s % strip();
+    for (std::size_t after = rows / 2, before = (rows - 1) / 2; after < rows; ++after, --before, at += strip()) {
+      parts_[0][at] = after == before ? signal[after] : signal[after] + signal[before];
+      parts_[1][at] = signal[after] - signal[before];
     }
   }
   add_trend();
 }
 
-std::size_t PeriodicSignals::width() const { return (count() + kStrip - 1) / kStrip * kStrip; }
-
-std::size_t PeriodicSignals::place(std::size_t s) const { return s / kStrip * half() * kStrip + s % kStrip; }
+std::size_t PeriodicSignals::strip() const { return count() < kManySignals ? 1 : kernels::kBlockAlignment; }
+std::size_t PeriodicSignals::width() const { return (count() + strip() - 1) / strip() * strip(); }
 
 namespace {
 
 // (functions × signals): the products of functions at the rows from the middle on with parts of signals.
 RowMajor products_with(const RowMajor& functions, const std::vector<double>& parts, const PeriodicSignals& signals) {
-  RowMajor sums(functions.rows(), static_cast<Index>(signals.width()));
-  const auto half = static_cast<std::size_t>(functions.cols());
-  for (std::size_t first = 0; first < signals.width(); first += kStrip)
+  const std::size_t half = signals.half(), strip = signals.strip(), width = signals.width();
+  if (strip == 1) return transposed_product(functions.transpose(), as_matrix(parts, half));
+  RowMajor sums(functions.rows(), static_cast<Index>(width));
+  for (std::size_t first = 0; first < width; first += strip)
     kernels::equalizer_loops<double>().matrix_times_rows(
         functions.data(), static_cast<std::size_t>(functions.rows()), half, &parts[first * half],
-        static_cast<std::ptrdiff_t>(kStrip), sums.data() + first, static_cast<std::ptrdiff_t>(signals.width()), kStrip);
+        static_cast<std::ptrdiff_t>(strip), sums.data() + first, static_cast<std::ptrdiff_t>(width), strip);
   return sums.leftCols(static_cast<Index>(signals.count()));
 }
 
-// Inner products of the signals with what the harmonics of one kind are multiplied by: (harmonics × signals).
-struct HarmonicProducts {
-  RowMajor cosine, sine;      // with cos and sin
-  RowMajor u_sine, u_cosine;  // with those times u
-};
-
-HarmonicProducts products_in_lanes(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
-                                   bool with_slopes) {
-  const auto half = static_cast<Index>(signals.half()), count = static_cast<Index>(model.harmonics.size());
-  const Index functions = with_slopes ? 2 * count : count;
-  RowMajor even(functions, half), odd(functions, half);
-  fill_harmonics(model, signals.rows(), frequency, even, odd);
-  if (with_slopes) {
-    const double first = first_distance(signals.rows());
-    const Eigen::RowVectorXd u = Eigen::RowVectorXd::LinSpaced(half, first, first + static_cast<double>(half - 1));
-    for (Index h = 0; h < count; ++h) {
-      even.row(count + h) = odd.row(h).cwiseProduct(u);
-      odd.row(count + h) = even.row(h).cwiseProduct(u);
-    }
+Parities normal_equations(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
+                          bool with_slopes) {
+  const std::size_t rows = signals.rows(), half = signals.half();
+  const RowMoments moments(rows, frequency, 2 * model.harmonics.back(),
+                           std::max<std::size_t>(2 * model.trend_degree, 2));
+  std::vector<double> times(half);
+  std::iota(times.begin(), times.end(), rows % 2 == 0 ? 0.5 : 0.0);
+  const auto harmonics = std::ssize(model.harmonics), count = static_cast<Index>(signals.count());
+  std::array<RowMajor, 2> waves;  // cosines, then slopes of sines; sines, then slopes of cosines
+  for (RowMajor& functions : waves) functions.resize(with_slopes ? 2 * harmonics : harmonics, static_cast<Index>(half));
+  auto& [cosine, sine] = waves;
+  for (Index h = 0; h < harmonics; ++h) {
+    const auto order = static_cast<double>(model.harmonics[static_cast<std::size_t>(h)]);
+    fill_wave(times, order * frequency, {cosine.row(h).data(), half}, {sine.row(h).data(), half});
+    if (!with_slopes) continue;
+    const Eigen::RowVectorXd turn = kTwoPi * order * vector_of(times).transpose();
+    cosine.row(harmonics + h) = sine.row(h).cwiseProduct(turn);
+    sine.row(harmonics + h) = cosine.row(h).cwiseProduct(turn);
   }
-  const RowMajor of_even = products_with(even, signals.even(), signals),
-                 of_odd = products_with(odd, signals.odd(), signals);
-  const Index slopes = functions - count;
-  return {of_even.topRows(count), of_odd.topRows(count), of_even.bottomRows(slopes), of_odd.bottomRows(slopes)};
-}
-
-HarmonicProducts products_of_each(const PeriodicSignals& signals, const PeriodicModel& model, double frequency) {
-  const std::size_t harmonics = model.harmonics.size(), padded = (harmonics + kernels::kHarmonicAlignment - 1) /
-                                                                 kernels::kHarmonicAlignment *
-                                                                 kernels::kHarmonicAlignment;
-  const double first = first_distance(signals.rows());
-  const auto phasors_at = [&](double u) {  // cosines, then sines, padded with those of none
-    std::vector<double> values(2 * padded, 0.0);
-    std::fill_n(values.begin(), padded, 1.0);
-    for (std::size_t h = 0; h < harmonics; ++h) {
-      const Phasor at = phasor(static_cast<double>(model.harmonics[h]) * frequency, u);
-      values[h] = at.cosine;
-      values[padded + h] = at.sine;
-    }
-    return values;
-  };
-  const auto at = phasors_at(first), turn = phasors_at(1),
-             leap = phasors_at(static_cast<double>(kernels::kRowsPerLeap));
-  const auto rows = static_cast<Index>(harmonics), count = static_cast<Index>(signals.count());
-  HarmonicProducts products{RowMajor(rows, count), RowMajor(rows, count), RowMajor(rows, count), RowMajor(rows, count)};
-  std::vector<double> sums(4 * padded);
-  for (Index s = 0; s < count; ++s) {
-    const std::size_t begin = signals.place(static_cast<std::size_t>(s));
-    kernels::harmonic_sums({&signals.even()[begin], &signals.odd()[begin], kStrip, signals.half(), first},
-                           {at.data(), &at[padded], turn.data(), &turn[padded], leap.data(), &leap[padded], padded},
-                           {sums.data(), &sums[padded], &sums[2 * padded], &sums[3 * padded]});
-    std::size_t next = 0;
-    for (RowMajor* of : {&products.cosine, &products.sine, &products.u_sine, &products.u_cosine})
-      of->col(s) = Eigen::Map<const VectorXd>(&sums[padded * next++], rows);
+  Parities both = parities_of(model, rows);
+  for (const std::size_t parity : {0U, 1U}) {
+    Parity& of = both[parity];
+    const RowMajor products = products_with(waves[parity], signals.parts()[parity], signals);
+    MatrixXd of_functions(of.trend + harmonics, count);
+    of_functions << Eigen::Map<const RowMajor>(signals.trend()[parity].data(), of.trend, count),
+        products.topRows(harmonics);
+    of.triangle = triangle_of(inner_products(of.functions, of.functions, moments));
+    of.coordinates = solve_upper_transposed(of.triangle, of_functions);
+    if (!with_slopes) continue;
+    of.with_slopes = inner_products(of.functions, of.slopes, moments);
+    of.slopes_gram = inner_products(of.slopes, of.slopes, moments);
+    of.slopes_signals = products.bottomRows(harmonics);
   }
-  return products;
-}
-
-// Normal equations of functions of the model and of slopes, by their places.
-struct Equations {
-  std::vector<Index> at, slopes_at;
-  Index trend;              // functions of the trend, the first ones
-  MatrixXd triangle;        // R of the model's functions
-  MatrixXd coordinates;     // of the signals in the basis
-  MatrixXd with_slopes;     // inner products of the functions with the slopes
-  MatrixXd slopes_gram;     // inner products of the slopes
-  MatrixXd slopes_signals;  // inner products of the slopes and the signals
-};
-
-// From products of the signals with the functions of one parity, and of their slopes; no slopes without `u`.
-Equations equations_of(const Parity& parity, const RowMoments& moments, const PeriodicModel& model,
-                       const Eigen::Map<const RowMajor>& trend, const RowMajor& harmonics, const RowMajor& u) {
-  MatrixXd own(parity.trend + harmonics.rows(), harmonics.cols());
-  own << trend.topRows(parity.trend), harmonics;
-  MatrixXd triangle = triangle_of(inner_products(parity.functions, parity.functions, moments));
-  MatrixXd coordinates = solve_upper_transposed(triangle, own);
-  Equations equations{parity.at, parity.slopes_at, parity.trend, std::move(triangle), std::move(coordinates), {}, {},
-                      {}};
-  if (u.size() == 0) return equations;
-  equations.slopes_signals = kTwoPi * u;
-  for (Index j = 0; j < equations.slopes_signals.rows(); ++j)
-    equations.slopes_signals.row(j) *= static_cast<double>(model.harmonics[static_cast<std::size_t>(j)]);
-  equations.with_slopes = inner_products(parity.functions, parity.slopes, moments);
-  equations.slopes_gram = inner_products(parity.slopes, parity.slopes, moments);
-  return equations;
-}
-
-// One set of equations for each parity.
-std::array<Equations, 2> normal_equations(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
-                                          bool with_slopes) {
-  const auto [even, odd] = parities_of(model, signals.rows());
-  const RowMoments moments = moments_of(model, signals.rows(), frequency);
-  const HarmonicProducts products = signals.count() >= kManySignals
-                                        ? products_in_lanes(signals, model, frequency, with_slopes)
-                                        : products_of_each(signals, model, frequency);
-  const auto trend = [&](std::size_t first, Index functions) {
-    return Eigen::Map<const RowMajor>(signals.trend().data() + first * signals.count(), functions,
-                                      static_cast<Index>(signals.count()));
-  };
-  const RowMajor none;
-  return {equations_of(even, moments, model, trend(0, 2), products.cosine, with_slopes ? products.u_sine : none),
-          equations_of(odd, moments, model, trend(2, 1), products.sine, with_slopes ? products.u_cosine : none)};
+  return both;
 }
 
 }  // namespace
 
-// Products with the trend's polynomials: even degrees, then odd ones.
+// Products with the trend's polynomials.
 void PeriodicSignals::add_trend() {
   const MatrixXd trend = tone_design(centred_rows(rows_), {}, kMaxTrend).bottomRows(static_cast<Index>(half()));
   RowMajor even(2, trend.rows());
   even << trend.col(0).transpose(), trend.col(2).transpose();
-  const RowMajor odd = trend.col(1).transpose();
-  for (const RowMajor& sums : {products_with(even, even_, *this), products_with(odd, odd_, *this)})
-    trend_.insert(trend_.end(), sums.data(), sums.data() + sums.size());
+  const RowMajor odd = trend.col(1).transpose(), of_even = products_with(even, parts_[0], *this),
+                 of_odd = products_with(odd, parts_[1], *this);
+  trend_ = {std::vector(of_even.data(), of_even.data() + of_even.size()),
+            std::vector(of_odd.data(), of_odd.data() + of_odd.size())};
 }
 
 PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& model, double frequency, bool with_step) {
@@ -367,7 +296,7 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   Eigen::RowVectorXd residual = Eigen::Map<const Eigen::RowVectorXd>(signals.energies().data(), count);
   Eigen::RowVectorXd periodic = Eigen::RowVectorXd::Zero(count);
   MatrixXd coefficients(parameters, count);
-  for (const Equations& of : equations) {
+  for (const Parity& of : equations) {
     residual -= of.coordinates.colwise().squaredNorm();
     periodic += of.coordinates.bottomRows(of.coordinates.rows() - of.trend).colwise().squaredNorm();
     const MatrixXd own = solve_upper(of.triangle, of.coordinates);
@@ -378,13 +307,11 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   for (Index j = first; j < parameters; j += 2)
     fit.harmonic_energy.push_back(static_cast<double>(rows) / 2 * coefficients.middleRows(j, 2).squaredNorm());
 
-  for (Index j = first; j < first + 2; ++j)
-    fit.amplitudes.insert(fit.amplitudes.end(), coefficients.row(j).begin(), coefficients.row(j).end());
-
+  fit.coefficients = values_of(coefficients.transpose());
   if (!with_step) return fit;
   const MatrixXd all_turned = slope_coefficients(model, coefficients);
   double gradient = 0, information = 0;
-  for (const Equations& of : equations) {
+  for (const Parity& of : equations) {
     MatrixXd turned(of.slopes_signals.rows(), count);
     for (std::size_t j = 0; j < of.slopes_at.size(); ++j)
       turned.row(static_cast<Index>(j)) = all_turned.row(of.slopes_at[j]);
@@ -422,12 +349,13 @@ namespace {
 
 // Variance of the sum of residual × derivative by texture: a harmonic h counts with h², and texture has the power 1/h²
 // there. That which stands still is the same in all frames.
-double texture_score(const PeriodicModel& model, double frequency, const MatrixXd& amplitudes, const MatrixXd& residual,
+double texture_score(const PeriodicFit& fit, const MatrixXd& amplitudes, const Signals& residual,
                      const MatrixXd& derivative) {
+  const PeriodicModel& model = fit.model;
   double mean = 0, variance = 0;
   const std::span<const double> rest(residual.data(), static_cast<std::size_t>(residual.size()));
   const auto rows = static_cast<std::size_t>(residual.rows());
-  const std::vector<Texture> textures = textures_about(frequency, rest, rows);
+  const std::vector<Texture> textures = textures_about(fit.frequency, rest, rows);
   for (Index s = 0; s < residual.cols(); ++s) {
     double flat = 0, steep = 0;
     for (std::size_t k = 0; k < model.harmonics.size(); ++k) {
@@ -445,49 +373,28 @@ double texture_score(const PeriodicModel& model, double frequency, const MatrixX
   return std::max(variance, mean * derivative.rowwise().sum().squaredNorm());
 }
 
-// Fit of the signals row by row: basis·triangle are the model's columns.
-struct FitOfRows {
-  MatrixXd columns, triangle, basis, coordinates, residual;
-};
-
-FitOfRows fit_of_rows(const Signals& y, const PeriodicModel& model, double frequency) {
-  const auto rows = static_cast<std::size_t>(y.rows());
-  MatrixXd matrix = model_matrix(model, rows, frequency), gram = MatrixXd::Zero(matrix.cols(), matrix.cols());
-  const RowMoments moments = moments_of(model, rows, frequency);
-  for (const Parity& parity : parities_of(model, rows)) {
-    const MatrixXd own = inner_products(parity.functions, parity.functions, moments);
-    for (std::size_t a = 0; a < parity.at.size(); ++a)
-      for (std::size_t b = 0; b < parity.at.size(); ++b)
-        gram(parity.at[a], parity.at[b]) = own(static_cast<Index>(a), static_cast<Index>(b));
-  }
-  MatrixXd triangle = triangle_of(std::move(gram));
-  MatrixXd q = solve_upper_transposed(triangle, matrix.transpose()).transpose(), coordinates = transposed_product(q, y);
-  MatrixXd residual = y - product(q, coordinates);
-  return {std::move(matrix), std::move(triangle), std::move(q), std::move(coordinates), std::move(residual)};
-}
-
 }  // namespace
 
-std::vector<double> residual_of(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
-                                double frequency) {
-  const MatrixXd left = fit_of_rows(as_matrix(signals, rows), model, frequency).residual;
-  return {left.data(), left.data() + left.size()};
+std::vector<double> residual_of(const PeriodicSignals& signals, const PeriodicFit& fit) {
+  const MatrixXd model = model_matrix(fit.model, signals.rows(), fit.frequency);
+  return values_of(as_matrix(signals.samples(), signals.rows()) - product(model, coefficients_of(fit).transpose()));
 }
 
-double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
-                     double frequency, std::vector<double>* residual_values) {
-  if (rows <= model.parameters() + 1) return kNaN;
-  const Signals y = as_matrix(signals, rows);
+double frequency_std(const PeriodicSignals& signals, std::size_t group, const PeriodicFit& fit,
+                     std::span<const double> residual_values) {
+  const std::size_t rows = signals.rows();
+  if (rows <= fit.model.parameters() + 1) return kNaN;
+  const Signals residual = as_matrix(residual_values, rows);
   const auto members = static_cast<Index>(group);
-  require(group > 0 && y.cols() % members == 0, "group", group, "a divisor of the number of signals");
-  const auto [matrix, triangle, q, coordinates, residual] = fit_of_rows(y, model, frequency);
-  if (residual_values) residual_values->assign(residual.data(), residual.data() + residual.size());
-  const MatrixXd amplitudes = solve_upper(triangle, coordinates);
-  MatrixXd turned = slope_coefficients(model, amplitudes);
+  require(group > 0 && residual.cols() % members == 0, "group", group, "a divisor of the number of signals");
+  const MatrixXd matrix = model_matrix(fit.model, rows, fit.frequency), amplitudes = coefficients_of(fit).transpose();
+  const MatrixXd triangle = triangle_of(transposed_product(matrix, matrix)),
+                 q = solve_upper_transposed(triangle, matrix.transpose()).transpose();
+  MatrixXd turned = slope_coefficients(fit.model, amplitudes);
   for (Index j = 0; j < turned.rows(); ++j)
-    turned.row(j) *= kTwoPi * static_cast<double>(model.harmonics[static_cast<std::size_t>(j / 2)]);
+    turned.row(j) *= kTwoPi * static_cast<double>(fit.model.harmonics[static_cast<std::size_t>(j / 2)]);
   const RowSampling sampling = centred_rows(rows);
-  const Eigen::Map<const VectorXd> time(sampling.times.data(), y.rows());
+  const Eigen::Map<const VectorXd> time(sampling.times.data(), residual.rows());
   MatrixXd derivative = time.asDiagonal() * product(matrix.rightCols(turned.rows()), turned);
   derivative = beside(q, derivative);
   const double information = derivative.squaredNorm();
@@ -497,10 +404,10 @@ double frequency_std(std::span<const double> signals, std::size_t rows, std::siz
   const VectorXd leverage = q.rowwise().squaredNorm() + derivative.rowwise().squaredNorm() / information;
   const VectorXd spare = (1 - leverage.array()).max(1e-3).sqrt().inverse();
   const MatrixXd products = residual.cwiseProduct(derivative);
-  MatrixXd scores(y.rows(), y.cols() / members);
+  MatrixXd scores(residual.rows(), residual.cols() / members);
   for (Index g = 0; g < scores.cols(); ++g)
     scores.col(g) = products.middleCols(g * members, members).rowwise().sum().cwiseProduct(spare);
-  const double texture = texture_score(model, frequency, amplitudes, residual, derivative);
+  const double texture = texture_score(fit, amplitudes, residual, derivative);
   // Frames that repeat each other, or see a lamp of one phase on rows of a fixed pattern, share their errors.
   const double shared = variance_of_sum(scores.rowwise().sum());
   return std::sqrt(std::max({variance_of_sum(scores), shared, texture})) / information;

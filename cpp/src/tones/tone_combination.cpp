@@ -45,7 +45,7 @@ CombinedTone combine_by_tone(std::span<const double> signals, std::size_t rows, 
                              const PeriodicFit& fit) {
   const auto length = static_cast<Index>(rows), members = static_cast<Index>(group);
   const Eigen::Map<const MatrixXd> y(signals.data(), length, static_cast<Index>(signals.size() / rows));
-  const Eigen::Map<const MatrixX2d> amplitudes(fit.amplitudes.data(), y.cols(), 2);
+  const Eigen::Map<const MatrixX2d> amplitudes(fit.amplitudes().data(), y.cols(), 2);
   const double spare = static_cast<double>(rows - fit.model.parameters()) * static_cast<double>(y.cols());
   const double noise = 2 / static_cast<double>(rows) * fit.total_residual() / spare;
   std::vector<MatrixX2d> weights;

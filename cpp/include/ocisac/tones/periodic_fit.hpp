@@ -2,6 +2,7 @@
 // per signal (separable least squares, Golub and Pereyra 1973; cf. IEEE Std 1057, four-parameter fit).
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -28,9 +29,11 @@ struct PeriodicFit {
   std::vector<double> residual_energy;  // (signals): Σ r(n)²
   std::vector<double> periodic_energy;  // (signals): explained by the harmonics beyond the trend
   std::vector<double> harmonic_energy;  // (harmonics): rows/2·(a² + b²), summed over the signals
-  std::vector<double> amplitudes;       // (2 × signals): a and b of the first harmonic, phases from the middle row
+  std::vector<double> coefficients;     // (parameters × signals): of the trend; a and b of each harmonic in turn
   double step = 0;                      // Gauss–Newton step of f towards the minimum of the summed residual energy
 
+  // (2 × signals): a and b of the first harmonic, phases from the middle row.
+  [[nodiscard]] std::span<const double> amplitudes() const;
   [[nodiscard]] double total_residual() const;
   [[nodiscard]] double total_periodic() const;
 };
@@ -48,22 +51,22 @@ class PeriodicSignals {
   [[nodiscard]] std::size_t rows() const { return rows_; }
   [[nodiscard]] std::size_t count() const { return energies_.size(); }
   [[nodiscard]] std::size_t half() const { return (rows_ + 1) / 2; }  // rows from the middle to the end
-  // One signal in each lane, in dense strips of 16: (width/16 × half × 16), 0 beyond `count`. place: of a signal's
-  // first row.
+  // Signals lie in strips, (width/strip × half × strip), 0 beyond `count`: few one by one, many 16 side by side.
+  [[nodiscard]] std::size_t strip() const;
   [[nodiscard]] std::size_t width() const;
-  [[nodiscard]] std::size_t place(std::size_t s) const;
   [[nodiscard]] const std::vector<double>& energies() const { return energies_; }  // (count) Σ y(n)²
-  [[nodiscard]] const std::vector<double>& even() const { return even_; }          // y(u) + y(−u), y(0) once
-  [[nodiscard]] const std::vector<double>& odd() const { return odd_; }            // y(u) − y(−u)
-  // Inner products with the polynomials of a trend, degrees 0, 2 and 1: (3 × count).
-  [[nodiscard]] const std::vector<double>& trend() const { return trend_; }
+  // y(u) + y(−u), y(0) once, with which cosines are multiplied; y(u) − y(−u), with which sines are.
+  [[nodiscard]] const std::array<std::vector<double>, 2>& parts() const { return parts_; }
+  // Inner products of the parts with a trend's polynomials: (degrees 0 and 2, or 1 × count).
+  [[nodiscard]] const std::array<std::vector<double>, 2>& trend() const { return trend_; }
 
  private:
   void add_trend();
 
   std::vector<double> samples_;
   std::size_t rows_;
-  std::vector<double> energies_, even_, odd_, trend_;
+  std::vector<double> energies_;
+  std::array<std::vector<double>, 2> parts_, trend_;
 };
 
 // Signals preferably with mean removed (energies are differences); more rows than parameters of the model; f in cycles
@@ -75,15 +78,14 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
 PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, double lower, double upper,
                             int max_steps = 30);
 
-// Subtracts the model's fit at this frequency from each signal.
-std::vector<double> residual_of(std::span<const double> signals, std::size_t rows, const PeriodicModel& model,
-                                double frequency);
+// What the fit leaves of its signals.
+std::vector<double> residual_of(const PeriodicSignals& signals, const PeriodicFit& fit);
 
 // Standard error at the minimum, from the residual, by the sandwich estimate. It allows for noise that is common to the
 // signals of a group (the `group` neighbouring signals of one frame), increases with the light, or is correlated from
 // row to row (Newey and West 1987, Bartlett weights; lag by Andrews 1991), and for texture at the tone. NaN without
-// degrees of freedom. `residual`: of the signals, if it is wanted.
-double frequency_std(std::span<const double> signals, std::size_t rows, std::size_t group, const PeriodicModel& model,
-                     double frequency, std::vector<double>* residual = nullptr);
+// degrees of freedom. `residual`: residual_of() the fit.
+double frequency_std(const PeriodicSignals& signals, std::size_t group, const PeriodicFit& fit,
+                     std::span<const double> residual);
 
 }  // namespace ocisac
