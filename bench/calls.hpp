@@ -19,7 +19,6 @@
 #include "ocisac/tones/equalize.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/projection.hpp"
-#include "ocisac/tones/read_bytes.hpp"
 #include "ocisac/tones/tone_gain.hpp"
 #include "ocisac/tones/varying_tone.hpp"
 

@@ -13,7 +13,7 @@
 #include "columns/dense_rows.hpp"
 #include "columns/lamp_slope.hpp"
 #include "columns/moving_mean.hpp"
-#include "columns/pooling_kernels.hpp"
+#include "columns/row_kernels.hpp"
 #include "columns/streaks.hpp"
 #include "core/levels.hpp"
 #include "core/linear_algebra.hpp"
@@ -352,9 +352,7 @@ template <class Sample, class Stored>
 std::vector<double> weighted_samples(const FramesView<const Stored>& view, std::size_t frame,
                                      std::span<const double> weights, std::span<const float> light) {
   DenseRows<Stored, Sample> source(view, frame, light);
-  const BlockSize most = source.in_place()        ? BlockSize{view.rows, view.columns}
-                         : source.is_transposed() ? kTransposed
-                                                  : kCopied;
+  const BlockSize most = source.largest_block({view.rows, view.columns});
   std::vector<double> signal(view.rows), of_part(view.rows);
   for (std::size_t row = 0; row < view.rows; row += most.rows) {
     const std::size_t here = std::min(most.rows, view.rows - row);

@@ -49,6 +49,11 @@ class DenseRows {
     return std::is_same_v<Stored, std::uint8_t> && !dense_ && std::abs(view_.row_stride) == 1;
   }
 
+  // The largest block to read at once, in place that one.
+  [[nodiscard]] BlockSize largest_block(BlockSize whole) const {
+    return in_place() ? whole : is_transposed() ? kTransposed : kCopied;
+  }
+
   // Valid until the next call, unless in place. `to_next`: offset to the samples that will be read next.
   kernels::StoredRows<Sample> read(std::size_t row, std::size_t rows, IndexRange columns, std::ptrdiff_t to_next = 0) {
     kernels::StoredRows<Stored> stored{view_.at(frame_, row, columns.begin), view_.row_stride, to_next, rows,

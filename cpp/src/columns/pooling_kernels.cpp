@@ -1,7 +1,8 @@
-#include "columns/pooling_kernels.hpp"
-
+// Rows of samples pooled by weights of their columns, compiled once for each SIMD target.
 #include <algorithm>
 #include <type_traits>
+
+#include "columns/row_kernels.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "columns/pooling_kernels.cpp"

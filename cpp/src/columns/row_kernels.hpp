@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <variant>
 
 namespace ocisac::kernels {
 
@@ -49,6 +50,13 @@ struct StoredRows {
 // The light of samples by a table of all values, dense.
 void look_up(const StoredRows<std::uint8_t>& from, const ByteTable& table, float* to);
 void look_up(const StoredRows<std::uint16_t>& from, const float* table, float* to);
+
+using AnyStoredRows =
+    std::variant<StoredRows<std::uint8_t>, StoredRows<std::uint16_t>, StoredRows<float>, StoredRows<double>>;
+
+// (rows) Σ weight·sample over the columns, in float64 with the same rounding on every target: eight sums of every
+// eighth column, then these in order, then the columns that are left.
+void pool_rows(const AnyStoredRows& from, const double* weights, double* to);
 
 // Prefetches a line of what is read much later, when the first-level cache holds other lines, into the second-level
 // one.

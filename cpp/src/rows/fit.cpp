@@ -92,13 +92,6 @@ std::optional<NormalSolution> solve_normal(const MatrixXd& normal, const VectorX
                         scale.asDiagonal() * solved->leftCols(normal.rows()) * scale.asDiagonal()};
 }
 
-FrequencyFit fit_tones(const RowSampling& rows, std::vector<double> frequencies, const MatrixXd& others,
-                       const VectorXd& values) {
-  const MatrixXd own = beside(others, waves_of(rows, frequencies));
-  const VectorXd amplitudes = coefficients_of(own, values);
-  return {std::move(frequencies), amplitudes, values - own * amplitudes};
-}
-
 FrequencyFit refine_frequencies(const RowSampling& rows, std::vector<double> frequencies, const MatrixXd& others,
                                 const VectorXd& values) {
   const auto height = static_cast<double>(values.size());
@@ -121,7 +114,10 @@ FrequencyFit refine_frequencies(const RowSampling& rows, std::vector<double> fre
     }
     if (moves.cwiseAbs().maxCoeff() < kSettled * bin) break;
   }
-  return fit_tones(rows, std::move(frequencies), others, values);
+  const MatrixXd own = beside(others, waves_of(rows, frequencies));
+  amplitudes = coefficients_of(own, values);
+  VectorXd rest = values - own * amplitudes;
+  return {std::move(frequencies), std::move(amplitudes), std::move(rest)};
 }
 
 }  // namespace ocisac

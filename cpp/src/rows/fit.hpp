@@ -55,8 +55,5 @@ struct FrequencyFit {
 // a quarter of a bin, from a peak of a periodogram on. `others`: orthonormal.
 FrequencyFit refine_frequencies(const RowSampling& rows, std::vector<double> frequencies, const Eigen::MatrixXd& others,
                                 const Eigen::VectorXd& values);
-// The same at given frequencies.
-FrequencyFit fit_tones(const RowSampling& rows, std::vector<double> frequencies, const Eigen::MatrixXd& others,
-                       const Eigen::VectorXd& values);
 
 }  // namespace ocisac

@@ -1,5 +1,3 @@
-#include "tones/byte_kernels.hpp"
-
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -10,6 +8,7 @@
 
 #include "core/aligned_memory.hpp"
 #include "core/recently_used.hpp"
+#include "tones/projection_kernels.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "tones/byte_kernels.cpp"

@@ -75,29 +75,23 @@ RowSampling folded_rows(std::size_t rows) {
   return half;
 }
 
-// Expands a folded column to the full one: symmetric (sign = 1) or antisymmetric (sign = −1).
-void unfold(const Eigen::Ref<const VectorXd>& folded, const RowSampling& half, double sign, Eigen::Ref<VectorXd> full) {
-  const Index above = full.size() / 2, below = full.size() - 1 - above;
-  for (Index i = 0; i < folded.size(); ++i) {
-    const double value = folded(i) / half.weights[static_cast<std::size_t>(i)];
-    full(below - i) = sign * value;
-    full(above + i) = value;
-  }
+// Expands folded columns to full ones: symmetric (sign = 1) or antisymmetric (sign = −1).
+MatrixXd unfolded(const MatrixXd& folded, const RowSampling& half, double sign, Index rows) {
+  const MatrixXd upper = folded.array().colwise() / vector_of(half.weights).array();
+  MatrixXd full(rows, folded.cols());
+  full << sign * upper.bottomRows(rows / 2).colwise().reverse(), upper;
+  return full;
 }
 
 // Adds the solution of a block to the model; `places`: indices of its estimates in the model.
 void add_block(const LinearFit& block, const RowSampling& half, double sign, const std::vector<Index>& places,
                HarmonicModel& model) {
-  const Index first = static_cast<Index>(model.parameters);
-  model.parameters += static_cast<std::size_t>(block.basis.cols());
-  model.basis.conservativeResize(static_cast<Index>(model.rows), static_cast<Index>(model.parameters));
-  for (Index j = 0; j < block.basis.cols(); ++j) unfold(block.basis.col(j), half, sign, model.basis.col(first + j));
-  for (Index j = 0; j < block.weights.cols(); ++j) {
-    const Index place = places[static_cast<std::size_t>(j)];
-    unfold(block.weights.col(j), half, sign, model.weights.col(place));
-    for (Index k = 0; k < block.weights.cols(); ++k)
-      model.covariance(place, places[static_cast<std::size_t>(k)]) = block.covariance(j, k);
-  }
+  const auto rows = static_cast<Index>(model.rows), size = block.basis.cols();
+  model.parameters += static_cast<std::size_t>(size);
+  model.basis.conservativeResize(rows, static_cast<Index>(model.parameters));
+  model.basis.rightCols(size) = unfolded(block.basis, half, sign, rows);
+  model.weights(Eigen::all, places) = unfolded(block.weights, half, sign, rows);
+  model.covariance(places, places) = block.covariance;
 }
 
 }  // namespace

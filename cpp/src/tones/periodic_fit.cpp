@@ -149,8 +149,6 @@ MatrixXd slope_coefficients(const PeriodicModel& model, const MatrixXd& coeffici
   return slopes;
 }
 
-std::vector<double> as_vector(const VectorXd& v) { return {v.begin(), v.end()}; }
-
 // Lag of the Bartlett window for a first-order autoregressive score (Andrews 1991, eqs. 5.3 and 6.4).
 Index bartlett_lag(double rho, Index rows) {
   const double alpha = 4 * rho * rho / std::pow(1 - rho * rho, 2);
@@ -204,7 +202,7 @@ double PeriodicFit::total_periodic() const {
 PeriodicSignals::PeriodicSignals(std::vector<double> samples, std::size_t rows)
     : samples_(std::move(samples)), rows_(rows) {
   const Signals all = as_matrix(samples_, rows);
-  energies_ = as_vector(all.colwise().squaredNorm());
+  energies_ = values_of(all.colwise().squaredNorm());
   for (auto& part : parts_) part.assign(half() * width(), 0.0);
   for (std::size_t s = 0; s < count(); ++s) {
     const auto signal = this->signal(s);
@@ -299,11 +297,10 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   for (const Parity& of : equations) {
     residual -= of.coordinates.colwise().squaredNorm();
     periodic += of.coordinates.bottomRows(of.coordinates.rows() - of.trend).colwise().squaredNorm();
-    const MatrixXd own = solve_upper(of.triangle, of.coordinates);
-    for (std::size_t j = 0; j < of.at.size(); ++j) coefficients.row(of.at[j]) = own.row(static_cast<Index>(j));
+    coefficients(of.at, Eigen::all) = solve_upper(of.triangle, of.coordinates);
   }
-  fit.residual_energy = as_vector(residual.cwiseMax(0.0));
-  fit.periodic_energy = as_vector(periodic);
+  fit.residual_energy = values_of(residual.cwiseMax(0.0));
+  fit.periodic_energy = values_of(periodic);
   for (Index j = first; j < parameters; j += 2)
     fit.harmonic_energy.push_back(static_cast<double>(rows) / 2 * coefficients.middleRows(j, 2).squaredNorm());
 
@@ -312,11 +309,9 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
   const MatrixXd all_turned = slope_coefficients(model, coefficients);
   double gradient = 0, information = 0;
   for (const Parity& of : equations) {
-    MatrixXd turned(of.slopes_signals.rows(), count);
-    for (std::size_t j = 0; j < of.slopes_at.size(); ++j)
-      turned.row(static_cast<Index>(j)) = all_turned.row(of.slopes_at[j]);
-    const MatrixXd inside =  // what the model absorbs of ∂y/∂f
-        solve_upper_transposed(of.triangle, product(of.with_slopes, turned));
+    const MatrixXd turned = all_turned(of.slopes_at, Eigen::all),
+                   inside =  // what the model absorbs of ∂y/∂f
+                   solve_upper_transposed(of.triangle, product(of.with_slopes, turned));
     gradient += of.slopes_signals.cwiseProduct(turned).sum() - inside.cwiseProduct(of.coordinates).sum();
     information += product(of.slopes_gram, turned).cwiseProduct(turned).sum() - inside.squaredNorm();
   }

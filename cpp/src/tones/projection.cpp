@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -12,11 +13,11 @@
 #include "columns/dense_rows.hpp"
 #include "columns/row_kernels.hpp"
 #include "core/levels.hpp"
+#include "core/parallel.hpp"
 #include "light/time_line.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
-#include "tones/byte_kernels.hpp"
-#include "tones/sample_kernels.hpp"
+#include "tones/projection_kernels.hpp"
 
 namespace ocisac {
 
@@ -134,11 +135,6 @@ namespace {
 
 using ByteRows = DenseRows<std::uint8_t, std::uint8_t>;
 
-BlockSize block_of(const ByteRows& source, std::size_t columns) {
-  if (source.in_place()) return {kernels::kRowsPerChunk, columns};
-  return source.is_transposed() ? kTransposed : kCopied;
-}
-
 void add_block(ByteRows& near, ByteRows& far, IndexRange columns, std::size_t most_rows, const RowWeights& weights,
                kernels::ProjectionSums sums) {
   const bool folded = weights.folds();
@@ -195,7 +191,7 @@ void join_limbs(const RowWeights& weights, std::size_t count, std::vector<double
 void add_by_rows(const FramesView<const std::uint8_t>& view, std::size_t frame, const RowWeights& weights,
                  Projection& result) {
   ByteRows near(view, frame, {}), far(view, frame, {});
-  const BlockSize most = block_of(near, view.columns);
+  const BlockSize most = near.largest_block({kernels::kRowsPerChunk, view.columns});
   for_each_part(view.columns, most.columns, [&](IndexRange part) {
     add_block(near, far, part, most.rows, weights, sums_of(result, part.begin, view.columns));
   });
@@ -351,6 +347,16 @@ Projection project(const AnyFramesView& frames, std::size_t frame, std::size_t f
   Projection result;
   project(frames, frame, first, count, weights, light, result);
   return result;
+}
+
+std::uint64_t read_bytes(std::span<const std::uint8_t> bytes, int threads) {
+  constexpr std::size_t kPerBlock = 1 << 19;
+  std::atomic<std::uint64_t> sum = 0;
+  for_each_block((bytes.size() + kPerBlock - 1) / kPerBlock, threads, [&](std::size_t block) {
+    const auto part = bytes.subspan(block * kPerBlock);
+    sum += kernels::read_bytes(part.data(), std::min(part.size(), kPerBlock));
+  });
+  return sum;
 }
 
 std::vector<std::string> simd_targets() {

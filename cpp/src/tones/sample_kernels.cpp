@@ -1,5 +1,3 @@
-#include "tones/sample_kernels.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -8,6 +6,8 @@
 #include <type_traits>
 #include <utility>
 #include <vector>
+
+#include "tones/projection_kernels.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "tones/sample_kernels.cpp"

@@ -121,11 +121,6 @@ std::shared_ptr<const StreamingFit> StreamingFit::plan(std::size_t rows, const s
   });
 }
 
-void StreamingFit::add_up(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-                          std::span<const float> light, Projection& to) const {
-  project(frames, frame, first, count, weights_, light, to);
-}
-
 void StreamingFit::estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count,
                             Columns& to) const {
   to.parameters.resize(estimates_ * count);

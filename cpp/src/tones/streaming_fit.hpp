@@ -31,10 +31,6 @@ class StreamingFit {
   // others.
   [[nodiscard]] bool well_posed() const { return well_posed_; }
 
-  // The pass over the pixels of columns [first, first + count), or over the light of their values.
-  void add_up(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
-              std::span<const float> light, Projection& to) const;
-
   struct Columns {
     std::vector<double> parameters;      // (1 + 2·tones, count): c, a_1, b_1, …, in DN as stored
     std::vector<double> noise_variance;  // (count), of one row
@@ -43,6 +39,8 @@ class StreamingFit {
   // and resized; its memory is reused.
   void estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count, Columns& to) const;
 
+  // Of the pass over the pixels, or over the light of their values.
+  [[nodiscard]] const RowWeights& weights() const { return weights_; }
   // The model of the rows holds the flags of the tones and the covariance of the parameters.
   [[nodiscard]] const HarmonicModel& model() const { return model_; }
   [[nodiscard]] std::size_t rows_added() const {  // the first ones

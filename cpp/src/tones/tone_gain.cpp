@@ -603,7 +603,7 @@ void gains_of_model(const AnyFramesView& frames, const Context& context, IndexRa
     };
     if (fit) {
       // The frame after this one, which is prefetched, is the one that this thread takes next.
-      fit->add_up(every_frame(frames, frame, threads), 0, first, count, stored.light(), sums);
+      project(every_frame(frames, frame, threads), 0, first, count, fit->weights(), stored.light(), sums);
       check_summed(frames, *fit, pieces[block], sums);
       for_each_part(count, kernels::kColumnsAtOnce, [&](IndexRange part) {
         fit->estimate(sums, bytes, part.begin, part.size(), columns);

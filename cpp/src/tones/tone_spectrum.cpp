@@ -13,6 +13,7 @@
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
+#include "ocisac/rows/tone_search.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 
 namespace ocisac {
@@ -40,16 +41,11 @@ std::vector<double> amplitude_spectrum(std::span<const double> signal) {
   const std::size_t rows = signal.size();
   require(rows > 0, "signal", "none", "at least one row");
   const double mean = mean_of(signal);
+  const std::vector<double> window = hann_window(rows);
   std::vector<double> windowed(4 * rows);
-  double sum = 0;
-  for (std::size_t n = 0; n < rows; ++n) {
-    const double turn = kTwoPi * static_cast<double>(n + 1) / static_cast<double>(rows + 1);
-    const double window = 0.5 - 0.5 * std::cos(turn);
-    windowed[n] = (signal[n] - mean) * window;
-    sum += window;
-  }
+  for (std::size_t n = 0; n < rows; ++n) windowed[n] = (signal[n] - mean) * window[n];
   const auto spectrum = half_spectra(windowed, windowed.size());
-  const double scale = 2 / (sum * (mean > 0 ? mean : 1));
+  const double scale = 2 / (static_cast<double>(rows) * mean_of(window) * (mean > 0 ? mean : 1));
   std::vector<double> amplitude(spectrum.size());
   std::ranges::transform(spectrum, amplitude.begin(), [&](const auto& line) { return scale * std::abs(line); });
   return amplitude;

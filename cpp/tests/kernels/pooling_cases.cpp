@@ -1,4 +1,4 @@
-#include "columns/pooling_kernels.hpp"
+#include "columns/row_kernels.hpp"
 #include "kernel_cases.hpp"
 
 namespace kernel_cases {

@@ -356,7 +356,7 @@ def _amplitude(found: Float64s, covariance: Float64s, terms: int) -> tuple[float
 def amplitude_spectrum(signal: Float64s) -> Float64s:
     """Amplitude over mean at (0 ... 2 rows) / (4 rows) cycles per row, with a Hann window."""
     rows, mean = len(signal), signal.mean()
-    window = np.hanning(rows + 2)[1:-1]
+    window = np.sin(np.pi * (np.arange(rows) + 0.5) / rows) ** 2
     lines = np.exp(-2j * np.pi * np.outer(np.arange(2 * rows + 1) / (4 * rows), np.arange(rows)))
     scale = window.sum() * (mean if mean > 0.0 else 1.0)
     return np.asarray(2.0 * np.abs(lines @ ((signal - mean) * window)) / scale)

@@ -76,6 +76,9 @@ Projection project(const AnyFramesView& frames, std::size_t frame, std::size_t f
 void project(const AnyFramesView& frames, std::size_t frame, std::size_t first, std::size_t count,
              const RowWeights& weights, std::span<const float> light, Projection& result);
 
+// Sum of all bytes with the current SIMD target, to measure the time of reading a frame.
+std::uint64_t read_bytes(std::span<const std::uint8_t> bytes, int threads = 1);
+
 // SIMD targets of this build that this processor supports, best first, and the current one.
 std::vector<std::string> simd_targets();
 std::string simd_target();

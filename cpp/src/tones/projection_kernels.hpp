@@ -1,13 +1,23 @@
-// Inner loops of project() over bytes, in integers, compiled once for each SIMD target.
+// Inner loops of project(), compiled once for each SIMD target: over bytes in integers, and in float64 over other
+// samples and the light of bytes.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 #include <span>
-
-#include "tones/projection_sums.hpp"
+#include <variant>
 
 namespace ocisac::kernels {
+
+// Accumulators of the blocks (the maximum: running maximum): sums (parts or outputs × columns, `stride` apart), moments
+// (columns,) each. The first block of bytes of a pass overwrites them; the last one multiplies the sums, integers so
+// far, by their units.
+struct ProjectionSums {
+  double* sums;
+  std::size_t stride;
+  double *totals, *squares, *maximum;
+  bool first = false, last = false;
+};
 
 // Groups of rows of bytes, each row dense: `groups` of them from `pixels` on and, if folded, their mirror images from
 // `mirrored`, the first row of the last group, on backwards.
@@ -53,5 +63,38 @@ std::uint64_t read_bytes(const std::uint8_t* data, std::size_t size);
 
 // The target of Highway whose code runs.
 std::int64_t target();
+
+// As ByteBlock; folded for two outputs if one applies to sums and one to differences, and for more.
+template <class T>
+struct SampleBlock {
+  const T* pixels;
+  const T* mirrored;
+  std::ptrdiff_t row_stride;
+  std::size_t groups;  // at most kSampleRows rows, the mirrored ones included
+  std::size_t columns;
+  std::ptrdiff_t to_next;         // from the block to the one that will be read next; 0: samples are in the cache
+  const double* light = nullptr;  // of bytes: that of each value
+};
+
+using AnySampleBlock =
+    std::variant<SampleBlock<std::uint8_t>, SampleBlock<std::uint16_t>, SampleBlock<float>, SampleBlock<double>>;
+
+inline constexpr std::size_t kSampleRows = 32;
+
+// Weights of output o begin at values + o·stride. order: all outputs; folded, the first `even` apply to sums, the
+// others to differences.
+struct SampleWeights {
+  int row_group;
+  const double* values;
+  std::size_t stride;
+  std::span<const std::size_t> order;
+  std::size_t even;
+};
+
+// As project_bytes().
+void project_samples(const AnySampleBlock& block, const SampleWeights& weights, const ProjectionSums& to);
+
+// True if the target whose code runs is faster with the light of bytes than with a copy of it.
+bool takes_light_of_bytes();
 
 }  // namespace ocisac::kernels
