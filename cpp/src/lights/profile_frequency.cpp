@@ -47,7 +47,8 @@ double bend_of(std::span<const double> rows, double frequency, double margin) {
   const Complex level = 2 / static_cast<double>(own.size()) *
                         product(component_at(own, frequency), std::conj(turned(frequency * middle)));
   const PeriodicSignals signals({own.begin(), own.end()}, own.size());
-  return bend_of_frequency(residual_of(signals, fit_periodic(signals, model, frequency, false)), frequency, level);
+  return bend_of_phase(residual_of(signals, fit_periodic(signals, model, frequency, false)), frequency, level)
+      .frequency;
 }
 
 }  // namespace

@@ -76,7 +76,7 @@ double jackknife_std(double frequency, std::size_t rows, double cycles, int step
 double strongest_frequency(std::span<const double> profile, double lower, double upper);
 double jackknife_std(std::span<const double> profile, double frequency, double cycles);
 
-// Error of the frequency of a profile by its phase, which bends where rows are moved (bend_of_frequency), and by
+// Error of the frequency of a profile by its phase, which bends where rows are moved (bend_of_phase), and by
 // harmonics that fold beside own ones (fold_error). `margin`: cycles at either end that bends are looked for without.
 struct SystematicError {
   double std = 0;        // cycles per row

@@ -13,7 +13,6 @@
 #include "ocisac/rows/tone_search.hpp"
 #include "rows/fit.hpp"
 #include "rows/verdict.hpp"
-#include "tones/tone_combination.hpp"
 
 namespace ocisac {
 

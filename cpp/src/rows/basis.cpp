@@ -15,7 +15,7 @@ namespace ocisac {
 
 namespace {
 
-constexpr std::size_t kTurns = 64;
+constexpr std::size_t kTurns = 64;  // of one phasor
 
 // cos and sin of 0 … 63 turns, as products of two fewer ones.
 struct Turns {

@@ -39,6 +39,12 @@ double chance_of_share(double share, std::size_t tones, double spare) {
   return std::min(sum, 1.0);
 }
 
+double chance_energy(std::size_t count) {
+  const auto freedom = static_cast<double>(count);
+  const double spread = 2 / (9 * freedom);
+  return freedom * std::pow(1 - spread + 4.8 * std::sqrt(spread), 3);
+}
+
 double schwarz_criterion(double residual_energy, std::size_t rows, std::size_t parameters) {
   const auto n = static_cast<double>(rows);
   return n * std::log(residual_energy) + static_cast<double>(parameters) * std::log(n);

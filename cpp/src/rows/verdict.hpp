@@ -22,6 +22,10 @@ bool is_white(std::span<const double> residual);
 // `share` of the energy of white noise, in which they leave `spare` degrees of freedom: 1 − I_share(tones, spare/2).
 double chance_of_share(double share, std::size_t tones, double spare);
 
+// Threshold that a sum of `count` squared standard normal variables exceeds with a probability of about 10⁻⁶ (Wilson
+// and Hilferty 1931): low enough for a search over a thousand bins.
+double chance_energy(std::size_t count);
+
 // Schwarz's criterion of a model with this residual energy, noise unknown; the smaller the better.
 double schwarz_criterion(double residual_energy, std::size_t rows, std::size_t parameters);
 

@@ -8,7 +8,6 @@
 #include <numbers>
 #include <numeric>
 #include <utility>
-#include <variant>
 
 #include "core/levels.hpp"
 #include "core/spectrum.hpp"
@@ -442,19 +441,22 @@ PeriodicSignals moving_light(const ColumnBlocks& blocks, const std::vector<std::
   return {std::move(sums), blocks.rows};
 }
 
-// The largest of a measure of the tone in the signals, by what the model leaves. Rows after lost or repeated ones have
+// The largest bend of the tone's phase in the signals, by what the model leaves. Rows after lost or repeated ones have
 // another phase. Signals count by their share of the tone: one that combines what differs between columns holds
 // texture, and hardly any of it.
-template <class Measure>
-double largest_of(const std::vector<double>& residual, std::size_t rows, const PeriodicFit& final, Measure measure) {
+Bend largest_bend(const std::vector<double>& residual, std::size_t rows, const PeriodicFit& final) {
   const std::size_t count = residual.size() / rows;
-  double largest = 0, strongest = 0;
-  for (std::size_t s = 0; s < count; ++s) {
+  Bend largest;
+  double strongest = 0;
+  for (std::size_t s = 0; s < count; ++s)
+    strongest = std::max(strongest, std::hypot(final.amplitudes()[s], final.amplitudes()[count + s]));
+  for (std::size_t s = 0; s < count && strongest > 0; ++s) {
     const std::complex<double> level{final.amplitudes()[s], -final.amplitudes()[count + s]};
-    strongest = std::max(strongest, std::abs(level));
-    largest = std::max(largest, std::abs(level) * measure({&residual[s * rows], rows}, final.frequency, level));
+    const Bend bend = bend_of_phase({&residual[s * rows], rows}, final.frequency, level);
+    const double share = std::abs(level) / strongest;
+    largest = {std::max(largest.phase, share * bend.phase), std::max(largest.frequency, share * bend.frequency)};
   }
-  return strongest > 0 ? largest / strongest : 0;
+  return largest;
 }
 
 // Searches the parts of the frame, each with its own noise, phase and overlays. Without a significant tone, searches
@@ -483,18 +485,8 @@ Flags flags_of(double cycles, double cycles_std, bool columns_saturated) {
   return flags;
 }
 
-// Samples of a column of the first frame.
-std::vector<double> samples_of(const AnyFramesView& frames, std::size_t column) {
-  std::vector<double> samples(shape_of(frames).rows);
-  std::visit(
-      [&](const auto& view) {
-        for (std::size_t n = 0; n < samples.size(); ++n) samples[n] = static_cast<double>(view(0, n, column));
-      },
-      frames);
-  return samples;
-}
-
-// The column with the largest tone, its amplitude, and the step of the stored values. `all`: of the sums of the blocks.
+// The column of the first frame with the largest tone, its amplitude, and the step of the stored values. `all`: of the
+// sums of the blocks.
 struct StoredTone {
   std::vector<double> samples;
   double amplitude = 0, step = 0;
@@ -510,7 +502,7 @@ StoredTone strongest_column(const AnyFramesView& frames, const ColumnBlocks& blo
     largest = amplitude;
     strongest = s % blocks.blocks;
   }
-  return {samples_of(frames, strongest * blocks.width), largest / static_cast<double>(blocks.width),
+  return {column_signals(frames, 0, strongest * blocks.width, 1, {}), largest / static_cast<double>(blocks.width),
           step_of_samples(frames)};
 }
 
@@ -587,25 +579,22 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const StoredTone stored_tone = strongest_column(frames, blocks, all);
   if (!columns.saturated && is_rounding(stored_tone)) flags |= flag::quantised;
   if ((!in_parts && !in_sum) || !is_significant(signals, final, signals.count())) flags |= flag::no_tone;
-  constexpr double kJump = 0.075;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
-  constexpr double kTaken = 2;  // RMS phase that a frequency takes up of bends beyond linear ones, over what it leaves
+  constexpr double kJump = 0.08;  // rad; a jump by φ leaves φ/5 beside frequency and phase, a real lens up to 0.054
   // RMS phase along the rows of one frame by the error of its frequency.
   const double turning = kTwoPi * rows / std::sqrt(12.0);
-  const double wander = largest_of(residual, signals.rows(), final, phase_deviation);
+  const Bend bend = largest_bend(residual, signals.rows(), final);
   const double turned = own_std * turning * std::sqrt(static_cast<double>(blocks.frames));
   // Rows of two exposures in turns, one by one or by pairs.
   const bool is_of_pairs = std::abs(final.frequency - 0.25) < kSure * own_std || final.frequency > 0.5 - kMostly / rows;
   const bool misfit = is_of_pairs || has_weak_fundamental(signals, final.frequency, range) ||
-                      may_be_folded(final, signals.rows()) || wander > std::max(kJump, kSure * turned) ||
+                      may_be_folded(final, signals.rows()) || bend.phase > std::max(kJump, kSure * turned) ||
                       coherence < kMostly;
   const bool may_be_texture =
       !misfit && !is_no_texture(blocks.frames > 1 ? moving_light(blocks, used) : signals, final.frequency, final.model);
   if (misfit || may_be_texture) flags |= flag::model_misfit;
-  const double bend = largest_of(residual, signals.rows(), final, bend_of_frequency);
-  const double moved = bend > 0 ? std::max(bend, kTaken * wander / turning) : 0,
-               rounded = stored_tone.step > 0 ? rounding_of_frequency(stored_tone, final) : 0,
+  const double rounded = stored_tone.step > 0 ? rounding_of_frequency(stored_tone, final) : 0,
                folded = range.harmonics == Harmonics::fundamental ? 0 : fold_error(final, rows, 2),
-               std = std::hypot(std::hypot(own_std, moved), rounded, folded);
+               std = std::hypot(std::hypot(own_std, bend.frequency), rounded, folded);
   const double noise = noise_power(final, signals) * rows * static_cast<double>(signals.count());
   return {final.frequency,    std,           final.total_periodic() / noise, final.model.harmonics.back(), flags,
           std::move(columns), may_be_texture};

@@ -18,7 +18,6 @@
 #include "rows/verdict.hpp"
 #include "tones/folded_harmonics.hpp"
 #include "tones/texture.hpp"
-#include "tones/tone_combination.hpp"
 
 namespace ocisac {
 
@@ -194,23 +193,10 @@ std::pair<double, double> deviation_from_share(const std::vector<PartOfRows>& pa
   return {misfit, std::sqrt(energy / static_cast<double>(parts.size()))};
 }
 
-// The same of what their tones deviate from one phase.
-std::pair<double, double> deviation_from_phase(const std::vector<PartOfRows>& parts) {
-  Level direction = 0;
-  for (const PartOfRows& part : parts) direction += part.tone / part.variance;
-  direction = std::polar(1.0, -std::arg(direction));
-  double misfit = 0, energy = 0;
-  for (const PartOfRows& part : parts) {
-    const double across = std::pow((direction * part.tone).imag(), 2);
-    misfit += across / part.variance;
-    energy += across;
-  }
-  return {misfit, std::sqrt(energy / static_cast<double>(parts.size()))};
-}
+}  // namespace
 
-// RMS deviation of parts, in pairs of rows and every other row too if they are shares of a mean, over the tone.
-double deviation_of_parts(std::span<const double> left, double cycles_per_row, double mean, Level level,
-                          bool is_phase) {
+// The parts are shares along the rows, in pairs of rows and every other row; the deviation is over the tone.
+double unevenness(std::span<const double> left, double cycles_per_row, double mean, Level level) {
   constexpr double kCyclesOfPart = 1.5, kMostParts = 8;
   const std::size_t rows = left.size();
   const auto along =
@@ -240,54 +226,44 @@ double deviation_of_parts(std::span<const double> left, double cycles_per_row, d
           {mean + levels(0), level + Level(levels(1), -levels(2)), 2 * squares / ((of_rows - 3) * of_rows)});
       if (!(parts.back().variance > 0)) return;
     }
-    const auto [misfit, deviation] = is_phase ? deviation_from_phase(parts) : deviation_from_share(parts);
-    if (is_significant(misfit, (is_phase ? 1 : 2) * static_cast<double>(count - 1)))
+    const auto [misfit, deviation] = deviation_from_share(parts);
+    if (is_significant(misfit, 2 * static_cast<double>(count - 1)))
       worst = std::max(worst, deviation / std::abs(level));
   };
   if (along > 1) compare(along, [](std::size_t cell) { return cell / 4; });
-  if (is_phase) return worst;
   compare(2, [](std::size_t cell) { return cell / 2 % 2; });
   compare(2, [](std::size_t cell) { return cell % 2; });
   return worst;
 }
 
-}  // namespace
-
-double unevenness(std::span<const double> left, double cycles_per_row, double mean, Level level) {
-  return deviation_of_parts(left, cycles_per_row, mean, level, false);
-}
-
-double phase_deviation(std::span<const double> left, double cycles_per_row, Level level) {
-  return deviation_of_parts(left, cycles_per_row, 0, level, true);
-}
-
-double bend_of_frequency(std::span<const double> left, double cycles_per_row, Level level) {
-  constexpr double kFewestCycles = 2, kHidden = 1.5;
+Bend bend_of_phase(std::span<const double> left, double cycles_per_row, Level level) {
+  constexpr double kFewestCycles = 2;
+  constexpr double kTaken = 2;  // RMS phase that a frequency takes up of a bend, over what it leaves
   const auto rows = static_cast<double>(left.size());
-  if (cycles_per_row * rows < kFewestCycles) return 0;
-  const MatrixXd steady = tone_design(centred_rows(left.size()), {{cycles_per_row}}, 2);
-  const Eigen::ArrayXd v = steady.col(1).array(), wave = -level.real() * steady.col(4) - level.imag() * steady.col(3);
-  MatrixXd known(steady.rows(), 6), bends(steady.rows(), 4);
-  known << steady, (v * wave).matrix();
-  Eigen::ArrayXd before = v, legendre = steady.col(2).array();  // P1, P2
-  for (Index k = 0; k < bends.cols(); ++k) {
-    bends.col(k) = (legendre * wave).matrix();
-    const auto degree = static_cast<double>(k + 2);
-    const Eigen::ArrayXd next = ((2 * degree + 1) * v * legendre - degree * before) / (degree + 1);
-    before = legendre;
-    legendre = next;
-  }
-  const MatrixXd basis = orthogonal_factors(known).basis;
-  bends = beside(basis, bends);
-  const MatrixXd rest = beside(basis, Eigen::Map<const VectorXd>(left.data(), std::ssize(left)));
+  if (cycles_per_row * rows < kFewestCycles) return {};
+  // Higher ones of few cycles resemble slow light.
+  const Index degree = std::clamp<Index>(static_cast<Index>(cycles_per_row * rows), 5, 7);
+  const RowSampling sampling = centred_rows(left.size());
+  const MatrixXd steady = tone_design(sampling, {{cycles_per_row}}, 2);
+  const VectorXd turned = -level.real() * steady.col(4) - level.imag() * steady.col(3);
+  std::vector<double> bent;
+  append_course(bent, sampling, span_of(turned), static_cast<std::size_t>(degree));
+  const auto by_degree = matrix_of(bent, sampling);
+  MatrixXd known(steady.rows(), 6);
+  known << steady, by_degree.col(1);
+  const MatrixXd basis = orthogonal_factors(known).basis, bends = beside(basis, by_degree.rightCols(degree - 1)),
+                 rest = beside(basis, vector_of(left));
   const VectorXd angles = least_squares(bends, rest), noise = rest - bends * angles;
   const double squares = noise.squaredNorm(),
                white = squares / (rows - static_cast<double>(known.cols() + bends.cols()));
   const std::span<const double> unexplained(noise.data(), left.size());
   if (!(rest.squaredNorm() - squares > chance_energy(static_cast<std::size_t>(bends.cols())) *
                                            (white + texture_about(cycles_per_row, unexplained, left.size()).power())))
-    return 0;
-  return kHidden * angles.head<2>().norm() / (std::numbers::pi * rows);
+    return {};
+  double square = 0;
+  for (Index k = 0; k < angles.size(); ++k) square += angles(k) * angles(k) / static_cast<double>(2 * k + 5);
+  const double phase = std::sqrt(square);
+  return {phase, kTaken * phase * std::sqrt(12.0) / (kTwoPi * rows)};
 }
 
 Surroundings surroundings(std::span<const double> column, std::span<const FittedLight> lights) {

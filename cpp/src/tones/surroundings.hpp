@@ -34,14 +34,14 @@ double harmonic_distortion(const FittedLight& light, std::size_t rows, std::span
 // own.
 double unevenness(std::span<const double> left, double cycles_per_row, double mean, std::complex<double> level);
 
-// The same along the rows alone of its phase, rad, which light that varies along the rows keeps.
-double phase_deviation(std::span<const double> left, double cycles_per_row, std::complex<double> level);
-
-// Error of the frequency of a tone whose phase bends along the rows, cycles per row; 0 where that is not significant.
-// Rows that a lens correction moves, or that a pause parts, turn the phase by θ(v), v from −1 to 1. Of its Legendre
-// coefficients those from the second to the fifth are seen; the first, which is the error, is at most 1.5 times as
-// large as the second and the third.
-double bend_of_frequency(std::span<const double> left, double cycles_per_row, std::complex<double> level);
+// Phase of a tone that bends along the rows, beyond a line: RMS, rad, and the error of the frequency, cycles per row,
+// by the part of such a bend that a frequency takes up; 0 where that is not significant. Rows that a lens correction
+// moves, or that a pause parts, turn the phase by θ(v), v from −1 to 1. Of its Legendre coefficients those from the
+// second to the fifth, of more cycles to the seventh, are seen; the first is the error.
+struct Bend {
+  double phase = 0, frequency = 0;
+};
+Bend bend_of_phase(std::span<const double> left, double cycles_per_row, std::complex<double> level);
 
 // `column`: linear light of one frame. A tone is accepted only if at most three of them leave white noise, so that a
 // light that varies along the rows, whose sidebands are no tones, has none.

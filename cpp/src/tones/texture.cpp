@@ -8,7 +8,6 @@
 #include "ocisac/rows/basis.hpp"
 #include "rows/fit.hpp"
 #include "rows/verdict.hpp"
-#include "tones/tone_combination.hpp"
 
 namespace ocisac {
 
@@ -73,23 +72,14 @@ double white_of(std::span<const double> residuals, std::size_t rows, std::size_t
 
 double Texture::chance(std::span<const double> powers, std::span<const std::size_t> orders) const {
   if (lines == 0) return 0;
-  const auto count = static_cast<double>(lines);
   double of_flat = 0, of_falling = 0;  // Σ over the expected powers
   for (std::size_t i = 0; i < powers.size(); ++i) {
     const auto order = static_cast<double>(orders[i]);
     of_flat += powers[i] / (white + flat);
     of_falling += powers[i] / (white + falling / (order * order));
   }
-  // The negative binomial Σ C(n + j − 1, j)·pⁿ·(1 − p)ʲ, j = 0 … k − 1, with p = n/(n + Σ).
-  const auto tail = [&](double sum) {
-    const double share = count / (count + sum);
-    double term = std::pow(share, count), total = 0;
-    for (std::size_t j = 0; j < powers.size(); ++j) {
-      total += term;
-      term *= (1 - share) * (count + static_cast<double>(j)) / static_cast<double>(j + 1);
-    }
-    return total;
-  };
+  const auto count = static_cast<double>(lines);
+  const auto tail = [&](double sum) { return chance_of_share(sum / (count + sum), powers.size(), 2 * count); };
   return odds * tail(of_falling) + (1 - odds) * tail(of_flat);
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/levels.hpp"
+#include "rows/verdict.hpp"
 
 namespace ocisac {
 
@@ -34,12 +35,6 @@ MatrixX2d principal(const MatrixX2d& amplitudes) {
 }
 
 }  // namespace
-
-double chance_energy(std::size_t count) {
-  const auto freedom = static_cast<double>(count);
-  const double spread = 2 / (9 * freedom);
-  return freedom * std::pow(1 - spread + 4.8 * std::sqrt(spread), 3);
-}
 
 CombinedTone combine_by_tone(std::span<const double> signals, std::size_t rows, std::size_t group,
                              const PeriodicFit& fit) {

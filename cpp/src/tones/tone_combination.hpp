@@ -20,8 +20,4 @@ struct CombinedTone {
 CombinedTone combine_by_tone(std::span<const double> signals, std::size_t rows, std::size_t group,
                              const PeriodicFit& fit);
 
-// Threshold that a sum of `count` squared standard normal variables exceeds with a probability of about 10⁻⁶ (Wilson
-// and Hilferty 1931): low enough for a search over a thousand bins.
-double chance_energy(std::size_t count);
-
 }  // namespace ocisac

@@ -17,9 +17,9 @@
 #include "ocisac/core/require.hpp"
 #include "ocisac/tones/projection.hpp"
 #include "rows/fit.hpp"
+#include "rows/verdict.hpp"
 #include "tones/gain_kernel.hpp"
 #include "tones/harmonic_model.hpp"
-#include "tones/tone_combination.hpp"
 
 namespace ocisac {
 

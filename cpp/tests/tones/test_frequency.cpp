@@ -8,6 +8,7 @@
 
 #include "ocisac/tones/find_frequency.hpp"
 #include "ocisac/tones/periodic_fit.hpp"
+#include "rows/verdict.hpp"
 #include "tones/tone_combination.hpp"
 
 namespace {
