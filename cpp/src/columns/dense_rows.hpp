@@ -49,7 +49,7 @@ class DenseRows {
     return std::is_same_v<Stored, std::uint8_t> && !dense_ && std::abs(view_.row_stride) == 1;
   }
 
-  // The largest block to read at once, in place that one.
+  // The largest block: in place it is that one.
   [[nodiscard]] BlockSize largest_block(BlockSize whole) const {
     return in_place() ? whole : is_transposed() ? kTransposed : kCopied;
   }

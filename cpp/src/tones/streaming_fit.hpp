@@ -39,7 +39,7 @@ class StreamingFit {
   // and resized; its memory is reused.
   void estimate(const Projection& sums, bool bytes, std::size_t first, std::size_t count, Columns& to) const;
 
-  // Of the pass over the pixels, or over the light of their values.
+  // Weights of the pass over the pixels, or over the light of their values.
   [[nodiscard]] const RowWeights& weights() const { return weights_; }
   // The model of the rows holds the flags of the tones and the covariance of the parameters.
   [[nodiscard]] const HarmonicModel& model() const { return model_; }

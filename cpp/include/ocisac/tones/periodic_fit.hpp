@@ -78,7 +78,7 @@ PeriodicFit fit_periodic(const PeriodicSignals& signals, const PeriodicModel& mo
 PeriodicFit refine_periodic(const PeriodicSignals& signals, PeriodicFit best, double lower, double upper,
                             int max_steps = 30);
 
-// What the fit leaves of its signals.
+// Residuals of the signals after the fit.
 std::vector<double> residual_of(const PeriodicSignals& signals, const PeriodicFit& fit);
 
 // Standard error at the minimum, from the residual, by the sandwich estimate. It allows for noise that is common to the
