@@ -77,6 +77,7 @@ RowSampling folded_rows(std::size_t rows) {
 
 // Expands folded columns to full ones: symmetric (sign = 1) or antisymmetric (sign = −1).
 MatrixXd unfolded(const MatrixXd& folded, const RowSampling& half, double sign, Index rows) {
+  if (folded.cols() == 0) return {rows, 0};
   const MatrixXd upper = folded.array().colwise() / vector_of(half.weights).array();
   MatrixXd full(rows, folded.cols());
   full << sign * upper.bottomRows(rows / 2).colwise().reverse(), upper;
