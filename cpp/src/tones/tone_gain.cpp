@@ -779,17 +779,6 @@ std::vector<FittedLight> lights_of(const Context& context) {
   return lights;
 }
 
-// Columns `first` to `end`, of one weight.
-PooledColumn mean_column(const AnyFramesView& frames, const Context& context, std::size_t frame, std::size_t first,
-                         std::size_t end) {
-  const double share = 1 / static_cast<double>(end - first);
-  double background = 0;
-  for (std::size_t i = first; i < end; ++i) background += share * background_of(context, frame, i);
-  const auto part =
-      part_of(frame_of(frames, frame), {.x = first, .y = 0, .width = end - first, .height = context.shape.rows});
-  return {weighted_rows(part, 0, context.camera->tone_curve, std::vector<double>(end - first, share)), background};
-}
-
 // The usable column of a frame with the largest value_of(index), without `flags`; the number of columns if there is
 // none.
 template <typename ValueOf>
@@ -837,7 +826,12 @@ PooledColumn strongest_columns(const AnyFramesView& frames, const Context& conte
       ++end;
     else
       --first;
-  return mean_column(frames, context, frame, first, end);
+  const double share = 1 / static_cast<double>(end - first);
+  double background = 0;
+  for (std::size_t i = first; i < end; ++i) background += share * background_of(context, frame, i);
+  const auto part =
+      part_of(frame_of(frames, frame), {.x = first, .y = 0, .width = end - first, .height = context.shape.rows});
+  return {weighted_rows(part, 0, context.camera->tone_curve, std::vector<double>(end - first, share)), background};
 }
 
 // A column's fit of all oscillations, and what it leaves.
@@ -929,7 +923,7 @@ void flag_noisy_columns(const AnyFramesView& frames, const Context& context, std
   while (strongest != none) {
     const std::size_t noisiest = largest_column(context, frame, result, kUnusable | flag::model_misfit, noise);
     if (noisiest == none || noise(start + noisiest) < (1 + kSmallShare) * noise(start + strongest)) return;
-    const auto fit = ColumnFit::of(context, mean_column(frames, context, frame, noisiest, noisiest + 1).signal);
+    const auto fit = ColumnFit::of(context, column_signals(frames, frame, noisiest, 1, context.camera->tone_curve));
     if (!fit || !biases(distortion_of(*fit, context), result, start + noisiest)) return;
     result.flags[start + noisiest] |= flag::model_misfit;
   }
