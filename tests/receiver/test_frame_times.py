@@ -71,6 +71,27 @@ def test_time_stamps_join_frames_of_any_times():
     assert frames_until_payload(results) <= 14
 
 
+@pytest.mark.parametrize(
+    ("chip_rate", "digits", "drop"), [(8011, 3, 0.0), (6011, 4, 0.0), (9000, 3, 0.0), (14987, 3, 0.0), (8011, 3, 0.1)]
+)
+def test_rounded_time_stamps_lose_no_payloads(chip_rate, digits, drop):
+    """To milliseconds, in which 9000 and 14987 chips/s have whole numbers of chips; some frames may be dropped."""
+    random = np.random.default_rng(1)
+    waveform = ocisac.transmit(random.bytes(12)).waveform(chip_rate)
+    receivers = [Receiver(Camera(ROW_TIME, 1e-4, frame_time=FRAME_TIME), chip_rate=chip_rate) for _ in range(2)]
+    payloads = [0, 0]
+    for number in range(150):
+        light = ocisac.integrate_exposure(waveform, Camera(ROW_TIME, 1e-4), 600, start=0.03 + number * FRAME_TIME)
+        signal = 20 + 60 * light + 0.2 * random.standard_normal(600)
+        if random.random() < drop:
+            continue
+        stamped = receivers[0].push(signal, time=round(number * FRAME_TIME, digits))
+        payloads[0] += stamped.payload is not None
+        payloads[1] += receivers[1].push(signal, number=number).payload is not None
+    assert payloads[1] > 15
+    assert payloads[0] > 0.8 * payloads[1]
+
+
 def test_frames_given_twice_and_left_out_are_no_loss_without_numbers():
     film = Film(6)
     receiver = film.receiver()

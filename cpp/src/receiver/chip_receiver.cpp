@@ -24,6 +24,7 @@ constexpr std::size_t kBlurredRows = 2;  // at a lamp's end, by a lens that blur
 constexpr double kBrightLight = 10;      // power of the columns' common light over its noise
 constexpr double kUnknownJump = 2;       // chips; standard error of the count where the clock jumped
 constexpr double kAnyJump = 1e6;         // the same where frames may be missing
+constexpr std::size_t kMinPairs = 6;     // of frames
 constexpr int kAlternating = 2;          // frames in a row
 constexpr int kSureRuns = 13;            // of even numbers of chips: chance is 1e-4
 constexpr double kSureCount = 8;         // nats, of a chip after a pause
@@ -161,6 +162,38 @@ bool ChipRuns::are_repeated() const {
   return common_ > 1 && static_cast<double>(runs_) * std::log2(common_) >= kSureRuns;
 }
 
+double FrameTimes::next(double stamped) {
+  even_ = stamped_ < stamped ? even_ + std::max(std::nearbyint(stamped - stamped_), 1.0) : stamped;
+  stamped_ = stamped;
+  return are_even_ ? even_ : stamped_;
+}
+
+bool FrameTimes::add(double time, const ChipClock& clock, double frame_rows) {
+  if (are_even_ || time != stamped_) return false;
+  const auto turn = [&](double frames) {
+    return std::polar(1.0, kTwoPi * (frames * frame_rows + clock.phase - last_phase_) / clock.rows_per_chip);
+  };
+  const double rows = (stamped_ - even_) * frame_rows;
+  most_late_ = std::max(most_late_, rows);
+  most_early_ = std::max(most_early_, -rows);
+  if (last_stamped_ < stamped_) {
+    stamped_turns_ += turn(stamped_ - last_stamped_);
+    even_turns_ += turn(even_ - last_even_);
+    ++pairs_;
+  }
+  last_stamped_ = stamped_;
+  last_even_ = even_;
+  last_phase_ = clock.phase;
+  if (pairs_ < kMinPairs) return false;
+  const auto turning = [this](std::complex<double> turns) { return 1 - std::abs(turns) / static_cast<double>(pairs_); };
+  const double off = most_late_ + most_early_;
+  const bool drifts = std::abs(rows) > kSmallShare * off;                          // the frame time may be wrong
+  const bool may_be_rounded = !drifts && off > kSmallShare * clock.rows_per_chip;  // even by whole chips
+  const double most = may_be_rounded ? kNextToNone : 0.0;
+  are_even_ = turning(even_turns_) < std::max(most, kSmallShare * turning(stamped_turns_));
+  return are_even_;
+}
+
 ReceivedFrame nothing_received(std::int64_t frame) {
   ReceivedFrame result;
   result.frame = frame;
@@ -189,11 +222,13 @@ void ChipReceiver::forget() {
 double ChipReceiver::time_of(std::int64_t frame, const FrameStamp& stamp) {
   const bool goes_on = stamp.time.has_value() == last_stamp_.has_value() && (!stamp.time || *stamp.time > *last_stamp_);
   if (!goes_on) {
+    times_ = {};
     state_.tracker = reader_.new_tracker(stamp.time.has_value());
     assembler_.lose_clock();
   }
   last_stamp_ = stamp.time;
-  if (stamp.time) return *stamp.time / reader_.camera().frame_time.value_or(1.0);
+  const auto& frame_time = reader_.camera().frame_time;
+  if (stamp.time) return frame_time ? times_.next(*stamp.time / *frame_time) : *stamp.time;
   return static_cast<double>(frame) - static_cast<double>(repeats_);
 }
 
@@ -420,6 +455,7 @@ void ChipReceiver::count_chips(ChipFrame& frame) {
   }
   const double phase = channel.clock.phase + static_cast<double>(frame.rows.first_row),
                chip = channel.clock.rows_per_chip;
+  const Camera& camera = reader_.camera();
   const auto chips_after = [&](const TrackedClock& clock) { return (phase - clock.clock.phase) / chip; };
   const auto number = [&](const TrackedClock& clock) {
     return static_cast<std::ptrdiff_t>(clock.chip) + static_cast<std::ptrdiff_t>(std::nearbyint(chips_after(clock)));
@@ -435,13 +471,20 @@ void ChipReceiver::count_chips(ChipFrame& frame) {
                                              : kAnyJump};
   }
   frame.place_errors.time = frame.rows.time;
-  const Camera& camera = reader_.camera();
   if (const auto& rate = reader_.options().chip_rate)
     frame.place_errors.told_drift = camera.frame_time.value_or(1.0) * (1 / (camera.row_time * chip) - *rate);
   // No chip is seen before the last one of the frame before, whatever the frame time says.
   if (predicted) count_base_ += std::max(end_chip_ - (frame.first_chip + count_base_ + after), std::ptrdiff_t{0});
   frame.first_chip += count_base_ + after;
   end_chip_ = frame.first_chip + std::ssize(frame.reading->llr);
+  if (!last_stamp_ || !camera.frame_time) return;
+  ChipClock clock = channel.clock;
+  clock.phase = phase;
+  const double frame_rows = *camera.frame_time / camera.row_time;
+  if (!times_.add(frame.rows.time, clock, frame_rows)) return;
+  reader_.set_frame_rows(frame_rows, *state_.tracker);
+  state_.tracker->reset();
+  assembler_.restart();
 }
 
 void ChipReceiver::place(ChipFrame& frame) {

@@ -136,7 +136,8 @@ class Receiver:
             number: of the frame, counting missing ones; ascending. None: one after the last; frames that are missing
                 all the same are found by their clock, and one that is given twice is left out.
             time: s, time stamp of the frame's first row from any origin, ascending; for all frames or none. It joins
-                frames instead of their numbers and needs no frame time of the camera.
+                frames instead of their numbers and needs no frame time of the camera. With one, stamps may be rounded,
+                as to milliseconds: the chips show after some frames whether the frame time counts them better.
             exposure: s, of this frame, where it is another than the camera's; it is checked by the rows.
             gain: factor of the pixel values, above 0, where automatic gain changes it from frame to frame.
         """

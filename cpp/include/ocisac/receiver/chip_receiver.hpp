@@ -1,6 +1,7 @@
 // Payloads from the signals of one light in successive frames.
 #pragma once
 
+#include <complex>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -10,6 +11,7 @@
 
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/columns/column_combination.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/flags.hpp"
 #include "ocisac/packets/packets.hpp"
 #include "ocisac/receiver/frame_order.hpp"
@@ -65,6 +67,26 @@ class ChipRuns {
   std::ptrdiff_t runs_ = 0;  // below 0 after others
 };
 
+// Evidence that the frame time counts the chips between frames while the stamps do not, which may be rounded to
+// milliseconds: the turns of the chip clock from frame to frame have one direction by the right times, whatever error
+// the frame time has, and by wrong ones any.
+class FrameTimes {
+ public:
+  // A frame's time by its stamp, in frames; returns the time to believe.
+  double next(double stamped);
+  // The chip clock of a frame at that time; others are passed over. True if the frame time is believed from now on.
+  bool add(double time, const ChipClock& clock, double frame_rows);
+
+ private:
+  double stamped_ = kNaN, even_ = kNaN;              // of this frame, in frames
+  double last_stamped_ = kNaN, last_even_ = kNaN;    // of the last one whose clock is known
+  double last_phase_ = kNaN;                         // rows
+  std::complex<double> stamped_turns_, even_turns_;  // sums over pairs of frames
+  double most_late_ = 0, most_early_ = 0;            // stamps, beside even times; rows
+  std::size_t pairs_ = 0;
+  bool are_even_ = false;
+};
+
 // Receives the chips of one light from frames in time order; any may be missing. Memory is bounded. The steps of a
 // frame, in this order:
 class ChipReceiver {
@@ -112,6 +134,7 @@ class ChipReceiver {
   PacketAssembler assembler_;
   std::optional<double> reference_exposure_;      // s, of the first frame that states one
   std::optional<double> last_stamp_;              // s
+  FrameTimes times_;                              // of stamped frames
   bool counted_ = false;                          // this frame's place in the stream is stated
   std::int64_t repeats_ = 0;                      // frames that were given twice, not counted
   std::int64_t last_idle_ = 0;                    // the last frame that showed nothing new
