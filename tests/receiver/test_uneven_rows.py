@@ -101,3 +101,29 @@ def test_chips_of_whole_rows_are_not_taken_for_exposures_in_turns(rows_per_chip,
     for number in range(8):
         light = integrate_exposure(chips, camera, ROWS, start=0.02 + number * camera.frame_time)
         assert not receiver.push(30 + 100 * light + random.normal(0, 1.5, ROWS)).flags & Flag.MODEL_MISFIT
+
+
+def displaced_frame(seed):
+    """Rows that a lens or a stabiliser displaces, by up to 1.2 chips at the ends or to and fro; camera, bits, chips."""
+    random = np.random.default_rng(seed)
+    rows_per_chip = random.uniform(3.6, 7)
+    camera = Camera(ROW_TIME, 0.6 * rows_per_chip * ROW_TIME)
+    data = random.integers(0, 2, 600)
+    along = np.linspace(-1, 1, ROWS)
+    moved = random.uniform(0.7, 1.2) * along**3 if seed % 2 else 0.4 * np.sin(random.uniform(3, 6) * along)
+    chips = Chips(data, 1 / (rows_per_chip * ROW_TIME))
+    light = integrate_exposure(chips, camera, ROWS + 80, start=20 * ROW_TIME)
+    column = np.interp(np.arange(ROWS) + 40 + rows_per_chip * moved, np.arange(ROWS + 80), light)
+    picture = 30 + 150 * column[:, None] + random.normal(0, 2, (ROWS, 16))
+    return np.clip(np.rint(picture), 0, 255).astype(np.uint8), camera, "".join(map(str, data)), ROWS / rows_per_chip
+
+
+def test_rows_that_a_lens_or_a_stabiliser_displaces_are_read_and_flagged():
+    """Where the phase of the chips changes by nearly half a chip in a sixteenth of the rows, some are wrong."""
+    right = 0
+    for seed in range(60):
+        pixels, camera, data, chips = displaced_frame(seed)
+        (found,) = receive(pixels[None], camera)
+        assert found.flags & Flag.MODEL_MISFIT or not found.bits
+        right += found.bits in data and len(found.bits) > 0.97 * chips
+    assert right >= 54

@@ -326,17 +326,98 @@ std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, Fre
   return best;
 }
 
+namespace {
+
+// Turning points of a moving mean of so many values. Without a known noise, by the span of the signal alone.
+std::vector<std::size_t> points_of(std::span<const double> smooth, double averaged, double noise, double span) {
+  const double hysteresis = std::fmin(6 * noise / std::sqrt(2 * averaged - 1), 0.08 * span);
+  return prune_turning_points(smooth, turning_points(smooth, hysteresis));
+}
+
+double span_of(std::span<const double> signal) { return std::ranges::max(signal) - std::ranges::min(signal); }
+
+// Sums of the edges of each part of the rows, falling ones moved onto rising ones, at the lowest frequency at which the
+// parts agree within themselves, whatever the phase between them.
+struct PartSums {
+  double frequency = 0;
+  std::vector<std::complex<double>> sums;
+};
+
+std::optional<PartSums> coherent_parts(const std::vector<Edges>& parts, double rows, FrequencyRange range) {
+  const double width = range.highest - range.lowest;
+  const auto steps = static_cast<std::size_t>(std::max(std::ceil(width * 4 * rows), 8.0));
+  const double step = width / static_cast<double>(steps);
+  std::vector<std::array<std::vector<std::complex<double>>, 2>> spectra;
+  double most = 0;
+  for (const Edges& part : parts) {
+    spectra.push_back(edge_spectra(part, range.lowest, step, steps + 1));
+    most += std::pow(static_cast<double>(part.rows.size()), 2);
+  }
+  std::vector<double> scores(steps + 1);
+  std::vector<std::complex<double>> falls(steps + 1);
+  for (std::size_t k = 0; k <= steps; ++k) {
+    double squares = 0;
+    for (const auto& [up, down] : spectra) {
+      squares += std::norm(up[k]) + std::norm(down[k]);
+      falls[k] += down[k] * std::conj(up[k]);
+    }
+    scores[k] = squares + 2 * std::abs(falls[k]);
+  }
+  const double highest = std::ranges::max(scores);
+  if (!(highest > kMostly * most)) return std::nullopt;
+  std::size_t at = 0;
+  while (scores[at] < kNearlyAll * highest) ++at;
+  while (at < steps && scores[at + 1] > scores[at]) ++at;
+  PartSums found{range.lowest + step * static_cast<double>(at), {}};
+  const auto back = std::polar(1.0, -std::arg(falls[at]));
+  for (const auto& [up, down] : spectra) found.sums.push_back(up[at] + down[at] * back);
+  return found;
+}
+
+}  // namespace
+
+RowWarp warp_of_edges(std::span<const double> signal, double noise, FrequencyRange range) {
+  constexpr std::size_t kParts = 16;
+  const auto points = points_of(signal, 1, noise, span_of(signal));
+  const Edges edges = edges_between(signal, points, kThresholds[0]);
+  if (edges.rows.size() < kParts * kMinEdges) return {};
+  const double rows = static_cast<double>(signal.size()) / kParts;
+  std::vector<Edges> parts(kParts);
+  for (std::size_t k = 0; k < edges.rows.size(); ++k) {
+    Edges& part = parts[std::min(static_cast<std::size_t>(edges.rows[k] / rows), kParts - 1)];
+    part.rows.push_back(edges.rows[k]);
+    part.rising.push_back(edges.rising[k]);
+  }
+  const auto found = coherent_parts(parts, rows, range);
+  if (!found) return {};
+  // The phase of each part, less its mean and a straight line, which are those of the clock.
+  Eigen::MatrixXd line(kParts, 2);
+  Eigen::VectorXd turns(kParts);
+  for (std::size_t k = 0; k < kParts; ++k) {
+    const double turn = std::arg(found->sums[k]) / kTwoPi,
+                 last = k > 0 ? turns[static_cast<Eigen::Index>(k) - 1] : turn;
+    turns[static_cast<Eigen::Index>(k)] = last + std::remainder(turn - last, 1.0);
+    line.row(static_cast<Eigen::Index>(k)) << 1, static_cast<double>(k);
+  }
+  turns -= line * solve_normal(line.transpose() * line, line.transpose() * turns)->values;
+  RowWarp warp(signal.size());
+  for (std::size_t m = 0; m < warp.size(); ++m) {
+    const double place = std::clamp((static_cast<double>(m) + 0.5) / rows - 0.5, 0.0, kParts - 1.0);
+    const auto at = std::min(static_cast<Eigen::Index>(place), static_cast<Eigen::Index>(kParts) - 2);
+    warp[m] = std::lerp(turns[at], turns[at + 1], place - static_cast<double>(at)) / found->frequency;
+  }
+  return warp;
+}
+
 TimingSearch find_chip_timing(std::span<const double> signal, double noise, FrequencyRange range) {
-  const double span = std::ranges::max(signal) - std::ranges::min(signal);
+  const double span = span_of(signal);
   TimingSearch search{std::nullopt, std::numeric_limits<std::size_t>::max()};
   for (std::size_t reach : kSmoothing) {
     const auto averaged = static_cast<double>(reach + 1);
     const double highest = reach == 0 ? range.highest : std::min(range.highest, 0.5 / averaged);
     if (range.lowest >= highest) break;
     const auto smooth = moving_mean(signal, reach);
-    // Without a known noise, by the span alone.
-    const double hysteresis = std::fmin(6 * noise / std::sqrt(2 * averaged - 1), 0.08 * span);
-    const auto points = prune_turning_points(smooth, turning_points(smooth, hysteresis));
+    const auto points = points_of(smooth, averaged, noise, span);
     search.edges = std::min(search.edges, points.size() - 1);
     std::vector<ChipTiming> lattices;
     std::optional<ChipTiming> best;

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "chips/edges.hpp"
+#include "ocisac/chips/row_warp.hpp"
 #include "ocisac/rows/chip_clock.hpp"
 
 namespace ocisac {
@@ -39,6 +40,11 @@ struct TimingSearch {
 // of edges at one place. Several thresholds are tried, and smoothing for long chips. `noise`: standard deviation of the
 // signal, NaN where unknown.
 TimingSearch find_chip_timing(std::span<const double> signal, double noise, FrequencyRange range);
+
+// The warp that makes the edges' clock even, of rows that a lens correction or a stabiliser displaces: chips agree
+// within each sixteenth of the rows, and their phase changes by less than half a chip to the next. Empty where they do
+// not.
+RowWarp warp_of_edges(std::span<const double> signal, double noise, FrequencyRange range);
 
 // The lattice for edges at one threshold; absent if none is consistent. `rows`: length of the frame.
 std::optional<ChipTiming> find_lattice(const Edges& edges, std::size_t rows, FrequencyRange range);

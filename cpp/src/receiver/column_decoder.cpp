@@ -401,6 +401,21 @@ bool decode(const CombinedColumn& column, const ColumnSearch& what, Received& re
   return true;
 }
 
+// Decodes rows that are displaced along the frame, where that leaves less of them than `received`, if it has bits. The
+// bits are those of even rows, and flagged: their clock is none of the rows.
+bool decode_displaced(const CombinedColumn& column, const ColumnSearch& what, Received& received) {
+  const RowWarp warp = warp_of_edges(column.signal, column.noise, what.range);
+  if (warp.empty()) return false;
+  CombinedColumn even = column;
+  even.signal = unwarped(column.signal, warp);
+  Received tried{.frame = received.frame, .colour = received.colour};
+  if (!decode(even, what, tried) || (!received.bits.empty() && tried.snr < kBetter * received.snr)) return false;
+  received = std::move(tried);
+  received.flags |= flag::model_misfit;
+  received.phase = picture_row(received.phase, warp);
+  return true;
+}
+
 StrongestTone other_tone(std::span<const double> signal, double row_time) {
   return strongest_tone(signal, signal.size(), kLowestTone * row_time, std::min(kHighestTone * row_time, 0.25));
 }
@@ -523,7 +538,8 @@ bool decode_column(const CombinedColumn& column, const ColumnSearch& what, doubl
     received.flags = flag_if(column.saturated, flag::saturated) | flag::no_signal;
     return false;
   }
-  const bool decoded = decode(column, what, received);
+  bool decoded = decode(column, what, received);
+  if (!decoded || (received.flags & flag::model_misfit) != 0) decoded |= decode_displaced(column, what, received);
   const auto lit = lit_rows(column.signal, column.noise);
   if (decode_within(column, lit, what, received)) return true;
   const auto tone = other_tone(column.signal, row_time);
