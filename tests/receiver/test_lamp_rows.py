@@ -205,6 +205,24 @@ def test_a_given_rate_of_twice_the_chips_is_halved_where_edges_are_few(seed):
     assert got.bits in "".join(map(str, chips))
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_dark_rows_between_a_lamp_and_its_reflection_and_beyond_are_not_known_to_be_lit(seed):
+    """25 rows: as long as dark runs of chips, so that bits are guesses there."""
+    random = np.random.default_rng(seed)
+    pitch = random.uniform(4, 6)
+    chips = random.integers(0, 2, 400)
+    exposure, start = random.uniform(0.3, 0.9) * pitch, 2 * pitch
+    along = np.zeros(ROWS)
+    along[210:535], along[560:875] = 1, random.uniform(0.2, 0.5)
+    light = rows_of(chips, pitch, exposure, start) * along[:, None] * np.exp(-0.5 * (np.arange(-32, 32) / 15) ** 2)
+    (got,) = ocisac.receive(photographed(20 + 120 * light, seed), Camera(1.0, exposure))
+    first = round((got.phase + start - exposure / 2) / pitch)
+    right = np.frombuffer(got.bits.encode(), np.uint8) - ord("0") == chips[first : first + len(got.bits)]
+    assert not got.flags
+    assert np.all(right | (got.relative_levels == 0))
+    assert np.count_nonzero(got.relative_levels) > 0.9 * 640 / pitch
+
+
 def test_light_that_fills_the_width_may_be_idle():
     """A laser's spot without sides: dark rows before and after its packet are chips."""
     chips = np.r_[np.zeros(40, int), np.random.default_rng(5).integers(0, 2, 60), np.zeros(50, int)]

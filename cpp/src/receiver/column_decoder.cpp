@@ -257,6 +257,23 @@ Decoded spread_over(std::span<const double> signal, Decoded lit) {
   return spread;
 }
 
+// Dark chips that may lie beside the lamp are not known to be lit: beyond the outermost bright ones where it ends
+// within the frame, and between bright ones of which one swings 1.5 times as much, as between it and its reflection.
+void doubt_gaps(SlicedChips& seen, bool ends) {
+  std::optional<std::size_t> last;  // bright chip
+  const auto swing = [&](std::size_t k) { return (seen.relative_levels[k] + 1) * (seen.bright[k] - seen.dark[k]); };
+  const auto doubt = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) seen.relative_levels[k] = 0;
+  };
+  for (std::size_t k = 0; k < seen.bits.size(); ++k) {
+    if (!seen.bits[k] || seen.relative_levels[k] == 0) continue;
+    if (last ? std::max(swing(k), swing(*last)) > kBetter * std::min(swing(k), swing(*last)) : ends)
+      doubt(last ? *last + 1 : 0, k);
+    last = k;
+  }
+  if (last && ends) doubt(*last + 1, seen.bits.size());
+}
+
 void fill(Received& received, Decoded decoded, std::optional<double> exposure_rows) {
   for (auto bit : decoded.detection.bits) received.bits += bit ? '1' : '0';
   received.rows_per_chip = decoded.grid.clock.rows_per_chip;
@@ -357,6 +374,8 @@ std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& 
   if (!what.exposure_rows) decoded->uneven |= may_be_longer(runs_between(chips_of_edges(*decoded)));
   decoded->uneven |= is_read_in_groups(signal, decoded->grid.clock, what.exposure_rows);
   decoded->grid.clock.phase += static_cast<double>(begin);
+  if (what.exposure_rows && *what.exposure_rows < decoded->grid.clock.rows_per_chip)
+    doubt_gaps(decoded->detection, lit.rows.size() < column.signal.size());
   auto seen = within(*decoded, lit.rows, column.signal.size());
   if (seen.grid.count == 0) return std::nullopt;
   // A lamp that does not fade may be idle in the dark rows.

@@ -39,7 +39,8 @@ class Received(Result):
         snr: (half the swing)^2 over the variance of the chips about their levels, a plain ratio; at most 1e12.
         levels: (2, chips) light of a dark and of a bright chip at each chip, DN above dark; they follow the gradient.
         relative_levels: (chips,) light of each chip: -1 at the dark level, 1 at the bright one; 0 in rows in which no
-            light is seen, whose bits are guesses.
+            light is seen, whose bits are guesses: also of dark chips beyond the outermost bright ones of a lamp that
+            ends within the frame, and between a lamp and a reflection of 2/3 of its light or less.
         weights: (columns,) share of each column in the signal, sum 1; 0 for columns that are not used.
         columns: indices of the columns with a weight above 0.
         flags: :class:`ocisac_fast.Flag`.
