@@ -270,6 +270,13 @@ def test_an_inverted_light_is_read_and_said_to_be(line_code):
     assert all(result.outcome == "received" for result in results)
 
 
+@pytest.mark.parametrize("first", [2**53, 2**60, -(2**62)])
+def test_frames_are_counted_by_any_numbers(first):
+    film, receiver = Film(3), Film(3).receiver()
+    frames = (receiver.push(film.frame(k * FRAME_TIME), number=first + k) for k in range(20))
+    assert frames_until_payload(frames) <= 12
+
+
 @pytest.mark.parametrize("jump", [10**k for k in (6, 12, 14, 16)])
 @pytest.mark.parametrize("stamped", [False, True])
 def test_a_pause_of_more_chips_than_are_counted_is_a_new_start(jump, stamped):

@@ -220,8 +220,11 @@ void ChipReceiver::forget() {
 
 // On the tracker's clock, in frames: by its stamp, else by its number less the frames that were given twice.
 double ChipReceiver::time_of(std::int64_t frame, const FrameStamp& stamp) {
-  const bool goes_on = stamp.time.has_value() == last_stamp_.has_value() && (!stamp.time || *stamp.time > *last_stamp_);
+  const auto count = [&] { return static_cast<double>(frames_between(*first_frame_, frame)); };
+  const bool goes_on = first_frame_ && count() < kMostCounted && stamp.time.has_value() == last_stamp_.has_value() &&
+                       (!stamp.time || *stamp.time > *last_stamp_);
   if (!goes_on) {
+    first_frame_ = frame;
     times_ = {};
     state_.tracker = reader_.new_tracker(stamp.time.has_value());
     assembler_.lose_clock();
@@ -229,7 +232,7 @@ double ChipReceiver::time_of(std::int64_t frame, const FrameStamp& stamp) {
   last_stamp_ = stamp.time;
   const auto& frame_time = reader_.camera().frame_time;
   if (stamp.time) return frame_time ? times_.next(*stamp.time / *frame_time) : *stamp.time;
-  return static_cast<double>(frame) - static_cast<double>(repeats_);
+  return count() - static_cast<double>(repeats_);
 }
 
 // A frame shows nothing new and took no time, where it is not counted. Where each second one does, the film is of half

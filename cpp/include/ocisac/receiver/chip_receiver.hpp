@@ -136,6 +136,7 @@ class ChipReceiver {
   std::optional<double> last_stamp_;              // s
   FrameTimes times_;                              // of stamped frames
   bool counted_ = false;                          // this frame's place in the stream is stated
+  std::optional<std::int64_t> first_frame_;       // of the tracker's clock
   std::int64_t repeats_ = 0;                      // frames that were given twice, not counted
   std::int64_t last_idle_ = 0;                    // the last frame that showed nothing new
   std::int64_t idle_gap_ = 2;                     // frames from the one before to it
