@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 import warnings
@@ -13,13 +12,13 @@ from typing import Any
 
 from ocisac_fast import __version__, _core
 from ocisac_fast.batch.fields import columns, table
+from ocisac_fast.batch.recordings import content_hash
 from ocisac_fast.batch.task import IN_STRETCHES, Task
 from ocisac_fast.camera.camera import Camera
 from ocisac_fast.cli import detect, gain
 from ocisac_fast.cli.output import collected_objects, plain
 from ocisac_fast.cli.pictures import open_pictures
 from ocisac_fast.files import FileWarning, Part, cut_recording, open_recording
-from ocisac_fast.files.remote import RemotePath, is_remote
 
 
 def measure_recording(path: str, task: Task, *, cleaned: str | None = None) -> Any:
@@ -45,7 +44,7 @@ class Start:
 
     light: Any  # of gain; None for other commands
     scan_axis: str
-    digest: str
+    digest: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ class Measurement:
         named = [{**names, **row} for row in rows]
         facts = {
             "path": path,
-            "sha256": digest,
+            **digest,
             "frames": _frame_count(task.command, rows),
             "part": None if part is None else [part.first, part.stop],
             "warnings": [str(each.message) for each in caught if issubclass(each.category, FileWarning)],
@@ -102,12 +101,6 @@ def start_of(path: str, task: Task, max_frames: int) -> tuple[list[Part], Start]
 def build() -> dict[str, str]:
     """Version and commit of the package."""
     return {"version": __version__, "commit": _core.commit()}
-
-
-def content_hash(path: str) -> str:
-    """SHA-256 of a file's bytes, hexadecimal."""
-    with RemotePath(path).open() if is_remote(path) else open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
 
 
 def _rows(

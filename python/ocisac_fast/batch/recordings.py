@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 
 from ocisac_fast.batch.listing import ALL_BELOW, EndlessError, Found, is_pattern, like, local_listing, remote_like
 from ocisac_fast.files.extras import fsspec
-from ocisac_fast.files.remote import absolute, archive_state, file_system, is_remote, state_of
+from ocisac_fast.files.remote import RemotePath, absolute, archive_state, file_system, is_remote, state_of
 from ocisac_fast.files.writing import TEMPORARY
 
 _OF_RESULTS = re.compile(r"(.*)/(?:(?:task|manifest)\.json|summary\.png|(?:rows|failures|cleaned)/.*)", re.DOTALL)
 _MANIFEST = re.compile(rb'\{\s*"task":\s*\{\s*"command":')
+_LONG, _END = 1 << 30, 64 << 20  # bytes
 _MOST_FOLDERS = 10_000  # of a web server, whose links may lead on without an end
 
 
@@ -108,6 +109,19 @@ def local_entry(name: str) -> Entry:
         there = os.stat(name)
         status = {"size": there.st_size, "mtime": there.st_mtime}
     return _entry(name, status)
+
+
+def content_hash(path: str) -> dict[str, str]:
+    """SHA-256 of a file's bytes, hexadecimal; of a long one, which may be a hole, of its first and last 64 MiB."""
+    with RemotePath(path).open() if is_remote(path) else open(path, "rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(0)
+        if size <= _LONG:
+            return {"sha256": hashlib.file_digest(file, "sha256").hexdigest()}  # type: ignore[arg-type]
+        found = hashlib.sha256(file.read(_END))
+        file.seek(-_END, os.SEEK_END)
+        found.update(file.read(_END))
+        return {"sha256_of_ends": found.hexdigest()}
 
 
 def _remote(path: str) -> Iterator[Entry]:
