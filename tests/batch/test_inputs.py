@@ -1,10 +1,129 @@
 """Files that a task reads beside each recording, as ``sense --unlit`` does, and outputs beside the results."""
 
 import hashlib
+import os
+import shutil
 
+import numpy as np
 import pytest
+from lamp_recordings import ROW_TIME, contents, lamp
 
-from ocisac_fast.batch import recordings as found
+from ocisac_fast.batch import Task, measure_recordings, read_results, recordings as found
+from ocisac_fast.batch.fields import FIELDS
+from ocisac_fast.batch.task import _command
+from ocisac_fast.cli.outputs import InputFile, OutputFile
+
+SENSE = ["sense", "--frequency", "500Hz", "--row-time", "22.2us", "--region", "0,0,48,240"]
+GAIN = ["gain", "--frequency", "500Hz", "--row-time", "22.2us"]
+
+
+@pytest.fixture
+def lit(tmp_path, monkeypatch):
+    """A lamp on a background, which two pictures without the lamp state: right in ``a``, wrong in ``b``."""
+    rng = np.random.default_rng(0)
+    monkeypatch.chdir(tmp_path)
+    np.save("lit.npy", lamp(2, 0))
+    for name, level in (("a", 40), ("b", 5)):
+        os.mkdir(name)
+        np.save(f"{name}/unlit.npy", rng.normal(level, 1, (240, 48)).astype(np.uint8))
+    return tmp_path / "lit.npy"
+
+
+@pytest.mark.parametrize("change", ["another folder", "another content"])
+def test_another_unlit_recording_is_another_task(change, lit, tmp_path, monkeypatch, batch, facts):
+    """The row of the earlier one counted as finished, with exit code 0."""
+    words = (lit, "-o", tmp_path / "r", *SENSE, "--unlit", "unlit.npy")
+    monkeypatch.chdir("a")
+    assert batch(*words)[0] == 0
+    assert batch(*words)[1][3].split() == ["skipped", "1"]
+    if change == "another folder":
+        monkeypatch.chdir("../b")
+    else:
+        shutil.copyfile("../b/unlit.npy", "unlit.npy")
+    code, _, (line,) = batch(*words)
+    assert (code, "r: made with unlit" in line) == (2, True)
+    assert batch(*words[:3], "--again", *words[3:])[0] == 0
+    (alone,) = facts(SENSE[0], lit, *SENSE[1:], "--unlit", "unlit.npy")
+    ((region,),) = read_results(tmp_path / "r")["regions"].to_pylist()
+    assert region["gain"] == alone["regions"][0]["gain"]
+
+
+@pytest.mark.parametrize("made", [os.link, os.symlink, shutil.copyfile])
+def test_no_output_replaces_what_is_read_beside_the_recordings(made, lit, tmp_path, batch):
+    os.rename("a/unlit.npy", "dark.csv")
+    made("dark.csv", "table.csv")
+    unlit = "table.csv" if made is shutil.copyfile else "dark.csv"
+    before = contents(tmp_path)
+    code, _, (line,) = batch(lit, "-o", "r", "--table", "table.csv", "--force", *SENSE, "--unlit", unlit)
+    assert (code, line) == (2, "ocisac: --table: got table.csv, which is read, allowed: another file")
+    code, _, (line,) = batch(lit, "-o", ".", *SENSE[:1], "--row-time", "22.2us", "--unlit", unlit)
+    assert (code, "which holds the input" in line) == (2, True)
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    ("unlit", "message"),
+    [
+        ("-", "--unlit: got -, allowed: a file"),
+        ("", "--unlit: got no name"),
+        ("pipe", "pipe: a pipe, device or folder"),
+        ("/dev/zero", "/dev/zero: a pipe, device or folder"),
+        ("a", "a: a pipe, device or folder"),
+        ("missing.png", "missing.png: No such file"),
+        ("text.png", "text.png: not a picture, a video or a .npy array"),
+    ],
+)
+def test_what_cannot_be_read_beside_each_recording_is_refused_before_the_run(unlit, message, lit, run):
+    """Pipes and standard input were waited for."""
+    os.mkfifo("pipe")
+    with open("text.png", "w") as file:
+        file.write("no picture")
+    code, out, (line,) = run("batch", lit, "-o", "r", "--workers", 1, *SENSE, "--unlit", unlit)
+    assert (code, out, message in line) == (2, [], True)
+    assert not os.path.exists("r")
+
+
+@pytest.mark.parametrize("change", ["content", "gone"])
+@pytest.mark.parametrize("workers", [0, 1])
+def test_an_unlit_recording_that_changes_ends_the_run(change, workers, lit, run, monkeypatch):
+    begun = measure_recordings
+
+    def changed(*given, **options):
+        if change == "gone":
+            os.remove("a/unlit.npy")
+        else:
+            shutil.copyfile("b/unlit.npy", "a/unlit.npy")
+        return begun(*given, **options)
+
+    monkeypatch.setattr("ocisac_fast.batch.command.measure_recordings", changed)
+    code, _, (line,) = run("batch", lit, "-o", "r", "--workers", workers, *SENSE, "--unlit", "a/unlit.npy")
+    assert (code, "which changed meanwhile" in line) == (2, True)
+    assert not list(lit.parent.rglob("*.parquet"))
+
+
+@pytest.mark.parametrize("command", FIELDS)
+def test_files_among_the_options_of_a_task_are_known_by_their_types(command, lit):
+    known = {"frequency": "500Hz", "row_time": ROW_TIME} if command == "gain" else {}
+    known |= {"frequency": "500Hz"} if command == "calibrate" else {}
+    for option in _command(command).params[1 + (command == "clean") :]:
+        given = {**known, str(option.name): "a/unlit.npy"}
+        if isinstance(option.type, OutputFile) or option.name == "sent":
+            with pytest.raises(ValueError, match=f"got option '{option.name}'"):
+                Task(command, given)
+        elif isinstance(option.type, InputFile):
+            assert Task(command, given).inputs == [str(lit.parent / "a" / "unlit.npy")]
+
+
+def test_a_file_of_a_server_without_a_mark_of_change_is_known_by_its_content(monkeypatch):
+    monkeypatch.setattr("ocisac_fast.files.remote.state_of", lambda *_: None)
+    fsspec = pytest.importorskip("fsspec").filesystem("memory")
+    tasks = []
+    for level in (1, 2, 2):
+        with fsspec.open("/unlit.npy", "wb") as file:
+            np.save(file, np.full((240, 48), level, np.uint8))
+        tasks.append(Task("sense", {"unlit": "memory://unlit.npy"}))
+    first, second, third = (task.facts() for task in tasks)
+    assert (first == second, second == third) == (False, True)
 
 
 @pytest.mark.parametrize("place", ["file", "memory"])

@@ -456,7 +456,7 @@ def test_a_results_folder_that_holds_the_recordings_is_refused(output, sources, 
     for given in (["."], ["*.npy"], ["0.npy", "1.npy"], [str(sources)]):
         code, _, (line,) = batch(*given, "-o", output, *WORDS)
         assert code == 2
-        assert "which holds the recordings" in line
+        assert "which holds the input" in line
     assert not list(sources.rglob("*.json"))
 
 
@@ -487,7 +487,7 @@ def test_a_cleaned_file_is_that_of_its_recording_as_it_is(tmp_path, monkeypatch,
     np.save(folder / "a.npy", lamp(4, 3))
     states = iter("12345678")
     with monkeypatch.context() as changing:
-        changing.setattr("ocisac_fast.batch.jobs.local_entry", lambda path: type("Entry", (), {"state": next(states)}))
+        changing.setattr("ocisac_fast.batch.jobs.present_state", lambda _: next(states))
         assert batch(*clean)[0] == 3
     assert not list((output / "cleaned").iterdir())
     assert batch("--again", *clean)[0] == 0

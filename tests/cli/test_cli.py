@@ -1038,8 +1038,10 @@ def test_a_title_of_a_table_is_printed_as_it_is(title, capsys):
         (("clean", "a.png", ""), "OUT"),
         (("demo", "--directory", ""), "--directory"),
         (("batch", "a.png", "-o", "", "detect"), "--output"),
-        (("batch", "", "-o", "o", "detect"), "path"),
-        (("batch", "--summary", ""), "path"),
+        (("batch", "", "-o", "o", "detect"), "RECORDINGS..."),
+        (("batch", "--summary", ""), "--summary"),
+        (("gain", "", "--frequency", "0.1"), "FILE"),
+        (("receive", "a.png", "--sent", ""), "--sent"),
     ],
 )
 def test_a_file_or_folder_without_a_name_is_refused(words, name, run, square, tmp_path, monkeypatch):

@@ -94,10 +94,8 @@ def measure_recordings(
     if output is None:
         return _Campaign(entries, task, None, max_frames, report).run(client)
     results = Results(output)
-    if inside := [path for path in every if results.contains(path)]:
-        raise ResultsError(
-            f"output: got {results.folder}, which holds the recordings {inside[0]}; allowed: another folder"
-        )
+    if inside := [path for path in (*every, *task.inputs) if results.contains(path)]:
+        raise ResultsError(f"output: got {results.folder}, which holds the input {inside[0]}; allowed: another folder")
     entries = [entry for entry in entries if not results.contains(entry.path)]
     with results.prepared(task, again, entries):
         return _Campaign(entries, task, results, max_frames, report).run(client)

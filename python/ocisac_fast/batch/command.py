@@ -42,12 +42,16 @@ class _TaskWords(ParameterType):
 
 
 class _Recordings(InputFile):
+    kind = "file or folder"
+
     def files(self, path: str | os.PathLike[str]) -> Iterator[str]:
         with contextlib.suppress(ValueError):  # none there, which is said later
             yield from (entry.path for entry in find_recordings(path))
 
 
 class _Folder(InputFile):
+    kind = "folder"
+
     def files(self, path: str | os.PathLike[str]) -> Iterator[str]:
         """The results below a folder."""
         found = like(local_listing, os.fspath(path), ALL_BELOW)

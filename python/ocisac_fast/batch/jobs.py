@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from ocisac_fast.batch.measuring import Measurement, Start, build, start_of
-from ocisac_fast.batch.recordings import Entry, local_entry
+from ocisac_fast.batch.recordings import Entry, present_state, require_file
 from ocisac_fast.batch.results import Results, ResultsError, rows_name
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.errors import error_text, input_errors
@@ -19,7 +19,7 @@ from ocisac_fast.cli.text import one_line
 from ocisac_fast.files import FileError, Part
 from ocisac_fast.files.extras import pyarrow
 from ocisac_fast.files.reading import lossless_suffix
-from ocisac_fast.files.remote import RemotePath, is_remote
+from ocisac_fast.files.remote import is_remote
 from ocisac_fast.files.videos import decoder_threads
 
 # Pictures are opened with standard error turned away, which is the process's: threads of a worker take turns.
@@ -107,6 +107,7 @@ class Work:
         except Exception as error:  # whatever a recording provokes, the others are measured
             if results is not None:
                 results.remove([job.name])  # whose cleaned file has no name
+            self.task.require_inputs()
             text = error_text(error) if isinstance(error, input_errors()) else f"{type(error).__name__}: {error}"
             return Report(job, failure=one_line(text.removeprefix(f"{job.entry.path}: ")))
 
@@ -114,10 +115,8 @@ class Work:
         path = job.entry.path
         if job.entry.failure:
             raise FileError(job.entry.failure)
-        is_local = not is_remote(path)
-        if is_local and os.path.exists(path) and not os.path.isfile(path):
-            raise FileError("a pipe, device or folder, allowed: a file")  # opening it could wait for ever
-        job = replace(job, state=job.state or (job.entry.state if is_local else RemotePath(path).state))
+        require_file(path)
+        job = replace(job, state=job.state or (present_state(path) if is_remote(path) else job.entry.state))
         if job.part is None and job.is_cut:
             cut = start_of(path, self.task, self.max_frames)
             if cut is not None:
@@ -135,8 +134,8 @@ class Work:
         return self._written(job, Measurement.of(path, self.task, part=job.part, start=job.start), results)
 
     def _written(self, job: Job, found: Measurement, results: Results | None) -> Report:
-        path = job.entry.path
-        if job.state != (RemotePath(path).state if is_remote(path) else local_entry(path).state):
+        self.task.require_inputs()
+        if job.state != present_state(job.entry.path):
             raise FileError("changed while it was measured")
         frames = found.facts["frames"] or 0
         if results is None:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from ocisac_fast.batch.listing import ALL_BELOW, EndlessError, Found, is_pattern, like, local_listing, remote_like
 from ocisac_fast.files.extras import fsspec
+from ocisac_fast.files.recording import FileError
 from ocisac_fast.files.remote import RemotePath, absolute, archive_state, file_system, is_remote, state_of
 from ocisac_fast.files.writing import TEMPORARY
 
@@ -109,6 +110,21 @@ def local_entry(name: str) -> Entry:
         there = os.stat(name)
         status = {"size": there.st_size, "mtime": there.st_mtime}
     return _entry(name, status)
+
+
+def require_file(path: str) -> None:
+    """Refuse what opening could wait for, for ever.
+
+    Raises:
+        FileError: a pipe, a device or a folder.
+    """
+    if not is_remote(path) and os.path.exists(path) and not os.path.isfile(path):
+        raise FileError(f"{path}: a pipe, device or folder, allowed: a file")
+
+
+def present_state(path: str) -> str | None:
+    """State of one file as it is now; None where nothing states it."""
+    return RemotePath(path).state if is_remote(path) else local_entry(path).state
 
 
 def content_hash(path: str) -> dict[str, str]:

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
 import click
 
 from ocisac_fast.batch.fields import FIELDS
+from ocisac_fast.batch.recordings import content_hash, present_state, require_file
 from ocisac_fast.cli.command import taken
-from ocisac_fast.cli.output import plain
-from ocisac_fast.cli.pictures import PictureOptions
+from ocisac_fast.cli.output import collected_objects, plain
+from ocisac_fast.cli.outputs import InputFile, OutputFile, given_paths, label
+from ocisac_fast.cli.pictures import PictureOptions, open_pictures
 from ocisac_fast.core.checks import shown
 from ocisac_fast.files import LightResponse, RecordingStream
+from ocisac_fast.files.reading import STANDARD_INPUT
+from ocisac_fast.files.remote import absolute, is_remote
 
 IN_STRETCHES = ("gain", "detect")  # each frame has an answer of its own
-# Output and input of a single call, and following from frame to frame, which stretches interrupt.
-_NOT_FOR_MANY = ("plot", "as_json", "csv", "table", "sent", "per_column", "marks", "pulses", "force", "search_every")
+# Beside outputs: what is of a single call, and following from frame to frame, which stretches interrupt.
+_NOT_FOR_MANY = ("as_json", "sent", "pulses", "force", "search_every")
 
 
 @dataclass(frozen=True)
@@ -29,14 +33,16 @@ class Task:
     Args:
         command: ``"gain"``, ``"receive"``, ``"detect"``, ``"sense"``, ``"calibrate"`` or ``"clean"``.
         options: those of the command line with ``_`` for ``-``: ``{"frequency": "500Hz", "row_time": 22.2e-6}``; True
-            for a flag, a list for an option that is repeated.
+            for a flag, a list for an option that is repeated. Paths of files become absolute.
 
     Raises:
         ValueError: no such command, or an option or a value that it does not have.
+        OSError: a file among the options, which all recordings share, cannot be read.
     """
 
     command: str
     options: Mapping[str, Any]
+    _states: dict[str, str] = field(init=False, repr=False, default_factory=dict)  # of those files, by option
 
     def __post_init__(self) -> None:
         if self.command not in FIELDS:
@@ -46,8 +52,14 @@ class Task:
             picture.camera(RecordingStream(iter(()), "array", LightResponse()))
             for name in () if self.command == "calibrate" else ("frequency", "chip_rate"):
                 picture.check_frequency(f"--{name.replace('_', '-')}", arguments.get(name))
+            inputs = {
+                str(option.name): _opened(option, path, picture)
+                for option, path in given_paths(self.context, InputFile)
+            }
         except click.ClickException as error:
             raise ValueError(error.format_message()) from error
+        object.__setattr__(self, "options", {**self.options, **inputs})
+        self._states.update({name: _state(path) for name, path in inputs.items()})
 
     @classmethod
     def from_words(cls, words: Sequence[str]) -> Task:
@@ -64,8 +76,9 @@ class Task:
         given = [value for name in names for value in _several(values.pop(name, None))]
         if given or left:
             raise ValueError(f"{words[0]}: got {[*given, *left][0]}, allowed: options (recordings stand before it)")
+        known = _for_many(command)
         for option in command.params:
-            if option.name in _NOT_FOR_MANY and option.name in values:
+            if option.name in values and option.name not in known:
                 raise ValueError(
                     f"{words[0]}: got {option.opts[0]}, allowed: its other options (batch's stand before it)"
                 )
@@ -73,13 +86,31 @@ class Task:
 
     def arguments(self) -> tuple[dict[str, Any], PictureOptions]:
         """The command's arguments, converted, and apart from them the common options."""
-        arguments = dict(_arguments(self.command, tuple(self._words())))
+        arguments = dict(self.context.params)
         return arguments, taken(PictureOptions, arguments)
+
+    @property
+    def context(self) -> click.Context:
+        """The command with its options, without those of a single call."""
+        return _without_recording(self.command, tuple(self._words()))
 
     @property
     def picture(self) -> PictureOptions:
         """The common options."""
         return self.arguments()[1]
+
+    @property
+    def inputs(self) -> list[str]:
+        """Files that are read beside each recording."""
+        return [self.options[name] for name in self._states]
+
+    def require_inputs(self) -> None:
+        """Raise ValueError where one of ``inputs`` is not as it was when this was made."""
+        for name, state in self._states.items():
+            if _state(self.options[name]) != state:
+                raise ValueError(
+                    f"--{name}: got {self.options[name]}, which changed meanwhile, allowed: the same for all recordings"
+                )
 
     def run(self, path: str, *, cleaned: str | None = None) -> None:
         """Run the command with ``--json``."""
@@ -87,18 +118,16 @@ class Task:
             context.command.invoke(context)
 
     def facts(self) -> dict[str, Any]:
-        """The command and all its options, also those not given, as JSON."""
-        arguments = _arguments(self.command, tuple(self._words()))
-        options = {name: plain(value) for name, value in sorted(arguments.items()) if name not in _NOT_FOR_MANY}
-        return {"command": self.command, "options": options}
+        """The command and all its options, also those not given, as JSON, and states of files among them."""
+        options = {name: plain(value) for name, value in sorted(self.context.params.items())}
+        states = {f"{name}_state": state for name, state in self._states.items()}
+        return {"command": self.command, "options": {**options, **states}}
 
     def _words(self) -> Iterator[str]:
-        command = _command(self.command)
-        known = {str(param.name): param for param in command.params if isinstance(param, click.Option)}
-        allowed = [name for name in known if name not in _NOT_FOR_MANY]
+        known = _for_many(_command(self.command))
         for name, value in self.options.items():
-            if name not in allowed:
-                raise ValueError(f"{self.command}: got option {name!r}, allowed: {', '.join(allowed)}")
+            if name not in known:
+                raise ValueError(f"{self.command}: got option {name!r}, allowed: {', '.join(known)}")
             option = known[name]
             if option.is_flag:
                 yield from [option.opts[0]] if value else []
@@ -107,10 +136,32 @@ class Task:
                 yield from (option.opts[0], _text(each))
 
 
+def _for_many(command: click.Command) -> dict[str, click.Option]:
+    """Options that all recordings may share, by name."""
+    every = (param for param in command.params if isinstance(param, click.Option))
+    return {str(one.name): one for one in every if not (one.name in _NOT_FOR_MANY or isinstance(one.type, OutputFile))}
+
+
+def _opened(option: click.Parameter, path: str, picture: PictureOptions) -> str:
+    """The absolute path of a recording that is read beside each other one; opened once, before any is measured."""
+    if path == STANDARD_INPUT:
+        raise click.UsageError(f"{label(option)}: got -, allowed: a file, which is read for each recording")
+    whole = path if is_remote(path) else absolute(path)
+    require_file(whole)
+    with collected_objects(), open_pictures(whole, picture, axis_of_light=False):
+        return whole
+
+
+def _state(path: str) -> str:
+    return present_state(path) or str(content_hash(path))
+
+
 @lru_cache(maxsize=8)  # of one task, which a worker parses once
-def _arguments(command: str, words: tuple[str, ...]) -> Mapping[str, Any]:
-    params = _context(command, words, "recording", None).params
-    return {name: value for name, value in params.items() if name not in ("file", "files", "source", "target")}
+def _without_recording(command: str, words: tuple[str, ...]) -> click.Context:
+    context = _context(command, words, "recording", None)
+    known = _for_many(context.command)
+    context.params = {name: value for name, value in context.params.items() if name in known}
+    return context
 
 
 def _context(command: str, words: Sequence[str], path: str, cleaned: str | None) -> click.Context:

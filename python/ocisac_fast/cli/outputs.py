@@ -24,7 +24,16 @@ _SETTINGS: tuple[str, ...] = ("$MATPLOTLIBRC", "$MATPLOTLIBRC/matplotlibrc", "$M
 _SETTINGS += ("$XDG_CONFIG_HOME/matplotlib/matplotlibrc", "~/.config/matplotlib/matplotlibrc")  # of matplotlib
 
 
-class InputFile(click.Path):
+class _Named(click.Path):
+    kind = "file"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        if not os.fspath(value):
+            raise click.UsageError(f"{label(param)}: got no name, allowed: a {self.kind}")
+        return super().convert(value, param, ctx)
+
+
+class InputFile(_Named):
     """A file that a command reads; checked where it is opened."""
 
     def files(self, path: str | os.PathLike[str]) -> Iterable[str | os.PathLike[str]]:
@@ -32,20 +41,11 @@ class InputFile(click.Path):
         return (local_part(os.fspath(path)),)
 
 
-class _Output(click.Path):
-    kind = "file"
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        if not os.fspath(value):
-            raise click.UsageError(f"{_label(param)}: got no name, allowed: a {self.kind}")
-        return super().convert(value, param, ctx)
-
-
-class OutputFile(_Output):
+class OutputFile(_Named):
     """A file that a command writes."""
 
 
-class OutputFolder(_Output):
+class OutputFolder(_Named):
     """A folder that a command writes into."""
 
     kind = "folder"
@@ -101,37 +101,41 @@ def checked_outputs(force: bool) -> Iterator[None]:
     Its parameters of the type `OutputFile` are checked against each other, against those of the type `InputFile` and
     against what is there, and again where they are written.
     """
-    context = click.get_current_context()
-    every = [(param, path) for param, path in _paths(context, OutputFile) if path != _STANDARD]
+    context, every = click.get_current_context(), output_files()
     outputs = [(param, path) for param, path in every if os.path.isfile(path) or not os.path.exists(path)]
-    folders = list(_paths(context, OutputFolder))
-    for param, path in (*_paths(context, InputFile), *outputs):
+    inputs, folders = (list(given_paths(context, kind)) for kind in (InputFile, OutputFolder))
+    for param, path in (*inputs, *outputs):
         if _is_standard_output(local_part(os.fspath(path))):
-            raise click.UsageError(f"{_label(param)}: got {path}, which is standard output too, allowed: another file")
-    for param, path in _paths(context, InputFile):
+            raise click.UsageError(f"{label(param)}: got {path}, which is standard output too, allowed: another file")
+    for param, path in inputs:
         assert isinstance(param.type, InputFile)
         require_not_written(param.type.files(path))
     for k, (param, path) in enumerate(outputs):
-        _check(param, path, [*folders, *outputs[:k]], force)
+        refused = f"{label(param)}: got {path}, which"
+        for other, written in (*folders, *outputs[:k]):
+            if _is_same(path, written):
+                raise click.UsageError(f"{refused} {label(other)} writes too, allowed: another file")
+        if os.path.isfile(path) and not force:
+            raise click.UsageError(f"{refused} exists, allowed: a new file, or --force")
     with fixed_outputs([path for _, path in every], replace=force):
         yield
 
 
-def _paths(context: click.Context, kind: type[click.Path]) -> Iterator[tuple[click.Parameter, Any]]:
-    """Parameters of a type, with each of their paths."""
+def given_paths(context: click.Context, kind: type[click.Path]) -> Iterator[tuple[click.Parameter, Any]]:
+    """Parameters of a type, with each of their paths: those of a command, and of one that it runs for many files."""
     for param in context.command.params:
         value = context.params.get(str(param.name))
-        if isinstance(param.type, kind) and value is not None:
+        inner = getattr(value, "context", None)
+        if isinstance(inner, click.Context):
+            yield from given_paths(inner, kind)
+        elif isinstance(param.type, kind) and value is not None:
             yield from ((param, path) for path in (value if isinstance(value, tuple) else (value,)))
 
 
-def _check(param: click.Parameter, path: str, before: list[tuple[click.Parameter, str]], force: bool) -> None:
-    refused = f"{_label(param)}: got {path}, which"
-    for other, written in before:
-        if _is_same(path, written):
-            raise click.UsageError(f"{refused} {_label(other)} writes too, allowed: another file")
-    if os.path.isfile(path) and not force:
-        raise click.UsageError(f"{refused} exists, allowed: a new file, or --force")
+def output_files() -> list[tuple[click.Parameter, Any]]:
+    """Parameters of the present command that are written, with their paths."""
+    every = given_paths(click.get_current_context(), OutputFile)
+    return [(param, path) for param, path in every if path != _STANDARD]
 
 
 def _is_same(path: str, other: str | os.PathLike[str]) -> bool:
@@ -144,12 +148,11 @@ def _is_same(path: str, other: str | os.PathLike[str]) -> bool:
 
 def require_not_written(read: Iterable[str | os.PathLike[str]]) -> None:
     """Refuse outputs of the present command that are files which it reads."""
-    every = _paths(click.get_current_context(), OutputFile)
-    files = [(param, path) for param, path in every if path != _STANDARD and os.path.isfile(path)]
+    files = [(param, path) for param, path in output_files() if os.path.isfile(path)]
     for each in read if files else ():
         for param, path in files:
             if _is_same(path, each):
-                raise click.UsageError(f"{_label(param)}: got {path}, which is read, allowed: another file")
+                raise click.UsageError(f"{label(param)}: got {path}, which is read, allowed: another file")
 
 
 def _is_standard_output(path: str) -> bool:
@@ -160,6 +163,6 @@ def _is_standard_output(path: str) -> bool:
     return False
 
 
-def _label(param: click.Parameter) -> str:
+def label(param: click.Parameter) -> str:
     """The parameter as it is written: ``--plot``, or ``OUT``."""
     return param.human_readable_name if isinstance(param, click.Argument) else param.opts[-1]
