@@ -126,6 +126,14 @@ def test_a_file_of_a_server_without_a_mark_of_change_is_known_by_its_content(mon
     assert (first == second, second == third) == (False, True)
 
 
+def test_the_row_of_a_light_that_cannot_be_measured_is_kept(lit, batch, run):
+    """The message was: Exit: 3."""
+    assert run("sense", lit, *SENSE[1:], "--unlit", lit)[0] == 3
+    assert batch(lit, "-o", "r", *SENSE, "--unlit", lit)[0] == 0
+    ((region,),) = read_results("r")["regions"].to_pylist()
+    assert "no_light" in region["flags"]
+
+
 @pytest.mark.parametrize("place", ["file", "memory"])
 def test_the_hash_of_a_long_file_is_of_its_ends(place, tmp_path, monkeypatch):
     """A hole of terabytes, which costs its maker nothing, was read to its end."""

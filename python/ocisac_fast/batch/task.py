@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -113,8 +114,11 @@ class Task:
                 )
 
     def run(self, path: str, *, cleaned: str | None = None) -> None:
-        """Run the command with ``--json``."""
-        with _context(self.command, tuple(self._words()), path, cleaned) as context:
+        """Run the command with ``--json``; an exit code of its own, such as without a light, has its rows."""
+        with (
+            contextlib.suppress(click.exceptions.Exit),
+            _context(self.command, tuple(self._words()), path, cleaned) as context,
+        ):
             context.command.invoke(context)
 
     def facts(self) -> dict[str, Any]:
