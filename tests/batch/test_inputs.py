@@ -134,6 +134,24 @@ def test_the_row_of_a_light_that_cannot_be_measured_is_kept(lit, batch, run):
     assert "no_light" in region["flags"]
 
 
+def test_outputs_among_the_results_are_refused(lit, batch):
+    assert batch(lit, "-o", "r", *GAIN)[0] == 0
+    (rows,) = lit.parent.glob("r/rows/*/*.parquet")
+    os.symlink("r/rows", "link")
+    os.mkdir("r/failures")
+    os.mkdir("r/cleaned")
+    before = contents(lit.parent)
+    for table in (rows, "r/rows/new.parquet", "link/new.parquet", "r/failures/new.csv", "r/cleaned/new.csv"):
+        for words in ((lit, "-o", "r"), ("--summary", "r")):
+            code, _, (line,) = batch(*words, "--force", "--table", table, *(GAIN if words[0] == lit else ()))
+            assert code == 2
+            assert line.startswith(f"ocisac: --table: got {table}, which is ")
+    code, _, (line,) = batch("--summary", "r", "--plot", "r/task.json", "--force")
+    assert (code, line.partition(", ")[2]) == (2, "which is among the results, allowed: another folder")
+    assert contents(lit.parent) == before
+    assert batch("--summary", "r", "--table", "r/summary.csv", "--plot", "r/a.png")[0] == 0
+
+
 @pytest.mark.parametrize("place", ["file", "memory"])
 def test_the_hash_of_a_long_file_is_of_its_ends(place, tmp_path, monkeypatch):
     """A hole of terabytes, which costs its maker nothing, was read to its end."""

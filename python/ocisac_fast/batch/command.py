@@ -18,15 +18,14 @@ from ocisac_fast.batch.campaign import MAX_FRAMES, Progress, measure_recordings
 from ocisac_fast.batch.engines import cluster
 from ocisac_fast.batch.fields import FIELDS
 from ocisac_fast.batch.jobs import ClusterError, VersionError
-from ocisac_fast.batch.listing import ALL_BELOW, like, local_listing
 from ocisac_fast.batch.recordings import find_recordings
-from ocisac_fast.batch.results import Results
+from ocisac_fast.batch.results import OWN, Results
 from ocisac_fast.batch.summary import summarize
 from ocisac_fast.batch.task import Task
 from ocisac_fast.cli.command import command
 from ocisac_fast.cli.errors import SOME_FAILED
 from ocisac_fast.cli.output import emit, emit_facts, emit_json, emit_table, facts_of, with_spread
-from ocisac_fast.cli.outputs import OUTPUT, InputFile, OutputFolder, draw
+from ocisac_fast.cli.outputs import INPUT, OUTPUT, InputFile, OutputFolder, draw, label, output_files
 from ocisac_fast.cli.text import one_line
 from ocisac_fast.cli.units import ParameterType
 
@@ -49,16 +48,7 @@ class _Recordings(InputFile):
             yield from (entry.path for entry in find_recordings(path))
 
 
-class _Folder(InputFile):
-    kind = "folder"
-
-    def files(self, path: str | os.PathLike[str]) -> Iterator[str]:
-        """The results below a folder."""
-        found = like(local_listing, os.fspath(path), ALL_BELOW)
-        yield from (name for name in found if os.path.basename(name) != _SUMMARY)
-
-
-_RECORDINGS, _RESULTS = _Recordings(readable=False), _Folder(readable=False)
+_RECORDINGS = _Recordings(readable=False)
 
 
 class _BatchCommand(click.Command):
@@ -113,7 +103,7 @@ def batch(
     ] = MAX_FRAMES,
     again: Annotated[bool, "Discard the results in FOLDER."] = False,
     summary: Annotated[
-        str | None, _RESULTS, {"metavar": "FOLDER"}, "Print and draw what came out, and measure nothing."
+        str | None, INPUT, {"metavar": "FOLDER"}, "Print and draw what came out, and measure nothing."
     ] = None,
     plot: Annotated[str | None, OUTPUT, "Picture of the summary  [default: FOLDER/summary.png]"] = None,
     task: Annotated[Task | None, _TaskWords(), {"hidden": True}] = None,
@@ -125,6 +115,7 @@ def batch(
     columns are those of --json, for gain with a row for each frame. Recordings that cannot be read are listed in
     FOLDER/failures; the exit code is then 3. After an interrupt the same command goes on.
     """
+    _require_apart(summary or output)
     if summary is not None:
         _summarize(summary, plot, as_json)
         return
@@ -149,6 +140,13 @@ def batch(
     emit(as_json, {"output": output, **facts}, lines)
     if done.progress.failed:
         raise click.exceptions.Exit(SOME_FAILED)
+
+
+def _require_apart(folder: str | None) -> None:
+    """Refuse outputs among files of results, which they would replace, or join in the dataset."""
+    for param, path in output_files():
+        if folder is not None and any(Results(f"{folder}/{name}").contains(path) for name in OWN):
+            raise click.UsageError(f"{label(param)}: got {path}, which is among the results, allowed: another folder")
 
 
 @contextlib.contextmanager

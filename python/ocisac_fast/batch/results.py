@@ -44,6 +44,7 @@ from ocisac_fast.files.writing import TEMPORARY, fixed_outputs
 
 _METADATA = b"ocisac"
 _TASK, _MANIFEST, _FOLDERS = "task.json", "manifest.json", ("rows", "failures", "cleaned")
+OWN = (_TASK, _MANIFEST, *_FOLDERS)
 _OURS = re.compile(  # names of files that runs write
     r"task\.json|rows/([0-9a-f]{2})/\1[0-9a-f]{14}-[0-9a-f]{16}-(all|\d+-\d+-\d+)\.parquet"
     r"|failures/[0-9a-f]{16}\.parquet|cleaned/[0-9a-f]{16}-[^/]+"
@@ -174,7 +175,7 @@ class Results:
 
     def _discard(self, keys: set[str]) -> None:
         """Remove the files of the manifest; what is left is named, and refused where the recordings of ``keys`` go."""
-        there = [name for name in (_TASK, _MANIFEST, *_FOLDERS) if self._length(name) != _MISSING]
+        there = [name for name in OWN if self._length(name) != _MISSING]
         stated = self._lengths.get(_TASK)
         if there and (stated is None or self._length(_TASK) not in (_MISSING, stated)):  # none: a run ended in between
             raise ResultsError(
