@@ -167,3 +167,13 @@ def test_the_hash_of_a_long_file_is_of_its_ends(place, tmp_path, monkeypatch):
     for length, key, hashed in ((100, "sha256", range(100)), (120, "sha256_of_ends", [*range(30), *range(90, 120)])):
         system.pipe_file(path, bytes(range(length)))
         assert found.content_hash(path) == {key: hashlib.sha256(bytes(hashed)).hexdigest()}
+
+
+def test_a_film_without_a_frame_fails_as_alone(lit, run):
+    with open("a.y4m", "wb") as file:
+        file.write(b"YUV4MPEG2 W64 H64 F25:1 Ip A1:1 C420\n")
+        file.truncate(20 << 20)
+    code, _, (line,) = run("gain", "a.y4m", *GAIN[1:])
+    assert (code, line) == (2, "ocisac: a.y4m: no frame that can be decoded")
+    done = measure_recordings("a.y4m", Task("gain", {"frequency": "500Hz", "row_time": ROW_TIME}))
+    assert done.failures["message"].to_pylist() == ["no frame that can be decoded"]

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import click
 import numpy as np
-import numpy.typing as npt
 
 from ocisac_fast.camera.linear_light import linear_light
 from ocisac_fast.cli.columns import frequency_waveform, one_colour, some_columns
@@ -18,7 +17,7 @@ from ocisac_fast.cli.outputs import INPUT
 from ocisac_fast.cli.pictures import PictureOptions, open_pictures
 from ocisac_fast.cli.units import FREQUENCY, SHARES, Quantity
 from ocisac_fast.core.flags import Flag
-from ocisac_fast.exposure import calibrate_pulses, pulse_bands
+from ocisac_fast.exposure import PulseBands, calibrate_pulses, pulse_bands
 from ocisac_fast.files.recording import FileError
 from ocisac_fast.lights import calibrate as measure
 
@@ -87,7 +86,7 @@ def _calibrate_pulses(
 ) -> None:
     if len(files) != len(duties):
         raise click.UsageError(f"--pulses: got {len(duties)} duties, allowed: one for each of {len(files)} files")
-    result = calibrate_pulses([pulse_bands(_row_light(file, picture)) for file in files], frequency, duties)
+    result = calibrate_pulses([_bands(file, picture) for file in files], frequency, duties)
     every = list(zip(files, duties, result.rows, result.pulse_widths, result.bands, strict=True))
     facts = {**facts_of(result, _PULSE_KEYS), "ramp_misfit": result.misfit}
     facts["pulses"] = [
@@ -108,8 +107,8 @@ def _calibrate_pulses(
     emit(as_json, facts, lines)
 
 
-def _row_light(file: str, picture: PictureOptions) -> npt.NDArray[np.float64]:
-    """(frames, rows) mean linear light."""
+def _bands(file: str, picture: PictureOptions) -> PulseBands:
+    """Bands in the mean light of each row."""
     with open_pictures(file, picture, axis_of_light=False) as pictures:  # a band of lit rows does not tell its axis
         means = [linear_light(batch, pictures.camera).mean(axis=(2, 3)) for batch in pictures.row_batches()]
-    return np.concatenate(means)
+        return pulse_bands(np.concatenate(means))

@@ -28,7 +28,7 @@ from ocisac_fast.lights import find_scan_axis
 _RED_GREEN_BLUE = {"r": 0, "g": 1, "b": 2}
 _LUMA_WEIGHTS = (0.299, 0.587, 0.114)  # ITU-R BT.601
 _BATCH_BYTES = 64 << 20
-_OF_FRAMES = ("columns: ", "frames: ")  # begins an error of theirs
+_OF_FRAMES = ("columns: ", "frames: ", "light: ")  # begins an error of theirs
 _SURE_LIGHT = 0.998  # probability of a light that contradicts a statement
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from typing import Any
 
-from ocisac_fast.files.extras import call, called, ffmpeg, steps
+from ocisac_fast.files.extras import call, called, ffmpeg, pyav, steps
 from ocisac_fast.files.recording import FileError, Frame, KeyFrames, Part
 
 _INTRA = 1  # FFmpeg's AV_PICTURE_TYPE_I
@@ -48,14 +48,17 @@ def video_key_frames(container: Any, stream: Any, ending: Ending, max_frames: in
         return None
     stamps: list[int] = []
     keys: set[int] = set()
-    for packet in ending.packets():
-        if packet.dts is None and packet.size == 0:  # the end
-            continue
-        if packet.pts is None or packet.is_corrupt or packet.is_discard:
-            return None
-        stamps.append(packet.pts)
-        if packet.is_keyframe:
-            keys.add(packet.pts)
+    try:
+        for packet in ending.packets():
+            if packet.dts is None and packet.size == 0:  # the end
+                continue
+            if packet.pts is None or packet.is_corrupt or packet.is_discard:
+                return None
+            stamps.append(packet.pts)
+            if packet.is_keyframe:
+                keys.add(packet.pts)
+    except pyav().FFmpegError:  # which reading the whole names
+        return None
     stamps.sort()
     if not stamps or stamps[0] not in keys or len(set(stamps)) < len(stamps):
         return None

@@ -114,7 +114,9 @@ def lossless_suffix(path: str | os.PathLike[str], *, raw: str | None = None) -> 
 def _place(path: str | os.PathLike[str]) -> Path | RemotePath:
     if is_remote(os.fspath(path)):
         return RemotePath(os.fspath(path))
-    os.stat(path)  # refuses "file/", whose slash Path leaves out
+    there = os.stat(path)  # refuses "file/", whose slash Path leaves out
+    if stat.S_ISREG(there.st_mode) and there.st_size == 0:  # also of /proc, where a file may have no end
+        raise FileError("empty file")
     return Path(path)
 
 
