@@ -16,117 +16,95 @@ namespace ocisac {
 
 namespace {
 
+using Eigen::ArrayXXd;
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
 using Values = std::vector<double>;
 
-constexpr std::size_t kMostCells = 16;                   // along each axis
-constexpr double kTexture = 0.03;                        // relative difference of neighbouring blocks
-constexpr std::array<std::size_t, 4> kLags{1, 2, 4, 8};  // blocks
+constexpr std::size_t kMostCells = 16;             // along each axis
+constexpr double kTexture = 0.03;                  // relative difference of neighbouring blocks
+constexpr std::array<Index, 4> kLags{1, 2, 4, 8};  // blocks
 constexpr int kSteps = 12, kWideSteps = 6;  // of the robust fit; those with a larger texture, so that bands are not
                                             // taken for edges
 constexpr double kDarkest = 1e-3;           // of the mean light, of which a logarithm is taken
 constexpr double kRidge = 1e-6;
 constexpr double kShortestPeriod = 58, kMostSlowCycles = 16;  // of a slow light: rows; in the picture
 
-// Differences of the logarithms of blocks, some apart in one column, and how modes change over them.
-struct Differences {
-  std::size_t columns;
-  Eigen::MatrixXd design;  // (differences × modes)
-  Values change, spread;   // (differences × columns); spread: noise variance
-};
-
-double mean_of_known(const Blocks& blocks) {
-  double sum = 0, known = 0;
-  for (std::size_t i = 0; i < blocks.light.size(); ++i)
-    if (std::isfinite(blocks.variance[i])) sum += blocks.light[i], known += 1;
-  return sum / std::max(known, 1.0);
+// Light of blocks, or of the mean light where that is too dark for a logarithm.
+Eigen::ArrayXd usable_light(const Blocks& blocks) {
+  const double mean = block_means(blocks.picture(), blocks.rows, blocks.columns).light.front();
+  return vector_of(blocks.light).array().max(kDarkest * std::max(mean, 1e-100));
 }
 
+// Differences of the logarithms of blocks, some apart in one column, and how modes change over them.
+struct Differences {
+  MatrixXd design;          // (differences × modes)
+  ArrayXXd change, spread;  // (differences × columns); spread: noise variance
+};
+
 Differences differences_of(const Blocks& blocks, std::size_t count) {
-  const double mean = mean_of_known(blocks);
-  Values level, noise;
-  for (std::size_t i = 0; i < blocks.light.size(); ++i) {
-    const double usable = std::max(blocks.light[i], kDarkest * std::max(mean, 1e-100));
-    level.push_back(std::log(usable));
-    noise.push_back(blocks.variance[i] / (usable * usable));
+  const auto rows = static_cast<Index>(blocks.rows), columns = static_cast<Index>(blocks.columns);
+  const Eigen::ArrayXd usable = usable_light(blocks), variance = vector_of(blocks.variance).array() / usable.square();
+  const ArrayXXd level = usable.log().reshaped(columns, rows).transpose(),
+                 noise = variance.reshaped(columns, rows).transpose();
+  const MatrixXd modes = slow_modes(blocks.rows, count);
+  Index all = 0;
+  for (const Index lag : kLags) all += std::max(rows - lag, Index{0});
+  Differences result{MatrixXd(all, modes.cols()), ArrayXXd(all, columns), ArrayXXd(all, columns)};
+  Index at = 0;
+  for (const Index lag : kLags) {
+    const Index some = std::max(rows - lag, Index{0});
+    result.design.middleRows(at, some) = modes.bottomRows(some) - modes.topRows(some);
+    result.change.middleRows(at, some) = level.bottomRows(some) - level.topRows(some);
+    result.spread.middleRows(at, some) = noise.bottomRows(some) + noise.topRows(some);
+    at += some;
   }
-  const Eigen::MatrixXd modes = slow_modes(blocks.rows, count);
-  std::size_t rows = 0;
-  for (const std::size_t lag : kLags) rows += lag < blocks.rows ? blocks.rows - lag : 0;
-  Differences result{blocks.columns, Eigen::MatrixXd(static_cast<Eigen::Index>(rows), modes.cols()), {}, {}};
-  Eigen::Index at = 0;
-  for (const std::size_t lag : kLags)
-    for (std::size_t n = 0; n + lag < blocks.rows; ++n) {
-      result.design.row(at++) = modes.row(static_cast<Eigen::Index>(n + lag)) - modes.row(static_cast<Eigen::Index>(n));
-      for (std::size_t k = 0; k < blocks.columns; ++k) {
-        const std::size_t one = n * blocks.columns + k, other = one + lag * blocks.columns;
-        result.change.push_back(level[other] - level[one]);
-        result.spread.push_back(noise[other] + noise[one]);
-      }
-    }
   return result;
 }
 
-// Normal equations of the modes, of columns first to end.
+// Normal equations of the modes, of `count` columns.
 struct NormalEquations {
-  Eigen::MatrixXd matrix;
-  Eigen::VectorXd right;
+  MatrixXd matrix;
+  VectorXd right;
 
-  NormalEquations(const Differences& all, const Values& weights, std::size_t first, std::size_t end) {
-    const Eigen::Index rows = all.design.rows();
-    Eigen::VectorXd weight = Eigen::VectorXd::Zero(rows), pull = weight;
-    for (Eigen::Index n = 0; n < rows; ++n)
-      for (std::size_t k = first; k < end; ++k) {
-        const std::size_t at = static_cast<std::size_t>(n) * all.columns + k;
-        weight[n] += weights[at];
-        pull[n] += weights[at] * all.change[at];
-      }
-    matrix = gram(Eigen::MatrixXd(all.design.transpose() * weight.cwiseSqrt().asDiagonal()));
+  NormalEquations(const Differences& all, const ArrayXXd& weights, Index first, Index count) {
+    const ArrayXXd own = weights.middleCols(first, count);
+    const VectorXd weight = own.rowwise().sum(), pull = (own * all.change.middleCols(first, count)).rowwise().sum();
+    matrix = gram(MatrixXd(all.design.transpose() * weight.cwiseSqrt().asDiagonal()));
     right = all.design.transpose() * pull;
   }
 
-  [[nodiscard]] Eigen::VectorXd solution() const {
-    Eigen::MatrixXd normal = matrix;
+  [[nodiscard]] VectorXd solution() const {
+    MatrixXd normal = matrix;
     normal.diagonal().array() += kRidge * std::max(normal.trace() / static_cast<double>(normal.rows()), 1e-300);
     return solve_positive_definite(normal, right);
   }
 };
 
-Values weights_of(const Differences& all, const Eigen::VectorXd& modes, double of_texture) {
-  const Eigen::VectorXd course = all.design * modes;
-  Values weights(all.change.size());
-  for (std::size_t i = 0; i < weights.size(); ++i) {
-    const double left = all.change[i] - course[static_cast<Eigen::Index>(i / all.columns)];
-    weights[i] = 1 / (of_texture * of_texture + all.spread[i] + left * left);
-  }
-  return weights;
+ArrayXXd weights_of(const Differences& all, const VectorXd& modes, double of_texture) {
+  const Eigen::ArrayXd course = all.design * modes;
+  return (of_texture * of_texture + all.spread + (all.change.colwise() - course).square()).inverse();
 }
 
 // Modes of the groups of columns, and the variance of their mean by the jackknife.
-void compare_groups(const Differences& all, const Values& weights, CommonCourse& course) {
-  const std::size_t count = std::min(kMostGroups, all.columns);
-  std::vector<NormalEquations> groups;
-  NormalEquations sum(all, weights, 0, 0);
-  for (std::size_t group = 0, first = 0; group < count; ++group) {
-    const std::size_t end = first + all.columns / count + (group < all.columns % count ? 1 : 0);
-    groups.emplace_back(all, weights, first, end);
-    course.groups.push_back(values_of(groups.back().solution()));
-    sum.matrix += groups.back().matrix;
-    sum.right += groups.back().right;
-    first = end;
-  }
-  Eigen::MatrixXd others(all.design.cols(), static_cast<Eigen::Index>(count));
-  for (std::size_t left_out = 0; left_out < count; ++left_out) {
+void compare_groups(const Differences& all, const ArrayXXd& weights, CommonCourse& course) {
+  const Index columns = weights.cols(), count = std::min(static_cast<Index>(kMostGroups), columns);
+  const NormalEquations sum(all, weights, 0, columns);
+  MatrixXd others(all.design.cols(), count);
+  for (Index group = 0, first = 0; group < count; ++group) {
+    const Index size = columns / count + (group < columns % count ? 1 : 0);
+    const NormalEquations own(all, weights, first, size);
+    course.groups.push_back(values_of(own.solution()));
     NormalEquations rest = sum;
-    rest.matrix -= groups[left_out].matrix;
-    rest.right -= groups[left_out].right;
-    others.col(static_cast<Eigen::Index>(left_out)) =
-        count > 1 ? rest.solution() : Eigen::VectorXd(vector_of(course.modes));
+    rest.matrix -= own.matrix;
+    rest.right -= own.right;
+    others.col(group) = count > 1 ? rest.solution() : VectorXd(vector_of(course.modes));
+    first += size;
   }
-  const Eigen::VectorXd mean = others.rowwise().mean();
-  const Eigen::VectorXd squares = (others.colwise() - mean).rowwise().squaredNorm();
-  for (Eigen::Index k = 0; k < squares.size(); ++k)
-    course.variance.push_back(static_cast<double>(count - 1) / static_cast<double>(count) * squares[k] +
-                              kLeastModeVariance);
+  const VectorXd mean = others.rowwise().mean(), squares = (others.colwise() - mean).rowwise().squaredNorm();
+  const auto number = static_cast<double>(count);
+  course.variance = values_of(((number - 1) / number * squares).array() + kLeastModeVariance);
 }
 
 }  // namespace
@@ -136,10 +114,10 @@ Eigen::MatrixXd slow_modes(std::size_t places, std::size_t count) {
   Values cosine(steps);
   for (std::size_t k = 0; k < steps; ++k)
     cosine[k] = std::cos(kTwoPi * static_cast<double>(k) / static_cast<double>(steps));
-  Eigen::MatrixXd modes(static_cast<Eigen::Index>(places), static_cast<Eigen::Index>(count));
+  Eigen::MatrixXd modes(places, count);
   for (std::size_t k = 0; k < count; ++k)
     for (std::size_t n = 0; n < places; ++n)
-      modes(static_cast<Eigen::Index>(n), static_cast<Eigen::Index>(k)) = cosine[(2 * n + 1) * (k + 1) % steps];
+      modes(static_cast<Index>(n), static_cast<Index>(k)) = cosine[(2 * n + 1) * (k + 1) % steps];
   return modes;
 }
 
@@ -162,13 +140,13 @@ CommonCourse common_course(std::span<const BandedPicture> colours, const CommonC
   const std::size_t width = blocks_of(picture.columns, kEnoughColumns);
   const Blocks blocks = block_means(colours, height, width);
   const Differences all = differences_of(blocks, count);
-  Eigen::VectorXd modes = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(count));
+  VectorXd modes = VectorXd::Zero(static_cast<Index>(count));
   if (of_all != nullptr) modes = vector_of(of_all->modes);
-  Values weights;
+  ArrayXXd weights;
   for (int step = of_all != nullptr ? kWideSteps : 0; step < kSteps; ++step) {
     check_interrupt();
     weights = weights_of(all, modes, kTexture * std::max(1, kWideSteps - step));
-    modes = NormalEquations(all, weights, 0, all.columns).solution();
+    modes = NormalEquations(all, weights, 0, weights.cols()).solution();
   }
   CommonCourse course{.modes = values_of(modes), .variance = {}, .groups = {}};
   if (of_all != nullptr) {
@@ -178,8 +156,7 @@ CommonCourse common_course(std::span<const BandedPicture> colours, const CommonC
   compare_groups(all, weights, course);
   const std::size_t down = blocks_of(blocks.rows, kMostCells), across = blocks_of(blocks.columns, kMostCells);
   const Blocks cells = block_means(blocks.picture(), down, across);
-  const double least = kDarkest * std::max(mean_of_known(cells), 1e-100);
-  for (const double light : cells.light) course.cells.push_back(std::log(std::max(light, least)));
+  course.cells = values_of(usable_light(cells).log());
   course.cell_rows = height * down;
   course.cell_columns = width * across;
   return course;

@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/slow_tones.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/levels.hpp"
+#include "core/linear_algebra.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
 #include "ocisac/core/require.hpp"
 
@@ -15,14 +15,14 @@ namespace ocisac {
 
 namespace {
 
+using Eigen::VectorXd;
+
 constexpr double kLikelyOdds = 10, kSureOdds = 400;  // of a light against none: it is said, it is removed
 constexpr double kMaxWorse = 0.25;                   // of the groups of columns
 constexpr double kLeastMove = 0.05;                  // cycles from frame to frame
 constexpr double kByChance = 13.8;                   // chi square of two terms that one in a thousand exceeds
 constexpr const char* kNotSure = "slow bands that the picture's own shades may be";
 constexpr const char* kDisagrees = "slow bands that are others than those of the frames before";
-
-double square(double value) { return value * value; }
 
 // The course of one group of columns.
 CommonCourse course_of(const CommonCourse& course, std::size_t group) {
@@ -36,17 +36,22 @@ CommonCourse course_of(const CommonCourse& course, std::size_t group) {
 std::vector<std::vector<SlowTone>> tones_of_colours(std::span<const BandedPicture> colours, const CommonCourse& all,
                                                     const std::vector<SlowTone>& tones) {
   if (colours.size() == 1 || tones.front().cycles < 1) return std::vector(colours.size(), tones);
-  const std::vector<double> common = modes_of_light(tones, all.modes.size());
+  const VectorXd common = modes_of_light(tones, all.modes.size());
   std::vector<std::vector<SlowTone>> found;
   for (const BandedPicture& colour : colours) {
     CommonCourse own = common_course(std::span(&colour, 1), &all);
-    for (std::size_t k = 0; k < own.modes.size(); ++k) {
-      own.modes[k] += common[k] - all.modes[k];
-      own.variance[k] += all.variance[k];
-    }
+    own.modes = values_of(vector_of(own.modes) + common - vector_of(all.modes));
+    own.variance = values_of(2 * vector_of(all.variance));
     found.push_back(refitted_tones({&own, 1}, tones, kMostly * swing_of(tones)));
   }
   return found;
+}
+
+VectorXd terms_of(const std::vector<SlowTone>& tones) {
+  VectorXd terms(2 * tones.size());
+  for (std::size_t k = 0; k < tones.size(); ++k)
+    terms.segment<2>(static_cast<Eigen::Index>(2 * k)) << tones[k].terms[0], tones[k].terms[1];
+  return terms;
 }
 
 // Compares the tones, as in the first of the frames, with those of each group of columns.
@@ -54,42 +59,29 @@ SlowVerdict agreement_of_groups(std::span<const CommonCourse> courses, const std
   std::size_t count = courses.front().groups.size();
   for (const CommonCourse& course : courses) count = std::min(count, course.groups.size());
   double before = 0, after = 0, grown = 0;
-  std::vector<double> mean(2 * tones.size());
+  const VectorXd all = terms_of(tones);
+  VectorXd mean = VectorXd::Zero(all.size());
   for (std::size_t group = 0; group < count; ++group) {
     std::vector<CommonCourse> own;
     for (const CommonCourse& course : courses) own.push_back(course_of(course, group));
-    const std::vector<SlowTone> found = refitted_tones(own, tones, kMostly);
-    double energy = 0, left = 0;
-    for (std::size_t k = 0; k < mean.size(); ++k) {
-      const double term = found[k / 2].terms[k % 2];
-      energy += square(term);
-      left += square(term - tones[k / 2].terms[k % 2]);
-      mean[k] += term / static_cast<double>(count);
-    }
+    const VectorXd terms = terms_of(refitted_tones(own, tones, kMostly));
+    const double energy = terms.squaredNorm(), left = (terms - all).squaredNorm();
+    mean += terms / static_cast<double>(count);
     before += energy;
     after += left;
     grown += left > energy ? 1 : 0;
   }
   before = std::max(before, 1e-300);
-  const double level = std::inner_product(mean.begin(), mean.end(), mean.begin(), 0.0);
-  double energy = 0, doubt = 0;
-  for (const SlowTone& tone : tones) {
-    energy += square(tone.amplitude());
-    doubt += tone.variance[0] + tone.variance[1];
-  }
-  return {std::sqrt(std::min(after / before, doubt / std::max(energy, 1e-300))), grown / static_cast<double>(count),
-          level * static_cast<double>(count) / before};
+  double doubt = 0;
+  for (const SlowTone& tone : tones) doubt += tone.variance[0] + tone.variance[1];
+  return {std::sqrt(std::min(after / before, doubt / std::max(all.squaredNorm(), 1e-300))),
+          grown / static_cast<double>(count), mean.squaredNorm() * static_cast<double>(count) / before};
 }
 
 // `is_even`: all of the picture has one share.
 std::string objection_to(const SlowVerdict& verdict, bool is_even) {
   if (verdict.level < kMinLevel) return "slow bands that tilt or curve";
   return is_even && verdict.worse > kMaxWorse ? "slow bands of a light on some of the columns" : "";
-}
-
-std::vector<SlowTone> in_frame(std::vector<SlowTone> tones, std::ptrdiff_t frame) {
-  for (SlowTone& tone : tones) tone = tone.in_frame(frame);
-  return tones;
 }
 
 // Chi square of the difference of two frames with the tones and without them; what chance may change it by.
@@ -107,32 +99,26 @@ struct Difference {
 // `first`: the tones in the frame of number `place`.
 Difference difference_of(const CommonCourse& before, const CommonCourse& course, const std::vector<SlowTone>& first,
                          std::ptrdiff_t place) {
-  const std::vector<double> then = modes_of_light(in_frame(first, before.place - place), course.modes.size());
-  const std::vector<double> now = modes_of_light(in_frame(first, course.place - place), course.modes.size());
-  double with = 0, without = 0, product = 0, energy = 1e-300, move = 0;
-  for (std::size_t k = 0; k < now.size(); ++k) {
-    const double variance = course.variance[k] + before.variance[k], change = course.modes[k] - before.modes[k];
-    with += square(change) / variance;
-    without += square(change - now[k] + then[k]) / variance;
-    product += now[k] * (change + then[k]) / variance;
-    energy += square(now[k]) / variance;
-    move += square(now[k] - then[k]) / variance;
-  }
-  return {with, without, kByChance * static_cast<double>(first.size()), product / energy, move};
+  const VectorXd then = modes_of_light(in_frame(first, before.place - place), course.modes.size());
+  const VectorXd now = modes_of_light(in_frame(first, course.place - place), course.modes.size());
+  const VectorXd certainty = (vector_of(course.variance) + vector_of(before.variance)).cwiseInverse();
+  const VectorXd change = vector_of(course.modes) - vector_of(before.modes);
+  const auto squares = [&](const VectorXd& modes) { return certainty.dot(modes.cwiseAbs2()); };
+  const double seen = certainty.cwiseProduct(now).dot(change + then) / (squares(now) + 1e-300);
+  return {squares(change), squares(change - now + then), kByChance * static_cast<double>(first.size()), seen,
+          squares(now - then)};
 }
 
 // Energy of what differs from frame to frame without the tones.
 double change_of(std::span<const CommonCourse> courses, const std::vector<SlowTone>& first) {
-  std::vector<double> sum(courses.front().modes.size());
-  double squares = 0;
-  for (const CommonCourse& course : courses) {
-    const std::vector<double> light = modes_of_light(in_frame(first, course.place - courses.front().place), sum.size());
-    for (std::size_t k = 0; k < light.size(); ++k) {
-      sum[k] += course.modes[k] - light[k];
-      squares += square(course.modes[k] - light[k]);
-    }
+  const std::size_t count = courses.front().modes.size();
+  Eigen::MatrixXd rest(count, courses.size());
+  for (Eigen::Index k = 0; k < rest.cols(); ++k) {
+    const CommonCourse& course = courses[static_cast<std::size_t>(k)];
+    rest.col(k) =
+        vector_of(course.modes) - modes_of_light(in_frame(first, course.place - courses.front().place), count);
   }
-  return squares - std::inner_product(sum.begin(), sum.end(), sum.begin(), 0.0) / static_cast<double>(courses.size());
+  return (rest.colwise() - VectorXd(rest.rowwise().mean())).squaredNorm();
 }
 
 // The energy of what the columns have in common is that of the tones and of the rest, unless these cancel: shades, or
@@ -140,13 +126,8 @@ double change_of(std::span<const CommonCourse> courses, const std::vector<SlowTo
 // to frame (`left`: share of it), if the energy falls; if they leave some, another lamp moves, and it must halve.
 // Less than a cycle changes the mean of a frame most, which is not compared.
 bool would_grow(const CommonCourse& course, const std::vector<SlowTone>& tones, double left) {
-  const std::vector<double> light = modes_of_light(tones, course.modes.size());
-  double removed = 0, before = 0, after = 0;
-  for (std::size_t k = 0; k < light.size(); ++k) {
-    removed += square(light[k]);
-    before += square(course.modes[k]);
-    after += square(course.modes[k] - light[k]);
-  }
+  const VectorXd modes = vector_of(course.modes), light = modes_of_light(tones, course.modes.size());
+  const double removed = light.squaredNorm(), before = modes.squaredNorm(), after = (modes - light).squaredNorm();
   if (left > kSmallShare) return after > kMostly * before;
   return tones.front().cycles >= 1 - kNearAtMost && kMostly * (after + removed) > before &&
          (left > kNextToNone || after > before);
@@ -181,6 +162,11 @@ SlowTone SlowTone::in_frame(std::ptrdiff_t frame) const {
   turned.terms = {std::cos(angle) * terms[0] + std::sin(angle) * terms[1],
                   std::cos(angle) * terms[1] - std::sin(angle) * terms[0]};
   return turned;
+}
+
+std::vector<SlowTone> in_frame(std::vector<SlowTone> tones, std::ptrdiff_t frame) {
+  for (SlowTone& tone : tones) tone = tone.in_frame(frame);
+  return tones;
 }
 
 std::vector<double> light_of(std::span<const SlowTone> tones, std::size_t rows) {

@@ -53,9 +53,8 @@ std::vector<double> slow_shares(std::span<const CommonCourse> courses, const std
   for (Index frame = 0; frame < frames; ++frame) {
     const CommonCourse& course = courses[static_cast<std::size_t>(frame)];
     if (static_cast<Index>(course.cells.size()) != cells) return {};
-    std::vector<SlowTone> turned = tones;
-    for (SlowTone& tone : turned) tone = tone.in_frame(course.place - first.place);
-    const std::vector<double> light = means_of_rows(light_of(turned, rows), rows, first.cell_rows);
+    const std::vector<double> light =
+        means_of_rows(light_of(in_frame(tones, course.place - first.place), rows), rows, first.cell_rows);
     for (Index cell = 0; cell < cells; ++cell) {
       level(cell, frame) = course.cells[static_cast<std::size_t>(cell)];
       change(cell, frame) = light[static_cast<std::size_t>(cell / across)] - 1;

@@ -39,8 +39,9 @@ constexpr std::size_t kPhaseSteps = 16;
 constexpr std::size_t kPlacesOfMode = 8;
 constexpr double kNearCycles = 0.06;  // between neighbouring tones, relative
 constexpr std::size_t kMostTones = 3;
-constexpr std::size_t kParameters = 4;  // of a tone: its two terms, cycles and phase step
-constexpr double kStays = 1e-9;         // deviation of a parameter that is not fitted
+constexpr std::array<double, 1> kHere{0};  // the first frame alone
+constexpr std::size_t kParameters = 4;     // of a tone: its two terms, cycles and phase step
+constexpr double kStays = 1e-9;            // deviation of a parameter that is not fitted
 
 // Logarithm of the sum of exponentials.
 double log_sum(std::span<const double> values) {
@@ -206,15 +207,38 @@ std::vector<SlowTone> all_tones(std::size_t rows, std::size_t frames) {
   return tones;
 }
 
-// (modes × 2) of the cosine and sine of a tone.
-MatrixXd modes_of_tone(const MatrixXd& slow, double cycles) {
-  MatrixXd courses(slow.rows(), 2);
-  for (Index n = 0; n < courses.rows(); ++n) {
-    const double angle = kTwoPi * cycles * from_middle(n, slow.rows());
-    courses(n, 0) = std::cos(angle);
-    courses(n, 1) = std::sin(angle);
+// Light and its derivatives by the parameters of the tones, in the logarithm, as modes of each frame.
+struct Predicted {
+  MatrixXd modes;                    // (modes × frames)
+  std::vector<MatrixXd> derivative;  // of each frame: (modes × parameters)
+};
+
+// `slow`: (places × modes); `frames`: their places after the first.
+Predicted predicted(const MatrixXd& slow, std::span<const double> frames, std::span<const SlowTone> tones) {
+  const Index places = slow.rows(), count = static_cast<Index>(tones.size() * kParameters);
+  Predicted result{MatrixXd(slow.cols(), static_cast<Index>(frames.size())), {}};
+  for (std::size_t frame = 0; frame < frames.size(); ++frame) {
+    VectorXd light = VectorXd::Ones(places);
+    MatrixXd change(places, count);
+    for (Index n = 0; n < places; ++n)
+      for (std::size_t k = 0; k < tones.size(); ++k) {
+        const SlowTone& tone = tones[k];
+        const double place = from_middle(n, places);
+        const double angle = kTwoPi * tone.cycles * place + tone.step.value_or(0) * frames[frame];
+        const double cosine = std::cos(angle), sine = std::sin(angle);
+        const double slope = tone.terms[1] * cosine - tone.terms[0] * sine;
+        light[n] += tone.terms[0] * cosine + tone.terms[1] * sine;
+        const auto at = static_cast<Index>(k * kParameters);
+        change.row(n).segment(at, kParameters) << cosine, sine, slope * kTwoPi * place, slope * frames[frame];
+      }
+    for (Index n = 0; n < places; ++n) {
+      change.row(n) *= light[n] > kLeastLight ? 1 / light[n] : 0;
+      light[n] = std::log(std::max(light[n], kLeastLight));
+    }
+    result.modes.col(static_cast<Index>(frame)) = modes_of_courses(slow, light);
+    result.derivative.push_back(modes_of_courses(slow, change));
   }
-  return modes_of_courses(slow, courses);
+  return result;
 }
 
 // Advance of the phase by `angle`.
@@ -232,7 +256,8 @@ struct OfCycles {
 };
 
 OfCycles equations_of(const Frames& frames, const MatrixXd& residual, double cycles) {
-  const MatrixXd modes = modes_of_tone(frames.slow, cycles);
+  const SlowTone tone{.cycles = cycles, .step = {}};
+  const MatrixXd modes = predicted(frames.slow, kHere, {&tone, 1}).derivative.front().leftCols(2);
   const VectorXd mean = residual.rowwise().mean();
   OfCycles result;
   for (const Spread& spread : frames.still) {
@@ -312,41 +337,8 @@ SlowTone likeliest(const Frames& frames, const MatrixXd& residual, std::vector<S
   return best;
 }
 
-// Light and its derivatives by the parameters of the tones, in the logarithm, as modes of each frame.
-struct Predicted {
-  MatrixXd modes;                    // (modes × frames)
-  std::vector<MatrixXd> derivative;  // of each frame: (modes × parameters)
-};
-
-Predicted predicted(const Frames& frames, std::span<const SlowTone> tones) {
-  const Index places = frames.slow.rows(), count = static_cast<Index>(tones.size() * kParameters);
-  Predicted result{MatrixXd(frames.slow.cols(), static_cast<Index>(frames.places.size())), {}};
-  for (std::size_t frame = 0; frame < frames.places.size(); ++frame) {
-    VectorXd light = VectorXd::Ones(places);
-    MatrixXd change(places, count);
-    for (Index n = 0; n < places; ++n)
-      for (std::size_t k = 0; k < tones.size(); ++k) {
-        const SlowTone& tone = tones[k];
-        const double place = from_middle(n, places);
-        const double angle = kTwoPi * tone.cycles * place + tone.step.value_or(0) * frames.places[frame];
-        const double cosine = std::cos(angle), sine = std::sin(angle);
-        const double slope = tone.terms[1] * cosine - tone.terms[0] * sine;
-        light[n] += tone.terms[0] * cosine + tone.terms[1] * sine;
-        const auto at = static_cast<Index>(k * kParameters);
-        change.row(n).segment(at, kParameters) << cosine, sine, slope * kTwoPi * place, slope * frames.places[frame];
-      }
-    for (Index n = 0; n < places; ++n) {
-      change.row(n) *= light[n] > kLeastLight ? 1 / light[n] : 0;
-      light[n] = std::log(std::max(light[n], kLeastLight));
-    }
-    result.modes.col(static_cast<Index>(frame)) = modes_of_courses(frames.slow, light);
-    result.derivative.push_back(modes_of_courses(frames.slow, change));
-  }
-  return result;
-}
-
 MatrixXd without(const Frames& frames, std::span<const SlowTone> tones) {
-  return tones.empty() ? frames.modes : frames.modes - predicted(frames, tones).modes;
+  return tones.empty() ? frames.modes : frames.modes - predicted(frames.slow, frames.places, tones).modes;
 }
 
 // Normal equations of one step of Gauss and Newton, and the sum of squares before it.
@@ -358,7 +350,7 @@ struct Equations {
 
 Equations equations_at(const Frames& frames, const Spread& still, const VectorXd* changing,
                        std::span<const SlowTone> tones) {
-  const Predicted now = predicted(frames, tones);
+  const Predicted now = predicted(frames.slow, frames.places, tones);
   const MatrixXd residual = frames.modes - now.modes;
   const VectorXd mean = residual.rowwise().mean();
   MatrixXd slope = MatrixXd::Zero(mean.size(), now.derivative.front().cols());
@@ -473,11 +465,9 @@ std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std
   return found;
 }
 
-std::vector<double> modes_of_light(std::span<const SlowTone> tones, std::size_t count) {
-  if (tones.empty()) return std::vector<double>(count);
-  const Frames one{{}, slow_modes(kPlacesOfMode * count, count), {0}, {}, {}};
-  const MatrixXd modes = predicted(one, tones).modes;
-  return {modes.data(), modes.data() + modes.size()};
+VectorXd modes_of_light(std::span<const SlowTone> tones, std::size_t count) {
+  if (tones.empty()) return VectorXd::Zero(static_cast<Index>(count));
+  return predicted(slow_modes(kPlacesOfMode * count, count), kHere, tones).modes;
 }
 
 std::vector<SlowTone> refitted_tones(std::span<const CommonCourse> courses, const std::vector<SlowTone>& tones,

@@ -31,7 +31,10 @@ std::vector<SlowTone> refitted_tones(std::span<const CommonCourse> courses, cons
                                      double deviation);
 
 // The first `count` cosine modes of the log light of the tones.
-std::vector<double> modes_of_light(std::span<const SlowTone> tones, std::size_t count);
+Eigen::VectorXd modes_of_light(std::span<const SlowTone> tones, std::size_t count);
+
+// The tones with their phases in a later frame.
+std::vector<SlowTone> in_frame(std::vector<SlowTone> tones, std::ptrdiff_t frame);
 
 // Shares of the light in the cells of the courses: in consecutive frames the phase moves and the picture hardly, so
 // that the mean of a cell changes by its share. `tones`: as in the first of the frames. Empty where cells of their own

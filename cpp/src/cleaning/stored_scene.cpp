@@ -20,13 +20,6 @@ constexpr std::size_t kMostMerged = 8;   // columns in each
 constexpr double kRelativeNoise = 1e-4;  // of the largest value
 constexpr double kBlack = 2e-4;          // of white, below which a toe has no slope
 
-template <class Sample>
-FramesView<Sample> one_frame(FramesView<Sample> view, std::size_t frame) {
-  view.data = view.at(frame, 0, 0);
-  view.frames = 1;
-  return view;
-}
-
 // Second differences along every so many rows, where bands cancel.
 void add_bends(const AnyFramesView& colour, std::size_t every, std::vector<double>& bends) {
   std::visit(
@@ -145,7 +138,7 @@ void StoredScene::make_table() {
 Blocks StoredScene::converted(std::size_t frame, std::size_t colour) const {
   return std::visit(
       [&]<class Sample>(const FramesView<const Sample>& view) {
-        const FramesView<const Sample> plane = one_frame(view, frame);
+        const FramesView<const Sample> plane = view.frame(frame);
         if constexpr (std::is_integral_v<Sample>) {
           return merge_columns(plane, merged_, table_);
         } else {
@@ -176,7 +169,7 @@ void StoredScene::restore(std::size_t frame, std::size_t colour, const BlockShar
                           const RestoredPicture<Sample>& result) const {
   const auto* const view = std::get_if<FramesView<const Sample>>(&colours_.at(colour));
   require(view != nullptr && by_table() && frame < frames_, "frame", frame, "a frame of samples of this type");
-  restore_picture<Sample>(one_frame(*view, frame), shares, to, table_, result);
+  restore_picture<Sample>(view->frame(frame), shares, to, table_, result);
 }
 
 template void StoredScene::restore(std::size_t, std::size_t, const BlockShares&, const Restoration&,
