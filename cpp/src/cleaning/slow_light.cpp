@@ -3,24 +3,34 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cleaning/block_shares.hpp"
 #include "cleaning/cleaned_picture.hpp"
+#include "cleaning/merged_blocks.hpp"
+#include "cleaning/quantile.hpp"
 #include "cleaning/slow_tones.hpp"
 #include "core/check_interrupt.hpp"
 #include "core/levels.hpp"
 #include "core/linear_algebra.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
+#include "ocisac/core/constants.hpp"
 #include "ocisac/core/require.hpp"
 
 namespace ocisac {
 
 namespace {
 
+using Eigen::ArrayXXd;
+using Eigen::Index;
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr double kLikelyOdds = 10, kSureOdds = 400;  // of a light against none: it is said, it is removed
 constexpr double kMaxWorse = 0.25;                   // of the groups of columns
 constexpr double kLeastMove = 0.05;                  // cycles from frame to frame
 constexpr double kByChance = 13.8;                   // chi square of two terms that one in a thousand exceeds
+constexpr double kBetweenCells = 0.15;  // standard deviation of a share from its neighbours; from 1 it is 1
+constexpr double kClearlyLess = 0.8;    // of what one share leaves; by chance 0.9
+constexpr int kSteps = 4;
 constexpr const char* kNotSure = "slow bands that the picture's own shades may be";
 constexpr const char* kDisagrees = "slow bands that are others than those of the frames before";
 
@@ -50,7 +60,7 @@ std::vector<std::vector<SlowTone>> tones_of_colours(std::span<const BandedPictur
 VectorXd terms_of(const std::vector<SlowTone>& tones) {
   VectorXd terms(2 * tones.size());
   for (std::size_t k = 0; k < tones.size(); ++k)
-    terms.segment<2>(static_cast<Eigen::Index>(2 * k)) << tones[k].terms[0], tones[k].terms[1];
+    terms.segment<2>(static_cast<Index>(2 * k)) << tones[k].terms[0], tones[k].terms[1];
   return terms;
 }
 
@@ -76,6 +86,70 @@ SlowVerdict agreement_of_groups(std::span<const CommonCourse> courses, const std
   for (const SlowTone& tone : tones) doubt += tone.variance[0] + tone.variance[1];
   return {std::sqrt(std::min(after / before, doubt / std::max(all.squaredNorm(), 1e-300))),
           grown / static_cast<double>(count), mean.squaredNorm() * static_cast<double>(count) / before};
+}
+
+// Inverse covariance of the shares of cells, `across` in a row of them.
+MatrixXd prior_of(Index cells, Index across) {
+  MatrixXd prior = MatrixXd::Identity(cells, cells);
+  const auto join = [&](Index a, Index b) {
+    const double weight = 1 / (kBetweenCells * kBetweenCells);
+    prior(a, a) += weight;
+    prior(b, b) += weight;
+    prior(a, b) -= weight;
+    prior(b, a) -= weight;
+  };
+  for (Index cell = 0; cell < cells; ++cell) {
+    if ((cell + 1) % across != 0) join(cell, cell + 1);
+    if (cell + across < cells) join(cell, cell + across);
+  }
+  return prior;
+}
+
+ArrayXXd centred(const ArrayXXd& values) { return values.colwise() - values.rowwise().mean(); }
+
+// Shares of the light in the cells of the courses: in consecutive frames the phase moves and the picture hardly, so
+// that the mean of a cell changes by its share. `tones`: as in the first of the frames. Empty where cells of their own
+// explain the changes no better than one share, or where the frames are too few.
+std::vector<double> slow_shares(std::span<const CommonCourse> courses, const std::vector<SlowTone>& tones,
+                                std::size_t rows) {
+  const CommonCourse& first = courses.front();
+  const auto cells = static_cast<Index>(first.cells.size()), frames = static_cast<Index>(courses.size());
+  if (courses.size() < kFewFrames || cells == 0) return {};
+  const auto across = static_cast<Index>(first.cells.size() / blocks_of(rows, first.cell_rows));
+  ArrayXXd level(cells, frames), change(cells, frames);  // of the light, from its mean
+  for (Index frame = 0; frame < frames; ++frame) {
+    const CommonCourse& course = courses[static_cast<std::size_t>(frame)];
+    if (static_cast<Index>(course.cells.size()) != cells) return {};
+    const std::vector<double> light =
+        means_of_rows(light_of(in_frame(tones, course.place - first.place), rows), rows, first.cell_rows);
+    for (Index cell = 0; cell < cells; ++cell) {
+      level(cell, frame) = course.cells[static_cast<std::size_t>(cell)];
+      change(cell, frame) = light[static_cast<std::size_t>(cell / across)] - 1;
+    }
+  }
+  level = centred(level);
+  const MatrixXd prior = prior_of(cells, across);
+  VectorXd share = VectorXd::Ones(cells);
+  const auto left = [&] { return (1 + change.colwise() * share.array()).max(kLeastLight).eval(); };
+  const auto residual = [&] { return (level - centred(left().log())).eval(); };
+  double noise_of_one = 0, before = 0;
+  for (int step = 0; step < kSteps; ++step) {
+    const ArrayXXd rest = residual(), slope = centred(change / left()), squares = rest.square();
+    const double noise = quantile({squares.data(), static_cast<std::size_t>(squares.size())}, 0.5) /
+                             (kMedianMagnitude * kMedianMagnitude) +
+                         kLeastModeVariance;
+    if (step == 0) {
+      noise_of_one = noise;
+      before = (1 + squares / noise).log().sum();
+    }
+    const ArrayXXd weight = (squares + noise).inverse();
+    MatrixXd normal = prior;
+    normal.diagonal() += (weight * slope.square()).rowwise().sum().matrix();
+    const VectorXd right = (weight * slope * rest).rowwise().sum().matrix() - prior * (share - VectorXd::Ones(cells));
+    share = (share + VectorXd(solve_positive_definite(normal, right))).cwiseMax(0);
+  }
+  if (!((1 + residual().square() / noise_of_one).log().sum() < kClearlyLess * before)) return {};
+  return {share.data(), share.data() + share.size()};
 }
 
 // `is_even`: all of the picture has one share.
@@ -112,8 +186,8 @@ Difference difference_of(const CommonCourse& before, const CommonCourse& course,
 // Energy of what differs from frame to frame without the tones.
 double change_of(std::span<const CommonCourse> courses, const std::vector<SlowTone>& first) {
   const std::size_t count = courses.front().modes.size();
-  Eigen::MatrixXd rest(count, courses.size());
-  for (Eigen::Index k = 0; k < rest.cols(); ++k) {
+  MatrixXd rest(count, courses.size());
+  for (Index k = 0; k < rest.cols(); ++k) {
     const CommonCourse& course = courses[static_cast<std::size_t>(k)];
     rest.col(k) =
         vector_of(course.modes) - modes_of_light(in_frame(first, course.place - courses.front().place), count);

@@ -1,4 +1,4 @@
-// Slow tones of the light of the rows, their odds against none, and their shares.
+// Slow tones of the light of the rows and their odds against none.
 #pragma once
 
 #include <Eigen/Core>
@@ -35,11 +35,5 @@ Eigen::VectorXd modes_of_light(std::span<const SlowTone> tones, std::size_t coun
 
 // The tones with their phases in a later frame.
 std::vector<SlowTone> in_frame(std::vector<SlowTone> tones, std::ptrdiff_t frame);
-
-// Shares of the light in the cells of the courses: in consecutive frames the phase moves and the picture hardly, so
-// that the mean of a cell changes by its share. `tones`: as in the first of the frames. Empty where cells of their own
-// explain the changes no better than one share, or where the frames are too few.
-std::vector<double> slow_shares(std::span<const CommonCourse> courses, const std::vector<SlowTone>& tones,
-                                std::size_t rows);
 
 }  // namespace ocisac
