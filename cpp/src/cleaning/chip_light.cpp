@@ -1,10 +1,9 @@
-#include "cleaning/chip_light.hpp"
-
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
 #include "cleaning/quantile.hpp"
+#include "ocisac/cleaning/row_model.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/receiver/receive.hpp"
 #include "rows/fit.hpp"

@@ -29,18 +29,11 @@ constexpr double kMinDepth = 1e-3;
 
 // Row means over the known pixels; rows without any are interpolated.
 Values row_means(const BandedPicture& picture) {
-  Values means(picture.rows), counts(picture.rows);
-  for (std::size_t n = 0; n < picture.rows; ++n) {
-    for (std::size_t at = n * picture.columns; at < (n + 1) * picture.columns; ++at) {
-      if (!std::isfinite(picture.variance[at])) continue;
-      means[n] += picture.light[at];
-      counts[n] += 1;
-    }
-    means[n] /= std::max(counts[n], 1.0);
-  }
+  const Blocks rows = block_means(picture, 1, picture.columns);
+  Values means = rows.light;
   std::size_t before = picture.rows;  // the last row that is known
   for (std::size_t n = 0; n < picture.rows; ++n) {
-    if (!(counts[n] > 0)) continue;
+    if (!std::isfinite(rows.variance[n])) continue;
     for (std::size_t m = before == picture.rows ? 0 : before + 1; m < n; ++m) {
       const double start = before == picture.rows ? means[n] : means[before];
       const double along =
@@ -188,8 +181,7 @@ std::vector<std::vector<std::size_t>> alike_colours(std::span<const BandedPictur
 }
 
 double correlation(std::span<const double> a, std::span<const double> b) {
-  const double energy = squares_about_mean(a) * squares_about_mean(b);
-  return energy > 0 ? scalar_product(without_mean(a), without_mean(b)) / std::sqrt(energy) : 0;
+  return likeness(without_mean(a), without_mean(b));
 }
 
 std::vector<double> fully_modulated_rows(std::span<const double> rows) {

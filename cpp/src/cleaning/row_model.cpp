@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cleaning/chip_light.hpp"
 #include "cleaning/quantile.hpp"
 #include "core/levels.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "cleaning/block_shares.hpp"
-#include "cleaning/chip_light.hpp"
 #include "cleaning/cleaned_picture.hpp"
 #include "cleaning/merged_blocks.hpp"
 #include "core/levels.hpp"

@@ -1,5 +1,3 @@
-#include "ocisac/cleaning/tone_light.hpp"
-
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -10,6 +8,7 @@
 #include "core/statistics.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/cleaning/judge_cleaning.hpp"
+#include "ocisac/cleaning/row_model.hpp"
 #include "ocisac/core/require.hpp"
 #include "ocisac/rows/basis.hpp"
 #include "ocisac/tones/find_frequency.hpp"

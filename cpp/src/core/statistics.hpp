@@ -37,6 +37,12 @@ inline double scalar_product(std::span<const double> a, std::span<const double> 
   return std::inner_product(a.begin(), a.end(), b.begin(), 0.0);
 }
 
+// Correlation of two signals of mean 0; 0 where one does not vary.
+inline double likeness(std::span<const double> a, std::span<const double> b) {
+  const double energy = scalar_product(a, a) * scalar_product(b, b);
+  return energy > 0 ? scalar_product(a, b) / std::sqrt(energy) : 0;
+}
+
 // a − b.
 inline std::vector<double> difference(std::span<const double> a, std::span<const double> b) {
   std::vector<double> result(a.begin(), a.end());

@@ -1,4 +1,3 @@
-#include "lights/data_light.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,6 +10,7 @@
 #include "core/statistics.hpp"
 #include "lights/light_patch.hpp"
 #include "lights/profile_frequency.hpp"
+#include "lights/refinement.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/rows/tone_search.hpp"

@@ -7,14 +7,12 @@
 #include <utility>
 
 #include "core/check_interrupt.hpp"
-#include "lights/box_gain.hpp"
-#include "lights/data_light.hpp"
 #include "lights/detection.hpp"
-#include "lights/light_verdict.hpp"
 #include "lights/refinement.hpp"
 #include "lights/screening.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/core/require.hpp"
+#include "ocisac/lights/known_light.hpp"
 #include "ocisac/tones/find_frequency.hpp"
 
 namespace ocisac {
@@ -82,11 +80,9 @@ Detections with_pulses(const SearchedFrame& in, Detections found, Region box) {
   search.lower = std::min(in.options.min_cycles / static_cast<double>(box.height), 0.25);
   const FoundFrequency tone = find_frequency(part_of(frame_of(in.frame.frames, in.frame.index), box), search);
   if (tone.flags & ~flag::model_misfit) return found;
-  const auto& used = tone.columns.used;
-  const auto first = std::ranges::find(used, 1) - used.begin(),
-             end = std::find(used.rbegin(), used.rend(), 1).base() - used.begin();
-  box.x += static_cast<std::size_t>(first);
-  box.width = static_cast<std::size_t>(end - first);
+  const IndexRange columns = extent_of(tone.columns.used);
+  box.x += columns.begin;
+  box.width = columns.size();
   const auto one = most_probable(in, suspect_at(box, tone.frequency), found);
   if (one && is_convincing(in, *one) && covers(one->light.box, box)) found.lights.push_back(*one);
   return found;
@@ -343,7 +339,7 @@ std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camer
   require(options.frame.value_or(0) < shape.frames, "frame", options.frame.value_or(0), "a frame of those given");
   const std::size_t first = options.frame.value_or(0), end = options.frame ? first + 1 : shape.frames;
   for (std::size_t frame = first; frame < end; ++frame) {
-    const SearchedFrame in = searched_frame(frames, frame, camera, options);
+    const SearchedFrame in{lit_frame(frames, frame, camera.tone_curve), camera, options};
     const std::vector<LightSource> found = sources_of(in, searched(in, {}, whole(shape)));
     sources.insert(sources.end(), found.begin(), found.end());
   }
@@ -353,7 +349,7 @@ std::vector<LightSource> detect_sources(const AnyFramesView& frames, const Camer
 std::vector<LightCandidate> light_candidates(const AnyFramesView& frame, const Camera& camera, bool data) {
   check(frame);
   check(camera);
-  const SearchedFrame in = searched_frame(frame, 0, camera, {.min_cycles = 2});
+  const SearchedFrame in{lit_frame(frame, 0, camera.tone_curve), camera, {.min_cycles = 2}};
   const Detections found = searched(in, {}, whole(shape_of(frame)));
   return data ? found.waveforms : tone_candidates(in, found);
 }
@@ -366,7 +362,7 @@ std::vector<LightSource> follow_sources(const AnyFramesView& frame, const Camera
   const Shape shape = shape_of(frame);
   require(shape.frames == 1, "frame", shape.frames, "one frame");
   for (const ExpectedLight& light : expected) check(light, shape, camera);
-  const SearchedFrame in = searched_frame(frame, 0, camera, options);
+  const SearchedFrame in{lit_frame(frame, 0, camera.tone_curve), camera, options};
   Detections found;
   std::vector<const ExpectedLight*> missing;
   for (const ExpectedLight& light : expected) {

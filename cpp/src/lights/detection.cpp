@@ -55,7 +55,11 @@ IndexRange common(const IndexRange& a, const IndexRange& b) {
   return {std::max(a.begin, b.begin), std::min(a.end, b.end)};
 }
 
-bool beside(const LitFrame& frame, const Region& left, const Region& right, std::size_t length) {
+}  // namespace
+
+bool one_light_across(const LitFrame& frame, const Region& a, const Region& b, double frequency) {
+  const auto& [left, right] = std::minmax(a, b, [](const Region& one, const Region& other) { return one.x < other.x; });
+  const std::size_t length = hann_length(frequency);
   const IndexRange rows = common(rows_of(left), rows_of(right));
   const IndexRange between{left.right(), right.x};
   const std::size_t overlap = between.begin > between.end ? between.begin - between.end : 0;
@@ -66,13 +70,6 @@ bool beside(const LitFrame& frame, const Region& left, const Region& right, std:
   const auto other = mean_swing(frame, columns_of(right), rows, length);
   if (likeness(one, other) < kTogether) return false;
   return between.size() == 0 || likeness(one, mean_swing(frame, between, rows, length)) >= kTogether;
-}
-
-}  // namespace
-
-bool one_light_across(const LitFrame& frame, const Region& a, const Region& b, double frequency) {
-  const std::size_t length = hann_length(frequency);
-  return a.x <= b.x ? beside(frame, a, b, length) : beside(frame, b, a, length);
 }
 
 double likeness_of_frames(LitFrame frame, std::size_t other, const RefinedLight& light) {

@@ -1,4 +1,5 @@
-// Detections of one frame and how they belong together: doubles, parts of one light, reflections.
+// Detections of one frame: whether each is a light, and how they belong together: doubles, parts of one light,
+// reflections.
 #pragma once
 
 #include <cstddef>
@@ -8,6 +9,7 @@
 #include "lights/light_patch.hpp"
 #include "lights/refinement.hpp"
 #include "lights/screening.hpp"
+#include "ocisac/camera/camera.hpp"
 #include "ocisac/core/views.hpp"
 #include "ocisac/lights/detect_sources.hpp"
 
@@ -81,6 +83,28 @@ std::vector<Detection> with_joined_parts(const LitFrame& frame, std::vector<Dete
 // Marks reflections among detections, the strongest first. A reflection has the light's phase at row 0; if the distance
 // in rows is too large to extrapolate the phase, only frequencies are compared.
 std::vector<Detection> with_reflections(std::vector<Detection> found);
+
+// A frame in which lights are searched, among others that are compared with it, and what is required of its lights.
+struct SearchedFrame {
+  LitFrame frame;
+  Camera camera;
+  DetectOptions options;
+};
+
+// Terms of a logistic model of the probability that a tone or a waveform is a light, from its looks in one picture.
+std::vector<double> terms_of(const Detection& one, const Detections& found);
+
+// True for enough rows, cycles or edges, and amplitude, of a tone whose frequency is known, or data beside no texture.
+bool is_measurable(const SearchedFrame& in, const Detection& one);
+
+// A measurable tone or waveform with its probability.
+std::optional<Detection> judged(const SearchedFrame& in, const RefinedLight& light, const Detections& found);
+
+// The same with its probabilities among other suspects and lights.
+Detection judged_again(Detection one, const Detections& found);
+
+// True if photographs without lights have at most `false_alarms` such lights on average.
+bool is_convincing(const SearchedFrame& in, const Detection& one);
 
 // The most probable first, then the strongest.
 std::vector<Detection> by_probability(const std::vector<Detection>& found);

@@ -14,10 +14,10 @@
 #include "core/levels.hpp"
 #include "core/linear_algebra.hpp"
 #include "core/statistics.hpp"
-#include "lights/box_gain.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/rows/basis.hpp"
 #include "ocisac/rows/tone_search.hpp"
+#include "ocisac/tones/tone_gain.hpp"
 #include "rows/fit.hpp"
 
 namespace ocisac {
@@ -175,6 +175,19 @@ std::optional<double> swing_of_waveform(const LightPattern& now, const LightPatt
 }
 
 }  // namespace
+
+MeasuredLight box_gain(const AnyFramesView& frame, const Camera& camera, const Region& box, double frequency) {
+  const ToneGain found = tone_gain(part_of(frame, box), camera, {&frequency, 1}, {.pooled = true});
+  const double cycles =
+      std::fmod(frequency * camera.row_time * static_cast<double>(box.y), 1.0);  // before its first row
+  return {.box = box,
+          .frequency = frequency,
+          .gain = found.gain[0],
+          .gain_std = found.gain_std[0],
+          .phase = std::remainder(found.phase[0] - kTwoPi * cycles, kTwoPi),
+          .mean = found.mean[0],
+          .flags = found.flags[0]};
+}
 
 struct KnownLight::State {
   Camera camera;

@@ -127,11 +127,6 @@ std::vector<double> mean_swing(const LitFrame& frame, const IndexRange& columns,
   return logs;
 }
 
-double likeness(std::span<const double> a, std::span<const double> b) {
-  const double energy = product_at_lag(a, 0) * product_at_lag(b, 0);
-  return energy > 0 ? std::inner_product(a.begin(), a.end(), b.begin(), 0.0) / std::sqrt(energy) : 0;
-}
-
 std::vector<double> fast_logs(const Patch& patch, std::size_t length) {
   std::vector<double> slow = local_means(patch.logs, patch.rows, patch.stride, length);
   std::ranges::transform(patch.logs, slow, slow.begin(), std::minus{});

@@ -66,9 +66,6 @@ std::vector<double> local_means(std::span<const double> signal, std::size_t leng
 std::vector<double> mean_swing(const LitFrame& frame, const IndexRange& columns, const IndexRange& rows,
                                std::size_t length);
 
-// Correlation of two swings, of mean 0.
-double likeness(std::span<const double> a, std::span<const double> b);
-
 using kernels::ComplexValues;
 
 // Noise variance of an element of log light, from the median of mixed differences over neighbouring rows and groups,

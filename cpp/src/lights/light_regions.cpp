@@ -48,13 +48,6 @@ std::vector<IndexRange> active_runs(const CombinedColumn& column, std::size_t sh
   return runs;
 }
 
-// From the first to the last column of a light.
-IndexRange extent(const std::vector<std::uint8_t>& columns) {
-  const auto first = std::ranges::find_if(columns, [](auto has) { return has != 0; });
-  const auto last = std::find_if(columns.rbegin(), columns.rend(), [](auto has) { return has != 0; });
-  return {static_cast<std::size_t>(first - columns.begin()), static_cast<std::size_t>(columns.rend() - last)};
-}
-
 // From the first to the last run.
 Region hull_of(const std::vector<IndexRange>& runs, const Region& region) {
   if (runs.empty()) return region;
@@ -77,7 +70,7 @@ ColumnLights lights_in(const AnyFramesView& frame, const Region& region, const T
 std::vector<Region> parts_by_columns(const Region& region, const std::vector<LightGroup>& groups) {
   std::vector<Region> parts;
   for (const auto& light : groups) {
-    const IndexRange columns = extent(light.columns);
+    const IndexRange columns = extent_of(light.columns);
     parts.push_back({region.x + columns.begin, region.y, columns.size(), region.height});
   }
   return parts;

@@ -1,5 +1,3 @@
-#include "lights/light_verdict.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -8,10 +6,11 @@
 
 #include "columns/contrast_slope.hpp"
 #include "core/levels.hpp"
+#include "lights/detection.hpp"
 #include "lights/light_model.hpp"
 #include "ocisac/camera/linear_light.hpp"
 #include "ocisac/columns/column_combination.hpp"
-#include "ocisac/tones/tone_gain.hpp"
+#include "ocisac/lights/known_light.hpp"
 
 namespace ocisac {
 
@@ -104,17 +103,17 @@ double phase_odds(const SearchedFrame& in, const RefinedLight& light) {
   const auto others = other_frames(frame.index, shape_of(frame.frames).frames);
   if (others.empty()) return 1;
   const auto gain_in = [&](std::size_t index) {
-    return tone_gain(part_of(frame_of(frame.frames, index), light.box), camera, {&frequency, 1}, {.pooled = true});
+    return box_gain(frame_of(frame.frames, index), camera, light.box, frequency);
   };
-  const ToneGain own = gain_in(frame.index);
+  const MeasuredLight own = gain_in(frame.index);
   double still = 1, advanced = 1;
   bool stated = false, whole = true;  // frequency × frame time: known to a sixth of a cycle; whole within its error
   for (const std::size_t other : others) {
-    const ToneGain there = gain_in(other);
-    const double std = std::hypot(own.gain_std[0] / own.gain[0], there.gain_std[0] / there.gain[0]);
-    if ((there.gain[0] + 2 * there.gain_std[0]) * there.mean[0] < 0.5 * own.gain[0] * own.mean[0]) return 1;
+    const MeasuredLight there = gain_in(other);
+    const double std = std::hypot(own.gain_std / own.gain, there.gain_std / there.gain);
+    if ((there.gain + 2 * there.gain_std) * there.mean < 0.5 * own.gain * own.mean) return 1;
     if (!(std < kLargestStd)) continue;
-    const double change = there.phase[0] - own.phase[0], noise = std::max(std, kLeastStd);
+    const double change = there.phase - own.phase, noise = std::max(std, kLeastStd);
     still *= over_uniform(change, noise);
     if (!camera.frame_time) continue;
     const double time = *camera.frame_time * (static_cast<double>(other) - static_cast<double>(frame.index));
@@ -225,11 +224,6 @@ double clock_odds(const Detection& one, const Detections& found) {
 }
 
 }  // namespace
-
-SearchedFrame searched_frame(const AnyFramesView& frames, std::size_t index, const Camera& camera,
-                             const DetectOptions& options) {
-  return {lit_frame(frames, index, camera.tone_curve), camera, options};
-}
 
 std::vector<double> terms_of(const Detection& one, const Detections& found) {
   return one.data ? terms_of_data(one.light, found.suspects)

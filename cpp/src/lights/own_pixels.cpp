@@ -69,17 +69,9 @@ auto energy_in(const OwnPixels& pixels) {
   return [&pixels](double frequency, std::size_t) { return fit_tone(pixels, frequency).tone; };
 }
 
-// Rows with own pixels, from the first to the last.
-IndexRange own_rows(const OwnPixels& pixels) {
-  std::size_t first = 0, end = pixels.weight.size();
-  while (first < end && !(pixels.weight[first] > 0)) ++first;
-  while (end > first && !(pixels.weight[end - 1] > 0)) --end;
-  return {first, end};
-}
-
 // Profile and weight from the first to the last row with own pixels.
 OwnPixels profile_of_own_rows(const OwnPixels& pixels) {
-  const auto [first, end] = own_rows(pixels);
+  const auto [first, end] = extent_of(pixels.weight);
   const auto from = static_cast<std::ptrdiff_t>(first), to = static_cast<std::ptrdiff_t>(end);
   const auto &profile = pixels.profile, &weight = pixels.weight;
   return {{}, {}, {profile.begin() + from, profile.begin() + to}, {weight.begin() + from, weight.begin() + to}};
@@ -261,7 +253,7 @@ std::optional<double> fit_outline(OwnPixels& pixels, double frequency) {
     centre(pixels, fit.fitted);
     const std::vector<std::uint8_t> before = pixels.own;
     select(pixels, fit, frequency);
-    const auto [first, end] = own_rows(pixels);
+    const auto [first, end] = extent_of(pixels.weight);
     if (first == end) return {};
     if (pixels.own == before) break;
   }
@@ -269,7 +261,7 @@ std::optional<double> fit_outline(OwnPixels& pixels, double frequency) {
 }
 
 Region own_box(const OwnPixels& pixels) {
-  const auto [first, end] = own_rows(pixels);
+  const auto [first, end] = extent_of(pixels.weight);
   const std::size_t groups = pixels.light.size() / pixels.profile.size();
   std::size_t left = groups, right = 0;
   for (std::size_t i = 0; i < pixels.own.size(); ++i)

@@ -31,10 +31,9 @@ double energy_of(std::span<const double> x, double frequency, std::size_t harmon
 
 // The rows from the first to the last that is not 0.
 std::vector<double> own_rows(std::span<const double> profile) {
-  const auto is_zero = [](double x) { return x == 0; };
-  const auto first = std::ranges::find_if_not(profile, is_zero);
-  const auto last = std::find_if_not(profile.rbegin(), profile.rend(), is_zero).base();
-  return first < last ? std::vector<double>(first, last) : std::vector<double>();
+  const auto [begin, end] = extent_of(profile);
+  const auto own = profile.subspan(begin, end - begin);
+  return {own.begin(), own.end()};
 }
 
 double bend_of(std::span<const double> rows, double frequency, double margin) {

@@ -61,20 +61,6 @@ RowRange fresh_rows(const CombinedColumn& column, std::span<const double> before
   return fresh.size() > 0 ? fresh : rows;
 }
 
-// A frame as if the picture had these rows alone.
-FrameRows part_of(FrameRows rows, const RowRange& part) {
-  const auto cut = [&](const std::vector<double>& values) {
-    const auto seen = std::span(values).subspan(part.begin, part.size());
-    return std::vector<double>(seen.begin(), seen.end());
-  };
-  rows.signal = cut(rows.signal);
-  rows.first_row += part.begin;
-  for (auto& other : rows.recent) other = other.subspan(part.begin, part.size());
-  if (!rows.before.empty()) rows.before = without_mean(cut(rows.before));
-  rows.is_noise.reset();
-  return rows;
-}
-
 // Chips whose numbers a reading knows: of a misfit, the run that its clock explains, if that is before a pause whose
 // count is not sure.
 RowRange known_chips(const FrameReading& reading, std::span<const double> seen, std::size_t pause, double sureness) {

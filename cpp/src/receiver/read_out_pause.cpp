@@ -12,17 +12,6 @@ namespace {
 
 constexpr double kFrameSays = 4;  // nats, at most, of a frame, which may be read wrong
 
-FrameRows part_of(const FrameRows& frame, std::size_t begin, std::size_t end) {
-  FrameRows part{.first_row = frame.first_row + begin,
-                 .time = frame.time,
-                 .may_search = frame.may_search,
-                 .effort = frame.effort,
-                 .effort_of_others = frame.effort_of_others};
-  part.signal.assign(frame.signal.begin() + static_cast<std::ptrdiff_t>(begin),
-                     frame.signal.begin() + static_cast<std::ptrdiff_t>(end));
-  return part;
-}
-
 // Levels at the last row, for the rows after it; the clock's phase counts from row `begin`.
 ChannelEstimate continued(ChannelEstimate channel, std::size_t rows, double begin) {
   const auto last = static_cast<double>(rows) - 1;
@@ -98,7 +87,8 @@ std::optional<FrameReading> RowReader::read_about(const RowPause& pause, const S
   const bool is_new = !pause.rows;
   SignalModel even = model;
   even.pause.reset();
-  FrameRows before = part_of(frame, 0, cut), after = part_of(frame, cut, frame.signal.size());
+  FrameRows before = part_of(frame, {0, cut}), after = part_of(frame, {cut, frame.signal.size()});
+  before.may_follow = after.may_follow = true;
   auto first = read_with(even, before, state);
   if (!first && !is_new) return std::nullopt;
   LightState late = state;

@@ -127,12 +127,9 @@ bool is_common(const AnyFramesView& colour, const Received& received, const Tone
                std::optional<double> exposure_rows) {
   const double expected = 1 / (1 + 2 / received.snr);
   if (!(agreement_of_halves(colour, received, exposure_rows) > kNearlyAll * expected)) return false;
-  const auto lit = [](double weight) { return weight != 0; };
-  const auto first = std::ranges::find_if(received.weights, lit);
-  const auto last = std::find_if(received.weights.rbegin(), received.weights.rend(), lit).base();
+  const IndexRange columns = extent_of(received.weights);
   const RowRange rows = rows_of(received, shape_of(colour).rows);
-  const Region box{static_cast<std::size_t>(first - received.weights.begin()), rows.begin,
-                   static_cast<std::size_t>(last - first), rows.size()};
+  const Region box{columns.begin, rows.begin, columns.size(), rows.size()};
   return !contrast_slope(colour, received.frame, box, curve).is_of_texture();
 }
 

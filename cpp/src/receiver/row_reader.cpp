@@ -126,6 +126,19 @@ void put_in_doubt(const RowPause& pause, FrameReading& reading) {
 
 }  // namespace
 
+FrameRows part_of(FrameRows rows, const RowRange& part) {
+  const auto cut = [&](const std::vector<double>& values) {
+    const auto seen = std::span(values).subspan(part.begin, part.size());
+    return std::vector<double>(seen.begin(), seen.end());
+  };
+  rows.signal = cut(rows.signal);
+  rows.first_row += part.begin;
+  for (auto& other : rows.recent) other = other.subspan(part.begin, part.size());
+  if (!rows.before.empty()) rows.before = without_mean(cut(rows.before));
+  rows.is_noise.reset();
+  return rows;
+}
+
 RowReader::RowReader(const Camera& camera, ChipOptions options) : camera_(camera), options_(std::move(options)) {
   check(camera);
   if (options_.chip_rate) {

@@ -5,7 +5,6 @@
 #include <stdexcept>
 #include <vector>
 
-#include "cleaning/chip_light.hpp"
 #include "ocisac/cleaning/row_model.hpp"
 
 namespace ocisac {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "ocisac/cleaning/column_bundles.hpp"
-#include "ocisac/cleaning/tone_light.hpp"
+#include "ocisac/cleaning/row_model.hpp"
 
 namespace ocisac {
 

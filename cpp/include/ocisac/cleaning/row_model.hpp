@@ -11,7 +11,6 @@
 
 #include "ocisac/camera/camera.hpp"
 #include "ocisac/cleaning/column_bundles.hpp"
-#include "ocisac/cleaning/tone_light.hpp"
 
 namespace ocisac {
 
@@ -22,6 +21,13 @@ enum class RowModel { automatic, tone, chips, rows, slow, given };
 
 std::string_view name_of(RowModel model);
 
+struct ToneLight {
+  std::vector<double> light;  // of each row: mean 1, the darkest one 0
+  double frequency = 0;       // cycles per row
+  std::size_t harmonics = 1;
+  double second = 0;  // cycles per row of the sine of a second lamp; 0: none
+};
+
 struct ModelledLight {
   std::vector<double> light;  // of each row, mean 1
   double full = 1;            // of a fully lit row
@@ -30,6 +36,27 @@ struct ModelledLight {
       std::numeric_limits<double>::quiet_NaN();  // of the tone, or the chip rate, cycles or chips per row
   std::optional<ToneLight> tone;
 };
+
+// Mean, harmonics and slow terms are fitted to the rows at the frequency found in them; none if they do not explain
+// `enough` of the rows' swing (no bound where it is empty). Periodic texture contributes to the rows too. It has few
+// edges, so the tone is then fitted to the picture itself, with harmonics or the sine of a second lamp where
+// they are much likelier.
+// rows: (rows) estimated without a model (ColumnBundles::free), with their information.
+std::optional<ToneLight> find_tone_light(const ColumnBundles& picture, const RowLight& rows,
+                                         std::optional<double> enough);
+
+// The tone fitted to the picture from `light`, of any phase; its frequencies, one Gauss–Newton step from those of
+// `tone`.
+ToneLight refined_tone_light(const ColumnBundles& picture, std::span<const double> light, ToneLight tone);
+
+// Refines rows estimated without a model (ColumnBundles::free) with chips; none if chips do not explain 92 % of them,
+// unless `always`. Rows drift, since the picture contributes to their slow changes: chips are detected without these,
+// and their response is then fitted to the differences of neighbouring rows of the picture.
+std::optional<ModelledLight> find_chip_light(const ColumnBundles& picture, const RowLight& rows, bool always);
+
+// Share of the rows' swing, about the line through the tops of bright runs, that chips of one response leave
+// unexplained; 1 without chips. Chips are additive in linear light only: a wrong tone curve increases it.
+double unexplained_by_chips(const RowLight& rows);
 
 ModelledLight find_row_light(const ColumnBundles& picture, RowModel model);
 

@@ -27,6 +27,15 @@ struct IndexRange {
   [[nodiscard]] std::size_t size() const { return end > begin ? end - begin : 0; }
 };
 
+// From the first to the last value that is not 0; empty where all are.
+template <class Values>
+IndexRange extent_of(const Values& values) {
+  std::size_t begin = 0, end = values.size();
+  while (begin < end && values[begin] == 0) ++begin;
+  while (end > begin && values[end - 1] == 0) --end;
+  return {begin, end};
+}
+
 // Length of the intersection of [a, a + a_size) and [b, b + b_size).
 inline std::size_t shared_length(std::size_t a, std::size_t a_size, std::size_t b, std::size_t b_size) {
   const std::size_t begin = std::max(a, b), end = std::min(a + a_size, b + b_size);

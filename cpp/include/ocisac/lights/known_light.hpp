@@ -23,6 +23,9 @@ struct MeasuredLight {
   Flags flags = 0;
 };
 
+// A light's tone in its box, all of whose columns are pooled; the view holds one frame. frequency: Hz.
+MeasuredLight box_gain(const AnyFramesView& frame, const Camera& camera, const Region& box, double frequency);
+
 // Top left corner of a box, possibly outside of the frame.
 struct Place {
   std::ptrdiff_t x = 0, y = 0;

@@ -1,6 +1,7 @@
 // Chips of the rows of successive frames: the model of the rows that explains them, found from frame to frame.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -10,10 +11,27 @@
 #include "ocisac/chips/clock_tracker.hpp"
 #include "ocisac/chips/row_nuisance.hpp"
 #include "ocisac/packets/packets.hpp"
-#include "ocisac/receiver/back_off.hpp"
 #include "ocisac/receiver/frame_reading.hpp"
 
 namespace ocisac {
+
+// Frames until an attempt that may be in vain is due again: twice as many after each failure beyond the `quick` first.
+struct BackOff {
+  std::size_t shortest, longest;  // frames from one attempt to the next
+  std::size_t quick = 1;
+  std::size_t failures = 0, pause = shortest;  // in a row; frames until the next attempt
+
+  void pass_frame() { pause -= pause > 0; }
+  [[nodiscard]] bool is_due() const { return pause == 0; }
+  [[nodiscard]] bool is_exhausted() const { return pause_after(failures) == longest; }
+  void fail() { pause = pause_after(++failures); }
+  void restart() { *this = {.shortest = shortest, .longest = longest, .quick = quick}; }
+  // `vain`: failures in a row.
+  [[nodiscard]] std::size_t pause_after(std::size_t vain) const {
+    const std::size_t doublings = vain - std::min(vain, quick);
+    return std::min(shortest << std::min<std::size_t>(doublings, 16), longest);
+  }
+};
 
 struct ChipOptions {
   // Hz, accurate to 2 %. Absent: estimated blind from the frames, which requires an exposure below a chip.
@@ -88,6 +106,9 @@ struct FrameRows {
   bool may_follow = true;                         // the clock of earlier frames is worth a try
   std::optional<bool> is_noise{};                 // the rows show no light; absent: not examined
 };
+
+// A frame as if the picture had these rows alone.
+FrameRows part_of(FrameRows rows, const RowRange& part);
 
 // The first, from row 0 of the picture on, of two rows whose light changes by much less from pair to pair than that of
 // the next two and by less than the chips of a reading explain: these are exposed for less time.
