@@ -69,8 +69,8 @@ struct NormalEquations {
   VectorXd right;
 
   NormalEquations(const Differences& all, const ArrayXXd& weights, Index first, Index count) {
-    const ArrayXXd own = weights.middleCols(first, count);
-    const VectorXd weight = own.rowwise().sum(), pull = (own * all.change.middleCols(first, count)).rowwise().sum();
+    const ArrayXXd own = weights.middleCols(first, count), pulls = own * all.change.middleCols(first, count);
+    const VectorXd ones = VectorXd::Ones(count), weight = own.matrix() * ones, pull = pulls.matrix() * ones;
     matrix = gram(MatrixXd(all.design.transpose() * weight.cwiseSqrt().asDiagonal()));
     right = all.design.transpose() * pull;
   }

@@ -39,9 +39,8 @@ constexpr std::size_t kPhaseSteps = 16;
 constexpr std::size_t kPlacesOfMode = 8;
 constexpr double kNearCycles = 0.06;  // between neighbouring tones, relative
 constexpr std::size_t kMostTones = 3;
-constexpr std::array<double, 1> kHere{0};  // the first frame alone
-constexpr std::size_t kParameters = 4;     // of a tone: its two terms, cycles and phase step
-constexpr double kStays = 1e-9;            // deviation of a parameter that is not fitted
+constexpr std::size_t kParameters = 4;  // of a tone: its two terms, cycles and phase step
+constexpr double kStays = 1e-9;         // deviation of a parameter that is not fitted
 
 // Logarithm of the sum of exponentials.
 double log_sum(std::span<const double> values) {
@@ -257,7 +256,7 @@ struct OfCycles {
 
 OfCycles equations_of(const Frames& frames, const MatrixXd& residual, double cycles) {
   const SlowTone tone{.cycles = cycles, .step = {}};
-  const MatrixXd modes = predicted(frames.slow, kHere, {&tone, 1}).derivative.front().leftCols(2);
+  const MatrixXd modes = predicted(frames.slow, std::array{0.0}, {&tone, 1}).derivative.front().leftCols(2);
   const VectorXd mean = residual.rowwise().mean();
   OfCycles result;
   for (const Spread& spread : frames.still) {
@@ -467,7 +466,7 @@ std::vector<SlowTone> find_slow_tones(std::span<const CommonCourse> courses, std
 
 VectorXd modes_of_light(std::span<const SlowTone> tones, std::size_t count) {
   if (tones.empty()) return VectorXd::Zero(static_cast<Index>(count));
-  return predicted(slow_modes(kPlacesOfMode * count, count), kHere, tones).modes;
+  return predicted(slow_modes(kPlacesOfMode * count, count), std::array{0.0}, tones).modes;
 }
 
 std::vector<SlowTone> refitted_tones(std::span<const CommonCourse> courses, const std::vector<SlowTone>& tones,
