@@ -40,7 +40,7 @@ _BEGINNING = re.compile(
 )
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PIECES = ((273, 279), (324, 325))  # offsets and sizes of strips, of tiles
-_TIFF_BITS_PER_SAMPLE = 258
+_TIFF_BITS_PER_SAMPLE, _TIFF_PHOTOMETRIC, _TIFF_SAMPLE_FORMAT, _TIFF_SIGNED = 258, 262, 339, 2
 _BAND_PIXELS = 1 << 20
 _MOST_BYTES, _MOST_TIFF_BYTES = 1 << 30, 4 << 30
 ORIENTATION = 0x0112  # EXIF
@@ -241,6 +241,7 @@ def _page(image: Image, data: bytes, page: int, pages: int) -> Frame:
         if deep and pages > 1:
             raise FileError("several pages of 16-bit colour, allowed: one")
         frame = _deep_colour(data) if deep else _pixels(_as_stored(image, orientation))
+        frame = _as_stated(frame, image) if image.format == "TIFF" else frame
         if page == pages - 1:
             image.close()
         return frame
@@ -251,6 +252,17 @@ def _as_stored(image: Image, orientation: int | None) -> Image:
     if image.format != "TIFF" or orientation not in _STORED or ORIENTATION in image.tag_v2:  # type: ignore[attr-defined]
         return image
     return image.transpose(getattr(pillow().Transpose, _STORED[orientation]))
+
+
+def _as_stated(frame: Frame, image: Image) -> Frame:
+    """Samples of a TIFF with the sign that its tags state: Pillow's modes are unsigned of 8 bits and signed of 32."""
+    tags = image.tag_v2  # type: ignore[attr-defined]
+    bits = max(tags.get(_TIFF_BITS_PER_SAMPLE, (1,)))
+    if tags.get(_TIFF_PHOTOMETRIC) == 0 and bits > 8:  # which Pillow leaves as they are
+        raise FileError(f"white as 0 (PhotometricInterpretation) in {bits} bits, allowed: black as 0, or 8 bits")
+    if frame.dtype.kind == "f" or 8 * frame.itemsize != bits:
+        return frame
+    return frame.view(f"{'i' if _TIFF_SIGNED in tags.get(_TIFF_SAMPLE_FORMAT, ()) else 'u'}{frame.itemsize}")
 
 
 def _pixels(image: Image) -> Frame:

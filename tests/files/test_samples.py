@@ -1,0 +1,56 @@
+"""Samples of files have the sign, the white and the range that the files state."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from ocisac_fast.files import FileError, read_frames
+
+ROWS = np.linspace(0, 1, 40)[:, np.newaxis] * np.ones((1, 32))
+
+
+def write_tiff(
+    path: Path, values: npt.NDArray[Any], *, bits: int, photometric: int = 1, kind: int = 1, order: str = "<"
+) -> None:
+    """Write a page of one colour; ``kind``: SampleFormat, 1: unsigned, 2: signed, 3: float."""
+    rows, columns = values.shape
+    if bits == 12:
+        planes = (values[..., np.newaxis].astype(np.int64) >> np.arange(12)[::-1]) & 1
+        pixels = np.packbits(planes.astype(np.uint8).reshape(rows, -1), axis=1).tobytes()
+    else:
+        pixels = values.astype(values.dtype.newbyteorder(order)).tobytes()
+    tags = {256: columns, 257: rows, 258: bits, 259: 1, 262: photometric, 273: 8, 277: 1, 278: rows, 279: len(pixels)}
+    entries = b"".join(struct.pack(f"{order}HHII", tag, 4, 1, tags[tag]) for tag in sorted(tags))
+    entries += struct.pack(f"{order}HHII", 339, 4, 1, kind)
+    head = (b"II" if order == "<" else b"MM") + struct.pack(f"{order}HI", 42, 8 + len(pixels))
+    path.write_bytes(head + pixels + struct.pack(f"{order}H", len(tags) + 1) + entries + bytes(4))
+
+
+def stored(dtype: str) -> npt.NDArray[Any]:
+    limits = np.iinfo(dtype)
+    return np.rint(limits.min + ROWS * (limits.max - limits.min)).astype(dtype)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "kind", "order"),
+    [("u1", 1, "<"), ("i1", 2, "<"), ("i1", 2, ">"), ("i2", 2, "<"), ("i2", 2, ">"), ("u4", 1, "<"), ("i4", 2, ">")],
+)
+def test_integers_of_a_tiff_have_their_sign(tmp_path, dtype, kind, order):
+    values = stored(dtype)
+    write_tiff(tmp_path / "a.tif", values, bits=8 * values.itemsize, kind=kind, order=order)
+    np.testing.assert_array_equal(read_frames(tmp_path / "a.tif").frames[0], values)
+
+
+def test_a_tiff_whose_white_is_zero_is_inverted_or_refused(tmp_path):
+    write_tiff(tmp_path / "a.tif", 255 - stored("u1"), bits=8, photometric=0)
+    np.testing.assert_array_equal(read_frames(tmp_path / "a.tif").frames[0], stored("u1"))
+    for order, values, kind in [("<", stored("u2"), 1), ("<", ROWS.astype("f4"), 3), (">", ROWS.astype("f4"), 3)]:
+        write_tiff(tmp_path / "b.tif", values, bits=8 * values.itemsize, photometric=0, kind=kind, order=order)
+        with pytest.raises(FileError, match=r"b\.tif: .*PhotometricInterpretation"):
+            read_frames(tmp_path / "b.tif")
