@@ -6,11 +6,13 @@ import struct
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import numpy.typing as npt
 import pytest
 
-from ocisac_fast.files import FileError, read_frames
+from ocisac_fast.files import FileError, open_recording, read_frames
+from ocisac_fast.files.reading import lossless_suffix
 
 ROWS = np.linspace(0, 1, 40)[:, np.newaxis] * np.ones((1, 32))
 
@@ -54,3 +56,39 @@ def test_a_tiff_whose_white_is_zero_is_inverted_or_refused(tmp_path):
         write_tiff(tmp_path / "b.tif", values, bits=8 * values.itemsize, photometric=0, kind=kind, order=order)
         with pytest.raises(FileError, match=r"b\.tif: .*PhotometricInterpretation"):
             read_frames(tmp_path / "b.tif")
+
+
+LIGHT = (ROWS * 1.5 - 0.1).astype(np.float32)  # also less than black and more than white
+
+
+@pytest.mark.parametrize("colour", [False, True])
+@pytest.mark.parametrize(("scale", "dtype"), [("-1.0", "<f4"), ("1.0", ">f4"), ("EXR", "<f4")])
+def test_grey_floats_are_as_stored(tmp_path, scale, dtype, colour):
+    path = tmp_path / "a"
+    if scale == "EXR":
+        with av.open(path, "w", format="image2", options={"update": "1"}) as container:
+            stream = container.add_stream("exr", rate=30)
+            stream.height, stream.width = LIGHT.shape
+            stream.pix_fmt = "grayf32le"
+            frame = av.VideoFrame(stream.width, stream.height, "grayf32le")
+            frame.planes[0].update(LIGHT.tobytes())
+            container.mux([*stream.encode(frame), *stream.encode(None)])
+    else:  # a PFM, whose lines follow each other upwards
+        path.write_bytes(f"Pf\n32 40\n{scale}\n".encode() + LIGHT[::-1].astype(dtype).tobytes())
+    recording = read_frames(path, colour=colour)
+    np.testing.assert_array_equal(recording.frames[0], np.dstack([LIGHT] * 3) if colour else LIGHT)
+    assert (recording.response.dark_level, recording.response.white_level) == (0.0, None)
+    assert lossless_suffix(path) == ".npy"
+
+
+@pytest.mark.parametrize("pixels", ["rgb48le", "gbrp16le"])
+def test_white_of_deep_colours_without_a_range_is_that_of_the_full_range(tmp_path, pixels):
+    with av.open(tmp_path / "a.nut", "w") as container:
+        stream = container.add_stream("rawvideo", rate=30)
+        stream.height, stream.width, stream.pix_fmt = 40, 32, pixels
+        frame = av.VideoFrame(32, 40, pixels)
+        for plane in frame.planes:
+            plane.update(b"\xff" * plane.buffer_size)
+        container.mux([*stream.encode(frame), *stream.encode(None)])
+    with open_recording(tmp_path / "a.nut") as recording:
+        assert [frame.max() for frame in recording] == [recording.response.white_level] == [65535]

@@ -58,15 +58,24 @@ class Conversion:
         ranges = ("in_range", "out_range") if to_rgb else ("out_range", "in_range")
         options = {"flags": _FLAGS, ranges[0]: stated, ranges[1]: "full"}
         options["in_color_matrix" if to_rgb else "out_color_matrix"] = self._matrix
-        graph = av.filter.Graph()
-        form = av.VideoFormat(name, width, height)
-        chain = [
-            graph.add_buffer(width=width, height=height, format=form, time_base=Fraction(1, 90_000)),
-            graph.add("scale", ":".join(f"{key}={value}" for key, value in options.items())),
-            graph.add("format", f"pix_fmts={self._target}"),
-            graph.add("buffersink"),
-        ]
-        for one, other in pairwise(chain):
-            one.link_to(other)
-        graph.configure()
-        return graph
+        scale = "scale", ":".join(f"{key}={value}" for key, value in options.items())
+        return _graph(name, width, height, scale, ("format", f"pix_fmts={self._target}"))
+
+
+def downward(frame: Any) -> Any:
+    """A copy of a frame whose lines follow each other upwards in memory, where older PyAVs take them for downwards."""
+    graph = _graph(frame.format.name, frame.width, frame.height, ("copy",))
+    graph.push(frame)
+    return graph.pull()
+
+
+def _graph(name: str, width: int, height: int, *filters: tuple[str, ...]) -> Any:
+    """FFmpeg's filters one after the other, from a pixel format."""
+    av = pyav()
+    graph = av.filter.Graph()
+    form = av.VideoFormat(name, width, height)
+    source = graph.add_buffer(width=width, height=height, format=form, time_base=Fraction(1, 90_000))
+    for one, other in pairwise([source, *(graph.add(*each) for each in (*filters, ("buffersink",)))]):
+        one.link_to(other)
+    graph.configure()
+    return graph

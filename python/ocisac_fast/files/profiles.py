@@ -90,7 +90,7 @@ def _response_of_icc(profile: bytes) -> LightResponse | None:
     return None
 
 
-def response_of_video(context: Any, dark: float, white: float, stated_range: str = "") -> LightResponse:
+def response_of_video(context: Any, dark: float, white: float | None, stated_range: str = "") -> LightResponse:
     """The curve that a video's stream states, else that of its codec, between these levels."""
     curve, assumed_for = _TRANSFERS.get(transfer_of(context)), ""
     details = [stated_range] if stated_range else []

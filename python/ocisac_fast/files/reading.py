@@ -17,7 +17,7 @@ from ocisac_fast.files.pictures import JPEG, TIFF, are_jpegs, is_picture, most_b
 from ocisac_fast.files.raw import RawFormat, open_raw, read_whole, require_at_most, standard_input
 from ocisac_fast.files.recording import FileError, Frame, Part, Recording, RecordingStream, naming
 from ocisac_fast.files.remote import RemotePath, is_remote
-from ocisac_fast.files.videos import Prefixed, open_video
+from ocisac_fast.files.videos import FLOAT_GREY, Prefixed, open_video
 
 STANDARD_INPUT = "-"
 _HEAD, _PIECE = 16, 1 << 16
@@ -103,9 +103,9 @@ def lossless_suffix(path: str | os.PathLike[str], *, raw: str | None = None) -> 
     Arguments and errors as in ``read_frames``.
     """
     with open_recording(path, raw=raw) as stream:
-        kind, is_single = stream.kind, stream.frame_count == 1
+        kind, is_single, film = stream.kind, stream.frame_count == 1, stream.video
     if kind != "picture":
-        return ".npy" if kind == "array" else ".mkv"
+        return ".npy" if film is None or film.pixel_format.startswith(FLOAT_GREY) else ".mkv"
     with _place(path).open("rb") as file:
         is_tiff = file.read(len(TIFF[0])) in TIFF
     return ".tif" if is_tiff else ".png" if is_single else ".mkv"

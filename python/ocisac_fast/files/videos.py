@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ocisac_fast.files.colours import Conversion, rgb_format, rgb_white
+from ocisac_fast.files.colours import Conversion, downward, rgb_format, rgb_white
 from ocisac_fast.files.extras import ffmpeg, opened_video, pyav
 from ocisac_fast.files.films import FirstFilm
 from ocisac_fast.files.parts import HEAD_BYTES, JPEGS, Ending, decoded_part, video_key_frames
@@ -36,9 +36,11 @@ from ocisac_fast.files.recording import (
 from ocisac_fast.files.remote import RemotePath
 
 _REFUSED_CONTAINERS = {"tty", "hls", "dash", "concat", "srt", "webvtt", "ass", "ansi", "bin", "xbin", "adf", "idf"}
-_LUMA_PLANE = re.compile(r"yuv[aj]?4\d\dp(?!.*msb)|gray(?!f)|nv\d\d|[py][024]1[026](le|be)$")
+_LUMA_PLANE = re.compile(r"yuv[aj]?4\d\dp(?!.*msb)|gray|yaf|nv\d\d|[py][024]1[026](le|be)$")
 _PACKED_LUMA = {"yuyv422": 0, "yvyu422": 0, "uyvy422": 1}  # first of every second byte
 _UPPER_BITS = re.compile(r"[py][024]1[026](le|be)$")  # P010 and similar formats store their bits at the top of a word
+FLOAT_GREY = ("grayf", "yaf")  # the scaler takes these for limited range, and cuts them at 1
+_USUALLY_FULL = ("yuvj", "gray", "ya", "mono", "rgb", "bgr", "gbr", "argb", "abgr", "0rgb", "0bgr", "x2")
 _LIMITED_RANGE, _FULL_RANGE = 1, 2
 _INTERLACED = (
     "interlaced: the rows of a frame are of two times, allowed: progressive frames (ffmpeg -vf separatefields: each "
@@ -226,22 +228,27 @@ def _layout(av: Any, name: str, context: Any, colour: bool) -> tuple[Callable[[A
     stated = int(context.color_range or 0)
     limited = _is_limited(name, stated)
     bits = av.VideoFormat(name).components[0].bits if name else 8
-    if colour or not (_LUMA_PLANE.match(name) or name in _PACKED_LUMA):
+    is_float = name.startswith(FLOAT_GREY)
+    if (colour and not is_float) or not (_LUMA_PLANE.match(name) or name in _PACKED_LUMA):
         convert = Conversion(rgb_format(bits > 8), _number(context.colorspace), limited)
         return lambda frame: convert(frame).to_ndarray(), response_of_video(context, 0.0, rgb_white(limited, bits))
     shift = 16 - bits if _UPPER_BITS.match(name) else 0
     unit = 2.0 ** (bits - 8 + shift)  # black at 16 and white at 235 of limited range: ITU-R BT.709, BT.2100
     dark, white = (16 * unit, 235 * unit) if limited else (0.0, (2.0**bits - 1) * 2.0**shift)
     stated_range = ("limited range" if limited else "full range") if stated in (_LIMITED_RANGE, _FULL_RANGE) else ""
-    response = response_of_video(context, dark, white, stated_range)
-    dtype = np.dtype(np.uint8 if bits == 8 else ">u2" if name.endswith("be") else "<u2")
+    response = response_of_video(context, *((0.0, None) if is_float else (dark, white, stated_range)))
+    dtype = np.dtype(f"{'>' if name.endswith('be') else '<'}{'f' if is_float else 'u'}{1 << (bits > 8) + (bits > 16)}")
     first = _PACKED_LUMA.get(name)
-    step = 1 if first is None and not name.startswith("y2") else 2
-    return lambda frame: _luma(frame, dtype, first or 0, step), response
+    step = 1 if first is None and not name.startswith(("y2", "ya")) else 2
+
+    def luma(frame: Any) -> Frame:
+        return _luma(frame, dtype, first or 0, step)
+
+    return (lambda frame: np.dstack([luma(frame)] * 3)) if colour else luma, response
 
 
 def _is_limited(name: str, stated: int) -> bool:
-    return stated == _LIMITED_RANGE or not (stated == _FULL_RANGE or name.startswith(("yuvj", "gray")))
+    return stated == _LIMITED_RANGE or not (stated == _FULL_RANGE or name.startswith(_USUALLY_FULL))
 
 
 def _luma(frame: Any, dtype: np.dtype[Any], first: int, step: int) -> Frame:
@@ -250,6 +257,8 @@ def _luma(frame: Any, dtype: np.dtype[Any], first: int, step: int) -> Frame:
     The array keeps its frame, so the decoder does not reuse that memory; it may still predict other frames from it,
     hence nobody may write.
     """
+    if frame.planes[0].line_size < 0:
+        frame = downward(frame)
     plane, size = frame.planes[0], dtype.itemsize
     values: Frame = np.ndarray(
         (frame.height, frame.width), dtype, plane, offset=first * size, strides=(plane.line_size, step * size)
