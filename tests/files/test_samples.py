@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from ocisac_fast.files import FileError, open_recording, read_frames
+from ocisac_fast.files import FileError, open_recording, read_frames, write_frames
 from ocisac_fast.files.reading import lossless_suffix
 
 ROWS = np.linspace(0, 1, 40)[:, np.newaxis] * np.ones((1, 32))
@@ -92,3 +93,42 @@ def test_white_of_deep_colours_without_a_range_is_that_of_the_full_range(tmp_pat
         container.mux([*stream.encode(frame), *stream.encode(None)])
     with open_recording(tmp_path / "a.nut") as recording:
         assert [frame.max() for frame in recording] == [recording.response.white_level] == [65535]
+
+
+@pytest.mark.parametrize(("bits", "kind", "white"), [(12, 1, 4095), (16, 1, 65535), (16, 2, 32767), (32, 1, 2**32 - 1)])
+def test_bits_of_a_tiff_give_its_white(tmp_path, bits, kind, white):
+    values = np.rint(ROWS * white).astype({12: "u2", 16: "iu"[kind == 1] + "2", 32: "u4"}[bits])
+    write_tiff(tmp_path / "a.tif", values, bits=bits, kind=kind)
+    recording = read_frames(tmp_path / "a.tif")
+    np.testing.assert_array_equal(recording.frames[0], values)
+    assert (recording.response.white_level, recording.response.stated_by) == (white, "TIFF BitsPerSample")
+
+
+def test_pages_of_several_bits_are_refused(tmp_path):
+    """The white level is one for all frames."""
+    write_tiff(tmp_path / "a.tif", stored("u2") >> 4, bits=12)
+    page = (tmp_path / "a.tif").read_bytes()
+    write_tiff(tmp_path / "b.tif", stored("u2"), bits=16)
+    other = bytearray((tmp_path / "b.tif").read_bytes()[8:])
+    first = int.from_bytes(page[4:8], "little")  # directories: 10 entries of 12 bytes between a count and a next one
+    at = len(page) + len(other) - 126
+    strip = struct.pack("<HHII", 273, 4, 1, 8)
+    other = other.replace(strip, strip[:8] + struct.pack("<I", len(page)))
+    (tmp_path / "a.tif").write_bytes(page[: first + 122] + struct.pack("<I", at) + page[first + 126 :] + other)
+    with pytest.raises(FileError, match="several BitsPerSample"):
+        read_frames(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("transfer", [2, 13])
+def test_the_limited_range_of_a_png_holds_for_its_bits(tmp_path, transfer):
+    deep = np.repeat(stored("u2")[..., np.newaxis], 3, axis=2)
+    for name, values, unit in [("deep", deep, 256), ("grey", stored("u2"), 256), ("bytes", stored("u1"), 1)]:
+        path = tmp_path / f"{name}.png"
+        write_frames(path, values[np.newaxis])
+        whole, chunk = path.read_bytes(), b"cICP" + bytes([9, transfer, 0, 0])
+        path.write_bytes(whole[:33] + b"\0\0\0\4" + chunk + struct.pack(">I", zlib.crc32(chunk)) + whole[33:])
+        recording = read_frames(path)
+        np.testing.assert_array_equal(recording.frames[0], values)
+        response = recording.response
+        assert (response.dark_level, response.white_level) == (16 * unit, 235 * unit)
+        assert response.stated_by == "PNG cICP chunk"

@@ -40,7 +40,7 @@ _BEGINNING = re.compile(
 )
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _PIECES = ((273, 279), (324, 325))  # offsets and sizes of strips, of tiles
-_TIFF_BITS_PER_SAMPLE, _TIFF_PHOTOMETRIC, _TIFF_SAMPLE_FORMAT, _TIFF_SIGNED = 258, 262, 339, 2
+_TIFF_BITS_PER_SAMPLE, _TIFF_PHOTOMETRIC, _TIFF_SAMPLE_FORMAT = 258, 262, 339
 _BAND_PIXELS = 1 << 20
 _MOST_BYTES, _MOST_TIFF_BYTES = 1 << 30, 4 << 30
 ORIENTATION = 0x0112  # EXIF
@@ -112,11 +112,12 @@ def open_picture(data: bytes) -> RecordingStream:
     with _refusals():
         image = pillow().open(io.BytesIO(data), formats=FORMATS)
         form = _format(image, data)
-        response = response_of_picture(image, form.chunks)
+        samples = _samples(image, data)
+        response = response_of_picture(image, form.chunks, *samples)
         pages = getattr(image, "n_frames", 1) if image.format in _OF_FRAMES else 1
         _require_single(data, _end(image, data, pages))
         image.seek(0)
-    decoded = _frames(image, data, pages, form.alphas)
+    decoded = _frames(image, data, pages, samples, form.alphas)
     return RecordingStream(decoded, "picture", response, frame_count=pages, close=image.close, picture=form)
 
 
@@ -217,10 +218,12 @@ def _refusals() -> Iterator[None]:
         raise FileError(f"truncated or damaged picture ({' '.join(str(error).split())})") from error
 
 
-def _frames(image: Image, data: bytes, pages: int, alphas: list[Frame | None]) -> Iterator[Frame]:
+def _frames(
+    image: Image, data: bytes, pages: int, samples: tuple[int, str], alphas: list[Frame | None]
+) -> Iterator[Frame]:
     """Decode one page at a time; pages that the caller drops are freed."""
     for page in range(pages):
-        yield _without_alpha(_page(image, data, page, pages), alphas)
+        yield _without_alpha(_page(image, data, page, pages, samples), alphas)
 
 
 def _without_alpha(frame: Frame, alphas: list[Frame | None]) -> Frame:
@@ -230,7 +233,7 @@ def _without_alpha(frame: Frame, alphas: list[Frame | None]) -> Frame:
     return frame if colours in (1, 3) else np.ascontiguousarray(frame[..., 0] if colours == 2 else frame[..., :3])
 
 
-def _page(image: Image, data: bytes, page: int, pages: int) -> Frame:
+def _page(image: Image, data: bytes, page: int, pages: int, samples: tuple[int, str]) -> Frame:
     """A page with its opacity as last colour."""
     with _refusals():
         if page:
@@ -241,7 +244,11 @@ def _page(image: Image, data: bytes, page: int, pages: int) -> Frame:
         if deep and pages > 1:
             raise FileError("several pages of 16-bit colour, allowed: one")
         frame = _deep_colour(data) if deep else _pixels(_as_stored(image, orientation))
-        frame = _as_stated(frame, image) if image.format == "TIFF" else frame
+        if _samples(image, data) != samples:
+            raise FileError("pages of several BitsPerSample or SampleFormat, allowed: one")
+        bits, kind = samples
+        if kind != "f" and bits == 8 * frame.itemsize:  # Pillow's modes are unsigned of 8 bits and signed of 32
+            frame = frame.view(f"{kind}{frame.itemsize}")
         if page == pages - 1:
             image.close()
         return frame
@@ -254,15 +261,15 @@ def _as_stored(image: Image, orientation: int | None) -> Image:
     return image.transpose(getattr(pillow().Transpose, _STORED[orientation]))
 
 
-def _as_stated(frame: Frame, image: Image) -> Frame:
-    """Samples of a TIFF with the sign that its tags state: Pillow's modes are unsigned of 8 bits and signed of 32."""
+def _samples(image: Image, data: bytes) -> tuple[int, str]:
+    """Bits, 8 or more, and type ("u", "i" or "f") of the samples that the file states."""
+    if image.format != "TIFF":
+        return 16 if image.format == "PNG" and data[24] == 16 else 8, "u"
     tags = image.tag_v2  # type: ignore[attr-defined]
-    bits = max(tags.get(_TIFF_BITS_PER_SAMPLE, (1,)))
+    bits = max(8, *tags.get(_TIFF_BITS_PER_SAMPLE, ()))
     if tags.get(_TIFF_PHOTOMETRIC) == 0 and bits > 8:  # which Pillow leaves as they are
         raise FileError(f"white as 0 (PhotometricInterpretation) in {bits} bits, allowed: black as 0, or 8 bits")
-    if frame.dtype.kind == "f" or 8 * frame.itemsize != bits:
-        return frame
-    return frame.view(f"{'i' if _TIFF_SIGNED in tags.get(_TIFF_SAMPLE_FORMAT, ()) else 'u'}{frame.itemsize}")
+    return bits, {2: "i", 3: "f"}.get(max(tags.get(_TIFF_SAMPLE_FORMAT, (1,))), "u")
 
 
 def _pixels(image: Image) -> Frame:

@@ -17,6 +17,7 @@ from ocisac_fast.files.recording import LightResponse
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+_CICP = "PNG cICP chunk"
 _EXIF_IFD, _EXIF_COLOR_SPACE, _EXIF_SRGB = 0x8769, 0xA001, 1
 
 _SRGB = LightResponse("srgb")
@@ -38,15 +39,29 @@ _TRANSFERS = {
 _LOSSY = 2  # FFmpeg's AV_CODEC_PROP_LOSSY
 
 
-def response_of_picture(image: Image, chunks: bytes) -> LightResponse:
-    """The tone curve that an opened picture states, else that of its kind; ``chunks``: of a PNG file."""
-    _, coded, numbers = chunks.partition(b"\0\0\0\4cICP")  # which goes before all other statements
-    if coded and numbers[1] in _TRANSFERS:
-        curve = dataclasses.replace(_TRANSFERS[numbers[1]], stated_by="PNG cICP chunk")
-        if numbers[3:4] != b"\0":  # the full range
-            return curve
-        unit = 256.0 if image.mode.startswith("I") else 1.0
-        return dataclasses.replace(curve, dark_level=16 * unit, white_level=235 * unit)
+def response_of_picture(image: Image, chunks: bytes, bits: int, kind: str) -> LightResponse:
+    """Tone curve and levels that an opened picture states, else those of its kind.
+
+    Args:
+        image: the picture.
+        chunks: of a PNG file.
+        bits, kind: of its samples; ``"u"``, ``"i"`` or ``"f"``.
+    """
+    _, _, cicp = chunks.partition(b"\0\0\0\4cICP")
+    curve = _curve_of_picture(image, cicp)
+    stated = curve.stated_by
+    if cicp[3:4] == b"\0":  # limited range
+        unit = 2.0 ** (bits - 8)
+        return dataclasses.replace(curve, dark_level=16 * unit, white_level=235 * unit, stated_by=stated or _CICP)
+    if image.format != "TIFF" or kind == "f" or (bits, kind) == (8, "u"):
+        return curve
+    stated += (", " if stated else "") + "TIFF BitsPerSample"
+    return dataclasses.replace(curve, white_level=2.0 ** (bits - (kind == "i")) - 1, stated_by=stated)
+
+
+def _curve_of_picture(image: Image, cicp: bytes) -> LightResponse:
+    if cicp and cicp[1] in _TRANSFERS:  # which goes before all other statements
+        return dataclasses.replace(_TRANSFERS[cicp[1]], stated_by=_CICP)
     profile = image.info.get("icc_profile")
     if profile:
         response = _response_of_icc(profile)
