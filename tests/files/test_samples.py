@@ -13,6 +13,7 @@ import numpy.typing as npt
 import pytest
 
 from ocisac_fast.files import FileError, open_recording, read_frames, write_frames
+from ocisac_fast.files.pictures import grey_levels
 from ocisac_fast.files.reading import lossless_suffix
 
 ROWS = np.linspace(0, 1, 40)[:, np.newaxis] * np.ones((1, 32))
@@ -132,3 +133,17 @@ def test_the_limited_range_of_a_png_holds_for_its_bits(tmp_path, transfer):
         response = recording.response
         assert (response.dark_level, response.white_level) == (16 * unit, 235 * unit)
         assert response.stated_by == "PNG cICP chunk"
+
+
+def test_grey_levels_have_the_scale_that_the_file_states(tmp_path):
+    """Pillow cuts 16 bits and floats at 255 as it makes them 8."""
+    deep = stored("u2")
+    write_frames(tmp_path / "a.png", deep)
+    write_frames(tmp_path / "b.png", np.repeat(deep[np.newaxis, ..., np.newaxis], 3, axis=3))
+    write_frames(tmp_path / "c.tif", (deep / 65535).astype(np.float32))
+    write_tiff(tmp_path / "d.tif", deep >> 4, bits=12)
+    (tmp_path / "e.pgm").write_bytes(b"P5 32 40 4095\n" + (deep >> 4).astype(">u2").tobytes())
+    for path in sorted(tmp_path.iterdir()):
+        levels = grey_levels(path, 10_000)
+        np.testing.assert_allclose(levels, ROWS, atol=4e-4)
+        assert (levels.min(), levels.max()) == (0, 1)

@@ -44,6 +44,7 @@ _TIFF_BITS_PER_SAMPLE, _TIFF_PHOTOMETRIC, _TIFF_SAMPLE_FORMAT = 258, 262, 339
 _BAND_PIXELS = 1 << 20
 _MOST_BYTES, _MOST_TIFF_BYTES = 1 << 30, 4 << 30
 ORIENTATION = 0x0112  # EXIF
+_LUMA = np.array([299, 587, 114])  # thousandths, ITU-R BT.601: exact for integers
 _STORED = {2: "FLIP_LEFT_RIGHT", 3: "ROTATE_180", 4: "FLIP_TOP_BOTTOM", 5: "TRANSPOSE", 6: "ROTATE_90", 7: "TRANSVERSE"}
 _STORED[8] = "ROTATE_270"
 _KEPT_CHUNKS = (b"cHRM", b"cICP", b"gAMA", b"iCCP", b"sRGB", b"pHYs", b"eXIf")
@@ -89,7 +90,7 @@ def are_jpegs(data: bytes) -> bool:
 
 
 def grey_levels(path: Path, max_pixels: int) -> Frame:
-    """Return a picture of one of `FORMATS` as (rows, columns), stored values scaled to 0 to 1; colour as luma.
+    """Return the first picture of a file as (rows, columns), stored values scaled to 0 to 1; colour as luma.
 
     Raises:
         FileError: no such picture, or more than ``max_pixels``.
@@ -99,7 +100,11 @@ def grey_levels(path: Path, max_pixels: int) -> Frame:
     with _refusals(), pillow().open(io.BytesIO(data), formats=FORMATS) as image:
         if image.width * image.height > max_pixels:
             raise FileError(f"picture of {image.width} x {image.height}, allowed: at most {max_pixels} pixels")
-        return np.asarray(image.convert("L"), np.float64) / 255
+    with contextlib.closing(open_picture(data)) as stream:
+        frame, response = next(iter(stream)), stream.response
+    white = response.white_level or (1.0 if frame.dtype.kind == "f" else np.iinfo(frame.dtype).max)
+    grey: Frame = frame if frame.ndim == 2 else frame @ _LUMA / 1000
+    return (grey - response.dark_level) / (white - response.dark_level)
 
 
 def open_picture(data: bytes) -> RecordingStream:
