@@ -287,6 +287,26 @@ def test_motion_along_the_rows_with_two_frames_needs_no_direction(speed):
     assert found.motion_frequency_std < 0.25 * alone.motion_frequency_std
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("error", [0.98, 1.02, 1.05])
+@pytest.mark.parametrize("axis", ["across", "along"])
+def test_motion_that_a_wrong_row_time_feigns_is_flagged(axis, error, seed):
+    """The other axis, or a motion faster than the read-out, fits three frames by chance."""
+    random = np.random.default_rng([seed, axis == "along"])
+    flagged = 0
+    for _ in range(12):
+        fx, speed, pitch = random.uniform(60, 200), random.uniform(2, 6), 5e-4
+        still = {"across": {"per_column": fx * pitch}, "along": {"per_row": fx * pitch, "per_column": 0.0}}[axis]
+        frames = texture(3, 300, 20, fx, speed, exposure=2e-4, noise=1.0, seed=seed, **still)
+        known = KnownMotion(pitch=pitch, spatial_frequency=fx)
+        right, wrong = (ocisac.sense_region(frames, Camera(ROW_TIME * k, 2e-4, FRAME_TIME), motion=known)
+                        for k in (1.0, error))  # fmt: skip
+        flagged += bool(right.flags)
+        assert right.flags or right.speed == pytest.approx(speed, abs=5 * right.speed_std)
+        assert wrong.flags or wrong.speed == pytest.approx(speed, rel=1.5 * abs(error - 1))
+    assert flagged <= 4
+
+
 def test_slow_motion_along_the_rows_with_two_frames_and_bounds_needs_no_texture():
     found = ocisac.sense_region(along(2, 230, 0.05), camera(), motion=KnownMotion(pitch=PITCH, bounds=(0.0, 14.9)))
     assert found.motion_frequency == pytest.approx(11.5, abs=4 * found.motion_frequency_std)

@@ -79,13 +79,14 @@ def motion_facts(kind: Kind, axis: str | None, seen: Seen, known: KnownMotion, a
         direction = -int(math.copysign(1, advance.cycles)) if abs(advance.cycles) > 4.0 * advance.std else 0
     flags = motion.flags | (Flag.AMBIGUOUS_MOTION if axis is None else Flag(0))
     speed = _speed(motion, known, abs(per_pixel), pixel_std)
-    if known.pitch is not None and not math.isclose(
-        speed["spatial_frequency"] * known.pitch,
-        abs(per_pixel),
-        rel_tol=_SAME_TEXTURE,
-        abs_tol=4.0 * pixel_std if math.isfinite(pixel_std) else math.inf,
-    ):
+    if not _is_shown(speed, known, per_pixel, pixel_std):
         flags |= Flag.MODEL_MISFIT
+    if axis == "along" and known.axis is None and known.pitch is not None and (known.spatial_frequency or known.speed):
+        turned = (
+            abs(advance.cycles) > 4.0 * advance.std
+        )  # all of the stated texture is across the rows: times are wrong
+        if turned and _is_shown(_speed(across_rows(seen), known, 0.0, 0.0), known, advance.cycles, advance.std):
+            flags |= Flag.AMBIGUOUS_MOTION
     return {
         "kind": kind,
         "motion_frequency": abs(motion.frequency),
@@ -95,6 +96,15 @@ def motion_facts(kind: Kind, axis: str | None, seen: Seen, known: KnownMotion, a
         "flags": flags,
         **speed,
     }
+
+
+def _is_shown(speed: dict[str, float], known: KnownMotion, per_pixel: float, std: float) -> bool:
+    """True if the texture of a ``_speed`` has these cycles per pixel, or no pitch tells them."""
+    if known.pitch is None:
+        return True
+    stated = speed["spatial_frequency"] * known.pitch
+    allowed = 4.0 * std if math.isfinite(std) else math.inf
+    return math.isclose(stated, abs(per_pixel), rel_tol=_SAME_TEXTURE, abs_tol=allowed)
 
 
 def _speed(motion: Motion, known: KnownMotion, per_pixel: float, pixel_std: float) -> dict[str, float]:

@@ -12,6 +12,7 @@ from ocisac_fast.core.flags import Flag
 
 _MAX_CANDIDATES = 16
 _MAX_TURNS = 2000  # between two frames
+_CHANCE = 1e-3  # of a solution that frames which say nothing about it seem to confirm
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,20 +152,33 @@ def _from_one_frame(seen: Seen, known: KnownMotion) -> list[tuple[float, float]]
 def _checked_by_frames(
     seen: Seen, known: KnownMotion, solutions: list[tuple[float, float]]
 ) -> tuple[list[tuple[float, float]], bool]:
-    """Move the solutions to the nearest frequency that also fits the advance from frame to frame."""
+    """Move the solutions to the nearest frequency that also fits the advance from frame to frame.
+
+    False with them if none fits, or only motion that overtakes the read-out, as some does by chance where times are
+    wrong.
+    """
     fine = seen.per_frame_std / seen.frame_time
     kept, nearest = [], []
-    for frequency, std in solutions:
+    allowed = [one for one in solutions if _allowed(seen, known, *one)] or solutions
+    is_likely, must_overtake = False, all(_overtakes(seen, frequency) for frequency, _ in allowed)
+    for frequency, std in allowed:
         turns = round(frequency * seen.frame_time - seen.per_frame)
         snapped = (seen.per_frame + turns) / seen.frame_time
         allowance = 4.0 * math.hypot(std, fine) + known.timing_tolerance * abs(frequency)
         nearest.append((abs(snapped - frequency) / allowance if allowance else 0.0, snapped))
         reach = min(int(allowance * seen.frame_time), _MAX_CANDIDATES)
         near = ((seen.per_frame + turns + k) / seen.frame_time for k in range(-reach - 1, reach + 2))
-        kept += [(one, fine) for one in near if abs(one - frequency) <= allowance]
+        fitting = [(one, fine) for one in near if abs(one - frequency) <= allowance]
+        kept += fitting
+        sure = must_overtake or not _overtakes(seen, frequency) or 2.0 * allowance * seen.frame_time < _CHANCE
+        is_likely |= sure and bool(fitting)
     if kept:
-        return sorted(set(kept)), True
+        return sorted(set(kept)), is_likely
     return [(min(nearest)[1], fine)], False
+
+
+def _overtakes(seen: Seen, frequency: float) -> bool:
+    return abs(frequency) * seen.row_time > abs(seen.per_row - frequency * seen.row_time)
 
 
 def _from_frames_alone(seen: Seen, known: KnownMotion) -> list[tuple[float, float]]:
