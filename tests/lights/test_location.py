@@ -163,3 +163,19 @@ def test_a_camera_straight_below_a_light_is_found():
             got = of.locate_camera(places, pixels, focal=1500.0, centre=(960.0, 540.0))
             poses = [got.position, *got.alternatives]
             assert min(np.linalg.norm(pose) for pose in poses) < max(0.1 * height, 6 * np.linalg.norm(got.position_std))
+
+
+@pytest.mark.parametrize("origin", [1e4, 5e5, 4e6])
+def test_places_far_from_their_origin_are_located_alike(origin):
+    random = np.random.default_rng(4)
+    offset = origin * np.array([1.0, -0.5, 0.3])
+    for _ in range(5):
+        position = random.uniform((-0.3, -0.3, -0.1), (0.3, 0.3, 0.1))
+        pixels = seen_from(position, LAMPS, random.normal(0, 0.05, 3)) + random.normal(0, 0.5, LAMPS[:, :2].shape)
+        near = of.locate_camera(LAMPS, pixels, focal=FOCAL, centre=CENTRE, noise=0.5)
+        far = of.locate_camera(
+            LAMPS + offset, pixels, focal=FOCAL, centre=CENTRE, noise=0.5, inside=(offset - 1.0, offset + 1.0)
+        )
+        assert (near.status, far.status) == ("ok", "ok")
+        np.testing.assert_allclose(far.position - offset, near.position, atol=1e-6)
+        np.testing.assert_allclose(far.position_std, near.position_std, rtol=1e-4)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
@@ -90,8 +91,10 @@ def locate_camera(
     lens = _Lens.of(focal, centre, distortion)
     if not 1e-9 <= noise <= 1e9:
         raise ValueError(f"noise: got {noise}, allowed: 1e-9 to 1e9 (pixels)")
-    box = None if inside is None else np.stack([_checked("inside", [corner], 3)[0] for corner in inside])
-    spread = np.linalg.svd(world - world.mean(axis=0), compute_uv=False)
+    middle = world.mean(axis=0)  # the origin below: places far from theirs would lose their digits
+    world = world - middle
+    box = None if inside is None else np.stack([_checked("inside", [corner], 3)[0] for corner in inside]) - middle
+    spread = np.linalg.svd(world, compute_uv=False)
     if spread[1] <= _COLLINEAR * spread[0]:
         return _nowhere("the lights stand in one line: the camera may be anywhere on a circle about it")
     poses = _poses(world, image, lens, noise)
@@ -99,7 +102,8 @@ def locate_camera(
         poses = [p for p in poses if np.all((p.position >= box[0]) & (p.position <= box[1]))]
     if not poses:
         return _nowhere("no place from which all lights are in front of the camera" + (" inside" if inside else ""))
-    return _judged(poses, world, lens, noise)
+    found = _judged(poses, world, lens, noise)
+    return dataclasses.replace(found, position=found.position + middle, alternatives=found.alternatives + middle)
 
 
 @dataclass(frozen=True)
@@ -151,7 +155,7 @@ def _poses(world: Float64s, image: Float64s, lens: _Lens, noise: float) -> list[
             found = cv2.solveP3P(world[chosen], moved, lens.matrix, lens.distortion, cv2.SOLVEPNP_AP3P)
             starts += list(zip(found[1], found[2], strict=True))
     if len(world) > 3:
-        spread = np.linalg.svd(world - world.mean(axis=0), compute_uv=False)
+        spread = np.linalg.svd(world, compute_uv=False)
         flat = spread[2] <= _COLLINEAR * spread[0]
         for method in (cv2.SOLVEPNP_SQPNP, *((cv2.SOLVEPNP_IPPE,) if flat else ())):
             with contextlib.suppress(cv2.error):  # SQPnP refuses lights that are close together in the picture
@@ -162,7 +166,7 @@ def _poses(world: Float64s, image: Float64s, lens: _Lens, noise: float) -> list[
     poses: list[_Pose] = []
     for start in usable[:_MAX_STARTS]:
         pose = _refined(world, image, lens, noise, *start)
-        if pose is not None and not any(_same(pose, other, world) for other in poses):
+        if pose is not None and not any(_same(pose, other) for other in poses):
             poses.append(pose)
     return sorted(poses, key=lambda pose: pose.squares)
 
@@ -185,9 +189,8 @@ def _squares(world: Float64s, image: Float64s, lens: _Lens, turn: Any, shift: An
     return float(np.sum((expected - image) ** 2))
 
 
-def _same(one: _Pose, other: _Pose, world: Float64s) -> bool:
-    distance = float(np.linalg.norm(one.position - world.mean(axis=0)))
-    return float(np.linalg.norm(one.position - other.position)) < 1e-3 * distance
+def _same(one: _Pose, other: _Pose) -> bool:
+    return float(np.linalg.norm(one.position - other.position)) < 1e-3 * float(np.linalg.norm(one.position))
 
 
 def _judged(poses: list[_Pose], world: Float64s, lens: _Lens, noise: float) -> Location:
@@ -198,7 +201,7 @@ def _judged(poses: list[_Pose], world: Float64s, lens: _Lens, noise: float) -> L
     std = np.sqrt(np.diag(covariance))
     others = [pose.position for pose in poses[1:] if pose.squares <= best.squares + _LIKELIHOOD]
     alternatives = np.array(others).reshape(-1, 3)
-    distance = float(np.linalg.norm(world.mean(axis=0) - best.position))
+    distance = float(np.linalg.norm(best.position))
     status: Literal["ok", "ambiguous", "degenerate", "inconsistent"] = "ok"
     reason = ""
     if best.squares > _largest_squares(2 * len(world) - 6):
