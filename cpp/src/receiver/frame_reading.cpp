@@ -19,8 +19,8 @@ namespace {
 
 constexpr int kMinRounds = 3;       // of detection, until the channel stays
 constexpr double kSettling = 0.98;  // ratio of the residual to that of the round before, for more than three
-constexpr double kStays = 0.02;     // chips at either end of the frame; of the exposure; levels relative to the swing
-constexpr double kVainStep = 0.02;  // standard errors
+// Chips at either end of the frame; of the exposure; levels relative to the swing; standard errors of a step in vain.
+constexpr double kStays = 0.02;
 constexpr double kRestStays = 0.3;  // relative to the noise, of the rows less slow light and tones
 constexpr std::size_t kPreamblesTried = 3;
 constexpr double kLongestPreambleExposure = 14;  // chips
@@ -120,7 +120,7 @@ std::vector<double> hard_chips(const FrameReading& reading) {
 
 std::optional<FrameReading> read_frame(std::span<const double> signal, const ChannelEstimate& start,
                                        bool exposure_known, SearchEffort* effort, const RowsBeside* beside) {
-  const ChannelModel model{start.dark.size() - 1, start.swing.size() - 1, exposure_known, 0, kVainStep};
+  const ChannelModel model{start.dark.size() - 1, start.swing.size() - 1, exposure_known, 0, kStays};
   ChannelEstimate channel = start;
   FrameReading reading;
   reading.rest.assign(signal.begin(), signal.end());
