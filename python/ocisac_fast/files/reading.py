@@ -105,7 +105,8 @@ def lossless_suffix(path: str | os.PathLike[str], *, raw: str | None = None) -> 
     with open_recording(path, raw=raw) as stream:
         kind, is_single, film = stream.kind, stream.frame_count == 1, stream.video
     if kind != "picture":
-        return ".npy" if film is None or film.pixel_format.startswith(FLOAT_GREY) else ".mkv"
+        is_float = film is not None and film.pixel_format.startswith(FLOAT_GREY)
+        return ".npy" if kind == "array" or is_float else ".mkv"
     with _place(path).open("rb") as file:
         is_tiff = file.read(len(TIFF[0])) in TIFF
     return ".tif" if is_tiff else ".png" if is_single else ".mkv"
