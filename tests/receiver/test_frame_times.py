@@ -92,6 +92,15 @@ def test_rounded_time_stamps_lose_no_payloads(chip_rate, digits, drop):
     assert payloads[0] > 0.8 * payloads[1]
 
 
+@pytest.mark.parametrize("wrong", [1e-3, -3e-3, 1e-2])
+def test_exact_time_stamps_hold_where_the_frame_time_given_is_wrong(wrong):
+    film = Film(7)
+    receiver = film.receiver(frame_time=(1 + wrong) * FRAME_TIME)
+    times = FRAME_TIME * np.arange(160)
+    payloads = sum(receiver.push(film.frame(time), time=time).payload is not None for time in times)
+    assert payloads >= 8
+
+
 def test_frames_given_twice_and_left_out_are_no_loss_without_numbers():
     film = Film(6)
     receiver = film.receiver()

@@ -223,6 +223,17 @@ def test_dark_rows_between_a_lamp_and_its_reflection_and_beyond_are_not_known_to
     assert np.count_nonzero(got.relative_levels) > 0.9 * 640 / pitch
 
 
+@pytest.mark.parametrize("exposure", [1.3, 1.6])
+def test_an_exposure_of_more_than_a_chip_puts_no_chips_of_a_lamp_in_doubt(exposure):
+    """Bright chips between dark ones swing less than others there, though all are of one lamp."""
+    random = np.random.default_rng(3)
+    light = rows_of(random.integers(0, 2, 200), 7.0, exposure * 7.0) * np.ones(24)
+    (got,) = ocisac.receive(photographed(20 + 120 * light, 3)[:700], Camera(1.0, exposure * 7.0))
+    assert not got.flags & ~(Flag.LONG_EXPOSURE | Flag.WEAK)
+    assert len(got.bits) >= 95
+    assert np.count_nonzero(got.relative_levels == 0) == 0
+
+
 def test_light_that_fills_the_width_may_be_idle():
     """A laser's spot without sides: dark rows before and after its packet are chips."""
     chips = np.r_[np.zeros(40, int), np.random.default_rng(5).integers(0, 2, 60), np.zeros(50, int)]

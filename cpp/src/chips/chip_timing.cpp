@@ -343,16 +343,12 @@ struct PartSums {
   std::vector<std::complex<double>> sums;
 };
 
-std::optional<PartSums> coherent_parts(const std::vector<Edges>& parts, double rows, FrequencyRange range) {
+PartSums coherent_parts(const std::vector<Edges>& parts, double rows, FrequencyRange range) {
   const double width = range.highest - range.lowest;
   const auto steps = static_cast<std::size_t>(std::max(std::ceil(width * 4 * rows), 8.0));
   const double step = width / static_cast<double>(steps);
   std::vector<std::array<std::vector<std::complex<double>>, 2>> spectra;
-  double most = 0;
-  for (const Edges& part : parts) {
-    spectra.push_back(edge_spectra(part, range.lowest, step, steps + 1));
-    most += std::pow(static_cast<double>(part.rows.size()), 2);
-  }
+  for (const Edges& part : parts) spectra.push_back(edge_spectra(part, range.lowest, step, steps + 1));
   std::vector<double> scores(steps + 1);
   std::vector<std::complex<double>> falls(steps + 1);
   for (std::size_t k = 0; k <= steps; ++k) {
@@ -363,10 +359,9 @@ std::optional<PartSums> coherent_parts(const std::vector<Edges>& parts, double r
     }
     scores[k] = squares + 2 * std::abs(falls[k]);
   }
-  const double highest = std::ranges::max(scores);
-  if (!(highest > kMostly * most)) return std::nullopt;
+  const double least = kNearlyAll * std::ranges::max(scores);
   std::size_t at = 0;
-  while (scores[at] < kNearlyAll * highest) ++at;
+  while (scores[at] < least) ++at;
   while (at < steps && scores[at + 1] > scores[at]) ++at;
   PartSums found{range.lowest + step * static_cast<double>(at), {}};
   const auto back = std::polar(1.0, -std::arg(falls[at]));
@@ -389,13 +384,11 @@ RowWarp warp_of_edges(std::span<const double> signal, double noise, FrequencyRan
     part.rising.push_back(edges.rising[k]);
   }
   const auto found = coherent_parts(parts, rows, range);
-  if (!found) return {};
   // The phase of each part, less its mean and a straight line, which are those of the clock.
   Eigen::MatrixXd line(kParts, 2);
   Eigen::VectorXd turns(kParts);
   for (std::size_t k = 0; k < kParts; ++k) {
-    const double turn = std::arg(found->sums[k]) / kTwoPi,
-                 last = k > 0 ? turns[static_cast<Eigen::Index>(k) - 1] : turn;
+    const double turn = std::arg(found.sums[k]) / kTwoPi, last = k > 0 ? turns[static_cast<Eigen::Index>(k) - 1] : turn;
     turns[static_cast<Eigen::Index>(k)] = last + std::remainder(turn - last, 1.0);
     line.row(static_cast<Eigen::Index>(k)) << 1, static_cast<double>(k);
   }
@@ -404,7 +397,7 @@ RowWarp warp_of_edges(std::span<const double> signal, double noise, FrequencyRan
   for (std::size_t m = 0; m < warp.size(); ++m) {
     const double place = std::clamp((static_cast<double>(m) + 0.5) / rows - 0.5, 0.0, kParts - 1.0);
     const auto at = std::min(static_cast<Eigen::Index>(place), static_cast<Eigen::Index>(kParts) - 2);
-    warp[m] = std::lerp(turns[at], turns[at + 1], place - static_cast<double>(at)) / found->frequency;
+    warp[m] = std::lerp(turns[at], turns[at + 1], place - static_cast<double>(at)) / found.frequency;
   }
   return warp;
 }

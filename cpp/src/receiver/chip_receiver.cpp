@@ -173,8 +173,7 @@ bool FrameTimes::add(double time, const ChipClock& clock, double frame_rows) {
   if (pairs_ < kMinPairs) return false;
   const auto turning = [this](std::complex<double> turns) { return 1 - std::abs(turns) / static_cast<double>(pairs_); };
   const double off = most_late_ + most_early_;
-  const bool drifts = std::abs(rows) > kSmallShare * off;                          // the frame time may be wrong
-  const bool may_be_rounded = !drifts && off > kSmallShare * clock.rows_per_chip;  // even by whole chips
+  const bool may_be_rounded = off > kSmallShare * clock.rows_per_chip;  // even by whole chips
   const double most = may_be_rounded ? kNextToNone : 0.0;
   are_even_ = turning(even_turns_) < std::max(most, kSmallShare * turning(stamped_turns_));
   return are_even_;
