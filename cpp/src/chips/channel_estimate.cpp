@@ -116,11 +116,17 @@ bool ChannelEstimate::has_other_rate(double rows_per_chip, double tolerance) con
 
 std::vector<double> channel_residual(std::span<const double> signal, const KnownChips& chips,
                                      const ChannelEstimate& channel) {
+  std::vector<double> exposed(signal.size());
+  expose_chips(chips, channel.clock, exposed);
+  return residual_beside(signal, exposed, channel);
+}
+
+std::vector<double> residual_beside(std::span<const double> signal, std::span<const double> exposed,
+                                    const ChannelEstimate& channel) {
   std::vector<double> left(signal.size());
-  expose_chips(chips, channel.clock, left);
   for (std::size_t n = 0; n < left.size(); ++n) {
     const auto row = static_cast<double>(n);
-    left[n] = signal[n] - channel.dark_at(row, left.size()) - channel.swing_at(row, left.size()) * left[n];
+    left[n] = signal[n] - channel.dark_at(row, left.size()) - channel.swing_at(row, left.size()) * exposed[n];
     left[n] *= channel.clock.share_at(static_cast<std::ptrdiff_t>(n));
   }
   return left;

@@ -374,6 +374,7 @@ std::optional<Decoded> decode_rows(const CombinedColumn& column, const LitRows& 
   if (!what.exposure_rows) decoded->uneven |= may_be_longer(runs_between(chips_of_edges(*decoded)));
   decoded->uneven |= is_read_in_groups(signal, decoded->grid.clock, what.exposure_rows);
   decoded->grid.clock.phase += static_cast<double>(begin);
+  // A longer exposure than a chip leaves swings of any height, too.
   if (what.exposure_rows && *what.exposure_rows < decoded->grid.clock.rows_per_chip)
     doubt_gaps(decoded->detection, lit.rows.size() < column.signal.size());
   auto seen = within(*decoded, lit.rows, column.signal.size());
@@ -428,7 +429,7 @@ bool decode_displaced(const CombinedColumn& column, const ColumnSearch& what, Re
   CombinedColumn even = column;
   even.signal = unwarped(column.signal, warp);
   Received tried{.frame = received.frame, .colour = received.colour};
-  if (!decode(even, what, tried) || (!received.bits.empty() && tried.snr < kBetter * received.snr)) return false;
+  if (!decode(even, what, tried) || (!received.bits.empty() && tried.snr <= received.snr)) return false;
   received = std::move(tried);
   received.flags |= flag::model_misfit;
   received.phase = picture_row(received.phase, warp);

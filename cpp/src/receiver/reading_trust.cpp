@@ -134,15 +134,14 @@ void add_edge_excess(std::span<const double> off, std::vector<double>& excess) {
 
 // The chips explain more of the rows than a constant light does, which costs no bits: 2^(−bits) is the prior of one
 // sequence. A periodic one near a null of the exposure shows nothing but noise, at any swing.
-bool is_worth_its_bits(const FrameReading& reading, const KnownChips& chips) {
+// light: (rows) the chips' response.
+bool is_worth_its_bits(const FrameReading& reading, std::span<const double> light) {
   const ChannelEstimate& channel = reading.channel;
-  std::vector<double> light(reading.rest.size());
-  expose_chips(chips, channel.clock, light);
   const double mean = mean_of(light);
   double explained = 0;
   for (std::size_t n = 0; n < light.size(); ++n)
     explained += std::pow(channel.swing_at(static_cast<double>(n), light.size()) * (light[n] - mean), 2);
-  const auto bits = static_cast<double>(chips.levels.size());
+  const auto bits = static_cast<double>(reading.llr.size());
   return explained > 2 * std::numbers::ln2 * bits * channel.noise * channel.noise;
 }
 
@@ -166,8 +165,9 @@ double expected_errors(std::span<const double> llr, double scale) {
 void judge(FrameReading& reading, std::span<const double> off) {
   const ChannelEstimate& channel = reading.channel;
   const auto bits = hard_chips(reading);
-  const KnownChips chips{bits, reading.first};
-  const auto left = channel_residual(reading.rest, chips, channel);
+  std::vector<double> light(reading.rest.size());
+  expose_chips({bits, reading.first}, channel.clock, light);
+  const auto left = residual_beside(reading.rest, light, channel);
   reading.correlation = residual_correlation(left, reading);
   reading.edge_correlation = edge_correlation(off);
   reading.excess = residual_excess(left, reading);
@@ -180,7 +180,7 @@ void judge(FrameReading& reading, std::span<const double> off) {
   const bool even = !takes_up_misfits(reading) && is_even(residual_windows(left, channel), channel.clock);
   const bool has_clock =
       std::ranges::all_of(channel.errors.covariance, [](double value) { return std::isfinite(value); });
-  if (!(has_clock && is_worth_its_bits(reading, chips) && reading.relative_noise < kMaxRelativeNoise &&
+  if (!(has_clock && is_worth_its_bits(reading, light) && reading.relative_noise < kMaxRelativeNoise &&
         reading.error_rate < (even ? kMaxErrorsIfEven : kMaxErrors)))
     reading.trust = Trust::unsound;
   else if (white)

@@ -235,8 +235,8 @@ bool RowReader::shows_no_light(std::span<const double> signal, FrameRows& frame,
     const auto &chip = state.rows_per_chip, &exposure = state.model.exposure_rows;
     const bool is_known = chip || exposure;  // else edges of noise would say that chips are short
     const bool is_correlated = std::max(chip.value_or(0.0), exposure.value_or(0.0)) >= kMinCorrelatedRows;
-    const bool stands_still = !frame.before.empty() && is_noise(difference(frame.signal, frame.before));
-    frame.is_noise = (is_correlated || !is_known) && (stands_still || is_noise(signal));
+    const auto stands_still = [&] { return !frame.before.empty() && is_noise(difference(frame.signal, frame.before)); };
+    frame.is_noise = (is_correlated || !is_known) && (is_noise(signal) || stands_still());
   }
   return *frame.is_noise;
 }

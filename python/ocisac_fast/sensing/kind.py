@@ -82,9 +82,8 @@ def motion_facts(kind: Kind, axis: str | None, seen: Seen, known: KnownMotion, a
     if not _is_shown(speed, known, per_pixel, pixel_std):
         flags |= Flag.MODEL_MISFIT
     if axis == "along" and known.axis is None and known.pitch is not None and (known.spatial_frequency or known.speed):
-        turned = (
-            abs(advance.cycles) > 4.0 * advance.std
-        )  # all of the stated texture is across the rows: times are wrong
+        # All of the stated texture is across the rows: times are wrong.
+        turned = abs(advance.cycles) > 4.0 * advance.std
         if turned and _is_shown(_speed(across_rows(seen), known, 0.0, 0.0), known, advance.cycles, advance.std):
             flags |= Flag.AMBIGUOUS_MOTION
     return {

@@ -55,6 +55,9 @@ struct ChannelEstimate {
 // Residual of each row: the signal less the channel's response to the chips, as noisy as that of a whole exposure.
 std::vector<double> channel_residual(std::span<const double> signal, const KnownChips& chips,
                                      const ChannelEstimate& channel);
+// The same from the chips' response in each row (expose_chips).
+std::vector<double> residual_beside(std::span<const double> signal, std::span<const double> exposed,
+                                    const ChannelEstimate& channel);
 
 // Bound on the work for a frame: rows processed by fits and detections, counted down with every pass. It counts work
 // instead of time, so results are reproducible.

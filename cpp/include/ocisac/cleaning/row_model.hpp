@@ -39,8 +39,8 @@ struct ModelledLight {
 
 // Mean, harmonics and slow terms are fitted to the rows at the frequency found in them; none if they do not explain
 // `enough` of the rows' swing (no bound where it is empty). Periodic texture contributes to the rows too. It has few
-// edges, so the tone is then fitted to the picture itself, with harmonics or the sine of a second lamp where
-// they are much likelier.
+// edges, so the tone is then fitted to the picture itself. Harmonics, or the sine of a second lamp, are added where the
+// rows are much more probable with them.
 // rows: (rows) estimated without a model (ColumnBundles::free), with their information.
 std::optional<ToneLight> find_tone_light(const ColumnBundles& picture, const RowLight& rows,
                                          std::optional<double> enough);
