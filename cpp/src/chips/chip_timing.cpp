@@ -372,31 +372,34 @@ PartSums coherent_parts(const std::vector<Edges>& parts, double rows, FrequencyR
 }  // namespace
 
 RowWarp warp_of_edges(std::span<const double> signal, double noise, FrequencyRange range) {
-  constexpr std::size_t kParts = 16;
+  constexpr std::size_t kMostParts = 16;
   const auto points = points_of(signal, 1, noise, span_of(signal));
   const Edges edges = edges_between(signal, points, kThresholds[0]);
-  if (edges.rows.size() < kParts * kMinEdges) return {};
-  const double rows = static_cast<double>(signal.size()) / kParts;
-  std::vector<Edges> parts(kParts);
+  const std::size_t count = std::min(edges.rows.size() / kMinEdges, kMostParts);
+  if (count < 3) return {};  // a straight line fits any two
+  const double rows = static_cast<double>(signal.size()) / static_cast<double>(count);
+  std::vector<Edges> parts(count);
   for (std::size_t k = 0; k < edges.rows.size(); ++k) {
-    Edges& part = parts[std::min(static_cast<std::size_t>(edges.rows[k] / rows), kParts - 1)];
+    Edges& part = parts[std::min(static_cast<std::size_t>(edges.rows[k] / rows), count - 1)];
     part.rows.push_back(edges.rows[k]);
     part.rising.push_back(edges.rising[k]);
   }
-  const auto found = coherent_parts(parts, rows, range);
+  const PartSums found = coherent_parts(parts, rows, range);
   // The phase of each part, less its mean and a straight line, which are those of the clock.
-  Eigen::MatrixXd line(kParts, 2);
-  Eigen::VectorXd turns(kParts);
-  for (std::size_t k = 0; k < kParts; ++k) {
-    const double turn = std::arg(found.sums[k]) / kTwoPi, last = k > 0 ? turns[static_cast<Eigen::Index>(k) - 1] : turn;
-    turns[static_cast<Eigen::Index>(k)] = last + std::remainder(turn - last, 1.0);
-    line.row(static_cast<Eigen::Index>(k)) << 1, static_cast<double>(k);
+  const auto last = static_cast<Eigen::Index>(count) - 1;
+  Eigen::MatrixXd line(count, 2);
+  Eigen::VectorXd turns(count);
+  for (Eigen::Index k = 0; k <= last; ++k) {
+    const double turn = std::arg(found.sums[static_cast<std::size_t>(k)]) / kTwoPi,
+                 before = k > 0 ? turns[k - 1] : turn;
+    turns[k] = before + std::remainder(turn - before, 1.0);
+    line.row(k) << 1, static_cast<double>(k);
   }
   turns -= line * solve_normal(line.transpose() * line, line.transpose() * turns)->values;
   RowWarp warp(signal.size());
   for (std::size_t m = 0; m < warp.size(); ++m) {
-    const double place = std::clamp((static_cast<double>(m) + 0.5) / rows - 0.5, 0.0, kParts - 1.0);
-    const auto at = std::min(static_cast<Eigen::Index>(place), static_cast<Eigen::Index>(kParts) - 2);
+    const double place = std::clamp((static_cast<double>(m) + 0.5) / rows - 0.5, 0.0, static_cast<double>(last));
+    const auto at = std::min(static_cast<Eigen::Index>(place), last - 1);
     warp[m] = std::lerp(turns[at], turns[at + 1], place - static_cast<double>(at)) / found.frequency;
   }
   return warp;

@@ -429,7 +429,9 @@ bool decode_displaced(const CombinedColumn& column, const ColumnSearch& what, Re
   CombinedColumn even = column;
   even.signal = unwarped(column.signal, warp);
   Received tried{.frame = received.frame, .colour = received.colour};
-  if (!decode(even, what, tried) || (!received.bits.empty() && tried.snr <= received.snr)) return false;
+  if (!decode(even, what, tried) || (tried.flags & (flag::weak | flag::too_few_edges)) != 0 ||
+      (!received.bits.empty() && tried.snr <= received.snr))
+    return false;
   received = std::move(tried);
   received.flags |= flag::model_misfit;
   received.phase = picture_row(received.phase, warp);
