@@ -120,7 +120,7 @@ def displaced_frame(seed, chip=(3.6, 7)):
 
 @pytest.mark.parametrize(("chip", "least"), [((3.6, 7), 54), ((9, 16), 44)])
 def test_rows_that_a_lens_or_a_stabiliser_displaces_are_read_and_flagged(chip, least):
-    """Where the phase of the chips changes by nearly half a chip in a sixteenth of the rows, some are wrong."""
+    """Where the phase changes by nearly half a chip in four edges, some are wrong."""
     right = 0
     for seed in range(60):
         pixels, camera, data, chips = displaced_frame(seed, chip)
