@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ocisac_fast import Camera, Chips, Flag, Receiver, integrate_exposure, receive, transmit
+from ocisac_fast import Camera, Chips, Flag, Receiver, SquareWave, integrate_exposure, receive, transmit
 
 ROWS, ROW_TIME = 900, 20e-6
 
@@ -120,7 +120,7 @@ def displaced_frame(seed, chip=(3.6, 7)):
 
 @pytest.mark.parametrize(("chip", "least"), [((3.6, 7), 54), ((9, 16), 44)])
 def test_rows_that_a_lens_or_a_stabiliser_displaces_are_read_and_flagged(chip, least):
-    """Where the phase changes by nearly half a chip in four edges, some are wrong."""
+    """Where the phase changes by nearly half a chip in a part of the rows, some are wrong."""
     right = 0
     for seed in range(60):
         pixels, camera, data, chips = displaced_frame(seed, chip)
@@ -142,3 +142,19 @@ def test_texture_is_no_displaced_light():
         answers = receive(np.clip(np.rint(picture), 0, 255).astype(np.uint8)[None], Camera(ROW_TIME))
         found += sum(bool(answer.bits) for answer in answers)
     assert found <= 22
+
+
+def test_a_square_wave_of_another_lamp_displaces_no_rows():
+    """Short parts of the rows of their own phase take up its steps."""
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        data = np.stack([bits := random.integers(0, 2, 300), 1 - bits], axis=1).ravel()
+        rows_per_chip = random.uniform(2.8, 3.2)
+        camera = Camera(ROW_TIME, 0.5 * rows_per_chip * ROW_TIME)
+        chips = integrate_exposure(Chips(data, 1 / (rows_per_chip * ROW_TIME)), camera, ROWS, start=20 * ROW_TIME)
+        lamp = integrate_exposure(SquareWave(random.uniform(900, 1100)), camera, ROWS)
+        spot = np.exp(-0.5 * (np.arange(-8, 8) / 3) ** 2)
+        picture = 20 + 100 * chips[:, None] * spot + 50 * lamp[:, None] + random.normal(0, 2, (ROWS, 16))
+        (found,) = receive(np.clip(np.rint(picture), 0, 255).astype(np.uint8)[None], camera)
+        assert not found.flags
+        assert found.bits in "".join(map(str, data))

@@ -372,9 +372,10 @@ PartSums coherent_parts(const std::vector<Edges>& parts, double rows, FrequencyR
 }  // namespace
 
 RowWarp warp_of_edges(std::span<const double> signal, double noise, FrequencyRange range) {
+  constexpr std::size_t kMostParts = 16;  // a displacement is smooth; tones of other lamps are not
   const auto points = points_of(signal, 1, noise, span_of(signal));
   const Edges edges = edges_between(signal, points, kThresholds[0]);
-  const std::size_t count = edges.rows.size() / kMinEdges;
+  const std::size_t count = std::min(edges.rows.size() / kMinEdges, kMostParts);
   if (count < 3) return {};  // a straight line fits any two
   const double rows = static_cast<double>(signal.size()) / static_cast<double>(count);
   std::vector<Edges> parts(count);

@@ -42,8 +42,8 @@ struct TimingSearch {
 TimingSearch find_chip_timing(std::span<const double> signal, double noise, FrequencyRange range);
 
 // The warp that makes the edges' clock even, of rows that a lens correction or a stabiliser displaces: chips agree
-// within each part of the rows that holds four edges, and their phase changes by less than half a chip to the next.
-// Empty where there are fewer than three parts.
+// within each of up to 16 parts of the rows that hold four edges, and their phase changes by less than half a chip to
+// the next. Empty where there are fewer than three parts.
 RowWarp warp_of_edges(std::span<const double> signal, double noise, FrequencyRange range);
 
 // The lattice for edges at one threshold; absent if none is consistent. `rows`: length of the frame.
