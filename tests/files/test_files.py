@@ -518,6 +518,8 @@ def damaged_files():
     return {
         **{name: (b"".join(pieces), "a further picture after the first") for name, pieces in further.items()},
         "jpegs of two sizes": (jpeg + picture_bytes(picture[:50], "JPEG"), r"frame 1 is \(50, 48\) after frames of"),
+        "png, matroska": (grey + b"\x1a\x45\xdf\xa3\x9f" + bytes(40), "a film after the picture"),
+        "bmp, mp4": (bmp + b"\0\0\0\x1cftypisom" + bytes(40), "a film after the picture"),
         "empty": (b"", "empty"),
         "text": (b"certainly not a picture\n" * 20, "not a picture, a video or a .npy array"),
         "half a png": (grey[: len(grey) // 2], "truncated"),
@@ -973,6 +975,7 @@ JOINED = {
     "d.mp4": {"movflags": "frag_keyframe+empty_moov+default_base_moof"},
     "a.mov": {"movflags": "faststart"},
     "a.asf": {},
+    "a.avi": {},
 }
 
 
@@ -991,11 +994,42 @@ def test_a_further_film_is_named_and_left_out(tmp_path, name):
     with pytest.warns(FileWarning, match="a further film after the first, which is left out"):
         assert len(read_frames(path).frames) == 20
     assert cut_recording(path, 5) is None
+    path.write_bytes(data + b"\x1a\x45\xdf\xa3\x9f" + bytes(99))  # Matroska
+    with pytest.warns(FileWarning, match="a further film after the first, which is left out"):
+        assert len(read_frames(path).frames) == 20
     command = [sys.executable, "-c", SUMS.replace("RAW", "None")]
     for films, warned in ((1, []), (2, ["standard input: a further film after the first, which is left out"])):
         done = subprocess.run(command, input=films * data, capture_output=True, check=True, timeout=60, text=False)
         lines = done.stdout.decode().splitlines()
         assert (len(lines[:20]), lines[20:]) == (20, [f"warning: {text}" for text in warned])
+
+
+@pytest.mark.parametrize("kind", ["PCX", "SGI"])
+def test_a_further_picture_of_a_kind_that_ffmpeg_reads_is_named(tmp_path, kind):
+    path = tmp_path / "a.picture"
+    with image_module.fromarray(random_frames((1, 48, 64), np.uint8)[0]) as image:
+        image.save(path, kind)
+    assert len(read_frames(path).frames) == 1
+    path.write_bytes(2 * path.read_bytes())
+    with pytest.warns(FileWarning, match="a further picture after the first, which is left out"):
+        assert len(read_frames(path).frames) == 1
+
+
+def test_further_video_tracks_are_named(tmp_path):
+    """The first of them was read, which may be a preview, and nothing was said."""
+    path = tmp_path / "a.mkv"
+    with av.open(str(path), "w") as container:
+        frames = random_frames((12, 48, 64), np.uint8)
+        tracks = [container.add_stream("ffv1", rate=30, options={"g": "1"}) for _ in range(2)]
+        for track in tracks:
+            track.height, track.width, track.pix_fmt = 48, 64, "gray"
+        for track, count in zip(tracks, (3, 12), strict=True):
+            for frame in frames[:count]:
+                container.mux(track.encode(av.VideoFrame.from_ndarray(frame, format="gray")))
+            container.mux(track.encode(None))
+    with pytest.warns(FileWarning, match=r"a.mkv: video track \d is read, 1 more left out"):
+        read_frames(path)
+    assert cut_recording(path, 2) is None
 
 
 def test_what_follows_a_film_in_a_pipe_is_skipped_in_pieces_of_any_size():

@@ -88,9 +88,7 @@ class Results:
         facts = {**task.facts(), "version": build()["version"]}
         with self._alone():
             with self._errors():
-                rows = Path(self._path("rows")).glob("??") if self.is_local else ()
-                for folder in (*_FOLDERS, *(f"rows/{each.name}" for each in rows)):
-                    self._require_file(folder)
+                self._require_folders()
                 there = None if again else self._task()
                 if there is not None and there != facts:
                     raise ResultsError(
@@ -351,25 +349,33 @@ class Results:
     def every_part(self) -> Iterator[tuple[dict[str, Any], Any]]:
         """Facts and rows of each file of rows of the folder's task, in the order of names."""
         task = {key: value for key, value in self.task_facts().items() if key != "version"}
-        for name in self._to_read("rows"):
+        others: list[str] = []
+        for name, is_stated in self._to_read("rows").items():
             facts, rows = self._read_table(name)
             if facts.get("task") == task:
                 yield facts, rows
+            elif is_stated:
+                others.append(name)
+        if others:
+            named = f"{others[0]}{_more(others[1:])}"
+            text = f"{self.folder}: {named} of other options, left out; the same command measures it"
+            warnings.warn(text, FileWarning, stacklevel=2)
 
     def failures(self) -> Iterator[Any]:
         """The table of each file of failures."""
         for name in self._to_read("failures"):
             yield self._read_table(name)[1]
 
-    def _to_read(self, kind: str) -> list[str]:
-        """The files of rows or failures; a warning names those of the manifest that are not there."""
+    def _to_read(self, kind: str) -> dict[str, bool]:
+        """The files of rows or failures, True for those of the manifest; a warning names those that are not there."""
         with self._errors():
+            self._require_folders()
             stated = _lengths_in(self._read_json(_MANIFEST))  # before the listing: a run may be going on
         found = self.names(kind)
         if lost := sorted(name for name in stated if name.startswith(f"{kind}/") and name not in found):
             text = f"{self.folder}: {lost[0]}{_more(lost[1:])} missing; the same command measures what is missing"
             warnings.warn(text, FileWarning, stacklevel=4)
-        return [*found]
+        return {name: name in stated for name in found}
 
     def _read_table(self, name: str) -> tuple[dict[str, Any], Any]:
         """The facts and rows of a file."""
@@ -423,6 +429,12 @@ class Results:
         except (FileNotFoundError, ValueError):
             return {}
         return found if isinstance(found, dict) else {}
+
+    def _require_folders(self) -> None:
+        """Refuse what is no folder where those of the results are."""
+        rows = Path(self._path("rows")).glob("??") if self.is_local else ()
+        for folder in (*_FOLDERS, *(f"rows/{each.name}" for each in rows)):
+            self._require_file(folder)
 
     def _require_file(self, name: str) -> None:
         """Refuse what is no file, and links also among the folders of the results above it."""

@@ -6,21 +6,22 @@ import math
 from typing import Any
 
 _PIECE, _BOX_HEAD = 4096, 24  # bytes
+_RIFF, _MATROSKA = b"RIFF", b"\x1a\x45\xdf\xa3"
 _ASF = bytes.fromhex("3026b2758e66cf11a6d900aa0062ce6c")  # the identifier of its header
 
 
 class FirstFilm:
     """A file up to its second film, which FFmpeg would leave out, or read with the index of the first.
 
-    The boxes of MP4 (ISO 14496-12) and the objects of ASF are followed by their sizes: those of a file when it is
-    opened, those of a pipe as its bytes pass.
+    The boxes of MP4 (ISO 14496-12), the objects of ASF and the parts of AVI are followed by their sizes: those of a
+    file when it is opened, those of a pipe as its bytes pass.
     """
 
     def __init__(self, file: Any, is_searched: bool = True) -> None:
         self._file, self._seekable = file, file.seekable()
         self._next: float = 0  # place of the next box; infinity where none can follow
         self._second: int | None = None
-        self._is_asf = False
+        self._kind = b""  # the first bytes of ASF and AVI
         self._place, self._tail = 0, b""  # of a pipe: bytes read, the last of them
         if self._seekable and is_searched:
             self._search()
@@ -60,17 +61,21 @@ class FirstFilm:
         while begin <= self._next <= begin + len(piece) - _BOX_HEAD:
             place = int(self._next)
             head = piece[place - begin : place - begin + _BOX_HEAD]
-            is_film = head[4:8] == b"ftyp" or head.startswith(_ASF)
+            is_avi = head.startswith(_RIFF) and head[8:12] == b"AVI "
+            is_film = head[4:8] == b"ftyp" or head.startswith((_ASF, _MATROSKA)) or is_avi
             if place == 0:
-                self._is_asf = head.startswith(_ASF)
+                self._kind = next((kind for kind in (_ASF, _RIFF) if head.startswith(kind)), b"")
             elif is_film:
                 self._second = place
             self._next += self._size_of(head) if is_film == (place == 0) else math.inf
 
     def _size_of(self, head: bytes) -> float:
         """Bytes of a box; infinity where it has the rest of the file, or is none."""
-        if self._is_asf:
+        if self._kind == _ASF:
             return int.from_bytes(head[16:], "little") or math.inf
+        if self._kind == _RIFF:
+            size = int.from_bytes(head[4:8], "little")
+            return 8 + size + size % 2 if head.startswith(_RIFF) else math.inf
         size = int.from_bytes(head[:4], "big")
         size = int.from_bytes(head[8:16], "big") if size == 1 else size
         return size if size >= 8 and head[4:8].isalnum() else math.inf

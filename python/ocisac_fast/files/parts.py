@@ -17,6 +17,7 @@ JPEGS = "mjpeg"  # FFmpeg's container of JPEGs one after the other; it states no
 HEAD_BYTES = 4096
 _JPEG_END, _AFTER_JPEG = b"\xff\xd9", 1024  # bytes that may follow it
 _SEGMENT = b"\x18\x53\x80\x67"
+_PICTURE_HEAD = 16  # bytes: a picture of the same kind and size begins with them
 _FRAME_A_PACKET = ("h264", "hevc", "mpeg2video", "mjpeg", "ffv1")  # unlike VP8, which has frames that are not shown
 _UNBOUNDED, _MOST_HELD = ("h264", "mpegts", "nut"), 256  # kinds whose last packet may be cut; packets
 _SEEK_BACK = (0, 2, 10)  # seconds; some containers seek by other time stamps than those shown
@@ -82,12 +83,15 @@ class Ending:
         self._codec = stream.codec_context.codec.name
         self._packets = self._frames = self._cut = self._end = 0
         self._has_marks = False  # the JPEGs end as they should
+        self._has_another_picture = False
 
     def packets(self) -> Iterator[Any]:
         """All packets, in the order of decoding."""
         with ffmpeg():
             for packet in steps(self._container.demux(self._stream)):
                 self._end = max(self._end, (packet.pos or 0) + packet.size)
+                if self.kind == "picture":  # to the end of the file
+                    self._has_another_picture |= bytes(packet).count(bytes(packet)[:_PICTURE_HEAD]) > 1
                 self._cut += call.is_endless()
                 yield packet
 
@@ -155,8 +159,13 @@ class Ending:
 
     @property
     def has_another_film(self) -> bool:
-        """True if a further film follows, which is left out."""
-        return bool(self._file.is_followed)
+        """True if a further film or picture follows, which is left out."""
+        return self._has_another_picture or bool(self._file.is_followed)
+
+    @property
+    def kind(self) -> str:
+        """``"picture"`` or ``"film"``."""
+        return "picture" if self._container.format.name.endswith("_pipe") else "film"
 
     def _is_file_cut(self) -> bool:
         kind, head = self._container.format.name, self._head()

@@ -35,7 +35,8 @@ _OWN_PICTURES = re.compile(rb"MPF\0|ns\.google\.com/photos")  # previews, depths
 _BEGINNING = re.compile(
     rb"\xff\xd8\xff(?:[\xc0-\xdf\xfe]\0|[\xe0-\xef]..\w\w)|\x89PNG\r\n\x1a\n|RIFF....WEBP"
     rb"|(?<!Exif\0\0)(?<!Nikon\0....)(?:II[*+]\0|MM\0[*+])|BM....\0\0\0\0....[\x0c-\x7c]\0\0\0"
-    rb"|P[1-6]\s+(?:#[^\n]{0,99}\n\s*){0,4}\d+\s+\d+\s",  # bounded: each "P1 #" may begin a comment up to the end
+    rb"|P[1-6]\s+(?:#[^\n]{0,99}\n\s*){0,4}\d+\s+\d+\s"  # bounded: each "P1 #" may begin a comment up to the end
+    rb"|(?P<film>\x1a\x45\xdf\xa3[\1\x10-\xff]|\0\0\0[\x08-\x7f]ftyp|RIFF....AVI )",
     re.DOTALL,
 )
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -170,8 +171,11 @@ def _end(image: Image, data: bytes, pages: int) -> int:
 
 def _require_single(data: bytes, end: int) -> None:
     """FileError if a further picture begins at ``end`` or behind it; JPEGs of a TIFF may be its previews."""
-    further = (found.start() for found in _BEGINNING.finditer(data, end))
-    if any(not (data.startswith(TIFF) and data.startswith(JPEG, start)) for start in further):
+    for found in _BEGINNING.finditer(data, end):
+        if data.startswith(TIFF) and data.startswith(JPEG, found.start()):
+            continue
+        if found["film"]:
+            raise FileError("a film after the picture, allowed: one of them")
         raise FileError("a further picture after the first, allowed: one (several of JPEG or PNM, or a TIFF of pages)")
 
 

@@ -182,7 +182,7 @@ def _sound(av: Any, container: Any, like: RecordingStream | None, opened: contex
         return iter(())
     path = like.video.path
     original = opened.enter_context(opened_video(opened.enter_context(_again(like.video))))
-    for ours, theirs in ((container, original), (container.streams.video[0], original.streams.video[0])):
+    for ours, theirs in ((container, original), (container.streams.video[0], original.streams.best("video"))):
         ours.metadata.update(_tags(theirs))
     copies = {}
     for audio in original.streams.audio:

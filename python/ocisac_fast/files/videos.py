@@ -42,6 +42,7 @@ _UPPER_BITS = re.compile(r"[py][024]1[026](le|be)$")  # P010 and similar formats
 FLOAT_GREY = ("grayf", "yaf")  # the scaler takes these for limited range, and cuts them at 1
 _USUALLY_FULL = ("yuvj", "gray", "ya", "mono", "rgb", "bgr", "gbr", "argb", "abgr", "0rgb", "0bgr", "x2")
 _LIMITED_RANGE, _FULL_RANGE = 1, 2
+_ATTACHED_PICTURE = 1 << 10  # FFmpeg's AV_DISPOSITION_ATTACHED_PIC
 _INTERLACED = (
     "interlaced: the rows of a frame are of two times, allowed: progressive frames (ffmpeg -vf separatefields: each "
     "field a frame of twice the row time; -vf setfield=prog: where the mark is wrong)"
@@ -166,11 +167,8 @@ def _stream(
         container.close()
         file.close()
 
-    if container.format.name in _REFUSED_CONTAINERS or not container.streams.video:
-        close()
-        raise FileError(_UNKNOWN)
-    stream = container.streams.video[0]
-    context = stream.codec_context
+    stream = None if container.format.name in _REFUSED_CONTAINERS else container.streams.best("video")
+    context = None if stream is None else stream.codec_context
     if context is None:  # a codec unknown to this FFmpeg
         close()
         raise FileError(_UNKNOWN)
@@ -187,6 +185,7 @@ def _stream(
     stamps: list[int | None] = []
     form = _format(pixel_format, context, stream.time_base, path, status, bool(container.streams.audio))
     ending = Ending(container, stream, file)
+    is_cut = timed and not _further_tracks(container, stream)  # else a whole reading names them
     return RecordingStream(
         _frames(av, container, stream, name, values, part, form, ending, stamps if timed else []),
         "video",
@@ -194,7 +193,7 @@ def _stream(
         rate,
         stream.frames or None,
         close=close,
-        key_frames=lambda max_frames: video_key_frames(container, stream, ending, max_frames) if timed else None,
+        key_frames=lambda max_frames: video_key_frames(container, stream, ending, max_frames) if is_cut else None,
         video=form,
         stamps=stamps,
     )
@@ -308,7 +307,10 @@ def _frames(
         announced = f" of {stream.frames}" if stream.frames else ""
         message = f"{name}: truncated or damaged video: {count}{announced} frames are whole"
         if ending.has_another_film:
-            message = f"{name}: a further film after the first, which is left out"
+            message = f"{name}: a further {ending.kind} after the first, which is left out"
+        warnings.warn(message, FileWarning, stacklevel=2)
+    if further := _further_tracks(container, stream):
+        message = f"{name}: video track {stream.index} is read, {further} more left out"
         warnings.warn(message, FileWarning, stacklevel=2)
 
 
@@ -320,6 +322,12 @@ def _part_frames(av: Any, container: Any, stream: Any, values: Callable[[Any], F
                 yield values(frame)
     except av.FFmpegError as error:
         raise FileError("a stretch that cannot be decoded") from error
+
+
+def _further_tracks(container: Any, stream: Any) -> int:
+    """Number of video tracks beside that of ``stream``, without pictures that belong to the film, such as its cover."""
+    tracks = [track for track in container.streams.video if track.index != stream.index]
+    return sum(not int(getattr(track, "disposition", 0)) & _ATTACHED_PICTURE for track in tracks)
 
 
 def _require_progressive(frame: Any) -> None:
