@@ -3,6 +3,8 @@
 A round lamp before a still texture: its profile along the rows is learned. Then something changes.
 """
 
+import signal
+
 import numpy as np
 import pytest
 
@@ -109,3 +111,57 @@ def test_daylight_that_rises_and_falls_is_a_level_of_each_frame(seed):
             break
     assert got.payload.data == PAYLOAD
     assert number < 24
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timer")
+@pytest.mark.parametrize("kind", [Receiver, MultiReceiver])
+def test_a_receiver_goes_on_after_frames_that_were_broken_off(kind):
+    """It crashed in the next frame, after some 200 of them."""
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    random, before = np.random.default_rng(0), signal.signal(signal.SIGALRM, stop)
+    camera = Camera(22.2e-6, 1.2e-4, frame_time=1 / 30)
+    waveform = transmit(b"Hello, world").waveform(chip_rate=1e4)
+    frames = [
+        60 * integrate_exposure(waveform, camera, 600, start=k / 30)[:, None] + random.normal(20, 1, (600, 120))
+        for k in range(8)
+    ]
+    broken = read = 0
+    try:
+        for _ in range(250):
+            receiver = kind(camera, chip_rate=1e4)
+            for number, frame in enumerate(frames):
+                try:
+                    if number % 2:
+                        signal.setitimer(signal.ITIMER_REAL, random.uniform(1e-5, 2e-3))
+                    result = receiver.push(frame, number=number)
+                    signal.setitimer(signal.ITIMER_REAL, 0)
+                except KeyboardInterrupt:
+                    signal.setitimer(signal.ITIMER_REAL, 0)
+                    broken += 1
+                    continue
+                received = [result] if kind is Receiver else [light.received for light in result]
+                read += broken > 0 and any(one.bits for one in received)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert broken > 50
+    assert read > 200
+
+
+@pytest.mark.parametrize("exposure", [1e-300, 1e60])
+def test_an_exposure_of_a_frame_is_one_that_a_camera_has(exposure):
+    random, camera = np.random.default_rng(1), Camera(22.2e-6, 1.2e-4, frame_time=1 / 30)
+    waveform = transmit(b"Hello, world").waveform(chip_rate=1e4)
+    receiver = Receiver(camera, chip_rate=1e4)
+    results = []
+    for number in range(24):
+        frame = 60 * integrate_exposure(waveform, camera, 600, start=number / 30) + random.normal(20, 0.3, 600)
+        if exposure > 1 and number == 4:
+            with pytest.raises(ValueError, match=r"exposure: got 1e\+60, allowed: 0 to 2.22e\+10 s"):
+                receiver.push(frame, number=number, exposure=exposure)
+            continue
+        results.append(receiver.push(frame, number=number, exposure=exposure if number == 4 else None))
+    assert any(result.payload is not None for result in results[6:])

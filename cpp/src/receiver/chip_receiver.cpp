@@ -374,11 +374,10 @@ void ChipReceiver::restart_packet(bool all) {
 RowsRead ChipReceiver::read_lamp(ChipFrame& frame) {
   const auto fits = [](const RowsRead& read) { return read.reading && read.reading->trust == Trust::fits; };
   std::optional<FrameRows> of_lamp;
-  LightState state;
-  if (frame.lamp.size() < frame.rows.signal.size()) of_lamp = part_of(frame.rows, frame.lamp), state = state_;
-  RowsRead read = reader_.read(frame.rows, std::move(state_));
+  if (frame.lamp.size() < frame.rows.signal.size()) of_lamp = part_of(frame.rows, frame.lamp);
+  RowsRead read = reader_.read(frame.rows, state_);  // a copy: a reading may be interrupted
   if (of_lamp && !fits(read)) {
-    RowsRead within = reader_.read(*of_lamp, std::move(state));
+    RowsRead within = reader_.read(*of_lamp, state_);
     if (fits(within)) frame.rows = std::move(*of_lamp), read = std::move(within);
   }
   if (!fits(read) || history_.profile) return read;

@@ -15,9 +15,11 @@ std::string_view outcome_name(FrameOutcome outcome) {
   return names[static_cast<std::size_t>(outcome)];
 }
 
-void check(const FrameStamp& stamp) {
+void check(const FrameStamp& stamp, Camera camera) {
   if (stamp.time) require_finite("time", *stamp.time);
   if (stamp.exposure) require_positive("exposure", *stamp.exposure);
+  camera.exposure = stamp.exposure;
+  check(camera);
   if (stamp.gain) require_positive("gain", *stamp.gain);
 }
 

@@ -252,7 +252,7 @@ FrameOrder::Admission Receiver::admit(std::span<const AnyFramesView> colours, st
 }
 
 std::vector<LightFrame> Receiver::push(std::span<const AnyFramesView> colours, const FrameStamp& stamp) {
-  check(stamp);
+  check(stamp, camera_);
   const std::int64_t number = stamp.number.value_or(order_.next());
   const auto lengths = lengths_of(colours);
   const Region whole{0, 0, lengths[2], lengths[1]};

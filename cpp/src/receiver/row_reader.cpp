@@ -186,8 +186,9 @@ LightState RowReader::restarted(const LightState& state) const {
 LightState RowReader::with_exposure(LightState state, std::optional<double> exposure) const {
   if (exposure == state.exposure) return state;
   SignalModel& model = state.model;
+  const auto rows = [&](double time) { return std::max(time / camera_.row_time, kShortestExposure); };
   if (exposure && state.exposure && model.exposure_rows)
-    *model.exposure_rows *= *exposure / *state.exposure;
+    *model.exposure_rows *= rows(*exposure) / rows(*state.exposure);
   else
     model.exposure_rows = given_model(exposure).exposure_rows;
   if (!exposure || !state.exposure) model.exposure_known = exposure.has_value();

@@ -9,6 +9,7 @@
 #include <span>
 #include <string_view>
 
+#include "ocisac/camera/camera.hpp"
 #include "ocisac/camera/tone_curve.hpp"
 #include "ocisac/columns/column_combination.hpp"
 #include "ocisac/core/views.hpp"
@@ -36,7 +37,7 @@ struct FrameStamp {
 };
 
 // Throws std::invalid_argument.
-void check(const FrameStamp& stamp);
+void check(const FrameStamp& stamp, Camera camera);
 
 // Frames from one number to a later one, at most the largest number that there is: a camera may state any.
 inline std::int64_t frames_between(std::int64_t first, std::int64_t last) {
