@@ -10,6 +10,7 @@ import pytest
 import ocisac_fast as ocisac
 from ocisac_fast import Camera, Flag
 from ocisac_fast.sensing import BackgroundLight, KnownMotion, MeasuredFrequency
+from ocisac_fast.sensing.fit import harmonics_of
 
 ROW_TIME, FRAME_TIME = 22.2e-6, 1 / 30
 SPEED = 1.751
@@ -614,6 +615,11 @@ def test_harmonics_above_half_the_row_rate_are_fitted_or_a_part_of_the_error(
     errors = square_errors(rows, row_time, frame_time, exposure=exposure, frequency=frequency)
     assert len(errors) >= 10
     assert errors.max() < 4
+
+
+def test_the_model_of_a_slow_square_wave_fits_into_memory():
+    """Of 1 Hz for 1 kHz in 30 000 rows it took some GB."""
+    assert len(harmonics_of(0.5, 2.2e-5, 30_000, 1e-4)[0]) <= 513
 
 
 @pytest.mark.parametrize("wave", [ocisac.Tone, ocisac.SquareWave])

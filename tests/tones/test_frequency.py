@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 import ocisac_fast as oc
-from ocisac_fast import Camera, Flag
+from ocisac_fast import Camera, Flag, calibrate
 
 PER_ROW = Camera(row_time=1.0)
 
@@ -427,6 +427,24 @@ def test_faint_pulses_in_wide_frames_have_their_fundamental(duty):
         found = oc.find_frequency(columns, Camera(22.2e-6))
         assert found.frequency == pytest.approx(frequency, abs=5 * found.frequency_std)
         assert not found.flags
+
+
+@pytest.mark.parametrize(("duty", "most"), [(0.1, 0), (0.05, 2)])
+def test_a_folded_harmonic_of_thin_pulses_is_in_doubt(duty, most):
+    """Faster than four rows a cycle a harmonic was taken for the fundamental, as of another row time."""
+    exposure, wrong = Camera(22.2e-6, 2.4e-6), []
+    for seed, rows_per_cycle in enumerate(np.linspace(2.02, 8, 60)):
+        random = np.random.default_rng(seed)
+        frequency = 1 / (22.2e-6 * rows_per_cycle)
+        light = oc.integrate_exposure(oc.SquareWave(frequency, duty=duty, phase=random.uniform(0, 6)), exposure, 1080)
+        columns = 20 + 180 * light[:, None] + 0.5 * random.standard_normal((1080, 8))
+        found = oc.find_frequency(columns, exposure)
+        wrong.append(abs(found.frequency - frequency) > 20)
+        assert not found.flags or wrong[-1] or found.may_be_texture or rows_per_cycle > 4
+        wrong[-1] &= not found.flags
+    assert sum(wrong) <= most
+    columns = 20 + 180 * oc.integrate_exposure(oc.SquareWave(21049, duty=0.1), exposure, 1080)[:, None] * np.ones(8)
+    assert calibrate(columns + random.normal(0, 0.5, (1080, 8)), 21049).flags & Flag.MODEL_MISFIT
 
 
 def test_a_fundamental_weaker_than_half_of_its_harmonic_is_in_doubt():

@@ -123,9 +123,9 @@ Calibration find_lamp(const AnyFramesView& frames, const FrequencySearch& search
   std::ranges::copy(own.strength, all.strength.begin() + first);
   // A lamp that is no likely tone, such as data, counts only beside a tone of the whole frame.
   const bool uncertain = light.share == 0 || light.probability < kMostly;
-  // Pulses may have weaker ones between them, which the whole frame shows.
-  const bool doubted =
-      misfit && whole.harmonics > kComparedHarmonics && agree(whole.frequency, whole.frequency_std, light);
+  // Pulses may have weaker ones between them, or a fundamental that is folded, which the whole frame shows.
+  const bool doubted = misfit && (whole.is_folded || whole.harmonics > kComparedHarmonics) &&
+                       agree(whole.frequency, whole.frequency_std, light);
   const bool doubtful = contested || doubted || (uncertain && (misfit || !answered(whole))) || is_narrow(all);
   const Flags flags = flag_if(own.saturated, flag::saturated) | flag_if(doubtful, flag::model_misfit);
   return {kNaN, kNaN, {light.frequency, light.frequency_std, light.snr, 3, flags, std::move(all)}, light.probability};

@@ -285,6 +285,30 @@ bool may_be_folded(const PeriodicFit& fit, std::size_t rows) {
   return order > 1 && (meets(2 * order) || meets(3 * order));
 }
 
+// Power of a tone in signals of a column each, in squares of its amplitude.
+double power_at(std::span<const double> signals, std::size_t rows, double frequency) {
+  Eigen::MatrixX2d wave(static_cast<Index>(rows), 2);
+  for (Index n = 0; n < wave.rows(); ++n) {
+    const Phasor turn = phasor(frequency, static_cast<double>(n));
+    wave.row(n) << turn.cosine, turn.sine;
+  }
+  const Eigen::Map<const MatrixXd> columns(signals.data(), wave.rows(), static_cast<Index>(signals.size() / rows));
+  return (wave.transpose() * columns).squaredNorm() * 4 / static_cast<double>(rows * rows);
+}
+
+// True if a tone of which this one is a folded harmonic is in the rest, and at least as strong: no harmonic of a pulse
+// is stronger than its fundamental.
+bool is_folded_harmonic(std::span<const double> residual, const PeriodicFit& fit, std::size_t rows) {
+  const std::size_t count = residual.size() / rows;
+  double own = 0;
+  for (std::size_t s = 0; s < 2 * count; ++s) own += fit.amplitudes()[s] * fit.amplitudes()[s];
+  for (int order = 2; order <= static_cast<int>(kComparedHarmonics); ++order)
+    for (int turns = 1; 2 * turns <= order; ++turns)
+      for (const double folded : {turns - fit.frequency, turns + fit.frequency})
+        if (2 * folded < order && power_at(residual, rows, folded / order) >= own) return true;
+  return false;
+}
+
 PeriodicFit refined(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
                     const FrequencySearch& range, int max_steps = 30) {
   const double start = std::clamp(frequency, range.lower, range.upper);
@@ -586,7 +610,8 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const double turned = own_std * turning * std::sqrt(static_cast<double>(blocks.frames));
   // Rows of two exposures in turns, one by one or by pairs.
   const bool is_of_pairs = std::abs(final.frequency - 0.25) < kSure * own_std || final.frequency > 0.5 - kMostly / rows;
-  const bool misfit = is_of_pairs || has_weak_fundamental(signals, final.frequency, range) ||
+  const bool is_folded = is_folded_harmonic(residual, final, signals.rows());
+  const bool misfit = is_folded || is_of_pairs || has_weak_fundamental(signals, final.frequency, range) ||
                       may_be_folded(final, signals.rows()) || bend.phase > std::max(kJump, kSure * turned) ||
                       coherence < kMostly;
   const bool may_be_texture =
@@ -596,8 +621,14 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
                folded = range.harmonics == Harmonics::fundamental ? 0 : fold_error(final, rows, 2),
                std = std::hypot(std::hypot(own_std, bend.frequency), rounded, folded);
   const double noise = noise_power(final, signals) * rows * static_cast<double>(signals.count());
-  return {final.frequency,    std,           final.total_periodic() / noise, final.model.harmonics.back(), flags,
-          std::move(columns), may_be_texture};
+  return {final.frequency,
+          std,
+          final.total_periodic() / noise,
+          final.model.harmonics.back(),
+          flags,
+          std::move(columns),
+          may_be_texture,
+          is_folded};
 }
 
 }  // namespace ocisac

@@ -97,8 +97,9 @@ void add_block(const LinearFit& block, const RowSampling& half, double sign, con
 
 }  // namespace
 
-// Of a wave with a cycle in 131072 rows; of a slower one no frame shows a cycle, and the list would take all memory.
-constexpr int kMostHarmonics = 1 << 16;
+// Of two cycles in 2048 rows. Higher ones have less than a five-hundredth of the fundamental, and memory and time of a
+// fit grow with their number.
+constexpr int kMostHarmonics = 512;
 
 std::vector<int> square_wave_harmonics(double cycles_per_row, double duty) {
   std::vector<int> harmonics{1};

@@ -64,9 +64,9 @@ def clean(
     OUT is .png, .jpg, .tif, .mkv, .mp4, .mov or .npy; with --region it contains the region alone. Saturated pixels are
     unchanged; rows too dark to restore are marked. Each colour has a light of its own where colours differ. The result
     is measured; a frame that cleaning would make worse stays as it is, and where that is so for every frame, OUT is not
-    written (an older one stays, and the exit code is 3). The last column gives the reason, and bands that are left. The
-    light is carried from frame to frame; a video written as a video keeps its sound, time stamps and turn for display,
-    and HEVC stays HEVC.
+    written (an older one stays, and the exit code is 3, else 0). The last column gives the reason, and bands that are
+    left. The light is carried from frame to frame; a video written as a video keeps its sound, time stamps and turn for
+    display, and HEVC stays HEVC.
     """
     options: dict[str, Any] = {"keep": keep, "model": model, "level": level, "still": still}
     options["options"] = CleaningOptions(max_gain=max_gain, fill=fill, toe=toe)

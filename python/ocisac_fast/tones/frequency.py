@@ -51,7 +51,8 @@ class FoundFrequency(Result):
             with fewer than 8 rows), ``FEW_CYCLES`` (less than two in the frame: gradients and harmonics resemble parts
             of the tone, an error that the standard error excludes), ``AT_BOUND``, ``SATURATED`` (more than a tenth of
             the selected pixels, and no better columns exist), ``MODEL_MISFIT`` (half or a third of the frequency shows
-            as well, with less than half of the amplitude: it may be the fundamental; or the phase jumps along the rows,
+            as well, with less than half of the amplitude: it may be the fundamental; or a stronger tone, of which this
+            one is the second or third harmonic, folded at half the row rate; or the phase jumps along the rows,
             as where rows are lost or repeated; or the columns show as many phases as a chessboard, a cloth or lamps of
             different phases; or it has four rows, or two, as rows of two exposures in turns; or ``may_be_texture``).
         may_be_texture: the tone hardly exceeds the texture that the spectrum shows beside it, or stands still in all

@@ -29,9 +29,10 @@ struct FoundFrequency {
   double frequency_std;   // its standard error, from the residual
   double snr;             // power of the periodic part over that of the residual, of the fitted signals
   std::size_t harmonics;  // the highest one in the final fit
-  Flags flags;  // saturated, few_cycles, no_tone, at_bound; model_misfit: half or a third of the frequency shows, too
+  Flags flags;  // saturated, few_cycles, no_tone, at_bound; model_misfit: a tone of which this is a harmonic shows, too
   ToneColumns columns;
   bool may_be_texture = false;  // model_misfit is set for this alone
+  bool is_folded = false;       // a tone of which this is a folded harmonic shows, too
 };
 
 // One frequency, shared by all columns and frames; amplitudes and phases are free.
