@@ -168,8 +168,8 @@ def _stream(
         file.close()
 
     stream = None if container.format.name in _REFUSED_CONTAINERS else container.streams.best("video")
-    context = None if stream is None else stream.codec_context
-    if context is None:  # a codec unknown to this FFmpeg
+    context = getattr(stream, "codec_context", None)
+    if stream is None or context is None:  # a codec unknown to this FFmpeg
         close()
         raise FileError(_UNKNOWN)
     pixels = context.width * context.height
