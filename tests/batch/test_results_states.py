@@ -512,4 +512,7 @@ def test_no_link_is_followed_at_the_name_of_a_folder_of_results(kind, sources, t
     for again in (False, True):
         with pytest.raises(ResultsError, match="is a link"):
             measure_recordings(sources, CLEANING, output=results, again=again)
+    for read in (summarize, read_results):
+        with pytest.raises(ResultsError, match="is a link"):
+            read(results)
     assert contents(other) == before
