@@ -268,6 +268,7 @@ void register_tones(py::module_& module) {
         return std::pair{std::move(folded.orders), folded.error};
       },
       arg("rows"), arg("cycles_per_row"), arg("duty"), arg("exposure_cycles"));
+  module.def("square_wave_harmonics", &square_wave_harmonics, arg("cycles_per_row"), arg("duty"));
   module.def("varying_tone_gain", &varying_tone_gain_arrays, arg("columns"), arg("camera"), arg("frequency"),
              arg("degree"), arg("waveform"), arg("duty"), arg("background"), arg("threads"));
   py::class_<RowWeights>(module, "RowWeights")

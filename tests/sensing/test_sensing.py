@@ -618,7 +618,7 @@ def test_harmonics_above_half_the_row_rate_are_fitted_or_a_part_of_the_error(
 
 
 def test_the_model_of_a_slow_square_wave_fits_into_memory():
-    """Of 1 Hz for 1 kHz in 30 000 rows it took some GB."""
+    """A wave of 1 Hz in 30 000 rows, where 1 kHz was meant, took some GB."""
     assert len(harmonics_of(0.5, 2.2e-5, 30_000, 1e-4)[0]) <= 513
 
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <iterator>
@@ -285,28 +286,14 @@ bool may_be_folded(const PeriodicFit& fit, std::size_t rows) {
   return order > 1 && (meets(2 * order) || meets(3 * order));
 }
 
-// Power of a tone in signals of a column each, in squares of its amplitude.
-double power_at(std::span<const double> signals, std::size_t rows, double frequency) {
-  Eigen::MatrixX2d wave(static_cast<Index>(rows), 2);
-  for (Index n = 0; n < wave.rows(); ++n) {
-    const Phasor turn = phasor(frequency, static_cast<double>(n));
-    wave.row(n) << turn.cosine, turn.sine;
-  }
-  const Eigen::Map<const MatrixXd> columns(signals.data(), wave.rows(), static_cast<Index>(signals.size() / rows));
-  return (wave.transpose() * columns).squaredNorm() * 4 / static_cast<double>(rows * rows);
-}
-
-// True if a tone of which this one is a folded harmonic is in the rest, and at least as strong: no harmonic of a pulse
-// is stronger than its fundamental.
-bool is_folded_harmonic(std::span<const double> residual, const PeriodicFit& fit, std::size_t rows) {
-  const std::size_t count = residual.size() / rows;
-  double own = 0;
-  for (std::size_t s = 0; s < 2 * count; ++s) own += fit.amplitudes()[s] * fit.amplitudes()[s];
-  for (int order = 2; order <= static_cast<int>(kComparedHarmonics); ++order)
-    for (int turns = 1; 2 * turns <= order; ++turns)
-      for (const double folded : {turns - fit.frequency, turns + fit.frequency})
-        if (2 * folded < order && power_at(residual, rows, folded / order) >= own) return true;
-  return false;
+// True if the rest holds a tone at least as strong, of which this one is the second or third harmonic, folded at half
+// the row rate: no harmonic of pulses is stronger than their fundamental.
+bool is_folded_harmonic(const PeriodicSignals& rest, const PeriodicFit& fit) {
+  const double f = fit.frequency;
+  return std::ranges::any_of(std::array{(1 - f) / 2, (1 - f) / 3, (1 + f) / 3}, [&](double fundamental) {
+    const auto alone = fit_periodic(rest, periodic_model(fundamental, rest.rows(), 1), fundamental);
+    return alone.harmonic_energy[0] >= fit.harmonic_energy[0];
+  });
 }
 
 PeriodicFit refined(const PeriodicSignals& signals, const PeriodicModel& model, double frequency,
@@ -610,7 +597,7 @@ FoundFrequency find_frequency(const AnyFramesView& frames, const FrequencySearch
   const double turned = own_std * turning * std::sqrt(static_cast<double>(blocks.frames));
   // Rows of two exposures in turns, one by one or by pairs.
   const bool is_of_pairs = std::abs(final.frequency - 0.25) < kSure * own_std || final.frequency > 0.5 - kMostly / rows;
-  const bool is_folded = is_folded_harmonic(residual, final, signals.rows());
+  const bool is_folded = is_folded_harmonic({residual, signals.rows()}, final);
   const bool misfit = is_folded || is_of_pairs || has_weak_fundamental(signals, final.frequency, range) ||
                       may_be_folded(final, signals.rows()) || bend.phase > std::max(kJump, kSure * turned) ||
                       coherence < kMostly;

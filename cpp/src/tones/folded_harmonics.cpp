@@ -24,6 +24,10 @@ double harmonic_ratio(int order, double duty, double exposure_cycles) {
 
 namespace {
 
+// Two cycles in 2048 rows have as many. Higher ones have less than a five-hundredth of the fundamental, and memory and
+// time of a fit grow with their number.
+constexpr int kMostHarmonics = 512;
+
 FoldedHarmonics find_folded(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles) {
   constexpr double kApart = 1.5, kFitted = 0.005, kLeast = 1e-4;  // cycles in the frame; of the fundamental
   constexpr int kHighest = 127;
@@ -92,6 +96,13 @@ void show(const HarmonicModel& model, std::span<const int> tied, double cycles_p
 }
 
 }  // namespace
+
+std::vector<int> square_wave_harmonics(double cycles_per_row, double duty) {
+  std::vector<int> harmonics{1};
+  for (int h = 2; h <= kMostHarmonics && h * cycles_per_row < 0.5; ++h)
+    if (std::abs(sinc(h * duty)) > 1e-9) harmonics.push_back(h);
+  return harmonics;
+}
 
 FoldedHarmonics folded_harmonics(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles) {
   static RecentlyUsed<std::tuple<std::size_t, double, double, double>, FoldedHarmonics, 32> kept;

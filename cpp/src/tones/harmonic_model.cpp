@@ -97,17 +97,6 @@ void add_block(const LinearFit& block, const RowSampling& half, double sign, con
 
 }  // namespace
 
-// Of two cycles in 2048 rows. Higher ones have less than a five-hundredth of the fundamental, and memory and time of a
-// fit grow with their number.
-constexpr int kMostHarmonics = 512;
-
-std::vector<int> square_wave_harmonics(double cycles_per_row, double duty) {
-  std::vector<int> harmonics{1};
-  for (int h = 2; h <= kMostHarmonics && h * cycles_per_row < 0.5; ++h)
-    if (std::abs(sinc(h * duty)) > 1e-9) harmonics.push_back(h);
-  return harmonics;
-}
-
 HarmonicModel harmonic_model(std::size_t rows, std::span<const ModelTone> tones) {
   require(rows > 0, "rows", rows, "at least 1");
   HarmonicModel model;

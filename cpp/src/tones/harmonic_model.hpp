@@ -17,9 +17,6 @@ struct ModelTone {
   bool operator==(const ModelTone&) const = default;
 };
 
-// The multiples of a square wave of `duty` that lie below half the row rate and do not vanish; at least {1}.
-std::vector<int> square_wave_harmonics(double cycles_per_row, double duty);
-
 // The least-squares solution of a constant and tones as plain row weights, u counted from the middle row:
 //   y(n) = c + Σ_k Σ_h [a_kh·cos(2π h ν_k u) + b_kh·sin(2π h ν_k u)] + noise,
 // and parameters = weights·y, where only c and the fundamentals a_k1, b_k1 have weights, in this order:

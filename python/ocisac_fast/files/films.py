@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 _PIECE, _BOX_HEAD = 4096, 24  # bytes
-_RIFF, _MATROSKA = b"RIFF", b"\x1a\x45\xdf\xa3"
+_RIFF = b"RIFF"
 _ASF = bytes.fromhex("3026b2758e66cf11a6d900aa0062ce6c")  # the identifier of its header
+BEGINNING = rb"\x1a\x45\xdf\xa3[\1-\xff]|\0\0..ftyp|RIFF....AVI |" + re.escape(_ASF)  # Matroska, MP4; a pattern
+_FILM = re.compile(BEGINNING, re.DOTALL)
 
 
 class FirstFilm:
@@ -61,8 +64,7 @@ class FirstFilm:
         while begin <= self._next <= begin + len(piece) - _BOX_HEAD:
             place = int(self._next)
             head = piece[place - begin : place - begin + _BOX_HEAD]
-            is_avi = head.startswith(_RIFF) and head[8:12] == b"AVI "
-            is_film = head[4:8] == b"ftyp" or head.startswith((_ASF, _MATROSKA)) or is_avi
+            is_film = _FILM.match(head) is not None
             if place == 0:
                 self._kind = next((kind for kind in (_ASF, _RIFF) if head.startswith(kind)), b"")
             elif is_film:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ocisac_fast.files import films
 from ocisac_fast.files.extras import ffmpeg, opened_video, pillow, pyav, steps
 from ocisac_fast.files.profiles import response_of_picture
 from ocisac_fast.files.raw import read_whole
@@ -36,7 +37,7 @@ _BEGINNING = re.compile(
     rb"\xff\xd8\xff(?:[\xc0-\xdf\xfe]\0|[\xe0-\xef]..\w\w)|\x89PNG\r\n\x1a\n|RIFF....WEBP"
     rb"|(?<!Exif\0\0)(?<!Nikon\0....)(?:II[*+]\0|MM\0[*+])|BM....\0\0\0\0....[\x0c-\x7c]\0\0\0"
     rb"|P[1-6]\s+(?:#[^\n]{0,99}\n\s*){0,4}\d+\s+\d+\s"  # bounded: each "P1 #" may begin a comment up to the end
-    rb"|(?P<film>\x1a\x45\xdf\xa3[\1\x10-\xff]|\0\0\0[\x08-\x7f]ftyp|RIFF....AVI )",
+    rb"|(?P<film>" + films.BEGINNING + rb")",
     re.DOTALL,
 )
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")

@@ -67,9 +67,6 @@ class Fitted:
         return np.asarray(self.parameters[:, self.model.first] - 1j * self.parameters[:, self.model.first + 1])
 
 
-_MOST_HARMONICS = 512  # of which higher ones are less than a five-hundredth; memory and time of a fit grow with them
-
-
 def trend_degree(cycles: float) -> int:
     """Degree of the slow light: 0 below 2 cycles in the frame, 1 below 4, 2 below 8, as in ``find_frequency``; else 4,
     which fits a lamp near a wall."""
@@ -79,10 +76,9 @@ def trend_degree(cycles: float) -> int:
 def harmonics_of(duty: float, cycles: float, rows: int, exposure_cycles: float) -> tuple[tuple[int, ...], float]:
     """Harmonics of a square wave: those below half the row rate, limited to the number that half the rows can resolve,
     and those above it that show beside all others; and the relative error of the gain by the rest."""
-    below = range(2, int(0.5 / max(cycles, 0.25 / rows)) + 1)  # empty where the tone itself is above
-    kept = [h for h in below if h * cycles < 0.5 - 1.0 / rows and abs(np.sinc(h * duty)) > 1e-9]
+    below = [h for h in _core.square_wave_harmonics(cycles, duty)[1:] if h * cycles < 0.5 - 1.0 / rows]
     folded, error = _core.folded_harmonics(rows, cycles, duty, exposure_cycles)
-    return (1, *kept[: min(max(0, rows // 4 - 4), _MOST_HARMONICS)], *folded), error
+    return (1, *below[: max(0, rows // 4 - 4)], *folded), error
 
 
 def make_model(

@@ -77,6 +77,10 @@ struct FoldedHarmonics {
 };
 FoldedHarmonics folded_harmonics(std::size_t rows, double cycles_per_row, double duty, double exposure_cycles);
 
+// The multiples of a square wave of `duty` that lie below half the row rate and do not vanish, up to the 512th; at
+// least {1}.
+std::vector<int> square_wave_harmonics(double cycles_per_row, double duty);
+
 // Mean light that black at 0 adds to a sample there by the noise that it cuts off, of a mean level as the rows show it;
 // on average no more than the rows show above `off`, the level without the lamp. In steps.
 double lost_at_black(double level, double deviation, double off);
