@@ -165,3 +165,16 @@ def test_an_exposure_of_a_frame_is_one_that_a_camera_has(exposure):
             continue
         results.append(receiver.push(frame, number=number, exposure=exposure if number == 4 else None))
     assert any(result.payload is not None for result in results[6:])
+
+
+def test_an_exposure_of_a_frame_replaces_that_of_a_camera_of_none():
+    """The ratio to an exposure of 0 was no number, which each later frame was refused for."""
+    random, camera = np.random.default_rng(1), Camera(22.2e-6, 0.0, frame_time=1 / 30)
+    waveform = transmit(b"Hello, world").waveform(chip_rate=1e4)
+    receiver = Receiver(camera, chip_rate=1e4)
+    payloads = 0
+    for number in range(24):
+        light = integrate_exposure(waveform, Camera(22.2e-6, 1.2e-4), 600, start=number / 30)
+        frame, exposure = 20 + 60 * light + random.normal(0, 0.3, 600), 1.2e-4 if number > 3 else None
+        payloads += receiver.push(frame, number=number, exposure=exposure).payload is not None
+    assert payloads > 0
